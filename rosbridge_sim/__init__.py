@@ -34,11 +34,11 @@ _MODULES = {
     "SimulatorOptions": "rosbridge_sim.shell.config.options",
     "WorldFailedError": "rosbridge_sim.shell.scheduler",
 }
-"""Where each public name is defined."""
+"""Module of each public name."""
 
 
 def __getattr__(name: str) -> object:
-    """The public names, imported when asked for: `rosbridge-sim --help` needs none of what they need."""
+    """Import a public name when it is first used, because `rosbridge-sim --help` needs none of them."""
     if name in _MODULES:
         return getattr(import_module(_MODULES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

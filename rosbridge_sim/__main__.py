@@ -1,8 +1,8 @@
 """The command line: `rosbridge-sim [serve] [flags]` and `attach URL`; the other commands are in `cli/`.
 
-The first line on stdout says where it listens, or to which bridge it is attached; everything else goes to stderr.
-Whatever a person can get wrong is one line there and exit code 2; a bug of ours is a traceback and exit code 1; a
-wished end is 0.
+The first line on stdout has the URL on which the server listens, or the bridge to which it is attached. All other
+output goes to stderr. A user's mistake gives one line there and exit code 2. An internal error gives a traceback and
+exit code 1. A requested end gives 0.
 """
 
 from __future__ import annotations
@@ -44,20 +44,20 @@ _log = logging.getLogger("rosbridge_sim")
 
 
 def main() -> int:
-    """Run the command that the command line names; the exit code."""
+    """Run the command that the command line names; return the exit code."""
     argv = sys.argv[1:]
     name = argv.pop(0) if argv and not argv[0].startswith("-") else "serve"
     try:
         if name not in _COMMANDS:
-            raise SettingError(f"no such command: {name}{hint(name, _COMMANDS)}; --help says what there is")
+            raise SettingError(f"no such command: {name}{hint(name, _COMMANDS)}; --help lists them")
         code = _COMMANDS[name](argv)
         sys.stdout.flush()
     except DocumentError as error:
         for line in str(error).splitlines():  # a settings file may have several mistakes
-            print(f"rosbridge-sim: {line}", file=sys.stderr)  # noqa: T201 - a person waits for it, no log
+            print(f"rosbridge-sim: {line}", file=sys.stderr)  # noqa: T201 - output for people, not a log line
         return 2
     except OSError as error:
-        from rosbridge_sim.cli.command_line import OUTPUT_LOST, drop_output  # noqa: PLC0415 - serve does without
+        from rosbridge_sim.cli.command_line import OUTPUT_LOST, drop_output  # noqa: PLC0415 - not needed by serve
 
         if error.errno not in OUTPUT_LOST or error.filename is not None:
             raise
@@ -72,7 +72,7 @@ def main() -> int:
 
 
 def _serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
-    """`rosbridge-sim serve`: until somebody stops it."""
+    """Run `rosbridge-sim serve` until it is stopped."""
     if "--version" in argv:
         print(f"rosbridge-sim {__version__}")  # noqa: T201 - what was asked for
         return 0
@@ -88,10 +88,10 @@ def _serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
     for line in strange_variables(os.environ):
         _log.warning("%s", line)
     for number in stop_signals():
-        signal.signal(number, lambda *_: sys.exit(0))  # until there is something to stop
+        signal.signal(number, lambda *_: sys.exit(0))  # until the simulator is built
     keep_memory()
-    gc.disable()  # what is imported and built now stays; looking for garbage in it costs a tenth of the start
-    from rosbridge_sim.shell.app import Simulator  # noqa: PLC0415 - --help and a mistake do without the rest of us
+    gc.disable()  # objects made at the start stay; garbage collection would take a tenth of the start
+    from rosbridge_sim.shell.app import Simulator  # noqa: PLC0415 - not needed for --help or after a mistake
 
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
         try:
@@ -112,12 +112,12 @@ def _find_more(settings: Settings) -> Sequence[str]:
 
 
 def _attach(argv: Sequence[str]) -> int:
-    """`rosbridge-sim attach`: the same behind other people's bridges, and nowhere else."""
+    """Run `rosbridge-sim attach`: a simulator behind other bridges, which does not listen."""
     return _serve(argv, is_attaching=True)
 
 
 async def _run(simulator: Simulator) -> int:
-    """Run a simulator until a signal ends it, or its own failure; the exit code."""
+    """Run a simulator until a signal or its own failure ends it; return the exit code."""
     await simulator.start()
     assert simulator.descriptors is not None
     asyncio.get_running_loop().set_exception_handler(simulator.descriptors.take)
@@ -139,13 +139,13 @@ async def _run(simulator: Simulator) -> int:
 
 
 async def _serve_until(stopped: asyncio.Future[None], simulator: Simulator) -> BaseException | None:
-    """Serve until `stopped` is done, or until the world fails; why it failed."""
+    """Serve until `stopped` is done or the world fails; return the failure, if any."""
     if simulator.settings.listen:
         print(f"rosbridge-sim listening on {simulator.url}", flush=True)  # noqa: T201 - the one line on stdout
     else:
         for attachment in simulator.attachments:
             attachment.attached.add_done_callback(partial(_tell_attached, attachment.url))
-    gc.freeze()  # a full collection takes 12 ms with all that was built in it, and next to nothing without
+    gc.freeze()  # without these objects a full collection takes almost no time; with them, 12 ms
     gc.enable()
     failed = asyncio.ensure_future(simulator.wait())
     await asyncio.wait({stopped, failed}, return_when=asyncio.FIRST_COMPLETED)
@@ -161,9 +161,9 @@ def _tell_attached(url: str, attached: asyncio.Future[None]) -> None:
 
 
 def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
-    """uvloop's, where it installs; else the standard one."""
+    """Return uvloop's loop factory if it is installed; else None for the standard loop."""
     try:
-        import uvloop  # noqa: PLC0415 - not there on every system
+        import uvloop  # noqa: PLC0415 - not installed on every system
     except ImportError:
         return None
     return uvloop.new_event_loop
@@ -174,7 +174,7 @@ def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
 
 def _tool(name: str) -> Callable[[Sequence[str]], int]:
     def run(argv: Sequence[str]) -> int:
-        from rosbridge_sim.cli.bridge_commands import TOOLS  # noqa: PLC0415 - serve does without
+        from rosbridge_sim.cli.bridge_commands import TOOLS  # noqa: PLC0415 - not needed by serve
 
         return TOOLS[name](argv)
 
@@ -193,6 +193,8 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
             "tick",
             "step",
             "score",
+            "snapshot",
+            "restore",
             "wait",
             "schema",
             "bag",

@@ -1,24 +1,24 @@
-"""Every error this package raises on purpose.
+"""All errors that this package raises on purpose.
 
     RosbridgeSimError
-    ├── PeerError              somebody else broke a rule: a status frame or `result: false`
-    │   ├── FrameError         bytes that are no op
-    │   ├── TypeNameError      a type name that is malformed or that nobody knows
+    ├── PeerError              a client or another peer broke a rule: a status frame or `result: false`
+    │   ├── FrameError         bytes that are not an op
+    │   ├── TypeNameError      a type name that is malformed or unknown
     │   │   └── UnknownPackageError  ... because its whole package is unknown (relayed unchecked)
     │   ├── FieldError         a message that does not fit its type
-    │   ├── EncodingError      a message that cannot be written in some encoding, by a bug of ours
-    │   └── GraphError         a topic, service or name that cannot be had
-    ├── DocumentError          a file or setting of the user's: one readable line, exit code 2
+    │   ├── EncodingError      a message that cannot be encoded because of an internal error
+    │   └── GraphError         a topic, service or name that cannot be used
+    ├── DocumentError          a file or setting of the user that cannot be used: one line, exit code 2
     │   └── DefinitionError    a .msg, .srv or .action text, with line and column
-    └── ClientError            a client of ours (`rosbridge_sim.client`) cannot do what its user asked for
+    └── ClientError            a call of `rosbridge_sim.client` that cannot be done
         ├── ConnectError         the connection cannot be made
         ├── ConnectionLostError  the connection has ended
-        ├── ServiceRefusedError  a service said no
+        ├── ServiceRefusedError  a service refused, or does not exist
         ├── OpRefusedError       the server refused a message or a subscription
-        └── AnswerTimeoutError   an answer or a message did not come in time; it is a TimeoutError as well
+        └── AnswerTimeoutError   an answer or a message did not come in time; it is also a TimeoutError
 
-A `PeerError` never ends a connection and leaves everything as it was. Whatever is not in this tree is a
-bug of ours: it is raised, logged with its traceback and counted.
+A `PeerError` never ends a connection and leaves everything as it was. Any other error is an internal error: it is
+raised, logged with its traceback and counted.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ __all__ = [
 
 
 class RosbridgeSimError(Exception):
-    """The root of the tree."""
+    """The base class of all these errors."""
 
 
 class Reason(Enum):
-    """Reasons for refusing a request, as words of ours: the log counts by it, and programs can compare it.
+    """Reasons for refusing a request, as fixed words: the log counts by them, and programs can compare them.
 
-    A text of a client's never becomes a reason, so there are no more reasons than stand here.
+    A client's text never becomes a reason, so there are no more reasons than these.
     """
 
     # the frame
@@ -76,7 +76,7 @@ class Reason(Enum):
     BAD_NAME = "bad_name"
     STRAY_ANSWER = "stray_answer"
     # access and limits
-    NO_TOKEN = "no_token"  # noqa: S105 - a word, and no secret
+    NO_TOKEN = "no_token"  # noqa: S105 - a word, not a secret
     WRONG_TOKEN = "wrong_token"  # noqa: S105 - the same
     NOT_ALLOWED = "not_allowed"
     TOO_MUCH = "too_much"
@@ -90,16 +90,16 @@ class Reason(Enum):
     LATE_FRAME = "late_frame"
     FAR_FRAME = "far_frame"
     LATE_TICK = "late_tick"
-    # all else
+    # all other reasons
     NOT_NOW = "not_now"
     REFUSED = "refused"
 
 
 class PeerError(RosbridgeSimError):
-    """A mistake of a client, or of another peer; the text is fit to be sent to it.
+    """A mistake of a client or of another peer; the text may be sent to it.
 
     Attributes:
-        reason: which kind of mistake.
+        reason: kind of mistake.
     """
 
     reason = Reason.REFUSED
@@ -111,11 +111,11 @@ class PeerError(RosbridgeSimError):
 
 
 class FrameError(PeerError):
-    """A frame, or an object in it, that is no op.
+    """A frame, or an object in it, that is not an op.
 
     Attributes:
-        op_id: the `id` that the sender gave, as it came, or None.
-        op: the `op` that it named, as far as it could be read, or None.
+        op_id: the `id` that the sender gave, unchanged, or None.
+        op: the `op` that the sender gave, if it could be read, or None.
     """
 
     reason = Reason.BAD_FRAME
@@ -127,43 +127,43 @@ class FrameError(PeerError):
 
 
 class TypeNameError(PeerError):
-    """A type name that is malformed, or a type that its (known) package lacks."""
+    """A type name that is malformed, or a type that its (known) package does not have."""
 
     reason = Reason.UNKNOWN_TYPE
 
 
 class UnknownPackageError(TypeNameError):
-    """A well-formed type name from a package that no schema folder holds."""
+    """A well-formed type name from a package that is in no schema folder."""
 
 
 class FieldError(PeerError):
-    """A message that does not fit its type; the text names the path of the field."""
+    """A message that does not fit its type; the text has the path of the field."""
 
     reason = Reason.WRONG_VALUE
 
 
 class EncodingError(PeerError):
-    """A message that fits its type and cannot be written all the same; the cause is what its encoder raised.
+    """A message that fits its type but cannot be encoded; the cause is the encoder's error.
 
-    The bug is ours, yet it concerns that message alone: its publisher is told, and no connection is closed.
+    It is an internal error that concerns only this message: its publisher is told, and no connection is closed.
     """
 
     reason = Reason.NOT_ENCODABLE
 
 
 class GraphError(PeerError):
-    """A topic, a service or a name that cannot be had: conflict, unknown, denied, limit."""
+    """A topic, a service or a name that cannot be used: conflict, unknown, denied, or a limit."""
 
 
 class DocumentError(RosbridgeSimError):
-    """A file or a setting that cannot be used: what, where, what was expected, in one line."""
+    """A file or a setting that cannot be used: place, mistake and expected value in one line."""
 
 
 class DefinitionError(DocumentError):
     """A definition text that cannot be parsed.
 
     Attributes:
-        line, column: where, counted from 1.
+        line, column: position, counted from 1.
     """
 
     def __init__(self, source: str, line: int, column: int, text: str) -> None:
@@ -173,15 +173,15 @@ class DefinitionError(DocumentError):
 
 
 class ClientError(RosbridgeSimError):
-    """A call of a client (`rosbridge_sim.client`) that cannot be carried out."""
+    """A call of a client (`rosbridge_sim.client`) that cannot be done."""
 
 
 class ConnectError(ClientError):
     """A connection that cannot be made.
 
     Attributes:
-        status: HTTP status that the other side answered with; None where it did not.
-        is_final: no later attempt with the same arguments can succeed: the URL or the token is none, or the server
+        status: HTTP status of the other side's answer; None without an answer.
+        is_final: no later attempt with the same arguments can succeed: the URL or the token is not valid, or the server
             refuses the token.
     """
 
@@ -192,16 +192,16 @@ class ConnectError(ClientError):
 
 
 class ConnectionLostError(ClientError):
-    """A connection that has ended, or that was never opened; the text says how."""
+    """A connection that has ended or was never opened; the text says why."""
 
 
 class ServiceRefusedError(ClientError):
-    """A service that said no, or that does not exist.
+    """A service that refused, or that does not exist.
 
     Attributes:
         service: its name.
-        reason: what the server said; empty where it gave no reason.
-        answer: the values that came with the refusal, as they came.
+        reason: the server's text; empty if it gave no reason.
+        answer: the values of the refusal, unchanged.
     """
 
     def __init__(self, service: str, reason: str, answer: object = None) -> None:

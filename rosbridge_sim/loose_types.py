@@ -1,6 +1,6 @@
-"""Names for values whose type is known only when the program runs.
+"""Names for values whose type is known only at run time.
 
-To the type checker each of them is `Any`; to a reader it says what stands there.
+For the type checker each of them is `Any`; for a reader the name says what the value is.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ from typing import Any, TypeAlias
 __all__ = ["JsonValue", "LibraryArgument", "Struct"]
 
 Struct: TypeAlias = Any
-"""A struct of a class that `schema/compile.py` has made for a message type; its fields are those of the type."""
+"""A struct class that `schema/compile.py` has made for a message type; it has the fields of the type."""
 
 JsonValue: TypeAlias = Any
-"""Whatever a JSON text, a CBOR item or a TOML file can hold."""
+"""Any value of a JSON text, a CBOR item or a TOML file."""
 
 LibraryArgument: TypeAlias = Any
-"""An argument that is handed on to a library as it is."""
+"""An argument that is passed on to a library unchanged."""

@@ -1,4 +1,4 @@
-"""Text of a peer's as an error, a log line or a frame may repeat it."""
+"""Text from a peer, made safe for errors, log lines and frames."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ MAX_QUOTED = 200
 
 
 def printable(text: str, max_chars: int | None = None) -> str:
-    """Return a text with each half of a surrogate pair escaped, because no encoder can send one on.
+    """Return a text with each half of a surrogate pair escaped, because no encoder can send a half.
 
     Args:
-        text: of a peer's.
-        max_chars: cut it there and end it in `...`, so that an answer is never much longer than its question; None
-            keeps all of it.
+        text: text from a peer.
+        max_chars: shorten it to this length and end it with `...`, so that an answer is never much longer than its
+            request; None keeps all of it.
     """
     if max_chars is not None and len(text) > max_chars:
         text = text[:max_chars] + "..."

@@ -1,7 +1,7 @@
 """The pytest plugin: simulators and clients as fixtures, and a report on them when a test fails.
 
-pytest loads it by the entry point `rosbridge_sim`. Nothing else of the package is imported before a fixture is used, so
-a test run that needs no simulator is not slowed down. `docs/testing.md` explains fixtures, markers and the report.
+pytest loads it by the entry point `rosbridge_sim`. The rest of the package is imported when a fixture is used, so a
+test run without a simulator is not slower. `docs/testing.md` explains fixtures, markers and the report.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 __all__ = ["SimulatorFactory"]
 
 SECTION = "rosbridge_sim"
-"""Title of the section in the report of a failed test."""
+"""Title of the section in the report on a failed test."""
 
 _REPORTS: pytest.StashKey[list[FailureReport]] = pytest.StashKey()
 _FOLDER: pytest.StashKey[Path] = pytest.StashKey()
@@ -41,13 +41,20 @@ class SimulatorFactory(Protocol):
         """Start a simulator that runs until the end of the test.
 
         Args:
-            options: as for `rosbridge_sim.Simulator`; they win over markers. The port is a free one, and the data
-                folder is in the test's `tmp_path`, unless they say otherwise.
+            options: as for `rosbridge_sim.Simulator`; they have priority over markers. By default, the port is a free
+                one, and the data folder is in the test's `tmp_path`.
+
+        Returns:
+            The running simulator.
         """
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the option that says where pictures go."""
+    """Add the option with the folder for pictures.
+
+    Args:
+        parser: pytest's parser.
+    """
     parser.getgroup("rosbridge_sim").addoption(
         "--rosbridge-pictures",
         metavar="DIR",
@@ -56,21 +63,30 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the markers."""
+    """Register the markers.
+
+    Args:
+        config: pytest's configuration.
+    """
     for line in _MARKERS:
         config.addinivalue_line("markers", line)
 
 
 @pytest.fixture
 def rosbridge_simulator_factory(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[SimulatorFactory]:
-    """Return a function that starts simulators, each in a thread of its own; they are closed at the end of the test."""
-    from rosbridge_sim import Simulator  # noqa: PLC0415 - a run without simulators does without the package
+    """Return a function that starts simulators, each in its own thread; they are closed at the end of the test.
+
+    Args:
+        request: the request of the fixture.
+        tmp_path: the test's temporary folder.
+    """
+    from rosbridge_sim import Simulator  # noqa: PLC0415 - a run without simulators does not need it
     from rosbridge_sim.shell.failure_report import FailureReport  # noqa: PLC0415 - the same
 
     item = request.node
     item.stash[_FOLDER] = tmp_path
     simulators: list[Simulator] = []
-    ending = ExitStack()  # each is closed, whatever goes wrong with another one
+    ending = ExitStack()  # closes each, even if closing another one fails
     reports = item.stash.setdefault(_REPORTS, [])
 
     def start(**options: Unpack[SimulatorOptions]) -> Simulator:
@@ -87,24 +103,36 @@ def rosbridge_simulator_factory(request: pytest.FixtureRequest, tmp_path: Path) 
         yield start
     reports.clear()
     failures = ", ".join(repr(simulator) for simulator in simulators if simulator.num_bugs)
-    assert not failures, f"faults of the simulator itself, with tracebacks in the log: {failures}"
+    assert not failures, f"internal errors of the simulator, with tracebacks in the log: {failures}"
 
 
 @pytest.fixture
 def rosbridge_simulator(rosbridge_simulator_factory: SimulatorFactory) -> Simulator:
-    """A simulator of the test's own, with the scenario, seed and options of the test's markers."""
+    """Return a simulator for the test, with the scenario, seed and options of the test's markers.
+
+    Args:
+        rosbridge_simulator_factory: starts it.
+    """
     return rosbridge_simulator_factory()
 
 
 @pytest.fixture
 def rosbridge_url(rosbridge_simulator: Simulator) -> str:
-    """The URL of the fixture `rosbridge_simulator`."""
+    """Return the URL of the fixture `rosbridge_simulator`.
+
+    Args:
+        rosbridge_simulator: the simulator.
+    """
     return rosbridge_simulator.url
 
 
 @pytest.fixture
 def rosbridge_client(rosbridge_simulator: Simulator) -> Iterator[Client]:
-    """A blocking client that is connected to the fixture `rosbridge_simulator`."""
+    """Return a blocking client that is connected to the fixture `rosbridge_simulator`.
+
+    Args:
+        rosbridge_simulator: the simulator.
+    """
     from rosbridge_sim.client import Client  # noqa: PLC0415 - as above
 
     with Client(rosbridge_simulator.url, token=rosbridge_simulator.settings.token) as client:
@@ -112,10 +140,10 @@ def rosbridge_client(rosbridge_simulator: Simulator) -> Iterator[Client]:
 
 
 def _options_of(item: pytest.Item) -> SimulatorOptions:
-    """Return what a test's markers say; the nearest marker wins.
+    """Return the options in a test's markers; the nearest marker has priority.
 
     Raises:
-        pytest.UsageError: a marker with wrong arguments.
+        pytest.UsageError: a marker has wrong arguments.
     """
     options: SimulatorOptions = {}
     for marker in reversed(list(item.iter_markers("rosbridge_options"))):
@@ -123,7 +151,7 @@ def _options_of(item: pytest.Item) -> SimulatorOptions:
             raise pytest.UsageError(
                 f'{item.nodeid}: rosbridge_options: expected keyword arguments, such as start="sync"'
             )
-        # The check of the values is that of `Simulator`, whose error names the option.
+        # `Simulator` checks the values, and its error names the option.
         options.update(marker.kwargs)  # type: ignore[typeddict-item]
     scenario, seed = _argument_of(item, "rosbridge_scenario"), _argument_of(item, "rosbridge_seed")
     if scenario is not None:
@@ -134,7 +162,7 @@ def _options_of(item: pytest.Item) -> SimulatorOptions:
 
 
 def _argument_of(item: pytest.Item, name: str) -> object:
-    """Return the one argument of a test's nearest marker of that name; None without such a marker."""
+    """Return the argument of a test's nearest marker with that name; None without such a marker."""
     marker = item.get_closest_marker(name)
     if marker is None:
         return None
@@ -156,18 +184,18 @@ def pytest_runtest_makereport(
         for i, one in enumerate(reports):
             try:
                 text = one.text(_picture_of(item, i), item.nodeid)
-            except Exception as error:  # noqa: BLE001 - a test's own failure must be told, whatever goes wrong here
+            except Exception as error:  # noqa: BLE001 - an error here must not hide the failure of the test
                 text = f"no report: {error!r}"
             report.sections.append((SECTION, text))
     return report
 
 
 def _picture_of(item: pytest.Item, number: int) -> Path:
-    """Return where the picture of one of a test's simulators goes."""
+    """Return the path for the picture of one of a test's simulators."""
     folder = item.config.getoption("--rosbridge-pictures") or item.stash[_FOLDER]
     name = re.sub(r"[^\w.-]+", "_", item.nodeid)[-MAX_NAME:].strip("_")
     return Path(folder).absolute() / f"{name}-{number}.png"
 
 
 MAX_NAME = 150
-"""Characters of a picture's name: file systems take 255 bytes."""
+"""Longest name of a picture's file [characters]: file systems allow 255 bytes."""

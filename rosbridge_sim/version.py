@@ -1,4 +1,4 @@
-"""Version of this package, in a module of its own that everything may import."""
+"""Version of this package, in a separate module that every other module may import."""
 
 from __future__ import annotations
 

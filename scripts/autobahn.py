@@ -3,8 +3,8 @@
 
     ./.venv/bin/python scripts/autobahn.py [CASE ...]
 
-A CASE is an id or a pattern (`6.*`); without one, all 517 run, in some twenty minutes. Every case that the reference
-passes is to pass here too: the exit code is 1 where one does not. `kosoku` (PyPI) runs Autobahn's own case files.
+A CASE is an id or a pattern (`6.*`); without one, all 517 run, in about twenty minutes. The exit code is 1 if a case
+passes at the reference and fails here. `kosoku` (PyPI) runs Autobahn's own case files.
 """
 
 from __future__ import annotations
@@ -29,21 +29,32 @@ from rosbridge_sim.shell.websocket.text_check import TextCheck
 __all__ = ["compare", "run"]
 
 MAX_SIZE = 2**26
-"""Longest message of a case is 16 MB; with room [bytes]."""
+"""Largest message [bytes]; the longest one of a case is 16 MB."""
 
 
 class Echo:
-    """Sends back each message of a connection as it came."""
+    """Echo that sends each message of a connection back unchanged."""
 
     def __init__(self, socket: DirectConnection) -> None:
         self._socket = socket
 
     def begin(self) -> float:
-        """See `Receiver`: a turn without an end."""
+        """Return the end of a turn, which has no limit; see `Receiver`.
+
+        Returns:
+            Infinity.
+        """
         return inf
 
     def receive(self, message: bytes) -> bool:
-        """Send a message back."""
+        """Send a message back.
+
+        Args:
+            message: as it was received, perhaps compressed.
+
+        Returns:
+            True: reading may go on.
+        """
         socket = self._socket
         is_text = socket.is_text
         if isinstance(message, Deflated):
@@ -75,7 +86,11 @@ class Echo:
         return inflated
 
     def wait(self, *, had_turn: bool) -> None:
-        """Go on in the loop's next turn."""
+        """Go on in the loop's next turn.
+
+        Args:
+            had_turn: not used.
+        """
         assert isinstance(had_turn, bool)
         self._socket.loop.call_soon(self._go_on)
 
@@ -100,7 +115,7 @@ async def _serve_reference(socket: ServerConnection) -> None:
 
 @asynccontextmanager
 async def _listening(*, is_direct: bool) -> AsyncIterator[str]:
-    """The address of an echo on a free port of loopback."""
+    """Yield the address of an echo on a free loopback port."""
     options: dict[str, Any] = {"compression": "deflate"}
     if is_direct:
         options = {
@@ -126,8 +141,8 @@ async def run(cases: Sequence[str] = (), *, is_direct: bool) -> dict[str, str]:
     """Run cases against an echo.
 
     Args:
-        cases: ids or patterns; none are all.
-        is_direct: the echo is on our socket class, else on the library's.
+        cases: ids or patterns; none means all.
+        is_direct: use our socket class for the echo, else the library's.
 
     Returns:
         Case id -> verdict: `OK` and the like, for the messages and for the end of the connection.
@@ -145,7 +160,15 @@ async def run(cases: Sequence[str] = (), *, is_direct: bool) -> dict[str, str]:
 
 
 def compare(ours: dict[str, str], reference: dict[str, str]) -> list[str]:
-    """A line for each case that the reference passes and we do not."""
+    """Return a line for each case that passes at the reference and fails here.
+
+    Args:
+        ours: case id -> verdict of our socket class.
+        reference: case id -> verdict of the library's.
+
+    Returns:
+        The lines.
+    """
     return [
         f"{case}: {ours.get(case, 'not run')}; the reference: {verdict}"
         for case, verdict in reference.items()
@@ -154,7 +177,11 @@ def compare(ours: dict[str, str], reference: dict[str, str]) -> list[str]:
 
 
 def main() -> int:
-    """Run both, print where they differ; return the exit code."""
+    """Run both echoes and print the differences.
+
+    Returns:
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description="Autobahn's cases against our socket class and the reference")
     parser.add_argument("cases", nargs="*", help="case ids or patterns such as 6.*; all without one")
     given = parser.parse_args()

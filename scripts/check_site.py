@@ -3,12 +3,12 @@
 
     mkdocs build --strict && python scripts/check_site.py [build/site]
 
-Users work in closed networks, so a page must be whole without one. What counts is what a browser loads by itself:
-scripts, styles, pictures, fonts, frames and media of HTML, and `url(...)` and `@import` of CSS. A link that a person
-clicks may lead anywhere. Code 1 names each load.
+Users work in closed networks, so a page must be complete without the internet. The script checks everything that a
+browser loads by itself: scripts, styles, pictures, fonts, frames and media of HTML, `url(...)` and `@import` of CSS.
+A link for a person to click may lead anywhere. With exit code 1 each load is listed.
 
-Addresses within scripts are not read. The theme's script holds some for features that `mkdocs.yml` leaves off (mermaid,
-figures of a repository); a look with a browser's network log showed that none of them is called.
+Addresses within scripts are not checked. The theme's script has some, for features that `mkdocs.yml` leaves off
+(mermaid, figures of a repository). A browser's network log showed that none of them is called.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ LOADING: Final[dict[str, tuple[str, ...]]] = {
 """Element -> attributes whose address a browser loads by itself."""
 
 LAZY_LINKS: Final = frozenset({"alternate", "author", "canonical", "help", "license", "next", "prev", "search"})
-"""Values of `rel` of a `<link>` that is no load: a browser only remembers them."""
+"""Values of `rel` for a `<link>` that a browser does not load."""
 
 ELSEWHERE: Final = re.compile(r"(?:https?:|wss?:)?//", re.IGNORECASE)
 """The beginning of an address on another host."""
@@ -50,7 +50,7 @@ CSS_ADDRESS: Final = re.compile(r"(?:url\(\s*|@import\s+)['\"]?((?:https?:)?//[^
 
 
 class _Loads(HTMLParser):
-    """Collect the addresses of other hosts that a page loads."""
+    """Collector of the addresses of other hosts that a page loads."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -58,7 +58,12 @@ class _Loads(HTMLParser):
         self._is_style = False
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Look at one element; `HTMLParser` calls this."""
+        """Check one element; `HTMLParser` calls this.
+
+        Args:
+            tag: the element's name.
+            attrs: its attributes.
+        """
         values = {name: value or "" for name, value in attrs}
         self._is_style = tag == "style"
         self.found += find_loads_in_css(values.get("style", ""))
@@ -69,17 +74,32 @@ class _Loads(HTMLParser):
             self.found += [part.strip() for part in parts if ELSEWHERE.match(part.strip())]
 
     def handle_endtag(self, tag: str) -> None:
-        """Leave a style; `HTMLParser` calls this."""
+        """Note the end of a style; `HTMLParser` calls this.
+
+        Args:
+            tag: the element's name.
+        """
         self._is_style = self._is_style and tag != "style"
 
     def handle_data(self, data: str) -> None:
-        """Look at the text of a style; `HTMLParser` calls this."""
+        """Check the text of a style; `HTMLParser` calls this.
+
+        Args:
+            data: the text.
+        """
         if self._is_style:
             self.found += find_loads_in_css(data)
 
 
 def find_loads_in_html(text: str) -> list[str]:
-    """Return the addresses of other hosts that a page makes a browser load."""
+    """Return the addresses of other hosts that a page makes a browser load.
+
+    Args:
+        text: HTML or SVG.
+
+    Returns:
+        The addresses, in the page's order.
+    """
     parser = _Loads()
     parser.feed(text)
     parser.close()
@@ -87,12 +107,26 @@ def find_loads_in_html(text: str) -> list[str]:
 
 
 def find_loads_in_css(text: str) -> list[str]:
-    """Return the addresses of other hosts that a style sheet makes a browser load."""
+    """Return the addresses of other hosts that a style sheet makes a browser load.
+
+    Args:
+        text: CSS.
+
+    Returns:
+        The addresses, in order.
+    """
     return CSS_ADDRESS.findall(text)
 
 
 def find_loads(site: Path) -> Iterator[str]:
-    """Yield a line for each load from another host, in all pages, styles and pictures of a folder."""
+    """Find the loads from other hosts in all pages, styles and pictures of a folder.
+
+    Args:
+        site: the folder.
+
+    Yields:
+        A line for each.
+    """
     readers = {".html": find_loads_in_html, ".svg": find_loads_in_html, ".css": find_loads_in_css}
     for path in sorted(site.rglob("*")):
         if path.suffix in readers:
@@ -101,7 +135,11 @@ def find_loads(site: Path) -> Iterator[str]:
 
 
 def main() -> int:
-    """Run the command; the exit code."""
+    """Run the command.
+
+    Returns:
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("site", nargs="?", type=Path, default=Path("build/site"), help="folder of the built site")
     site = parser.parse_args().site

@@ -34,13 +34,14 @@ from scripts.docs_pages.svg import INK, Point, document, text  # noqa: E402
 IMAGES: Final = ROOT / "docs" / "images"
 
 COLOURS: Final = 256
-"""As many as a PNG with a table has: the small lights and cars keep their colours, at a fifth of the size."""
+"""Number of colours: the maximum of a PNG with a palette. The small lights and cars keep their colours, at a fifth of
+the size."""
 
 SIDE: Final = 1_000
-"""Width of the scene's picture [px]: enough for a page, a third of what the tool draws."""
+"""Width of the scene's picture [px]: enough for a page, and a third of the tool's picture."""
 
 DRIVING_TICKS: Final = 250
-"""Five seconds, as in README."""
+"""Ticks before the brake: five seconds, as in README."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,11 @@ class Moment:
 
 
 def draw_scene(path: Path) -> None:
-    """Write the picture of the scene `town`."""
+    """Write the picture of the scene `town`.
+
+    Args:
+        path: of the PNG file.
+    """
     with tempfile.TemporaryDirectory() as folder:
         large = Path(folder) / "town.png"
         run_scenario(["check", "town", "--picture", str(large)])
@@ -97,7 +102,7 @@ async def _ask(client: ClientConnection, service: str, **request: object) -> dic
 
 @dataclass(frozen=True, slots=True)
 class _Chart:
-    """A field of the picture with its axes.
+    """A chart of the picture, with its axes.
 
     Attributes:
         at: lower left corner [px].
@@ -111,7 +116,7 @@ class _Chart:
     ys: Point
 
     def place(self, x: float, y: float) -> Point:
-        """Return where a value lies in the picture."""
+        """Return the position of a value in the picture."""
         across = (x - self.xs[0]) / (self.xs[1] - self.xs[0])
         up = (y - self.ys[0]) / (self.ys[1] - self.ys[0])
         return self.at[0] + across * self.size[0], self.at[1] - up * self.size[1]
@@ -140,13 +145,17 @@ class _Chart:
 
 
 def draw_drive(path: Path) -> None:
-    """Write the plot of the drive: the way on the map, the speed and the brake over time."""
+    """Write the plot of the drive: the path on the map, and the speed and the brake over time.
+
+    Args:
+        path: of the SVG file.
+    """
     moments = asyncio.run(_drive())
     end = moments[-1]
     way = _Chart((60, 260), (330, 200), (38, 78), (-6, 18.24))
     speed = _Chart((470, 260), (370, 200), (0, 7), (0, 35))
     parts = [
-        *way.axes((40, 50, 60, 70), (0, 5, 10, 15), ("x, east [m]", "y, north [m]: the way of the rear axle")),
+        *way.axes((40, 50, 60, 70), (0, 5, 10, 15), ("x, east [m]", "y, north [m]: path of the rear axle")),
         way.line(((one.x, one.y) for one in moments), "#1f6fb2"),
         *speed.axes(range(8), (0, 10, 20, 30), ("simulated time [s]", "speed [km/h]")),
         speed.line(((one.time, one.speed) for one in moments), "#1f6fb2"),
@@ -159,7 +168,11 @@ def draw_drive(path: Path) -> None:
 
 
 def main() -> int:
-    """Write both pictures; the exit code."""
+    """Write both pictures.
+
+    Returns:
+        The exit code.
+    """
     IMAGES.mkdir(parents=True, exist_ok=True)
     draw_scene(IMAGES / "town.png")
     draw_drive(IMAGES / "drive.svg")

@@ -3,9 +3,9 @@
 
     python scripts/draw_maps.py    writes rosbridge_sim/data/{maps,scenarios}/...
 
-The files are MORAI's formats (MGeo, scenario JSON) with numbers of our own. Tests compare the files with what this
-script draws: change the script, not the files. `rosbridge-sim scenario check NAME --picture FILE.png` shows what the
-readers make of them.
+The files have MORAI's formats (MGeo, scenario JSON) with our own numbers. Tests compare the files with the output of
+this script, so change the script, not the files. `rosbridge-sim scenario check NAME --picture FILE.png` shows the
+result.
 """
 
 from __future__ import annotations
@@ -30,7 +30,11 @@ SCENARIOS = {"demo": demo_scenario, "town": town_scenario, "loop": loop_scenario
 
 
 def drawn() -> dict[Path, bytes]:
-    """All files, by where they belong."""
+    """Return all files.
+
+    Returns:
+        Path -> content.
+    """
     files = {DATA / "maps" / name / file: text for name, draw in MAPS.items() for file, text in draw().items()}
     return files | {DATA / "scenarios" / f"{name}.json": draw() for name, draw in SCENARIOS.items()}
 

@@ -5,7 +5,7 @@ root=$(cd -P -- "$(dirname -- "${BASH_SOURCE[0]}")/.." && pwd)
 
 say() { printf '%s: %s\n' "${0##*/}" "$1" >&2; }
 
-# is_old PYTHON: whether it runs, and is too old.
+# is_old PYTHON: true if it runs and is too old.
 is_old() { "$1" -c 'import sys; sys.exit(sys.version_info >= (3, 11))' 2>/dev/null; }
 
 # find_python: the first Python that is new enough and can make an environment, in $python.
@@ -30,12 +30,12 @@ find_python() {
     exit 1
 }
 
-# is_current STAMP: whether what pyproject.toml asked for at the last installation is what it asks for now, and here.
+# is_current STAMP: true if the last installation was made from this folder and this pyproject.toml.
 is_current() {
     [[ -x $root/.venv/bin/python && -f $1 && $(<"$1") == "$root"$'\n'"$(<"$root/pyproject.toml")" ]]
 }
 
-# ensure_environment [EXTRAS]: .venv holds the package, editable, with what it needs; EXTRAS as in pyproject.toml.
+# ensure_environment [EXTRAS]: install the package, editable, with its dependencies into .venv; EXTRAS as in pyproject.toml.
 ensure_environment() {
     local extras=${1:-} stamp=$root/.venv/installed${1:+-$1}
     if is_current "$stamp"; then return; fi
@@ -60,7 +60,7 @@ ensure_environment() {
         say "installing into .venv (once; later starts skip this)"
         if ! "$root/.venv/bin/python" -m pip install --quiet --disable-pip-version-check \
             --editable "$root${extras:+[$extras]}" >&2; then
-            say "the installation failed; pip says why above"
+            say "the installation failed; see the output of pip above"
             exit 1
         fi
         printf '%s\n%s' "$root" "$(<"$root/pyproject.toml")" | tee "$root/.venv/installed" >"$stamp"
@@ -68,7 +68,7 @@ ensure_environment() {
     exec 9>&-
 }
 
-# ensure_node_packages: the JavaScript clients of the tests, where Node is there.
+# ensure_node_packages: install the JavaScript clients of the tests, if Node is installed.
 ensure_node_packages() {
     local at=$root/tests/end_to_end
     if ! command -v node >/dev/null || ! command -v npm >/dev/null; then
@@ -78,14 +78,14 @@ ensure_node_packages() {
     if [[ -f $at/node_modules/installed && $(<"$at/node_modules/installed") == "$(<"$at/package-lock.json")" ]]; then return; fi
     say "installing the JavaScript clients of the tests (once)"
     if ! npm ci --prefix "$at" --no-audit --no-fund --loglevel=error >&2; then
-        say "npm could not install them; it says why above"
+        say "npm could not install them; see its output above"
         return
     fi
     printf '%s' "$(<"$at/package-lock.json")" >"$at/node_modules/installed"
 }
 
-# ensure_debian PACKAGE WHAT COMMAND...: a package of Debian's for WHAT of the tests, unless COMMAND succeeds; installed
-# where we may, else it is said what is missing.
+# ensure_debian PACKAGE WHAT COMMAND...: install a Debian package for WHAT of the tests, unless COMMAND succeeds.
+# Without the right to install it, print a message.
 ensure_debian() {
     local package=$1 what=$2
     if "${@:3}" >/dev/null 2>&1; then return; fi
@@ -96,6 +96,6 @@ ensure_debian() {
     say "installing $package for $what (once)"
     local -x DEBIAN_FRONTEND=noninteractive
     if ! { apt-get --quiet=2 update && apt-get --quiet=2 install --yes --no-install-recommends "$package"; } >/dev/null; then
-        say "apt-get could not install it; it says why above"
+        say "apt-get could not install it; see its output above"
     fi
 }

@@ -1,18 +1,18 @@
 #!/usr/bin/env python3
-"""Mutation test of the deciding files: which small faults in them do the tests not notice?
+"""Mutation test of the central files: find small faults that the tests do not notice.
 
     .venv/bin/python scripts/mutate.py                        every file of the table, at most 45 minutes
     .venv/bin/python scripts/mutate.py protocol/outbox.py     one file
-    .venv/bin/python scripts/mutate.py --minutes 10 --seed 1  another sample of what does not fit in
-    .venv/bin/python scripts/mutate.py --again LOG            what an earlier run has printed, with new tests
+    .venv/bin/python scripts/mutate.py --minutes 10 --seed 1  another random sample, if time is too short for all
+    .venv/bin/python scripts/mutate.py --again LOG            the survivors that an earlier run printed, with new tests
 
-A mutant is the file with one change: a comparison, an operator, a small number, a condition, a call that is left out.
-Mutants are tried in random order, so that a run that ends early still gives a fair score. Each one lives in a fork of
-this process, which has imported what is slow to import: no file is written, and one core is used. What survives is
-printed as `file:line: old -> new`; some survivors are equivalent to the original, so the score never reaches 100 %.
+A mutant is the file with one change: a comparison, an operator, a small number, a condition, or a call left out.
+Mutants are tried in random order, so a run that ends early still gives a fair score. Each one runs in a fork of this
+process, which has imported the slow modules. So no file is written, and one core is used. A mutant that no test notices
+is printed as `file:line: old -> new`. Some of them are equivalent to the original, so the score never reaches 100 %.
 
-Own operators rather than mutmut or cosmic-ray: these write the mutants to disk and start Python for each of them,
-which takes three times as long, and mutmut's trampolines do not work with `__slots__`.
+The script has its own operators, because mutmut and cosmic-ray write the mutants to disk and start Python for each of
+them, which takes three times as long; and mutmut's trampolines do not work with `__slots__`.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ TESTS = {
     "graph/delivery.py": ("graph/test_delivery.py graph/test_guard.py", "graph"),
     "graph/service_table.py": ("graph/test_service_table.py graph/test_bus.py graph/test_peer.py", "graph"),
 }
-"""The deciding files; for each one, quick tests that notice most mutants, and those that are to notice the rest."""
+"""The central files; for each one, quick tests that notice most mutants, and tests that should notice the rest."""
 
 SLOW_IMPORTS = (
     "numpy.random",
@@ -78,7 +78,7 @@ SLOW_IMPORTS = (
     "hypothesis.stateful",
 )
 MAX_MEMORY = 4 * 2**30
-"""A mutant that builds without end fails at this [bytes]; the tests take a tenth of it."""
+"""Memory limit of a mutant [bytes], for mutants that build without end; the tests take a tenth of it."""
 
 OPPOSITES: dict[type[ast.AST], type[ast.AST]] = {
     ast.Lt: ast.LtE,
@@ -111,9 +111,9 @@ class Mutant:
     """One change of one file.
 
     Attributes:
-        index: of the node that changes, in the order of `_nodes`.
-        variant: which of its changes.
-        line: where it is.
+        index: of the changed node, in the order of `_nodes`.
+        variant: number of the change of that node.
+        line: line of the node.
         change: old and new text.
     """
 
@@ -124,7 +124,14 @@ class Mutant:
 
 
 def mutants_of(source: str) -> list[Mutant]:
-    """Every mutant of a file."""
+    """Return all mutants of a file.
+
+    Args:
+        source: the file's text.
+
+    Returns:
+        The mutants, in the file's order.
+    """
     found = []
     for index, node in enumerate(_nodes(ast.parse(source))):
         for variant, (old, new) in enumerate(_variants(node)):
@@ -134,7 +141,15 @@ def mutants_of(source: str) -> list[Mutant]:
 
 
 def mutate(source: str, mutant: Mutant) -> ast.Module:
-    """The tree of the file with that change."""
+    """Return the tree of a file with one change.
+
+    Args:
+        source: the file's text.
+        mutant: the change.
+
+    Returns:
+        The tree, ready to compile.
+    """
     tree = ast.parse(source)
     node = list(_nodes(tree))[mutant.index]
     old, new = list(_variants(node))[mutant.variant]
@@ -143,7 +158,7 @@ def mutate(source: str, mutant: Mutant) -> ast.Module:
 
 
 class _Exchange(ast.NodeTransformer):
-    """Puts one node in the place of another."""
+    """Transformer that replaces one node by another."""
 
     def __init__(self, old: ast.AST, new: ast.AST) -> None:
         self._old, self._new = old, ast.copy_location(new, old)
@@ -154,7 +169,7 @@ class _Exchange(ast.NodeTransformer):
 
 
 def _nodes(tree: ast.Module) -> Iterator[ast.AST]:
-    """The nodes of all function bodies: not annotations, defaults, decorators, assertions, nor the texts of errors."""
+    """Yield the nodes of all function bodies, except annotations, defaults, decorators, assertions and error texts."""
     waiting: list[tuple[ast.AST, bool]] = [(tree, False)]
     while waiting:
         node, is_inside = waiting.pop()
@@ -173,7 +188,7 @@ def _nodes(tree: ast.Module) -> Iterator[ast.AST]:
 
 
 def _variants(node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:  # noqa: C901, PLR0912 - one case for each sort of node
-    """The node, and what may stand in its place."""
+    """Yield each part of a node that may change, with its replacement."""
 
     def changed(**fields: object) -> tuple[ast.AST, ast.AST]:
         new = copy.copy(node)
@@ -222,7 +237,7 @@ def _text(node: ast.AST) -> str:
 
 
 class _Mutated(importlib.machinery.SourceFileLoader):
-    """Gives one module other code than its file holds."""
+    """Loader that gives one module other code than its file holds."""
 
     def __init__(self, name: str, path: Path, code: CodeType) -> None:
         super().__init__(name, str(path))
@@ -244,7 +259,7 @@ class _Mutated(importlib.machinery.SourceFileLoader):
 
 
 class _Quick:
-    """A pytest plugin: hypothesis looks for no smaller example and remembers none, as any failure is enough."""
+    """A pytest plugin: hypothesis neither shrinks nor stores examples, because any failure is enough."""
 
     def pytest_sessionstart(self) -> None:
         """Change the settings, after `tests/conftest.py` and before the test files have read them."""
@@ -256,7 +271,7 @@ class _Quick:
 
 
 class Target:
-    """One deciding file, and how it is tried."""
+    """One central file with its mutants and tests."""
 
     def __init__(self, file: str) -> None:
         self.file = file
@@ -268,10 +283,13 @@ class Target:
         self.mutants = mutants_of(self._source)
 
     def measure(self) -> float:
-        """Duration of the tests without any change [s].
+        """Run the tests without any change, and set the time limits of mutants.
+
+        Returns:
+            Their duration [s].
 
         Raises:
-            ValueError: they fail.
+            ValueError: the tests fail.
         """
         times = []
         for i in range(len(self._sets)):
@@ -279,11 +297,18 @@ class Target:
             if self._fails(None, i):
                 raise ValueError(f"{self.file}: its tests fail without any change: {TESTS[self.file][i]}")
             times.append(time.monotonic() - began)
-        self._patience = [5.0 * took + 5.0 for took in times]  # shared cores: a slow second is no endless loop
+        self._patience = [5.0 * took + 5.0 for took in times]  # on shared cores a slow second is not an endless loop
         return sum(times)
 
     def is_noticed(self, mutant: Mutant) -> bool:
-        """Tell whether a test fails with that change, or does not end."""
+        """Return whether a test fails, or does not end, with a change.
+
+        Args:
+            mutant: the change.
+
+        Returns:
+            True if the tests notice it.
+        """
         return any(self._fails(mutant, i) for i in range(len(self._sets)))
 
     def _fails(self, mutant: Mutant | None, which: int) -> bool:
@@ -327,7 +352,11 @@ def _told(target: Target, mutant: Mutant) -> str:
 
 
 def main() -> int:
-    """Try mutants until all are tried or the time is over; see above."""
+    """Try mutants until all are tried or the time is over.
+
+    Returns:
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="*", metavar="FILE", default=list(TESTS), help=f"within {PACKAGE}/; all if none")
     parser.add_argument("--minutes", type=float, default=45.0, help="longest run (default: 45)")
@@ -355,7 +384,7 @@ def main() -> int:
         queue = [(target, mutant) for target, mutant in queue if _told(target, mutant) in wanted]
     random.Random(arguments.seed).shuffle(queue)  # noqa: S311 - no secret
     tried, noticed = dict.fromkeys(arguments.files, 0), dict.fromkeys(arguments.files, 0)
-    with suppress(KeyboardInterrupt):  # the score so far is worth having
+    with suppress(KeyboardInterrupt):  # print the score so far
         for target, mutant in queue:
             if time.monotonic() > end:
                 break

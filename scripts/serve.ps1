@@ -27,7 +27,7 @@ function Find-Python {
     exit 1
 }
 
-# What pyproject.toml asked for at the last installation, and where; another checkout or another text installs anew.
+# pyproject.toml at the last installation, and its folder; another folder or another text starts a new installation.
 $wanted = $root + "`n" + [IO.File]::ReadAllText((Join-Path $root 'pyproject.toml'))
 $isCurrent = (Test-Path $server) -and (Test-Path $stamp) -and ([IO.File]::ReadAllText($stamp) -ceq $wanted)
 if (-not $isCurrent) {
@@ -41,7 +41,7 @@ if (-not $isCurrent) {
     Say 'installing into .venv (once; later starts skip this)'
     & $python -m pip install --quiet --disable-pip-version-check --editable $root
     if ($LASTEXITCODE -ne 0) {
-        Say 'the installation failed; pip says why above'
+        Say 'the installation failed; see the output of pip above'
         exit 1
     }
     [IO.File]::WriteAllText($stamp, $wanted)

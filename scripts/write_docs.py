@@ -2,10 +2,10 @@
 """Write the generated pages and pictures of the documentation.
 
     python scripts/write_docs.py           writes docs/reference/*.md and docs/images/*.svg
-    python scripts/write_docs.py --check   writes nothing; names what is out of date and ends with code 1
+    python scripts/write_docs.py --check   writes nothing; lists outdated files and ends with code 1
 
 Run it after a change of a setting, a definition, a topic, a service, the table of synchronous mode, or an import
-between rooms. A test compares the files with what this script writes: change the sources, not the files.
+between rooms. A test compares the files with the output of this script, so change the sources, not the files.
 """
 
 from __future__ import annotations
@@ -40,11 +40,15 @@ GENERATED: Final[dict[str, Callable[[], str]]] = {
     "images/barrier.svg": draw_barrier,
     "images/rooms.svg": lambda: draw_rooms(ROOT / "rosbridge_sim"),
 }
-"""File in `docs/` -> what writes its text."""
+"""File in `docs/` -> function that returns its text."""
 
 
 def find_outdated() -> list[str]:
-    """Return the generated files that are missing or differ from what would be written now."""
+    """Return the generated files that are missing or out of date.
+
+    Returns:
+        Their names within `docs/`.
+    """
     return [name for name, write in GENERATED.items() if _text_of(DOCS / name) != write()]
 
 
@@ -53,7 +57,11 @@ def _text_of(path: Path) -> str | None:
 
 
 def main() -> int:
-    """Run the command; the exit code."""
+    """Run the command.
+
+    Returns:
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--check", action="store_true", help="write nothing; code 1 if a file is out of date")
     if parser.parse_args().check:

@@ -3,7 +3,7 @@
 
     python scripts/write_schemas.py
 
-It is made from the models that read the files; a test says when it has to be made again.
+It is generated from the models that read the files; a test fails if it is out of date.
 """
 
 from __future__ import annotations
@@ -20,7 +20,11 @@ from rosbridge_sim.morai.scenarios.model import scenario_schema  # noqa: E402
 
 
 def schema_files() -> dict[Path, str]:
-    """Each schema's file, and what must stand in it."""
+    """Return the generated schemas.
+
+    Returns:
+        Path -> text.
+    """
     return {ROOT / "schemas" / "scenario.schema.json": json.dumps(scenario_schema(), indent=2) + "\n"}
 
 

@@ -9,8 +9,12 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
+import threading
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +25,7 @@ from rosbridge_sim.shell.files.catalogue_file import read_catalogue
 from rosbridge_sim.world.state import Kind
 from tests.cli.tool_fixture import run as run_tool
 from tests.conftest import Connect, Serve
+from tests.end_to_end.test_browser import page_at, until
 from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -28,7 +33,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 MARKED = re.compile(r"<!-- run: ([\w-]+) -->\n```(\w+)\n(.*?)```\n(?:\n[^\n#`]+:\n\n```text\n(.*?)```\n)?", re.DOTALL)
 """Mark, language and text of an example, and of the block that says what it prints, where there is one."""
 
-PROGRAM = re.compile(r"^```(?:python|js|toml|csv)$", re.MULTILINE)
+PROGRAM = re.compile(r"^```(?:python|js|html|toml|csv)$", re.MULTILINE)
 """Start of a block that must have a mark."""
 
 NUMBER = re.compile(r"-?\d+\.\d+")
@@ -41,6 +46,7 @@ TESTS = ("first-test", "fixtures", "unittest", "brakes")
 
 OTHERS = (
     "node",
+    "page",
     "step-node",
     "roslibpy-drive",
     "status-python",
@@ -59,6 +65,13 @@ class Example(NamedTuple):
     language: str
     script: str
     printed: str
+
+
+class QuietHandler(SimpleHTTPRequestHandler):
+    """A server of files that prints no line for each request."""
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing."""
 
 
 def read_examples() -> dict[str, list[Example]]:
@@ -162,6 +175,27 @@ def test_roslibpy_lines_show_a_status(server: ServerProcess, tmp_path: Path) -> 
 @pytest.mark.slow
 def test_roslib_lines_show_a_status(server: ServerProcess, tmp_path: Path) -> None:
     assert run_node("status-node", server.port, tmp_path).startswith(SHOWN)
+
+
+@pytest.mark.client
+@pytest.mark.slow
+async def test_web_page_drives_the_car_and_shows_its_speed(serve: Serve, tmp_path: Path) -> None:
+    (tmp_path / "index.html").write_text(at_port(example("page"), serve().port))
+    shutil.copy(require_node_modules() / "roslib1" / "build" / "roslib.min.js", tmp_path)
+    handler = partial(QuietHandler, directory=tmp_path)
+    with ThreadingHTTPServer(("127.0.0.1", 0), handler) as site:
+        serving = threading.Thread(target=site.serve_forever, args=(0.01,))
+        serving.start()
+        try:
+            async with page_at(f"http://127.0.0.1:{site.server_port}/", tmp_path) as page:
+                await until(page, "at('speed') === '0.0 km/h'")
+                await page.click("#drive")
+                await until(page, "parseFloat(at('speed')) > 10")
+                await page.click("#brake")
+                await until(page, "at('speed') === '0.0 km/h'")
+        finally:
+            site.shutdown()
+            serving.join()
 
 
 # In a process of the user's

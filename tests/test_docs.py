@@ -45,8 +45,8 @@ HELD_BY_TESTS = {"differences.md": "The table", "security.md": "What is promised
 DEFINED_FLAG = re.compile(r"""add(?:_argument|option)\(\s*(?:"-\w", )?"(--[a-z-]+)\"""")
 """Definition of a flag in a script or in the pytest plugin."""
 
-OTHER_FLAGS = frozenset(["--directory", "--name", "--rm", "--build"])
-"""Flags of `http.server` and docker."""
+OTHER_FLAGS = frozenset(["--directory", "--bind", "--name", "--rm", "--build", "--bundle", "--format", "--outfile"])
+"""Flags of `http.server`, docker and esbuild."""
 
 of_each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 

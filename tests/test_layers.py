@@ -20,7 +20,7 @@ PACKAGE = "rosbridge_sim"
 ROOT = Path(__file__).parent.parent / PACKAGE
 
 _BASE = {"errors", "loose_types", "printable", "suggestions"}
-_SCENE = {"morai", "morai.interfaces", "morai.maps", "morai.replays", "morai.scenarios"}
+_SCENE = {"morai", "morai.interfaces", "morai.maps", "morai.replays", "morai.scenarios", "morai.sim_services"}
 _BELOW_SHELL = {*_BASE, *_SCENE, "graph", "graph.attach", "graph.tf", "protocol", "schema", "world"}
 _SHELL = {"shell", "shell.bags", "shell.config", "shell.files", "shell.websocket"}
 
@@ -41,6 +41,7 @@ ARROWS: dict[str, set[str]] = {
     "morai.interfaces": {*_BASE, "graph", "protocol", "schema", "world"},
     "morai.maps": {*_BASE, "morai", "world"},
     "morai.replays": {*_BASE, "graph", "morai", "morai.interfaces", "protocol", "schema", "world"},
+    "morai.sim_services": {*_BASE, *_SCENE, "graph", "protocol", "schema", "world"},
     "morai.scenarios": {*_BASE, "morai", "morai.maps", "world"},
     "shell": {*_BELOW_SHELL, *_SHELL, "version"},
     "shell.websocket": {*_BASE, "graph", "protocol", "schema", "shell", "version"},

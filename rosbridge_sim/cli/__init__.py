@@ -1,1 +1,1 @@
-"""The commands of the shell: what a user types, and the tools behind it."""
+"""The commands of the command line, and the tools behind them."""

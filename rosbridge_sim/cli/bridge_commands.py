@@ -6,6 +6,7 @@ import asyncio
 import math
 import os
 from collections.abc import Awaitable, Callable, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.cli.command_line import (
@@ -32,24 +33,24 @@ __all__ = ["TOOLS"]
 DEFAULT_URL = "ws://127.0.0.1:9090"
 
 ANSWER_PATIENCE = 5.0
-"""How long an answer may take if nothing is said [s]: rosbridge_suite's own time-out of a call."""
+"""Default of the longest wait for an answer [s]: rosbridge_suite's own time-out of a call."""
 
 CALL_PATIENCE = 30.0
-"""The same for a service that is called [s]: to load a scenario takes a while."""
+"""Default of the longest wait for the answer of a called service [s]: loading a scenario takes a while."""
 
 TICK_ID = "rosbridge-sim"
-"""User id of `tick` if nothing is said: the same in each run, so that a second run is the same master."""
+"""Default user id of `tick`: always the same, so that a second run is the same master."""
 
 DEFAULT_RATE = 1.0
-"""How often `pub` repeats itself if nothing is said [Hz], as `ros2 topic pub` does."""
+"""Default rate of `pub` [Hz], as in `ros2 topic pub`."""
 
 
-# What they share
+# Common parts
 
 
 def _with_bridge(options: Options, work: Callable[[Bridge], Awaitable[int]]) -> int:
-    """Connect, work, close."""
-    from rosbridge_sim.cli.tools.client import open_bridge  # noqa: PLC0415 - --help and a mistake do without it
+    """Connect, run the work, and close."""
+    from rosbridge_sim.cli.tools.client import open_bridge  # noqa: PLC0415 - not needed for --help or after a mistake
 
     async def main() -> int:
         patience = vars(options).get("wait") or options.patience
@@ -65,8 +66,8 @@ def _add_bridge(
     """Add the flags of every command that talks to a server.
 
     Args:
-        parser: of the command.
-        patience: how long an answer may take if nothing is said [s].
+        parser: parser of the command.
+        patience: default of the longest wait for an answer [s].
         is_call: the answer is that of a service.
         is_waiting: the command waits for messages, by default for ever.
     """
@@ -77,7 +78,7 @@ def _add_bridge(
         parser.add_argument("--timeout", dest="wait", type=_seconds, metavar="SECONDS", help=f"{text} [for ever]")
         parser.set_defaults(patience=patience)
         return
-    text = "how long the service may take; 0 is for ever" if is_call else "how long an answer may take"
+    text = "longest time for the service; 0 is no limit" if is_call else "longest wait for an answer"
     parser.add_argument(
         "--timeout",
         dest="patience",
@@ -89,12 +90,12 @@ def _add_bridge(
 
 
 def _add_server(parser: Parser) -> None:
-    """Add the flags that say which server is meant."""
+    """Add the flags that select the server."""
     url = os.environ.get(f"{PREFIX}URL") or DEFAULT_URL
     token = os.environ.get(f"{PREFIX}TOKEN") or None
     text = f"any rosbridge, also as {PREFIX}URL [{shown_url(url)}]"  # a token may stand in it
     parser.add_argument("--url", default=url, help=text.replace("%", "%%"))
-    parser.add_argument("--token", default=token, help=f"what lets us in, also as {PREFIX}TOKEN")
+    parser.add_argument("--token", default=token, help=f"token of the server, also as {PREFIX}TOKEN")
 
 
 _seconds = make_number(0.001, 1e6, "seconds", float)
@@ -115,45 +116,48 @@ _window = make_number(2, 1e6, "a number from 2 to 1,000,000", int)
 
 
 def _topic(argv: Sequence[str]) -> int:
-    group, add = group_of("topic", "What is published on a rosbridge, and publishing there.")
+    group, add = group_of("topic", "Topics of a rosbridge: list, show, measure and publish.")
 
-    parser = add("list", _list_topics, "the topics that there are")
-    parser.add_argument("-v", "--verbose", action="store_true", help="types, publishers and subscribers too")
-    parser.add_argument("-t", "--types", action="store_true", help="types too")
+    parser = add("list", _list_topics, "list all topics")
+    parser.add_argument("-v", "--verbose", action="store_true", help="with types, publishers and subscribers")
+    parser.add_argument("-t", "--types", action="store_true", help="with types")
     _add_bridge(parser)
 
-    parser = add("info", _show_topic, "type, publishers and subscribers of a topic")
+    parser = add("info", _show_topic, "show type, publishers and subscribers of a topic")
     parser.add_argument("name", metavar="NAME")
     _add_bridge(parser)
 
-    parser = add("echo", _echo, "what is published, as it comes")
+    parser = add("echo", _echo, "print messages as they come")
     parser.add_argument("name", metavar="NAME")
     parser.add_argument("-n", "--count", type=_count, help="end after so many messages")
     parser.add_argument("--once", action="store_const", const=1, dest="count", help="end after the first")
-    parser.add_argument("--field", metavar="PATH", help="one field alone, as a.b or list[0].c")
+    parser.add_argument("--field", metavar="PATH", help="print only this field, such as a.b or list[0].c")
     parser.add_argument("--type", metavar="TYPE", help="of a topic that is not there yet")
     _add_bridge(parser, is_waiting=True)
     parser.set_defaults(end=0)
 
-    parser = add("hz", _show_rate, "how often messages come")
+    parser = add("hz", _show_rate, "measure the rate of messages")
     parser.add_argument("name", metavar="NAME")
-    parser.add_argument("-w", "--window", type=_window, metavar="N", help="look back on so many messages [all]")
+    parser.add_argument("-w", "--window", type=_window, metavar="N", help="measure over the last N messages [all]")
     parser.add_argument("-n", "--count", type=_window, help="end after so many messages")
     parser.add_argument("--type", metavar="TYPE", help="of a topic that is not there yet")
     _add_bridge(parser, is_waiting=True)
     parser.set_defaults(end=0)
 
-    parser = add("pub", _publish, "publish a message: once a second until Ctrl-C if nothing else is said")
+    parser = add("pub", _publish, "publish a message; by default once a second until Ctrl-C")
     parser.add_argument("name", metavar="NAME")
     parser.add_argument("type", metavar="TYPE")
     parser.add_argument(
         "message", metavar="MESSAGE", nargs="?", default="{}", help="JSON or YAML; fields may be left out"
     )
-    parser.add_argument("-1", "--once", action="store_const", const=1, dest="count", help="once, then end")
-    parser.add_argument("-n", "--count", type=_count, help="end after so many times")
-    parser.add_argument("-r", "--rate", type=_hertz, metavar="HZ", help=f"so often a second [{DEFAULT_RATE:g}]")
+    parser.add_argument("-1", "--once", action="store_const", const=1, dest="count", help="publish once, then end")
+    parser.add_argument("-n", "--count", type=_count, help="end after so many messages")
+    parser.add_argument("-r", "--rate", type=_hertz, metavar="HZ", help=f"messages per second [{DEFAULT_RATE:g}]")
     parser.add_argument(
-        "-l", "--latch", action="store_true", help="who subscribes later gets it too; alone: once, then stay for them"
+        "-l",
+        "--latch",
+        action="store_true",
+        help="later subscribers get it, too; alone: publish once, then stay for them",
     )
     _add_bridge(parser)
     parser.set_defaults(end=0)
@@ -161,7 +165,7 @@ def _topic(argv: Sequence[str]) -> int:
 
 
 def _list_topics(options: Options) -> int:
-    from rosbridge_sim.cli.tools import topic  # noqa: PLC0415 - see above, and so below
+    from rosbridge_sim.cli.tools import topic  # noqa: PLC0415 - see above; the same below
 
     return _with_bridge(
         options,
@@ -236,17 +240,17 @@ def _publish(options: Options) -> int:
 
 
 def _service(argv: Sequence[str]) -> int:
-    group, add = group_of("service", "What can be called on a rosbridge, and calling it.")
+    group, add = group_of("service", "Services of a rosbridge: list, show and call.")
 
-    parser = add("list", _list_services, "the services that there are")
-    parser.add_argument("-v", "--verbose", action="store_true", help="types and providers too")
+    parser = add("list", _list_services, "list all services")
+    parser.add_argument("-v", "--verbose", action="store_true", help="with types and providers")
     _add_bridge(parser)
 
-    parser = add("info", _show_service, "type, provider, request and response of a service")
+    parser = add("info", _show_service, "show type, provider, request and response of a service")
     parser.add_argument("name", metavar="NAME")
     _add_bridge(parser)
 
-    parser = add("call", _call, "call a service and show what it answers")
+    parser = add("call", _call, "call a service and print its answer")
     parser.add_argument("name", metavar="NAME")
     parser.add_argument(
         "request", metavar="REQUEST", nargs="?", default="{}", help="JSON or YAML; fields may be left out"
@@ -276,7 +280,7 @@ def _call(options: Options) -> int:
     if not isinstance(args, (dict, list)):
         raise SettingError(f"REQUEST: expected an object such as '{{data: 1}}'; got {options.request!r}")
     patience = options.patience or None
-    options.patience = ANSWER_PATIENCE  # of everything but the call
+    options.patience = ANSWER_PATIENCE  # for everything except the call
     return _with_bridge(
         options, lambda bridge: service.call(bridge, options.name, args, patience, is_json=options.json)
     )
@@ -288,7 +292,7 @@ def _call(options: Options) -> int:
 def _record(argv: Sequence[str]) -> int:
     parser = Parser(
         prog="rosbridge-sim record",
-        description="Record what is published on a rosbridge into a bag, until Ctrl-C.",
+        description="Record topics of a rosbridge into a bag, until Ctrl-C.",
         allow_abbrev=False,
         formatter_class=layout,
     )
@@ -299,7 +303,7 @@ def _record(argv: Sequence[str]) -> int:
         action="append",
         default=[],
         metavar="PATTERN",
-        help="which, such as '/Ego*'; repeatable [all]",
+        help="topics to record, such as '/Ego*'; repeatable [all]",
     )
     parser.add_argument("-n", "--count", type=_count, help="end after so many messages")
     _add_bridge(parser, is_waiting=True)
@@ -325,20 +329,20 @@ def _run_record(options: Options) -> int:
     )
 
 
-# tick, step, score, wait
+# tick, step, score, snapshot, restore, wait
 
 
 def _tick(argv: Sequence[str]) -> int:
     parser = Parser(
         prog="rosbridge-sim tick",
-        description="Move a simulator in synchronous mode by so many ticks, and show the frame and the ego after each.",
-        epilog="With --start the mode is ended again, unless it was on before: then the connection is closed, and the"
-        " server's --sync-on-loss says what follows (wait: the world stands until the next tick --start).",
+        description="Move a simulator in synchronous mode by N ticks, and print the frame and the ego after each.",
+        epilog="With --start, the mode is ended afterwards if it was off before. If it was on, only the connection is"
+        " closed, and the server's --sync-on-loss applies (wait: the world stands until the next tick --start).",
         allow_abbrev=False,
         formatter_class=layout,
     )
     parser.add_argument("count", metavar="N", nargs="?", type=_count, default=1, help="ticks [1]")
-    parser.add_argument("--start", action="store_true", help="become the master first, and end the mode at the end")
+    parser.add_argument("--start", action="store_true", help="become the master first; end the mode afterwards")
     parser.add_argument("--id", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
     parser.add_argument(
         "--step", type=_step_ms, default=20, metavar="MS", help="length of a tick, a multiple of 20 [20]"
@@ -497,10 +501,58 @@ def _run_sync(options: Options) -> int:
     return _with_bridge(options, lambda bridge: show_sync(bridge, is_json=options.json))
 
 
+def _snapshot(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim snapshot",
+        description="Save the state of a simulator, so that `restore` can go back to it; or list what is saved.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("--id", default="", metavar="ID", help="name of the snapshot [one that the server chooses]")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write it into a file, too, such as start.rbsim")
+    parser.add_argument("--list", action="store_true", help="show the snapshots that are kept, and take none")
+    parser.add_argument("--remove", action="append", default=[], metavar="ID", help="remove one, then list; repeatable")
+    _add_bridge(parser, CALL_PATIENCE)
+    parser.set_defaults(run=_run_snapshot)
+    return run_command(parser, argv)
+
+
+def _run_snapshot(options: Options) -> int:
+    from rosbridge_sim.cli.tools.snapshot import list_snapshots, take_snapshot  # noqa: PLC0415
+
+    if options.list or options.remove:
+        if options.id or options.out:
+            raise SettingError("--list, --remove: expected without --id and --out, which take a snapshot")
+        return _with_bridge(options, lambda bridge: list_snapshots(bridge, options.remove, is_json=options.json))
+    return _with_bridge(options, lambda bridge: take_snapshot(bridge, options.id, options.out, is_json=options.json))
+
+
+def _restore(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim restore",
+        description="Return a simulator to a snapshot. In synchronous mode only its master may do so.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument(
+        "snapshot", metavar="ID|FILE", help="name of a snapshot that the server keeps, or a file of `snapshot --out`"
+    )
+    parser.add_argument("--user", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
+    _add_bridge(parser, CALL_PATIENCE)
+    parser.set_defaults(run=_run_restore)
+    return run_command(parser, argv)
+
+
+def _run_restore(options: Options) -> int:
+    from rosbridge_sim.cli.tools.snapshot import restore  # noqa: PLC0415
+
+    return _with_bridge(options, lambda bridge: restore(bridge, options.snapshot, options.user, is_json=options.json))
+
+
 def _wait(argv: Sequence[str]) -> int:
     parser = Parser(
         prog="rosbridge-sim wait",
-        description="Wait until a rosbridge takes clients. Code 0: it does. Code 1: it does not in time.",
+        description="Wait until a rosbridge accepts clients. Exit code 0: it does. 1: it did not in time.",
         allow_abbrev=False,
         formatter_class=layout,
     )
@@ -535,6 +587,8 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "tick": _tick,
     "step": _step,
     "score": _score,
+    "snapshot": _snapshot,
+    "restore": _restore,
     "wait": _wait,
 }
-"""Name -> what runs it with the words behind the name."""
+"""Name -> function that runs the command with the words behind the name."""

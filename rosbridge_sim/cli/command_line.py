@@ -1,9 +1,8 @@
-"""What all commands of the command line share: how they are run and end, their help, their flags and numbers.
+"""The common parts of all commands: running and ending them, help, flags and numbers.
 
-Code 0: done. Code 1: whoever was asked says no. Code 2: a mistake in the command line, no rosbridge to talk to, or an
-output that takes nothing (a full disk). A command that has no end of its own ends well by Ctrl-C (0); another one was
-cut off (130). A reader that has had enough (`| head`) is no mistake. The tools themselves are imported once it is known
-which one is wanted.
+Exit code 0: done. 1: the server, or the check, says no. 2: a mistake in the command line, no rosbridge to talk to, or
+an output that cannot be written (a full disk). Endless commands exit with 0 on Ctrl-C, others with 130. A closed output
+pipe (`| head`) is not an error. The tools are imported only when the command is known.
 """
 
 from __future__ import annotations
@@ -38,22 +37,30 @@ __all__ = [
 ]
 
 INTERRUPTED = 130
-"""What a shell reports of a program that Ctrl-C has ended."""
+"""Exit code of a program that Ctrl-C has ended, as in a shell."""
 
 OUTPUT_LOST = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""Errors of a disk, and of a terminal that is gone."""
+"""Errors of a disk, or of a terminal that is closed."""
 
 Options = argparse.Namespace
 
 
-# What ends a command
+# Running and ending
 
 
 def run_command(parser: argparse.ArgumentParser, argv: Sequence[str]) -> int:
-    """Run the command that the words name; the exit code."""
+    """Run the command that the words name.
+
+    Args:
+        parser: parser of the command.
+        argv: words behind the command's name.
+
+    Returns:
+        The exit code.
+    """
     options = Options(end=INTERRUPTED)
     if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # a terminal without Korean still gets an answer
+        sys.stdout.reconfigure(errors="backslashreplace")  # for a terminal that has no Korean characters
     try:
         parser.parse_args(argv, options)
         code: int = options.run(options)
@@ -72,7 +79,7 @@ def run_command(parser: argparse.ArgumentParser, argv: Sequence[str]) -> int:
         drop_output()
         return 0
     except OSError as error:
-        if error.errno not in OUTPUT_LOST or error.filename is not None:  # a write to stdout has no file's name
+        if error.errno not in OUTPUT_LOST or error.filename is not None:  # one with a file name is not about stdout
             raise
         drop_output()
         note(f"the output cannot be written: {os.strerror(error.errno).lower()}")
@@ -81,23 +88,28 @@ def run_command(parser: argparse.ArgumentParser, argv: Sequence[str]) -> int:
 
 
 def drop_output() -> None:
-    """Lead stdout nowhere, so that what is left in its buffer does not fail again at the end of the process."""
+    """Send stdout to nowhere, so that the data in its buffer causes no second error at the end of the process."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, sys.stdout.fileno())
     os.close(nowhere)
 
 
-# What they have in common
+# Common flags
 
 
 def group_of(name: str, text: str) -> tuple[Parser, Callable[..., Parser]]:
-    """The parser of `rosbridge-sim NAME`, and what adds a command to it."""
+    """Return the parser of `rosbridge-sim NAME`, and a function that adds a command to it.
+
+    Args:
+        name: NAME.
+        text: description for the help.
+    """
     prog = f"rosbridge-sim {name}"
     group = Parser(prog=prog, description=text, allow_abbrev=False, formatter_class=layout)
     commands = group.add_subparsers(title="commands", metavar="COMMAND", dest="command")
 
     def none_given(_options: Options) -> int:
-        raise SettingError(f"{name}: expected a command: {', '.join(commands.choices)}; {prog} --help says more")
+        raise SettingError(f"{name}: expected a command: {', '.join(commands.choices)}; see {prog} --help")
 
     group.set_defaults(run=none_given)
 
@@ -112,27 +124,46 @@ def group_of(name: str, text: str) -> tuple[Parser, Callable[..., Parser]]:
 
 
 def add_json(parser: Parser) -> None:
-    """The flag of all that show something."""
-    parser.add_argument("--json", action="store_true", help="for programs: one JSON value, or one a line")
+    """Add the flag `--json`, for commands that print something.
+
+    Args:
+        parser: parser of the command.
+    """
+    parser.add_argument("--json", action="store_true", help="print JSON for programs: one value, or one per line")
 
 
 def add_definitions(parser: Parser) -> None:
-    """What decides which definitions there are."""
-    parser.add_argument("--release", help="MORAI SIM release whose messages are meant")
+    """Add the flags that select message definitions.
+
+    Args:
+        parser: parser of the command.
+    """
+    parser.add_argument("--release", help="MORAI SIM release of the messages")
     parser.add_argument(
         "--schema-path", action="append", default=[], metavar="DIR", help="folder with ROS packages; may be repeated"
     )
 
 
 def definition_sources_of(options: Options) -> DefinitionSources:
-    """What these flags have decided; a command without `--ros` leaves that open."""
+    """Return the values of these flags; without `--ros` the generation stays open.
+
+    Args:
+        options: the parsed flags.
+    """
     from rosbridge_sim.cli.tools.schema import DefinitionSources  # noqa: PLC0415 - with all that knows definitions
 
     return DefinitionSources(options.release, vars(options).get("ros"), tuple(options.schema_path))
 
 
 def make_number(low: float, high: float, what: str, as_type: type[int | float]) -> Callable[[str], float]:
-    """What reads a flag's number within bounds; `what` is expected of it."""
+    """Return a function that reads a flag's number within limits.
+
+    Args:
+        low: smallest value.
+        high: largest value.
+        what: description of valid values, for errors.
+        as_type: int for whole numbers.
+    """
 
     def read(text: str) -> float:
         try:

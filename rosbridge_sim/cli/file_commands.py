@@ -1,4 +1,4 @@
-"""The commands that look at files and ask no server: `rosbridge-sim schema|bag|scenario|map|docs ...`."""
+"""The commands that read files and need no server: `rosbridge-sim schema|bag|scenario|map|docs ...`."""
 
 from __future__ import annotations
 
@@ -22,14 +22,21 @@ __all__ = ["run_bag", "run_docs", "run_map", "run_scenario", "run_schema"]
 
 
 def run_schema(argv: Sequence[str]) -> int:
-    """`rosbridge-sim schema ...`."""
-    group, add = group_of("schema", "The definitions of types that are known here; no server is asked.")
+    """Run `rosbridge-sim schema ...`.
 
-    parser = add("list", _list_types, "the types that are known")
-    parser.add_argument("package", metavar="PACKAGE", nargs="?", help="those of one package")
+    Args:
+        argv: words behind the command's name.
+
+    Returns:
+        The exit code.
+    """
+    group, add = group_of("schema", "Message, service and action definitions on this machine; no server is needed.")
+
+    parser = add("list", _list_types, "list all known types")
+    parser.add_argument("package", metavar="PACKAGE", nargs="?", help="only the types of this package")
     _add_folders(parser)
 
-    parser = add("show", _show_type, "the definition of a type")
+    parser = add("show", _show_type, "print the definition of a type")
     parser.add_argument("type", metavar="TYPE", help="pkg/Type, or Type of any package")
     parser.add_argument("--full", action="store_true", help="with the definitions of all types in it")
     _add_folders(parser)
@@ -39,7 +46,7 @@ def run_schema(argv: Sequence[str]) -> int:
 def _add_folders(parser: Parser) -> None:
     add_json(parser)
     add_definitions(parser)
-    parser.add_argument("--ros", metavar="1|2", help="ROS generation whose standard messages are meant")
+    parser.add_argument("--ros", metavar="1|2", help="ROS generation of the standard messages")
 
 
 def _list_types(options: Options) -> int:
@@ -58,12 +65,19 @@ def _show_type(options: Options) -> int:
 
 
 def run_bag(argv: Sequence[str]) -> int:
-    """`rosbridge-sim bag ...`."""
-    group, add = group_of("bag", "Bags, as files; no server is asked.")
+    """Run `rosbridge-sim bag ...`.
 
-    parser = add("repair", _repair_bag, "copy what is whole of a bag whose recorder was killed into a new one")
+    Args:
+        argv: words behind the command's name.
+
+    Returns:
+        The exit code.
+    """
+    group, add = group_of("bag", "Bag files; no server is needed.")
+
+    parser = add("repair", _repair_bag, "copy the complete parts of a bag, whose recorder was killed, into a new bag")
     parser.add_argument("file", metavar="FILE", help="NAME.bag, NAME.mcap, or a folder of rosbag2")
-    parser.add_argument("-o", "--output", metavar="FILE", help="the new bag [NAME.repaired.bag, as the old one ends]")
+    parser.add_argument("-o", "--output", metavar="FILE", help="the new bag [NAME.repaired.bag, with the old suffix]")
     add_json(parser)
     return run_command(group, argv)
 
@@ -78,21 +92,28 @@ def _repair_bag(options: Options) -> int:
 
 
 def run_scenario(argv: Sequence[str]) -> int:
-    """`rosbridge-sim scenario ...`."""
-    group, add = group_of("scenario", "Scenario files; no server is asked.")
+    """Run `rosbridge-sim scenario ...`.
+
+    Args:
+        argv: words behind the command's name.
+
+    Returns:
+        The exit code.
+    """
+    group, add = group_of("scenario", "Scenario files; no server is needed.")
 
     parser = add(
         "check",
         _check_scenario,
-        "explain a scenario file: what is wrong, what is odd, what it holds, what of it is read; or judge several",
+        "explain a scenario file: its mistakes, its contents, and the keys that are used; or check several",
     )
     parser.add_argument(
         "files",
         metavar="FILE",
         nargs="+",
-        help="FILE.json, the name of a scenario that a server would find, or a folder of scenarios",
+        help="FILE.json, the name of a scenario as for a server, or a folder of scenarios",
     )
-    parser.add_argument("--map", metavar="NAME|DIR", help="the map to check it on [the one that it names]")
+    parser.add_argument("--map", metavar="NAME|DIR", help="map to check it on [the map in the scenario]")
     parser.add_argument(
         "--scenario-path", action="append", default=[], metavar="DIR", help="folder with scenarios; may be repeated"
     )
@@ -106,12 +127,12 @@ def run_scenario(argv: Sequence[str]) -> int:
 
 
 def _add_picture(parser: Parser) -> None:
-    parser.add_argument("--picture", metavar="FILE.png", help="also draw it; FILE.jpg does, too")
+    parser.add_argument("--picture", metavar="FILE.png", help="also draw a picture; FILE.jpg is possible, too")
 
 
 def _add_strict(parser: Parser) -> None:
     parser.add_argument(
-        "--strict", action="store_true", help="end with code 1 for remarks, too, and not for mistakes alone"
+        "--strict", action="store_true", help="exit with code 1 for remarks, too, not only for mistakes"
     )
 
 
@@ -128,10 +149,17 @@ def _check_scenario(options: Options) -> int:
 
 
 def run_map(argv: Sequence[str]) -> int:
-    """`rosbridge-sim map ...`."""
-    group, add = group_of("map", "Map folders; no server is asked.")
+    """Run `rosbridge-sim map ...`.
 
-    parser = add("info", _show_map, "explain a map: what is wrong, what it lacks, and what is in it; or judge several")
+    Args:
+        argv: words behind the command's name.
+
+    Returns:
+        The exit code.
+    """
+    group, add = group_of("map", "Map folders; no server is needed.")
+
+    parser = add("info", _show_map, "explain a map: its mistakes, missing parts and contents; or check several")
     parser.add_argument(
         "maps",
         metavar="DIR|NAME",
@@ -154,15 +182,22 @@ def _show_map(options: Options) -> int:
 
 
 def run_docs(argv: Sequence[str]) -> int:
-    """`rosbridge-sim docs ...`."""
+    """Run `rosbridge-sim docs ...`.
+
+    Args:
+        argv: words behind the command's name.
+
+    Returns:
+        The exit code.
+    """
     parser = Parser(
         prog="rosbridge-sim docs",
-        description="List the pages of the documentation that are in the package, or print one of them.",
+        description="List the documentation pages in the package, or print one of them.",
         allow_abbrev=False,
         formatter_class=layout,
     )
     parser.add_argument("page", metavar="PAGE", nargs="?", help="a page to print, such as tutorial or guides/ci")
-    parser.add_argument("--open", action="store_true", help="open the site in a browser, where mkdocs has built it")
+    parser.add_argument("--open", action="store_true", help="open the site in a browser, if mkdocs has built it")
     add_json(parser)
     parser.set_defaults(run=_show_docs)
     return run_command(parser, argv)

@@ -6,8 +6,8 @@
         client.start_sync()
         print(client.tick(50).ego["position"])
 
-Both have the same methods. The blocking form runs the other one in a thread of its own, so that a method is written
-once: a test holds the two to the same signatures. The `websockets` library carries the frames.
+Both have the same methods. The blocking form runs the asyncio form in its own thread, so each method is written only
+once; a test checks that their signatures are equal. The `websockets` library sends and receives the frames.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from rosbridge_sim.client.asynchronous import (
     AsyncSubscription,
     Command,
     RealTimeFactor,
+    Snapshot,
     Status,
     Steps,
     StopCondition,
@@ -48,6 +49,7 @@ __all__ = [
     "OpRefusedError",
     "RealTimeFactor",
     "ServiceRefusedError",
+    "Snapshot",
     "Status",
     "Steps",
     "StopCondition",

@@ -1,12 +1,13 @@
-"""The client for asyncio programs. The blocking one is made from it.
+"""The asyncio client. The blocking client is built on it.
 
-One task reads the socket as long as the connection lives: answers go to their calls, messages to their subscriptions.
-So pings are answered while the program does something else, and several tasks may use one client.
+One task reads the socket as long as the connection is open. It gives answers to their calls and messages to their
+subscriptions. So pings are answered while the program does something else, and several tasks may share one client.
 """
 
 from __future__ import annotations
 
 import asyncio
+import base64
 import itertools
 import logging
 import math
@@ -14,7 +15,7 @@ import ssl
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, ClassVar, Final, Literal, Self
 
@@ -43,6 +44,7 @@ __all__ = [
     "AsyncSubscription",
     "Command",
     "RealTimeFactor",
+    "Snapshot",
     "Status",
     "Steps",
     "StopCondition",
@@ -50,33 +52,33 @@ __all__ = [
 ]
 
 DEFAULT_URL = f"ws://127.0.0.1:{DEFAULT_PORT}"
-"""A server on this machine that was started without flags."""
+"""URL of a server on this machine that was started without flags."""
 
 DEFAULT_TIMEOUT = 5.0
-"""Longest wait for an answer if nothing is said [s]: rosbridge_suite's own time-out of a call."""
+"""Default of the longest wait for an answer [s]: the same as rosbridge_suite's time-out of a call."""
 
 DEFAULT_KEEP = 1_000
-"""Messages of a subscription that wait to be taken, if nothing is said: 20 s of a topic at 50 Hz."""
+"""Default number of messages that a subscription keeps until they are taken: 20 s of a topic at 50 Hz."""
 
 DEFAULT_USER_ID = "rosbridge_sim.client"
-"""Name under which the client is master of synchronous mode, if nothing is said."""
+"""Default name of the client as master of synchronous mode."""
 
 CLOSE_TIMEOUT = 1.0
-"""Longest wait for the other side's goodbye [s]."""
+"""Longest wait for the other side to confirm that the connection closes [s]."""
 
 MAX_STATUSES = 100
-"""Remarks of the server that are kept, the newest: more than a person reads."""
+"""Number of status messages that are kept; the oldest are dropped first. A person reads fewer."""
 
 FRAME_MS = 20
-"""One frame of the simulator [ms]; a tick moves it by a multiple."""
+"""Simulated time of one frame [ms]; a tick is a multiple of it."""
 
 _FINAL_STATUSES = (401, 403)
-"""HTTP statuses that no later attempt changes: the token is wrong, or the server does not want this client."""
+"""HTTP statuses after which a new attempt is useless: the token is wrong, or the server rejects this client."""
 
 _log = logging.getLogger("rosbridge_sim.client")
 
 Predicate = Callable[[Frame], object]
-"""Takes a message; a true value says that it is the one that is waited for."""
+"""A function that takes a message and returns a true value if it is the wanted one."""
 
 Command = Mapping[str, object]
 """The fields of a `morai_msgs/CtrlCmd` by name; those that are left out are 0."""
@@ -91,17 +93,17 @@ _STOP_FIELDS: Final[Mapping[StopCondition, str]] = {
 }
 
 StatusLevel = Literal["info", "warning", "error", "none"]
-"""The least level of the remarks that the server sends."""
+"""Lowest level of the status messages that the server sends."""
 
 
 @dataclass(frozen=True, slots=True)
 class Status:
-    """A remark of the server, from a `status` frame.
+    """A status message of the server, from a `status` frame.
 
     Attributes:
         level: `info`, `warning` or `error`.
-        text: what it says.
-        op_id: the id of the op that it is about; None where the server does not tell.
+        text: the message.
+        op_id: id of the op that the message is about; None if the server does not name one.
     """
 
     level: str
@@ -162,9 +164,28 @@ class RealTimeFactor:
     measured: float
 
 
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """A saved state of the simulator.
+
+    Attributes:
+        name: under which the server keeps it.
+        frame: of the state that was saved.
+        size: memory that it takes in the server [bytes].
+        state_hash: of that state.
+        data: all of it, for another process; empty if it was not asked for.
+    """
+
+    name: str
+    frame: int
+    size: int
+    state_hash: str
+    data: bytes = field(default=b"", repr=False)
+
+
 @dataclass(slots=True)
 class _SyncMode:
-    """Synchronous mode of which this client is master."""
+    """Settings of synchronous mode while this client is its master."""
 
     user_id: str
     step_ms: int
@@ -178,20 +199,21 @@ class AsyncClient:
         async with AsyncClient("ws://127.0.0.1:9090") as client:
             spec = await client.ask("/Service_MoraiVehicleSpec", unique_id=0)
 
-    It does not connect anew by itself: after `ConnectionLostError`, make another one. Each method that waits takes
-    `timeout` in seconds; None takes the client's own, and `math.inf` sets no limit.
+    The client does not reconnect by itself: after `ConnectionLostError`, create a new one. Each method that waits takes
+    `timeout` in seconds. None means the client's own `timeout`, and `math.inf` means no limit.
 
     Attributes:
-        url: of the server.
-        timeout: longest wait for an answer or a message, where a method is given no other [s].
-        statuses: the last remarks of the server, oldest first. They are in the log `rosbridge_sim.client` as well.
+        url: URL of the server.
+        timeout: default of the longest wait for an answer or a message [s].
+        statuses: latest status messages of the server, oldest first. They are also written to the log
+            `rosbridge_sim.client`.
     """
 
     url_name: ClassVar[str] = "url"
-    """Where the URL was given, for errors."""
+    """Name of the URL's argument, for error texts."""
 
     token_name: ClassVar[str] = "token"  # noqa: S105 - a name, and no secret
-    """The same for the token."""
+    """Name of the token's argument, for error texts."""
 
     def __init__(
         self,
@@ -205,11 +227,12 @@ class AsyncClient:
         """Prepare a client; `open` or `async with` connects it.
 
         Args:
-            url: `ws://HOST:PORT` or `wss://HOST:PORT`; `HOST` and `HOST:PORT` will do.
-            token: what the server was given by `--token`; None shows none.
+            url: `ws://HOST:PORT` or `wss://HOST:PORT`; `HOST` and `HOST:PORT` are accepted, too.
+            token: the token that the server was started with (`--token`); None sends none.
             timeout: longest wait for an answer or a message [s].
             tls: certificates to trust for `wss://`; None trusts those of the system.
-            status_level: least level of the remarks that the server is asked for; None leaves that to the server.
+            status_level: lowest level of the status messages that the server is asked for; None keeps the server's
+                default.
         """
         self.url = full_url(url)
         self.timeout = timeout
@@ -225,7 +248,7 @@ class AsyncClient:
         self._subscriptions: dict[str, list[AsyncSubscription]] = {}
         self._others: Inbox | None = None
         self._advertised: set[tuple[str, str]] = set()
-        self._refusals: dict[str, Status] = {}  # errors that nobody has been told of, by the ids of their ops
+        self._refusals: dict[str, Status] = {}  # errors not raised yet, by the ids of their ops
         self._num_statuses = 0
         self._sync: _SyncMode | None = None
         self._ticking = asyncio.Lock()
@@ -239,7 +262,7 @@ class AsyncClient:
 
     @property
     def is_connected(self) -> bool:
-        """Whether it is open, as far as this side knows."""
+        """True while the connection is open, as far as this side knows."""
         return self._connection is not None and self._lost is None
 
     async def __aenter__(self) -> Self:
@@ -253,10 +276,13 @@ class AsyncClient:
         await self.close()
 
     async def open(self) -> Self:
-        """Connect to the server; return the client itself. A client connects once.
+        """Connect to the server; return the client itself. A client connects only once.
+
+        Returns:
+            The client itself.
 
         Raises:
-            ConnectError: there is no connection; the text says why.
+            ConnectError: the connection cannot be made; the text says why.
         """
         if self._connection is not None:
             raise ClientError(f"{self!r}: expected a client that was never opened; make another one")
@@ -271,9 +297,9 @@ class AsyncClient:
                 compression=None,
                 open_timeout=self._limit(None),
                 close_timeout=CLOSE_TIMEOUT,
-                ping_interval=None,  # a server that is busy with a long call answers no ping, and that is no fault
+                ping_interval=None,  # a busy server does not answer pings, and this is not a fault
                 max_size=MAX_SIZE,
-                proxy=None,  # the environment's proxies are for the web
+                proxy=None,  # proxies from the environment are for web pages
                 logger=quiet,
                 **more,
             )
@@ -300,23 +326,23 @@ class AsyncClient:
         return ConnectError(text, status=status, is_final=is_no_url or status in _FINAL_STATUSES)
 
     async def close(self) -> None:
-        """Disconnect in order: the server forgets what it held for this client. Twice is no error."""
+        """Disconnect; the server then releases what it held for this client. A second call does nothing."""
         if self._connection is None or self._reading is None:
             return
         self._end(ConnectionLostError(f"{shown_url(self.url)}: this client was closed"))
-        if not self._reading.done():  # else the other side has closed it, and the library fails where it was cut off
+        if not self._reading.done():  # else it is lost, and the library's `close` fails
             await self._connection.close()
             await asyncio.wait({self._reading})
 
     def _end(self, error: ConnectionLostError) -> None:
-        """Let all who wait know that nothing more comes."""
+        """End all waits: no more frames come."""
         if self._lost is not None:
             return
         self._lost = error
         for future in list(self._calls.values()):
             if not future.done():
                 future.set_exception(error)
-                future.exception()  # a call whose caller is gone is no fault
+                future.exception()  # no warning about a call that was given up
         for inbox in [one.inbox for some in self._subscriptions.values() for one in some]:
             inbox.end(error)
         if self._others is not None:
@@ -325,11 +351,18 @@ class AsyncClient:
     # Frames
 
     async def send(self, op: str, **fields: object) -> str:
-        """Send an op of the rosbridge protocol as it is; return the id that it got.
+        """Send any op of the rosbridge protocol.
+
+        Args:
+            op: name of the op, such as `advertise`.
+            fields: fields of the op.
+
+        Returns:
+            The `id` of the op: the given one, or a new one.
 
         Raises:
             ConnectionLostError: there is no connection.
-            TypeError: a value that JSON has no word for.
+            TypeError: a value cannot be written as JSON.
         """
         op_id = f"{op}:{next(self._numbers)}"
         await self._send(op_id, op, fields)
@@ -348,12 +381,16 @@ class AsyncClient:
             raise ConnectionLostError(why_gone(self.url, closed, self._secrets)) from None
 
     def collect_others(self) -> Inbox:
-        """Return an inbox that gets each frame from now on that answers no call and belongs to no subscription."""
+        """Return an inbox for all later frames that belong to no call and no subscription."""
         self._others = self._others or Inbox()
         return self._others
 
     def note(self, text: str) -> None:
-        """Tell of something that came and cannot be used."""
+        """Log a warning about input that cannot be used.
+
+        Args:
+            text: what came, and why it is not usable.
+        """
         _log.warning("%s: %s", shown_url(self.url), text)
 
     async def _read(self, connection: ClientConnection) -> None:
@@ -371,11 +408,11 @@ class AsyncClient:
                         self._take(frame)
         except ConnectionClosed as closed:
             self._end(ConnectionLostError(why_gone(self.url, closed, self._secrets)))
-        finally:  # a bug of ours: nobody is to wait for ever
+        finally:  # after an internal error, too: no caller may wait for ever
             self._end(ConnectionLostError(f"{shown_url(self.url)}: the client has stopped reading"))
 
     def _take(self, frame: Frame) -> None:
-        """Give a frame to whoever waits for it."""
+        """Give a frame to the call or the subscription that waits for it."""
         op = frame.get("op")
         if op == "service_response":
             future = self._calls.get(str(frame.get("id")))
@@ -406,7 +443,7 @@ class AsyncClient:
             _log.warning("%s says: %s: %s", shown_url(self.url), safe(status.level), safe(status.text))
 
     def _limit(self, timeout: float | None) -> float | None:
-        """Return the longest wait [s]; None where there is no limit."""
+        """Return the longest wait [s]; None means no limit."""
         limit = self.timeout if timeout is None else timeout
         return None if math.isinf(limit) else limit
 
@@ -419,15 +456,15 @@ class AsyncClient:
     async def begin_call(
         self, service: str, args: object = None, *, server_timeout: float | None = None
     ) -> asyncio.Future[Frame]:
-        """Send a call and do not wait: for many calls that are under way at once.
+        """Send a call without waiting for its answer, so that many calls can run at once.
 
         Args:
-            service: its name.
+            service: name of the service.
             args: the request, by field names or, as a list, by position.
-            server_timeout: the server gives up after so long [s]; 0 is for ever, None leaves it to the server.
+            server_timeout: time after which the server gives up [s]; 0 means never, None means the server's default.
 
         Returns:
-            The `service_response` frame, in the future. Cancel it to wait no longer.
+            A future of the `service_response` frame. Cancel it to wait no longer.
 
         Raises:
             ConnectionLostError: there is no connection.
@@ -450,12 +487,15 @@ class AsyncClient:
         """Call any service and return its values.
 
         Args:
-            service: its name.
+            service: name of the service.
             args: the request, by field names or, as a list, by position.
             timeout: longest wait [s].
 
+        Returns:
+            The `values` of the answer.
+
         Raises:
-            ServiceRefusedError: it says no, or there is no such service; the error has the reason.
+            ServiceRefusedError: the service failed or does not exist; the error has the reason.
             AnswerTimeoutError: no answer in time.
             ConnectionLostError: the connection has ended.
         """
@@ -474,15 +514,19 @@ class AsyncClient:
     async def ask(self, service: str, /, *, timeout: float | None = None, **request: object) -> Frame:
         """Call a service of the simulator and return its `response`.
 
-        Services of `morai_msgs` wrap one message: `request` goes in and `response` comes out. For others use `call`.
+        Services of `morai_msgs` have one field `request` and one field `response`, each with a message. This method
+        adds and removes these fields. For other services use `call`.
 
         Args:
-            service: its name.
+            service: name of the service.
             timeout: longest wait [s].
-            request: the fields of the request; those that are left out are 0.
+            request: fields of the request; a field that is left out is 0.
+
+        Returns:
+            The message in the field `response`.
 
         Raises:
-            ServiceRefusedError: it says no, or there is no such service; the error has the reason.
+            ServiceRefusedError: the service failed or does not exist; the error has the reason.
             AnswerTimeoutError: no answer in time.
             ConnectionLostError: the connection has ended.
         """
@@ -495,12 +539,12 @@ class AsyncClient:
     # Topics
 
     async def publish(self, topic: str, msg: Mapping[str, object], type_name: str | None = None) -> None:
-        """Publish a message. The server tells of a mistake later: `confirm` waits for that.
+        """Publish a message. The server reports a mistake later: use `confirm` to wait for that.
 
         Args:
-            topic: its name.
-            msg: fields by name; those that are left out are 0.
-            type_name: of the message, as `pkg/Type`; the server must be told it once for a topic of your own.
+            topic: name of the topic.
+            msg: fields by name; a field that is left out is 0.
+            type_name: type of the message, as `pkg/Type`. A new topic needs it once.
 
         Raises:
             ConnectionLostError: there is no connection.
@@ -511,13 +555,13 @@ class AsyncClient:
         await self.send("publish", topic=topic, msg=msg)
 
     async def confirm(self, *, timeout: float | None = None) -> None:
-        """Wait until the server has handled all that was sent so far.
+        """Wait until the server has handled everything that was sent before.
 
         Args:
             timeout: longest wait [s].
 
         Raises:
-            OpRefusedError: it refused some of that since the last call of this method.
+            OpRefusedError: the server refused an op since the last call of this method.
             AnswerTimeoutError: no answer in time.
             ConnectionLostError: the connection has ended.
         """
@@ -527,25 +571,29 @@ class AsyncClient:
             raise OpRefusedError("; ".join(status.text for status in refusals.values()))
 
     async def _settle(self, timeout: float | None) -> None:
-        """Make a harmless call: the server handles frames in order, so its answer comes after all before it."""
-        with suppress(ServiceRefusedError):  # it has no rosapi, and that is an answer as well
+        """Make a harmless call. The server handles frames in order, so its answer comes after all earlier ones."""
+        with suppress(ServiceRefusedError):  # a refusal is also an answer: the server has no rosapi
             await self.call("/rosapi/get_time", timeout=timeout)
 
     async def subscribe(
         self, topic: str, type_name: str | None = None, *, throttle_ms: int = 0, keep: int = DEFAULT_KEEP
     ) -> AsyncSubscription:
-        """Subscribe to a topic; return once the server has done it.
+        """Subscribe to a topic; return when the server has done it.
 
-        The last message of a latched topic comes at once. A further subscription to that topic brings it to the earlier
-        ones of this client again, since messages do not tell which subscription they are for.
+        The last message of a latched topic comes at once. A second subscription to this topic repeats that message for
+        the first one, because a message does not name its subscription.
 
         Args:
-            topic: its name.
-            type_name: of its messages; None takes the topic's, which must be there then.
-            throttle_ms: least time between two messages [ms].
-            keep: messages that wait to be taken; where more come, the oldest are dropped first.
+            topic: name of the topic.
+            type_name: type of its messages. None means the type of the topic, which must exist then.
+            throttle_ms: shortest time between two messages [ms].
+            keep: messages to keep until they are taken; if more come, the oldest are dropped first.
+
+        Returns:
+            The subscription; iterate over it, or call its `next`.
 
         Raises:
+            ValueError: `keep` is less than 1.
             OpRefusedError: there is no such topic, or it has another type.
             AnswerTimeoutError: no answer in time.
             ConnectionLostError: the connection has ended.
@@ -553,7 +601,7 @@ class AsyncClient:
         if keep < 1:
             raise ValueError(f"keep: expected a number from 1 on; got {keep}")
         subscription = AsyncSubscription(self, absolute(topic), Inbox(keep), f"subscribe:{next(self._numbers)}")
-        # A server sends what is subscribed to under two spellings twice, so all subscriptions have one.
+        # A server sends each message twice for two spellings of one topic, so all subscriptions use one spelling.
         fields: dict[str, object] = {"topic": subscription.topic, "throttle_rate": throttle_ms}
         if type_name is not None:
             fields["type"] = type_name
@@ -580,12 +628,16 @@ class AsyncClient:
         subscription.inbox.end(None)
 
     async def unsubscribe(self, subscription: AsyncSubscription) -> None:
-        """End a subscription; twice is no error, nor is a connection that has ended."""
+        """End a subscription. A second call, or a call after the connection has ended, does nothing.
+
+        Args:
+            subscription: from `subscribe` of this client.
+        """
         if subscription not in self._subscriptions.get(subscription.topic, []):
             return
         self._forget(subscription)
         if self.is_connected:
-            with suppress(ConnectionLostError):  # that ends it as well
+            with suppress(ConnectionLostError):  # the lost connection has ended it
                 await self._send(subscription.op_id, "unsubscribe", {"topic": subscription.topic})
 
     async def wait_for(
@@ -596,19 +648,22 @@ class AsyncClient:
         type_name: str | None = None,
         timeout: float | None = None,
     ) -> Frame:
-        """Return the first message of a topic that fits, from now on. A message that is latched there counts.
+        """Subscribe to a topic and return its first message that fits. A latched message counts.
 
-        What comes before the call is missed: to publish something and see its effect, `subscribe` first.
+        Messages from before the call are missed: to publish something and see its effect, `subscribe` first.
 
         Args:
-            topic: its name.
-            predicate: takes a message and says whether it fits; None takes the first one.
+            topic: name of the topic.
+            predicate: takes a message and returns true if it fits; None accepts every message.
             type_name: as for `subscribe`.
             timeout: longest wait [s].
 
+        Returns:
+            The message.
+
         Raises:
             OpRefusedError: there is no such topic, or it has another type.
-            AnswerTimeoutError: none that fits in time.
+            AnswerTimeoutError: no message that fits came in time.
             ConnectionLostError: the connection has ended.
         """
         subscription = await self.subscribe(topic, type_name)
@@ -620,7 +675,18 @@ class AsyncClient:
     async def next_of(
         self, subscription: AsyncSubscription, predicate: Predicate | None, timeout: float | None
     ) -> Frame:
-        """Return the next message of a subscription that fits; see `AsyncSubscription.wait_for`."""
+        """Return the next message of a subscription that fits; see `AsyncSubscription.wait_for`.
+
+        Args:
+            subscription: from `subscribe` of this client.
+            predicate: takes a message and returns true if it fits; None accepts every message.
+            timeout: longest wait [s].
+
+        Raises:
+            ClientError: the subscription was closed.
+            AnswerTimeoutError: no message that fits came in time.
+            ConnectionLostError: the connection has ended.
+        """
         until, num = self._until(timeout), 0
         while (msg := await subscription.inbox.next(until)) is not None:
             if predicate is None or predicate(msg):
@@ -628,19 +694,22 @@ class AsyncClient:
             num += 1
         if subscription.inbox.is_ended:
             raise ClientError(f"{subscription.topic}: expected an open subscription; this one was closed")
-        why = f"; of {num:,} that came none fits" if num else ""
+        why = f"; {num:,} came, but none of them fits" if num else ""
         if self._sync is not None and not num:
-            why = "; in synchronous mode the world stands until tick()"
+            why = "; in synchronous mode the world moves only by tick()"
         raise AnswerTimeoutError(f"{subscription.topic}: no message within {self._limit(timeout):g} s{why}")
 
     # Synchronous mode
 
     async def start_sync(self, *, user_id: str = DEFAULT_USER_ID, step_ms: int = FRAME_MS) -> int:
-        """Start synchronous mode with this client as its master; return the frame that the world stands at.
+        """Start synchronous mode with this client as its master; return the current frame number.
 
         Args:
             user_id: name of the master.
-            step_ms: how far a tick moves the world: a multiple of 20 [ms].
+            step_ms: simulated time of a tick: a multiple of 20 [ms].
+
+        Returns:
+            Number of the frame at which the world has stopped.
 
         Raises:
             ServiceRefusedError: there is another master, or the mode cannot be started; the error has the reason.
@@ -652,10 +721,10 @@ class AsyncClient:
         return self._sync.frame
 
     async def stop_sync(self) -> None:
-        """End synchronous mode: the world goes on in real time. Nothing if this client has not started it.
+        """End synchronous mode: the world goes on in real time. Do nothing if this client has not started it.
 
         Raises:
-            ServiceRefusedError: the simulator says no; the error has the reason.
+            ServiceRefusedError: the simulator refuses; the error has the reason.
             AnswerTimeoutError: no answer in time.
             ConnectionLostError: the connection has ended.
         """
@@ -664,13 +733,17 @@ class AsyncClient:
             self._sync = None
 
     async def tick(self, n: int = 1, *, timeout: float | None = None) -> Tick:
-        """Move the world by some ticks; return what the last one brought. Ticks of several callers do not overlap.
+        """Move the world by `n` ticks. Ticks of several tasks do not overlap.
 
         Args:
-            n: number of ticks, from 1 on.
-            timeout: longest wait for each [s].
+            n: number of ticks, at least 1.
+            timeout: longest wait for each tick [s].
+
+        Returns:
+            The simulation after the last tick.
 
         Raises:
+            ValueError: `n` is less than 1.
             ClientError: synchronous mode was not started.
             ServiceRefusedError: the tick is refused; the error has the reason.
             AnswerTimeoutError: no answer in time.
@@ -765,18 +838,104 @@ class AsyncClient:
             raise ServiceRefusedError("/sim/real_time_factor", str(values.get("message", "")), values)
         return RealTimeFactor(values["factor"], values["measured"])
 
+    # Snapshots
+
+    async def snapshot(self, name: str = "", *, with_data: bool = False, timeout: float | None = None) -> Snapshot:
+        """Save the state of the whole simulator; return what was saved.
+
+        Args:
+            name: of the snapshot; a name that is taken gets the new one; empty lets the server choose.
+            with_data: return its bytes, too, which another process can restore.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: there is no room, or it cannot be saved now; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        answer = await self._ask_sim("/sim/snapshot", {"id": name, "with_data": with_data}, timeout)
+        return _snapshot_of(answer, base64.b64decode(str(answer.get("data", ""))))
+
+    async def restore(self, saved: str | bytes | Snapshot, *, timeout: float | None = None) -> int:
+        """Return the simulator to a snapshot; return the frame that the world stands at.
+
+        In synchronous mode only its master may do so: the client that has called `start_sync`.
+
+        Args:
+            saved: what `snapshot` returned, or its name or bytes. A snapshot with bytes is sent as these.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: there is no such snapshot, or it cannot be restored; the error has the reason, and
+                nothing has changed.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        if isinstance(saved, Snapshot):
+            saved = saved.data or saved.name
+        sync = self._sync
+        request: dict[str, object] = {"user_id": DEFAULT_USER_ID if sync is None else sync.user_id}
+        if isinstance(saved, bytes):
+            request["data"] = base64.b64encode(saved).decode()
+        else:
+            request["id"] = saved
+        frame = int((await self._ask_sim("/sim/restore", request, timeout)).get("frame", 0))
+        if sync is not None:
+            sync.frame = frame
+        return frame
+
+    async def snapshots(self, *, remove: Sequence[str] = (), timeout: float | None = None) -> list[Snapshot]:
+        """Return the snapshots that the server keeps, oldest first, without their bytes.
+
+        Args:
+            remove: names of snapshots that it shall keep no longer.
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: one of these names is not there; none was removed.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        answer = await self._ask_sim("/sim/snapshots", {"remove": list(remove)}, timeout)
+        return [_snapshot_of(one) for one in answer.get("snapshots", ())]
+
+    async def state_hash(self, *, timeout: float | None = None) -> str:
+        """Return a hash of all that decides what the simulator will do: equal states have equal hashes.
+
+        Args:
+            timeout: longest wait [s].
+
+        Raises:
+            ServiceRefusedError: there is no such service.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        return str((await self.call("/sim/state_hash", timeout=timeout)).get("hash", ""))
+
+    async def _ask_sim(self, service: str, request: Mapping[str, object], timeout: float | None) -> Frame:
+        """Return the values of a service of ours that can refuse.
+
+        Raises:
+            ServiceRefusedError: it does.
+        """
+        answer = await self.call(service, request, timeout=timeout)
+        if answer.get("result") is not True:
+            raise ServiceRefusedError(service, str(answer.get("message", "")), answer)
+        return answer
+
     @property
     def next_frame(self) -> int:
-        """The frame that the next tick leads to, for requests that name one; 0 without `start_sync`."""
+        """Number of the frame that the next tick leads to, for requests that name a frame; 0 without `start_sync`."""
         return 0 if self._sync is None else self._sync.frame + self._sync.step_ms // FRAME_MS
 
     async def _ask_sync(
         self, key: str, service: str, request: Mapping[str, object], timeout: float | None = None
     ) -> Frame:
-        """Return the response of a service of synchronous mode, which says in a field whether it did what was asked.
+        """Call a service of synchronous mode and return its response; one of its fields says if the request was done.
 
         Raises:
-            ServiceRefusedError: it did not; the reason is the server's remark, which is not in the response.
+            ServiceRefusedError: the request was not done. The reason comes from the server's status message, because
+                the response has none.
         """
         num_before = self._num_statuses
         response = await self.ask(service, timeout=timeout, **request)
@@ -855,23 +1014,33 @@ class AsyncClient:
         return list(values.get("scores", ()))
 
 
+def _snapshot_of(values: Frame, data: bytes = b"") -> Snapshot:
+    return Snapshot(
+        str(values.get("id", "")),
+        int(values.get("frame", 0)),
+        int(values.get("size", 0)),
+        str(values.get("state_hash", "")),
+        data,
+    )
+
+
 def _sync_command(user_id: str, step_ms: int, *, is_on: bool = False) -> Frame:
     return {"user_id": user_id, "start_sync_mode": is_on, "time_step": step_ms}
 
 
 class AsyncSubscription:
-    """The messages of a topic, from `AsyncClient.subscribe`.
+    """Messages of a topic, from `AsyncClient.subscribe`.
 
         async with await client.subscribe("/Ego_topic") as egos:
             async for ego in egos:
                 ...
 
-    The loop ends when the subscription is closed, and raises `ConnectionLostError` when the connection ends.
+    The loop ends when the subscription is closed. It raises `ConnectionLostError` when the connection ends.
 
     Attributes:
-        topic: its absolute name.
+        topic: absolute name of the topic.
         inbox: messages that wait to be taken.
-        op_id: the id of the subscription on the wire.
+        op_id: id of the subscription on the wire.
     """
 
     def __init__(self, client: AsyncClient, topic: str, inbox: Inbox, op_id: str) -> None:
@@ -882,22 +1051,34 @@ class AsyncSubscription:
 
     @property
     def num_dropped(self) -> int:
-        """Messages that were dropped, since more came than the subscription keeps."""
+        """Number of messages that were dropped because more came than the subscription keeps."""
         return self.inbox.num_dropped
 
     async def next(self, *, timeout: float | None = None) -> Frame:
-        """Return the next message; errors as for `wait_for`."""
+        """Return the next message.
+
+        Args:
+            timeout: longest wait [s]; None means the client's own.
+
+        Raises:
+            AnswerTimeoutError: no message in time.
+            ConnectionLostError: the connection has ended.
+            ClientError: the subscription was closed.
+        """
         return await self._client.next_of(self, None, timeout)
 
     async def wait_for(self, predicate: Predicate | None = None, *, timeout: float | None = None) -> Frame:
-        """Return the next message that fits; those before it are passed over.
+        """Return the next message that fits; skip those before it.
 
         Args:
-            predicate: takes a message and says whether it fits; None takes the first one.
-            timeout: longest wait [s]; None takes the client's own.
+            predicate: takes a message and returns true if it fits; None accepts every message.
+            timeout: longest wait [s]; None means the client's own.
+
+        Returns:
+            The message.
 
         Raises:
-            AnswerTimeoutError: none that fits in time.
+            AnswerTimeoutError: no message that fits came in time.
             ConnectionLostError: the connection has ended.
             ClientError: the subscription was closed.
         """
@@ -908,11 +1089,11 @@ class AsyncSubscription:
         return self.inbox.take()
 
     async def close(self) -> None:
-        """End the subscription; twice is no error."""
+        """End the subscription. A second call does nothing."""
         await self._client.unsubscribe(self)
 
     def __aiter__(self) -> Self:
-        """Iterate over the messages, without a limit of time."""
+        """Iterate over the messages, without a time limit."""
         return self
 
     async def __anext__(self) -> Frame:
@@ -923,7 +1104,7 @@ class AsyncSubscription:
         return msg
 
     async def __aenter__(self) -> Self:
-        """Return itself."""
+        """Return the subscription itself."""
         return self
 
     async def __aexit__(

@@ -1,7 +1,7 @@
-"""The blocking client: each method runs the one of the same name of an `AsyncClient`, in a thread of its own.
+"""The blocking client: each method runs the method of the same name of an `AsyncClient` in its own thread.
 
-The library has a client for threads as well. It was turned down: it has a thread for each connection too, which stops
-reading when a few messages wait, so a second one would be needed; and each method would have to be written twice.
+The `websockets` library has a blocking client, too. It is not used, for two reasons. Its thread stops reading when a
+few messages wait, so each connection would need a second thread. And each method would have to be written twice.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from rosbridge_sim.client.asynchronous import (
     Command,
     Predicate,
     RealTimeFactor,
+    Snapshot,
     Status,
     StatusLevel,
     Steps,
@@ -40,14 +41,15 @@ T = TypeVar("T")
 
 
 class Client:
-    """A connection to a rosbridge, for programs that block. Every method may be called from any thread.
+    """A connection to a rosbridge, for programs without asyncio. Every method may be called from any thread.
 
         with Client("ws://127.0.0.1:9090") as client:
             spec = client.ask("/Service_MoraiVehicleSpec", unique_id=0)
 
-    It does not connect anew by itself: after `ConnectionLostError`, make another one. Each method that waits takes
-    `timeout` in seconds; None takes the client's own, and `math.inf` sets no limit. A predicate runs in the client's
-    thread, so it may not call the client. In a coroutine use `AsyncClient`: this one would hold up the event loop.
+    The client does not reconnect by itself: after `ConnectionLostError`, create a new one. Each method that waits takes
+    `timeout` in seconds. None means the client's own `timeout`, and `math.inf` means no limit. A predicate runs in the
+    client's thread, so it must not call the client. In a coroutine use `AsyncClient`, because this class blocks the
+    event loop.
     """
 
     def __init__(
@@ -59,7 +61,16 @@ class Client:
         tls: ssl.SSLContext | None = None,
         status_level: StatusLevel | None = "warning",
     ) -> None:
-        """Prepare a client; `open` or `with` connects it. Arguments as for `AsyncClient`."""
+        """Prepare a client; `open` or `with` connects it. The arguments are those of `AsyncClient`.
+
+        Args:
+            url: `ws://HOST:PORT` or `wss://HOST:PORT`; `HOST` and `HOST:PORT` are accepted, too.
+            token: the token that the server was started with (`--token`); None sends none.
+            timeout: longest wait for an answer or a message [s].
+            tls: certificates to trust for `wss://`; None trusts those of the system.
+            status_level: lowest level of the status messages that the server is asked for; None keeps the server's
+                default.
+        """
         self._client = AsyncClient(url, token=token, timeout=timeout, tls=tls, status_level=status_level)
         self._thread: LoopThread | None = None
 
@@ -68,7 +79,17 @@ class Client:
         return repr(self._client).replace(AsyncClient.__name__, type(self).__name__, 1)
 
     def run(self, work: Coroutine[Any, Any, T]) -> T:
-        """Run a coroutine of the inner client in the client's thread."""
+        """Run a coroutine of the inner client in the client's thread.
+
+        Args:
+            work: a coroutine of the inner `AsyncClient`.
+
+        Returns:
+            The result of the coroutine.
+
+        Raises:
+            ConnectionLostError: the client is not open.
+        """
         url = shown_url(self._client.url)
         if self._thread is None:
             work.close()
@@ -87,17 +108,17 @@ class Client:
 
     @property
     def timeout(self) -> float:
-        """Longest wait for an answer or a message, where a method is given no other [s]."""
+        """Default of the longest wait for an answer or a message [s]."""
         return self._client.timeout
 
     @property
     def statuses(self) -> list[Status]:
-        """The last remarks of the server, oldest first. They are in the log `rosbridge_sim.client` as well."""
+        """Latest status messages of the server, oldest first. The log `rosbridge_sim.client` has them, too."""
         return list(self._client.statuses)
 
     @property
     def is_connected(self) -> bool:
-        """Whether it is open, as far as this side knows."""
+        """True while the connection is open, as far as this side knows."""
         return self._client.is_connected
 
     def __enter__(self) -> Self:
@@ -111,7 +132,7 @@ class Client:
         self.close()
 
     def open(self) -> Self:
-        """See `AsyncClient.open`."""
+        """Connect to the server; return the client itself. See `AsyncClient.open`."""
         if self._thread is not None:
             raise ClientError(f"{self!r}: expected a client that was never opened; make another one")
         self._thread = LoopThread("rosbridge_sim.client")
@@ -123,42 +144,42 @@ class Client:
         return self
 
     def close(self) -> None:
-        """See `AsyncClient.close`."""
+        """Disconnect. See `AsyncClient.close`."""
         if self._thread is not None and self._thread.is_alive:
             try:
-                with suppress(ConnectionLostError):  # another thread closes it as well
+                with suppress(ConnectionLostError):  # another thread may have closed it already
                     self.run(self._client.close())
             finally:
                 self._thread.stop()
 
     def send(self, op: str, **fields: object) -> str:
-        """See `AsyncClient.send`."""
+        """Send any op of the rosbridge protocol; return its `id`. See `AsyncClient.send`."""
         return self.run(self._client.send(op, **fields))
 
     # Services
 
     def call(self, service: str, args: object = None, *, timeout: float | None = None) -> Frame:
-        """See `AsyncClient.call`."""
+        """Call any service and return its values. See `AsyncClient.call` for arguments and errors."""
         return self.run(self._client.call(service, args, timeout=timeout))
 
     def ask(self, service: str, /, *, timeout: float | None = None, **request: object) -> Frame:
-        """See `AsyncClient.ask`."""
+        """Call a service of the simulator and return its `response`. See `AsyncClient.ask` for arguments and errors."""
         return self.run(self._client.ask(service, timeout=timeout, **request))
 
     # Topics
 
     def publish(self, topic: str, msg: Mapping[str, object], type_name: str | None = None) -> None:
-        """See `AsyncClient.publish`."""
+        """Publish a message. See `AsyncClient.publish` for arguments and errors."""
         self.run(self._client.publish(topic, msg, type_name))
 
     def confirm(self, *, timeout: float | None = None) -> None:
-        """See `AsyncClient.confirm`."""
+        """Wait until the server has handled everything that was sent before. See `AsyncClient.confirm`."""
         self.run(self._client.confirm(timeout=timeout))
 
     def subscribe(
         self, topic: str, type_name: str | None = None, *, throttle_ms: int = 0, keep: int = DEFAULT_KEEP
     ) -> Subscription:
-        """See `AsyncClient.subscribe`."""
+        """Subscribe to a topic and return the subscription. See `AsyncClient.subscribe` for arguments and errors."""
         inner = self.run(self._client.subscribe(topic, type_name, throttle_ms=throttle_ms, keep=keep))
         return Subscription(self, inner)
 
@@ -170,21 +191,21 @@ class Client:
         type_name: str | None = None,
         timeout: float | None = None,
     ) -> Frame:
-        """See `AsyncClient.wait_for`."""
+        """Subscribe to a topic and return its first message that fits. See `AsyncClient.wait_for`."""
         return self.run(self._client.wait_for(topic, predicate, type_name=type_name, timeout=timeout))
 
     # Synchronous mode
 
     def start_sync(self, *, user_id: str = DEFAULT_USER_ID, step_ms: int = FRAME_MS) -> int:
-        """See `AsyncClient.start_sync`."""
+        """Start synchronous mode with this client as master; return the frame number. See `AsyncClient.start_sync`."""
         return self.run(self._client.start_sync(user_id=user_id, step_ms=step_ms))
 
     def stop_sync(self) -> None:
-        """See `AsyncClient.stop_sync`."""
+        """End synchronous mode. See `AsyncClient.stop_sync`."""
         self.run(self._client.stop_sync())
 
     def tick(self, n: int = 1, *, timeout: float | None = None) -> Tick:
-        """See `AsyncClient.tick`."""
+        """Move the world by `n` ticks; return the simulation after the last one. See `AsyncClient.tick`."""
         return self.run(self._client.tick(n, timeout=timeout))
 
     def step(
@@ -215,9 +236,27 @@ class Client:
         """See `AsyncClient.real_time_factor`."""
         return self.run(self._client.real_time_factor(factor, timeout=timeout))
 
+    # Snapshots
+
+    def snapshot(self, name: str = "", *, with_data: bool = False, timeout: float | None = None) -> Snapshot:
+        """See `AsyncClient.snapshot`."""
+        return self.run(self._client.snapshot(name, with_data=with_data, timeout=timeout))
+
+    def restore(self, saved: str | bytes | Snapshot, *, timeout: float | None = None) -> int:
+        """See `AsyncClient.restore`."""
+        return self.run(self._client.restore(saved, timeout=timeout))
+
+    def snapshots(self, *, remove: Sequence[str] = (), timeout: float | None = None) -> list[Snapshot]:
+        """See `AsyncClient.snapshots`."""
+        return self.run(self._client.snapshots(remove=remove, timeout=timeout))
+
+    def state_hash(self, *, timeout: float | None = None) -> str:
+        """See `AsyncClient.state_hash`."""
+        return self.run(self._client.state_hash(timeout=timeout))
+
     @property
     def next_frame(self) -> int:
-        """See `AsyncClient.next_frame`."""
+        """Number of the frame that the next tick leads to. See `AsyncClient.next_frame`."""
         return self._client.next_frame
 
     # Time as a tool
@@ -238,13 +277,13 @@ class Client:
 
 
 class Subscription:
-    """The messages of a topic, from `Client.subscribe`.
+    """Messages of a topic, from `Client.subscribe`.
 
         with client.subscribe("/Ego_topic") as egos:
             for ego in egos:
                 ...
 
-    The loop ends when the subscription is closed, and raises `ConnectionLostError` when the connection ends.
+    The loop ends when the subscription is closed. It raises `ConnectionLostError` when the connection ends.
     """
 
     def __init__(self, client: Client, inner: AsyncSubscription) -> None:
@@ -253,33 +292,33 @@ class Subscription:
 
     @property
     def topic(self) -> str:
-        """Its absolute name."""
+        """Absolute name of the topic."""
         return self._inner.topic
 
     @property
     def num_dropped(self) -> int:
-        """Messages that were dropped, since more came than the subscription keeps."""
+        """Number of messages that were dropped because more came than the subscription keeps."""
         return self._inner.num_dropped
 
     def next(self, *, timeout: float | None = None) -> Frame:
-        """See `AsyncSubscription.next`."""
+        """Return the next message. See `AsyncSubscription.next`."""
         return self._client.run(self._inner.next(timeout=timeout))
 
     def wait_for(self, predicate: Predicate | None = None, *, timeout: float | None = None) -> Frame:
-        """See `AsyncSubscription.wait_for`."""
+        """Return the next message that fits; skip those before it. See `AsyncSubscription.wait_for`."""
         return self._client.run(self._inner.wait_for(predicate, timeout=timeout))
 
     def take(self) -> list[Frame]:
-        """See `AsyncSubscription.take`."""
+        """Return the messages that wait, oldest first, without waiting for more."""
         return self._client.run(self._inner.take())
 
     def close(self) -> None:
-        """See `AsyncSubscription.close`."""
-        with suppress(ConnectionLostError):  # that has ended it as well
+        """End the subscription. A second call does nothing."""
+        with suppress(ConnectionLostError):  # the lost connection has ended it
             self._client.run(self._inner.close())
 
     def __iter__(self) -> Self:
-        """Iterate over the messages, without a limit of time."""
+        """Iterate over the messages, without a time limit."""
         return self
 
     def __next__(self) -> Frame:
@@ -290,7 +329,7 @@ class Subscription:
             raise StopIteration from None
 
     def __enter__(self) -> Self:
-        """Return itself."""
+        """Return the subscription itself."""
         return self
 
     def __exit__(

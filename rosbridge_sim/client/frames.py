@@ -1,4 +1,4 @@
-"""Frames of a rosbridge as a client reads them, and inboxes in which they wait."""
+"""Frames of a rosbridge as a client reads them, and the inboxes in which they wait."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ MAX_SIZE = 2**28
 """Longest frame that is read [bytes]: an image or a point cloud as base64 has a tenth of it."""
 
 Frame = dict[str, Any]
-"""A JSON object from the server. Nothing in it has been checked, so its values are of any type."""
+"""A JSON object from the server. Its contents are not checked, so its values can have any type."""
 
 
 class FrameReader:
-    """Reads frames, also those that come in fragments. Any bytes give a frame, a text about a fault, or nothing."""
+    """A reader of frames, whole or in fragments. It accepts any bytes."""
 
     def __init__(self) -> None:
-        """Hold no fragments yet."""
+        """Create a reader without fragments."""
         self._pieces = Defragmenter(MAX_SIZE)
 
     def read(self, data: str | bytes, now: float) -> Frame | None:
-        """Return the frame in a WebSocket message; None where it completes none.
+        """Return the frame in a WebSocket message; None if the message completes no frame.
 
         Args:
-            data: the message; what is no JSON object is passed over.
+            data: the message. Data that is not a JSON object is ignored.
             now: monotonic time [s].
 
         Raises:
@@ -51,20 +51,24 @@ class FrameReader:
 
 
 def _parse(data: str | bytes) -> Frame:
-    """Return the JSON object in a text; an empty one if there is none."""
+    """Return the JSON object in a text; an empty one if the text is not a JSON object."""
     value: object
     try:
         value = orjson.loads(data)
     except orjson.JSONDecodeError:
         try:
-            value = json.loads(data)  # some servers write a bare NaN, which is no JSON
+            value = json.loads(data)  # some servers write a bare NaN, which is not JSON
         except (ValueError, RecursionError):
             value = None
     return value if isinstance(value, dict) else {}
 
 
 def absolute(name: str) -> str:
-    """Return the name with its leading slash: `chatter` and `/chatter` are one topic. An empty name stays one."""
+    """Return a name with a leading slash, because `chatter` and `/chatter` are one topic. An empty name stays empty.
+
+    Args:
+        name: name of a topic or service.
+    """
     return name if name.startswith("/") or not name else f"/{name}"
 
 
@@ -72,14 +76,14 @@ class Inbox:
     """Frames or messages in order of arrival, for tasks of one event loop.
 
     Attributes:
-        num_dropped: the oldest ones that had to go because nobody took them.
+        num_dropped: number of the oldest items that were dropped because they were not taken in time.
     """
 
     def __init__(self, keep: int | None = None) -> None:
-        """Hold nothing.
+        """Create an empty inbox.
 
         Args:
-            keep: how many wait at most; then the oldest is dropped first. None sets no limit.
+            keep: largest number of items; if more come, the oldest is dropped first. None means no limit.
         """
         self.num_dropped = 0
         self._items: deque[Frame] = deque(maxlen=keep)
@@ -88,24 +92,32 @@ class Inbox:
         self._error: Exception | None = None
 
     def put(self, item: Frame) -> None:
-        """Append an item."""
+        """Append an item.
+
+        Args:
+            item: a frame or a message.
+        """
         self.num_dropped += len(self._items) == self._items.maxlen
         self._items.append(item)
         self._news.set()
 
     def end(self, error: Exception | None) -> None:
-        """Let nothing more come: whoever waits gets what is there, then the error, or None for an end in order."""
+        """Accept no more items. A waiting task gets the items that are left, then the error.
+
+        Args:
+            error: the error to raise; None for an end without error.
+        """
         if not self._is_ended:
             self._is_ended, self._error = True, error
             self._news.set()
 
     @property
     def is_ended(self) -> bool:
-        """Whether nothing more comes and nothing is left."""
+        """True if no item is left and no more can come."""
         return self._is_ended and not self._items
 
     async def next(self, until: float | None) -> Frame | None:
-        """Return the next item; None if none comes until then, or if none comes any more.
+        """Return the next item; None if no item comes in time, or if no more items can come.
 
         Args:
             until: time of the event loop [s]; None waits without a limit.
@@ -128,7 +140,7 @@ class Inbox:
         return None
 
     def take(self) -> list[Frame]:
-        """Return all that is there, and keep none of it."""
+        """Remove and return all items."""
         items = list(self._items)
         self._items.clear()
         return items

@@ -1,14 +1,15 @@
-"""The five topics by which ROS 1 speaks of an action, for an action of the bus: one provider for both generations.
+"""The five topics of a ROS 1 action (actionlib), served by an action of the bus: one provider serves both generations.
 
     <action>/goal      from clients: pkg/<Type>ActionGoal
     <action>/cancel    from clients: actionlib_msgs/GoalID
-    <action>/status    every goal that is known, at each change and five times a second while somebody listens
-    <action>/feedback  pkg/<Type>ActionFeedback, of all goals to all listeners
-    <action>/result    pkg/<Type>ActionResult, the same
+    <action>/status    all known goals, at each change and five times a second while there is a subscriber
+    <action>/feedback  pkg/<Type>ActionFeedback, about all goals, to all subscribers
+    <action>/result    pkg/<Type>ActionResult, about all goals, to all subscribers
 
-What comes in on the topics goes to the bus's actions in the sender's name, so limits and departures hold for these
-goals as for all others. Where we differ from actionlib: a cancel without an id, and one by a time, means the goals of
-the client that sends it, not those of all clients. (The client libraries call it "cancel all goals of this client".)
+Goals and cancels from these topics are passed to the bus's actions in the sender's name, so the usual limits apply, and
+goals end when their client leaves. One thing differs from actionlib: a cancel without an id, or by time, affects only
+the goals of the client that sends it, not those of all clients. (The client libraries call it "cancel all goals of this
+client".)
 """
 
 from __future__ import annotations
@@ -32,20 +33,20 @@ from rosbridge_sim.schema.message import Message
 __all__ = ["ENDED_GOAL_MEMORY", "MAX_GOAL_ID", "STATUS_PERIOD", "Actionlib", "ActionlibStatus"]
 
 STATUS_PERIOD = 0.2
-"""Between two messages on the status topic [s]; actionlib's own rate. roslibpy gives up after 3 s without one."""
+"""Time between two status messages [s], as in actionlib. roslibpy gives up after 3 s without one."""
 
 ENDED_GOAL_MEMORY = 5.0
-"""Time for which an ended goal is still listed [s], as in actionlib."""
+"""Time for which an ended goal stays in the status [s], as in actionlib."""
 
 MAX_ENDED = 100
-"""Ended goals that are listed at most."""
+"""Largest number of ended goals in the status."""
 
 MAX_GOAL_ID = 1_024
 """Longest id of a goal [characters]."""
 
 
 class ActionlibStatus(IntEnum):
-    """The numbers of actionlib_msgs/GoalStatus, as far as they occur here."""
+    """Numbers of actionlib_msgs/GoalStatus that are used here."""
 
     ACTIVE = 1
     PREEMPTED = 2
@@ -58,7 +59,7 @@ _ENDS = {
     GoalStatus.SUCCEEDED: ActionlibStatus.SUCCEEDED,
     GoalStatus.CANCELED: ActionlibStatus.PREEMPTED,
 }
-"""Names for the ends of the bus's goals; all others are ABORTED."""
+"""Status of a goal that ended on the bus; every other end is ABORTED."""
 
 
 @dataclass(eq=False, slots=True)
@@ -67,9 +68,9 @@ class _Tracked:
 
     Attributes:
         goal_id: a struct of actionlib_msgs/GoalID.
-        goal: on the bus; None before it is there.
-        text: why it ended as it did.
-        ended_at: when it ended [s]; in no time to come while it is at work.
+        goal: the goal on the bus; None until it exists.
+        text: reason of its end.
+        ended_at: monotonic time of its end [s]; infinite while it is active.
     """
 
     goal_id: Any
@@ -81,17 +82,17 @@ class _Tracked:
 
 
 class Actionlib:
-    """The topics of one action; published in the name of the action's owner."""
+    """The topics of one action, published in the name of the action's owner."""
 
     def __init__(self, bus: Bus, action: Action) -> None:
-        """Advertise and listen, for good.
+        """Advertise and subscribe for the whole run.
 
         Args:
-            bus: where the action is.
-            action: whose owner provides it.
+            bus: the bus of the action.
+            action: the action.
 
         Raises:
-            GraphError: a topic has another type already.
+            GraphError: a topic already has another type.
         """
         self._bus = bus
         self._action = action
@@ -120,11 +121,15 @@ class Actionlib:
     # Time
 
     def next_due(self) -> float | None:
-        """Return when `advance` has something to do next [s]; None while nobody listens to the status."""
+        """Return when `advance` has something to do next [s]; None while the status has no subscriber."""
         return self._status_due if self._status.has_listener else None
 
     def advance(self, now: float) -> None:
-        """Publish the status if it is time for it."""
+        """Publish the status if it is due.
+
+        Args:
+            now: monotonic time [s].
+        """
         self._now = now
         if now >= self._status_due:
             self._publish_status(now)
@@ -132,7 +137,7 @@ class Actionlib:
     # From clients
 
     def _receive_goal(self, _topic: Topic, message: Message, sender: Participant, now: float) -> None:
-        """A goal; what is wrong with it is told to the sender, in the result and by the error."""
+        """Start a goal. Its sender is told about a mistake, both in the result and by the error."""
         self._now = now
         goal_id = self._complete(message.value.goal_id)
         key = goal_id.id
@@ -167,7 +172,7 @@ class Actionlib:
             self._publish_status(now)
 
     def _receive_cancel(self, _topic: Topic, message: Message, sender: Participant, now: float) -> None:
-        """The wish to end the goal with an id; all of the sender's; its goals up to a time."""
+        """Cancel the goal with the given id, all goals of the sender, or its goals up to a time."""
         self._now = now
         key, stamp = message.value.id, msgspec.structs.astuple(message.value.stamp)
         is_by_time = any(stamp)
@@ -182,7 +187,7 @@ class Actionlib:
                 tracked.goal.cancel()
 
     def _on_leave(self, owner: Participant, now: float) -> None:
-        """End the goals of an owner that has left; the bus has cancelled what was under way for it."""
+        """End the goals of an owner that has left. The bus has already cancelled its active goals."""
         self._now = now
         for tracked in list(self._tracked.values()):
             if tracked.sender is owner:
@@ -191,7 +196,7 @@ class Actionlib:
     # To clients
 
     def _end(self, tracked: _Tracked, status: ActionlibStatus, text: str, values: object = None) -> None:
-        """Note a goal's end and tell it; without `values` the result is an empty one."""
+        """Record and publish the end of a goal. Without `values` the result is empty."""
         if self._tracked.pop(tracked.goal_id.id, None) is None:
             return
         tracked.status, tracked.text, tracked.ended_at = status, text, self._now
@@ -219,7 +224,7 @@ class Actionlib:
             self._bus.announce(self._owner, topic, Message(topic.type, value), self._now)
 
     def _complete(self, goal_id: Struct) -> Struct:
-        """The id of a goal whose client may have left some of it to us."""
+        """Return a goal's id with the fields filled in that its client left empty."""
         key, stamp = goal_id.id, goal_id.stamp
         if not any(msgspec.structs.astuple(stamp)):
             stamp = self._bus.store.time_value(self._bus.stamp_ns)
@@ -229,9 +234,9 @@ class Actionlib:
         return self._goal_id(stamp=stamp, id=key)
 
     def _describe(self, tracked: _Tracked) -> msgspec.Struct:
-        """Its actionlib_msgs/GoalStatus."""
+        """Return its actionlib_msgs/GoalStatus."""
         return self._goal_status(goal_id=tracked.goal_id, status=int(tracked.status), text=tracked.text)
 
     def _stamped(self) -> msgspec.Struct:
-        """A header of now."""
+        """Return a header with the current time."""
         return self._header(stamp=self._bus.store.time_value(self._bus.stamp_ns))

@@ -1,13 +1,12 @@
-"""Goals: long requests with feedback that can be cancelled; the bus's third way of talking.
+"""Goals: long requests with feedback that can be cancelled; the third kind of communication on the bus.
 
-Like a call, a goal ends exactly once: with what its provider says, or because one of the two is gone. A cancel
-is a wish that goes straight to the provider and never waits behind the goal; the provider still ends it. Where
-the *caller* leaves, its goals are cancelled and no one hears of their ends; where the *provider* leaves, its goals
-fail at once.
-
-Beside each action stands the service by which ROS 2 cancels, `<action>/_action/cancel_goal`; roslib's `cancelAllGoals`
-calls it. Goals of a bus have no UUID, so it knows one request alone, that for all goals, and takes it to mean those of
-the caller.
+Like a call, a goal ends exactly once: with the provider's result, or because the caller or the provider is gone. A
+cancel goes to the provider at once and never waits behind the goal; it is only a request, and the provider still ends
+the goal. If the *caller* leaves, its goals are cancelled, and their results are discarded. If the *provider* leaves,
+its goals fail at once.
+Each action also has the service `<action>/_action/cancel_goal`, by which ROS 2 cancels goals; roslib's `cancelAllGoals`
+calls it. Goals on this bus have no UUID. So the service supports only the request for all goals, and it cancels those
+of the caller.
 """
 
 from __future__ import annotations
@@ -32,14 +31,14 @@ from rosbridge_sim.schema.opaque_types import OpaqueActionType
 __all__ = ["CANCEL", "Action", "Actions", "Goal", "GoalOutcome", "GoalStatus"]
 
 CANCEL: Final = "/_action/cancel_goal"
-"""End of the name of an action's service for cancelling."""
+"""Suffix of the service that cancels goals of an action."""
 
 _NO_ERROR, _UNKNOWN_GOAL = 0, 2
 """`return_code` of action_msgs/CancelGoal."""
 
 
 class GoalStatus(IntEnum):
-    """The numbers of action_msgs/GoalStatus."""
+    """Numbers of action_msgs/GoalStatus."""
 
     UNKNOWN = 0
     ACCEPTED = 1
@@ -55,10 +54,10 @@ class GoalOutcome:
     """The end of a goal.
 
     Attributes:
-        is_ok: `result` on the wire: it came to an end at its provider's, however that went.
-        status: the end; UNKNOWN where it never got there.
-        values: the result when `is_ok`, else a text that says why not.
-        reason: the caller's mistake, where it is one.
+        is_ok: `result` on the wire: the provider ended the goal, with success or not.
+        status: status at the end; UNKNOWN if the provider never got the goal.
+        values: the result if `is_ok`, else a text with the reason.
+        reason: kind of mistake, if the caller made one.
     """
 
     is_ok: bool
@@ -73,7 +72,7 @@ OnOutcome = Callable[[GoalOutcome], None]
 
 @dataclass(eq=False, slots=True)
 class Action:
-    """A named action and its provider; where it is exclusive, no client may take the name."""
+    """A named action and its provider. If it is exclusive, no client may take its name."""
 
     name: str
     type: ActionType | OpaqueActionType
@@ -86,11 +85,11 @@ class Action:
 
 @dataclass(eq=False, slots=True)
 class Goal:
-    """One goal, from its request to its one end.
+    """One goal, from its request to its end.
 
     Attributes:
-        request: a struct of the action's goal type; None after the end, as of a `Call`.
-        is_done: ended or given up; whatever comes after that is ignored.
+        request: a struct of the action's goal type; None after the end, as for a `Call`.
+        is_done: it has ended or was given up; later input is ignored.
     """
 
     action: Action
@@ -103,16 +102,29 @@ class Goal:
     num_bytes: int = 0
 
     def report(self, values: object) -> None:
-        """Pass feedback on; a struct of the action's feedback type."""
+        """Send feedback to the caller.
+
+        Args:
+            values: a struct of the action's feedback type.
+        """
         if not self.is_done and self.on_feedback is not None:
             self.actions.hand_feedback(self, Message(self.action.type.feedback, values))
 
     def end(self, status: int, values: object) -> None:
-        """End the goal with a struct of the action's result type."""
+        """End the goal with a result.
+
+        Args:
+            status: number of action_msgs/GoalStatus.
+            values: a struct of the action's result type.
+        """
         self._end(GoalOutcome(is_ok=True, status=status, values=Message(self.action.type.result, values)))
 
     def fail(self, why: str) -> None:
-        """End a goal that its provider never brought to an end."""
+        """End a goal for which the provider gives no result.
+
+        Args:
+            why: reason, for the caller.
+        """
         self._end(GoalOutcome(is_ok=False, status=GoalStatus.UNKNOWN, values=why))
 
     def cancel(self) -> None:
@@ -121,7 +133,7 @@ class Goal:
             self.actions.ask_to_cancel(self)
 
     def abandon(self) -> None:
-        """Have the provider end a goal whose caller is gone; nobody hears of its end."""
+        """Ask the provider to end a goal whose caller is gone. The result is discarded."""
         if not self.is_done:
             self._end(None)
             self.actions.ask_to_cancel(self)
@@ -142,17 +154,17 @@ class Actions:
 
     Attributes:
         by_name: all actions, by absolute name.
-        max_goals: goals that one caller may have under way.
+        max_goals: goals that one caller may have in progress.
     """
 
     def __init__(self, state: BusState, types: TypeResolver, services: ServiceTable, max_goals: int) -> None:
-        """No actions yet.
+        """Create an empty table.
 
         Args:
             state: shared with the other parts of the bus.
-            types: of actions.
-            services: where the services for cancelling are offered.
-            max_goals: see above.
+            types: finds the types of actions.
+            services: takes the services that cancel goals.
+            max_goals: goals that one caller may have in progress.
         """
         self._state = state
         self._types = types
@@ -172,19 +184,22 @@ class Actions:
         *,
         is_exclusive: bool = False,
     ) -> Action:
-        """Offer an action; the last to offer a name has it.
+        """Offer an action. The last owner to offer a name gets it.
 
         Args:
-            owner: who offers.
-            name: may be relative.
-            type_name: in any accepted spelling.
+            owner: the provider.
+            name: name of the action; may be relative.
+            type_name: its type, in any accepted spelling.
             take: gets each goal; a PeerError that it raises fails the goal.
-            cancel: gets each goal that is to end.
+            cancel: gets each goal that should be cancelled.
             is_exclusive: no client may take the name, neither now nor later.
 
+        Returns:
+            The action.
+
         Raises:
-            GraphError: the action, or its service for cancelling, belongs to another owner alone.
-            TypeNameError: the type cannot be had.
+            GraphError: another owner has the action, or its service for cancelling, exclusively.
+            TypeNameError: the type does not exist.
         """
         name = resolve(name)
         action = Action(name, self._types.action(type_name), owner, take, cancel, is_exclusive)
@@ -208,6 +223,10 @@ class Actions:
     def withdraw(self, owner: Participant, name: str) -> None:
         """Stop offering an action.
 
+        Args:
+            owner: its provider.
+            name: name of the action; may be relative.
+
         Raises:
             GraphError: `owner` does not offer it.
         """
@@ -225,14 +244,17 @@ class Actions:
         on_outcome: OnOutcome,
         on_feedback: OnFeedback | None,
     ) -> Goal | None:
-        """Send a goal. `on_outcome` is called exactly once unless the caller leaves; None if that was at once.
+        """Send a goal. `on_outcome` is called exactly once, unless the caller leaves first.
 
         Args:
-            caller: whose goal it is.
-            name: of the action; may be relative.
-            args: by name, by position, or none; or the goal itself, which has been checked before.
+            caller: owner of the goal.
+            name: name of the action; may be relative.
+            args: fields by name, by position, or none; or a goal message that is already checked.
             on_outcome: gets the end.
             on_feedback: gets feedback; None if none is wanted.
+
+        Returns:
+            The goal; None if it has already ended.
         """
         try:
             action = self.by_name.get(resolve(name))
@@ -261,13 +283,17 @@ class Actions:
             if isinstance(error, EncodingError):
                 self._state.guard.note_encoding(action.name, error)
             goal.fail(str(error))
-        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+        except Exception as error:  # noqa: BLE001 - an internal error in the provider's own state
             goal.fail("The provider failed; the server's log says why")
             self._state.guard.blame(action.owner, error)
         return None if goal.is_done else goal
 
     def forget(self, goal: Goal) -> None:
-        """Strike an ended goal from its caller's list (for `Goal` alone)."""
+        """Remove an ended goal from its caller's list (for `Goal` alone).
+
+        Args:
+            goal: the goal.
+        """
         if goal.num_bytes:
             self._state.account_of(goal.caller).give(goal.num_bytes)
         held = self._goals.get(goal.caller)
@@ -277,17 +303,27 @@ class Actions:
                 del self._goals[goal.caller]
 
     def hand_feedback(self, goal: Goal, values: Message) -> None:
-        """Give a goal's caller some feedback (for `Goal` alone)."""
-        assert goal.on_feedback is not None, "the goal has looked"
+        """Give feedback to a goal's caller (for `Goal` alone).
+
+        Args:
+            goal: the goal.
+            values: the feedback.
+        """
+        assert goal.on_feedback is not None, "checked by the goal"
         try:
             goal.on_feedback(values)
         except EncodingError as error:
             self._note_encoding(goal.action, error)
-        except Exception as error:  # noqa: BLE001 - a bug of ours in the caller's own state
+        except Exception as error:  # noqa: BLE001 - an internal error in the caller's own state
             self._state.guard.contain(goal.caller, error)
 
     def hand_over(self, goal: Goal, outcome: GoalOutcome) -> None:
-        """Give a goal's caller its end (for `Goal` alone). One that cannot be encoded is a failure of the goal."""
+        """Give a goal's end to its caller (for `Goal` alone). If it cannot be encoded, the goal fails.
+
+        Args:
+            goal: the goal.
+            outcome: its end.
+        """
         try:
             goal.on_outcome(outcome)
         except Exception as error:  # noqa: BLE001 - as above
@@ -298,14 +334,22 @@ class Actions:
                 self._state.guard.contain(goal.caller, error)
 
     def ask_to_cancel(self, goal: Goal) -> None:
-        """Ask a goal's provider to end it (for `Goal` alone)."""
+        """Ask a goal's provider to cancel it (for `Goal` alone).
+
+        Args:
+            goal: the goal.
+        """
         try:
             goal.action.cancel(goal)
-        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+        except Exception as error:  # noqa: BLE001 - an internal error in the provider's own state
             self._state.guard.contain(goal.action.owner, error)
 
     def leave(self, owner: Participant) -> None:
-        """Cancel the owner's goals, fail those that were sent to it."""
+        """Cancel the goals that an owner sent, and fail the goals that were sent to it.
+
+        Args:
+            owner: the owner that leaves.
+        """
         attempt = self._state.guard.attempt
         for goal in list(self._goals.pop(owner, ())):
             attempt("the end of a goal", goal.abandon)
@@ -314,13 +358,13 @@ class Actions:
             attempt("the end of an action", self._drop, action, why)
 
     def _note_encoding(self, action: Action, error: EncodingError) -> None:
-        """Log that something of an action cannot be encoded, and tell its provider."""
+        """Log that a message of an action cannot be encoded, and tell its provider."""
         guard = self._state.guard
         guard.note_encoding(action.name, error)
         guard.attempt("a remark to a provider", action.owner.notify, "error", f"{action.name}: {error}")
 
     def _cancel(self, action: Action, call: Call) -> None:
-        """Cancel the caller's goals, since ROS 2 asks for it by a call."""
+        """Answer a call of the service for cancelling: cancel the caller's goals."""
         request: Any = call.request
         info = request.goal_info
         response = call.service.type.response.struct_type
@@ -333,7 +377,7 @@ class Actions:
             goal.cancel()
 
     def _check_cancel(self, name: str, owner: Participant, old: Action | None) -> None:
-        """Raise GraphError if the action's service for cancelling belongs to a third owner alone."""
+        """Raise GraphError if a third owner has the action's service for cancelling exclusively."""
         service = self._services.by_name.get(name + CANCEL)
         if service is None or not service.is_exclusive or service.owner is owner or gives_way(service.owner, owner):
             return
@@ -349,7 +393,7 @@ class Actions:
             self._provided.pop(action.owner, None)
         if self.by_name.get(action.name) is action:
             del self.by_name[action.name]
-            with suppress(GraphError):  # the provider may have taken it back itself
+            with suppress(GraphError):  # the provider may have withdrawn it itself
                 self._services.withdraw(action.owner, action.name + CANCEL)
         for goal in list(action.goals):
             goal.fail(why)

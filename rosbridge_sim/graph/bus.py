@@ -1,18 +1,15 @@
 """The bus of one process: topics, services, actions and parameters, in one synchronous table.
 
-Everything that talks is a `Participant`: a WebSocket client's `Peer`, the simulator's node, rosapi, later a
-recorder or a far bridge. The bus calls listeners and providers directly and in a fixed order, so one
-incoming frame is carried to its end before the next: that is our transaction. It has never heard of
-frames, sockets or JSON text; message bodies reach it as `Message` values of the store.
-
-What belongs to an owner hangs on that owner, and `leave` takes all of it away: publishers, subscriptions,
-services (whose waiting callers get an answer at once) and calls (whose answers nobody waits for any more).
-
-Time comes as an argument: `now` is monotonic seconds. `time_ns` is the simulation's time, and `stamp_ns` the time that
-messages are stamped with: the same one, or the time of day. The node sets both at each frame.
-
-This file ties the parts, each of which has a file of its own: `topic_table.py`, `delivery.py`, `service_table.py`,
-`actions.py` and `parameters.py`, over the shared `bus_state.py`.
+Every user of the bus is a `Participant`: the `Peer` of a WebSocket client, the simulator's node, rosapi, a recorder or
+a remote bridge. The bus calls subscribers and providers directly and in a fixed order, so one incoming frame is handled
+completely before the next one, like a transaction. It does not know frames, sockets or JSON text; message bodies reach
+it as `Message` values of the store.
+`leave` removes all that belongs to an owner: publishers, subscriptions, services (waiting callers get an answer at
+once) and calls (their answers are discarded).
+Time is an argument: `now` is monotonic time in seconds. `time_ns` is simulation time. `stamp_ns` is the time for
+stamps: simulation time or the time of day. The node sets both at each frame.
+This file connects the parts: `topic_table.py`, `delivery.py`, `service_table.py`, `actions.py` and `parameters.py`,
+with the shared state of `bus_state.py`.
 """
 
 from __future__ import annotations
@@ -37,13 +34,13 @@ class Bus(BusState):
     """Topics, services, actions and parameters of one process.
 
     Attributes:
-        delivery: of messages, with their count.
-        topics: all topics, by absolute name; to be read and not changed.
-        services: the same for services.
-        actions: the third way of talking.
+        delivery: delivers messages and counts them.
+        topics: all topics by absolute name; read only.
+        services: all services by absolute name; read only.
+        actions: the actions.
         parameters: the parameter server.
-        unpublished: subscriptions to topics that nobody publishes.
-        max_calls: calls that one caller may have in flight, and as many goals.
+        unpublished: subscriptions to topics without a publisher.
+        max_calls: calls that one caller may have in flight; the same limit applies to goals.
         advertise, unadvertise, subscribe: see `TopicTable`.
         publish, announce, show: see `Delivery`.
         provide, call: see `ServiceTable`.
@@ -57,13 +54,13 @@ class Bus(BusState):
         service_timeout: float | None = None,
         max_calls: int = MAX_CALLS,
     ) -> None:
-        """A bus without participants.
+        """Create a bus without participants.
 
         Args:
             store: the types.
-            is_strict: refuse types of packages that nobody knows, in place of relaying them unchecked.
-            service_timeout: give a call up after so long by default [s]; None waits for ever.
-            max_calls: see above.
+            is_strict: refuse types of unknown packages; otherwise their messages are relayed unchecked.
+            service_timeout: default time-out of a call [s]; None waits for ever.
+            max_calls: calls that one caller may have in flight.
         """
         super().__init__(store)
         self.topics: dict[str, Topic] = {}
@@ -76,8 +73,8 @@ class Bus(BusState):
         self.parameters = Parameters()
         self.unpublished = topics.unpublished
         self.max_calls = max_calls
-        # Methods with many arguments are the parts' own, and the others are methods below: CPython 3.11 reads an object
-        # with more than 30 attributes more slowly, and each message reads `stamp_ns` here several times.
+        # Only methods with many arguments are attributes here; the others are methods below. CPython 3.11 reads
+        # objects with more than 30 attributes more slowly, and each message reads `stamp_ns` several times.
         self.advertise = topics.advertise
         self.unadvertise = topics.unadvertise
         self.subscribe = topics.subscribe
@@ -90,41 +87,41 @@ class Bus(BusState):
     # Topics
 
     def unsubscribe(self, subscription: Subscription, now: float) -> None:
-        """See `TopicTable.unsubscribe`."""
+        """End a subscription. See `TopicTable.unsubscribe`."""
         self._topic_table.unsubscribe(subscription, now)
 
     def retype(self, subscription: Subscription, type_name: str) -> bool:
-        """See `TopicTable.retype`."""
+        """Return True if a client's subscription now fits the topic's type. See `TopicTable.retype`."""
         return self._topic_table.retype(subscription, type_name)
 
     def find_topic(self, name: str) -> Topic | None:
-        """See `TopicTable.find_topic`."""
+        """Return a topic by name, or None. See `TopicTable.find_topic`."""
         return self._topic_table.find_topic(name)
 
     def forget_topic(self, name: str) -> None:
-        """See `TopicTable.forget_topic`."""
+        """Forget a topic without publishers. See `TopicTable.forget_topic`."""
         self._topic_table.forget_topic(name)
 
     def forget_latched(self, owner: Participant) -> None:
-        """See `TopicTable.forget_latched`."""
+        """Forget the latched messages of an owner. See `TopicTable.forget_latched`."""
         self._topic_table.forget_latched(owner)
 
     def forget_orphans(self) -> None:
-        """See `TopicTable.forget_orphans`."""
+        """Forget the latched messages of publishers that are gone. See `TopicTable.forget_orphans`."""
         self._topic_table.forget_orphans()
 
     def type_conflict(self, name: str, type_name: str, owner: Participant | None = None) -> str | None:
-        """See `TopicTable.type_conflict`."""
+        """Return why a topic cannot have a type, or None. See `TopicTable.type_conflict`."""
         return self._topic_table.type_conflict(name, type_name, owner)
 
     def type_to_publish(self, name: str, type_name: str | None) -> MessageType | OpaqueType:
-        """See `TopicTable.type_to_publish`."""
+        """Return the type for a publisher of a topic. See `TopicTable.type_to_publish`."""
         return self._topic_table.type_to_publish(name, type_name)
 
     # Services
 
     def withdraw(self, owner: Participant, name: str, *, answers_calls: bool = False) -> None:
-        """See `ServiceTable.withdraw`."""
+        """Stop offering a service. See `ServiceTable.withdraw`."""
         self._service_table.withdraw(owner, name, answers_calls=answers_calls)
 
     # Time and departure
@@ -137,15 +134,23 @@ class Bus(BusState):
         return min(call, topic)
 
     def expire(self, now: float) -> None:
-        """Give up the calls whose time is over and forget the topics that nobody has held for a while.
+        """Give up calls after their time-out, and forget topics that are unused for a while.
 
-        A listener that has waited for a while for a topic without a publisher is told.
+        Subscribers that have waited for some time for a publisher are told.
+
+        Args:
+            now: monotonic time [s].
         """
         self._service_table.expire(now)
         self._topic_table.expire(now)
 
     def leave(self, owner: Participant, now: float) -> None:
-        """Take away all that `owner` holds, answer those who wait for it, call `on_leave`. Twice is no error."""
+        """Remove everything of `owner`, answer its waiting callers, call `on_leave`. A second call does nothing.
+
+        Args:
+            owner: the owner that leaves.
+            now: monotonic time [s].
+        """
         attempt = self.guard.attempt
         attempt("the end of an owner's goals", self.actions.leave, owner)
         self._service_table.abandon_calls(owner)

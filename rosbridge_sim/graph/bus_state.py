@@ -1,7 +1,7 @@
-"""State that all parts of a bus share: time, accounts, what each owner holds, and the hooks for who wants to know.
+"""State that all parts of a bus share: time, memory accounts, the things of each owner, and hooks for observers.
 
-The parts are the topics (`topic_table.py`), the messages on them (`delivery.py`), services (`service_table.py`) and
-actions (`actions.py`). They get this state, and `bus.py` ties them.
+The parts are topics (`topic_table.py`), message delivery (`delivery.py`), services (`service_table.py`) and actions
+(`actions.py`). Each gets this state, and `bus.py` connects them.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ __all__ = ["BusState", "Holdings"]
 
 @dataclass(slots=True)
 class Holdings:
-    """Things that one owner has on the bus; dicts for their order, the values mean nothing."""
+    """The things of one owner on the bus. Dicts are used as ordered sets; their values have no meaning."""
 
     published: dict[Topic, None] = field(default_factory=dict)
     subscriptions: dict[Subscription, None] = field(default_factory=dict)
@@ -34,15 +34,15 @@ class BusState:
 
     Attributes:
         store: the types.
-        time_ns: simulation time where there is a world, else the time of day [ns]; bags and rates count in it.
-        stamp_ns: the time for stamps that a message leaves open [ns]: `time_ns`, or the time of day if that is chosen.
-        guard: sees to it that a failure of ours hurts as few as possible.
-        total: what all owners together make this process hold.
-        accounts: those of owners that have a limit, by owner.
+        time_ns: simulation time if there is a world, else the time of day [ns]; used by bags and rates.
+        stamp_ns: time for stamps that a message leaves open [ns]: `time_ns`, or the time of day if that was chosen.
+        guard: limits the effect of internal errors.
+        total: memory account of all owners together.
+        accounts: accounts of owners with a limit, by owner.
         on_leave: called with `(owner, now)` after an owner has left.
-        on_topic: called with a topic after an owner has begun to publish or to listen there.
-        on_holdings: called with an owner after it has begun or ceased to publish, to listen or to serve somewhere.
-        on_refusal: called with each mistake that a client is told of.
+        on_topic: called with a topic after a publisher or subscriber was added.
+        on_holdings: called with an owner after a change of its publishers, subscriptions or services.
+        on_refusal: called with each mistake that a client is told about.
     """
 
     def __init__(self, store: Store) -> None:
@@ -60,35 +60,59 @@ class BusState:
         self._holdings: dict[Participant, Holdings] = {}
 
     def account_of(self, owner: Participant) -> Account:
-        """The account that pays for what an owner makes this process hold."""
+        """Return the account that pays for an owner's memory.
+
+        Args:
+            owner: the owner.
+        """
         return self.accounts.get(owner, self._own_account)
 
     def owners(self) -> list[Participant]:
-        """All who hold anything, in order of arrival."""
+        """Return all owners of anything, in order of arrival."""
         return list(self._holdings)
 
     def holdings(self, owner: Participant) -> Holdings:
-        """Return the things of an owner, to be read and not changed."""
+        """Return the things of an owner; read only.
+
+        Args:
+            owner: the owner.
+        """
         return self._holdings.get(owner) or Holdings()
 
     def held_by(self, owner: Participant) -> Holdings:
-        """Return the things of an owner, to be changed (for the parts of the bus alone)."""
+        """Return the things of an owner, to be changed (for the parts of the bus alone).
+
+        Args:
+            owner: the owner.
+        """
         held = self._holdings.get(owner)
         if held is None:
             held = self._holdings[owner] = Holdings()
         return held
 
     def forget_owner(self, owner: Participant) -> None:
-        """Forget an owner that holds nothing any longer (for the bus alone)."""
+        """Forget an owner that holds nothing any more (for the bus alone).
+
+        Args:
+            owner: the owner.
+        """
         self._holdings.pop(owner, None)
         self.accounts.pop(owner, None)
 
     def report_topic(self, topic: Topic) -> None:
-        """Call the hooks for a topic that has one publisher or listener more (for the parts of the bus alone)."""
+        """Call the hooks for a topic with a new publisher or subscriber (for the parts of the bus alone).
+
+        Args:
+            topic: the topic.
+        """
         for hook in tuple(self.on_topic):
             self.guard.attempt(f"a look at {topic.name}", hook, topic)
 
     def report_holdings(self, owner: Participant) -> None:
-        """Call the hooks for an owner whose holdings have changed (for the parts of the bus alone)."""
+        """Call the hooks for an owner whose things have changed (for the parts of the bus alone).
+
+        Args:
+            owner: the owner.
+        """
         for hook in tuple(self.on_holdings):
             self.guard.attempt(f"a look at what {owner.name} holds", hook, owner)

@@ -1,7 +1,7 @@
-"""Messages from a publisher to the listeners of its topic, and what becomes of a listener that fails.
+"""Delivery of messages to the subscribers of their topic, and the handling of subscribers that fail.
 
-The listeners get a message directly, in order of arrival, before `publish` returns. A mistake that one of them finds
-is the sender's to hear; a failure of one of them hurts that one alone.
+Subscribers get a message directly, in order of subscription, before `publish` returns. If a subscriber finds a mistake
+in a message, its sender is told. An internal error in one subscriber affects only that subscriber.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ class Delivery:
     """Delivery of the messages of one bus.
 
     Attributes:
-        num_published: messages since the start.
-        on_message: called with each message before it is delivered; None for nothing. It may not raise.
+        num_published: number of messages since the start.
+        on_message: called with each message before its delivery; None for no call. It must not raise.
     """
 
     def __init__(self, state: BusState) -> None:
@@ -35,12 +35,17 @@ class Delivery:
         self._accounts = state.accounts
 
     def publish(self, sender: Participant, topic: Topic, message: Message, now: float) -> None:
-        """Hand a message to every listener of a topic that `sender` advertised.
+        """Give a message to every subscriber of a topic that `sender` advertised.
+
+        Args:
+            sender: the publisher.
+            topic: the topic.
+            message: the message.
+            now: monotonic time [s].
 
         Raises:
-            PeerError: what a listener found wrong with the message, or why it could not be encoded for it; all others
-                have it all the same.
-            Exception: a listener that cannot end alone has failed; the same.
+            PeerError: a mistake that a subscriber found, or a failed encoding. All other subscribers got the message.
+            Exception: a subscriber failed that cannot be ended alone. All other subscribers got the message.
         """
         self.num_published += 1
         if self.on_message is not None:
@@ -58,7 +63,7 @@ class Delivery:
                 problem = problem or error
             except PeerError as error:
                 problem = problem or error
-            except Exception as error:  # noqa: BLE001 - a bug of ours in one listener's own state
+            except Exception as error:  # noqa: BLE001 - an internal error in one subscriber's own state
                 failure = self._end_alone(subscription.owner, error, failure)
         if failure is not None:
             raise failure
@@ -66,14 +71,20 @@ class Delivery:
             raise problem
 
     def announce(self, sender: Participant, topic: Topic, message: Message, now: float) -> None:
-        """Publish something of our own. What a listener finds wrong with it is for the log, and so is its failure.
+        """Publish a message of the server itself. Mistakes and failures of subscribers go to the log.
 
-        Never raises: nothing that is wrong with a listener is the world's failure.
+        Never raises, because an error in a subscriber must not stop the world.
+
+        Args:
+            sender: the publisher.
+            topic: the topic.
+            message: the message.
+            now: monotonic time [s].
         """
         try:
             self.publish(sender, topic, message, now)
         except EncodingError:
-            pass  # noted already
+            pass  # already logged
         except PeerError as error:
             _log.warning("a listener of %s refused a message: %s", topic.name, error)
         except Exception as error:  # noqa: BLE001 - a listener that cannot end alone
@@ -82,12 +93,14 @@ class Delivery:
     def show(
         self, sender: Participant, topic: Topic, message: Message, listeners: Iterable[Subscription], now: float
     ) -> None:
-        """Hand something of our own to some listeners of a topic; otherwise as `announce`. It is not latched.
+        """Give a message of the server itself to some subscribers of a topic; otherwise as `announce`.
+
+        The message is not latched.
 
         Args:
-            sender: who publishes there.
-            topic: of which they are listeners.
-            message: may have been published before.
+            sender: the publisher.
+            topic: the topic.
+            message: the message; it may have been published before.
             listeners: the subscriptions that get it.
             now: monotonic time [s].
         """
@@ -98,16 +111,16 @@ class Delivery:
                 self._guard.note_encoding(topic.name, error)
             except PeerError as error:
                 _log.warning("a listener of %s refused a message: %s", topic.name, error)
-            except Exception as error:  # noqa: BLE001 - a bug of ours in one listener's own state
+            except Exception as error:  # noqa: BLE001 - an internal error in one subscriber's own state
                 self._guard.contain(subscription.owner, error)
 
     def _end_alone(self, owner: Participant, error: Exception, before: Exception | None) -> Exception | None:
-        """End an owner for which something has failed; return the failure to raise, if any: one, the others are noted.
+        """End the owner of a failed subscription; return the failure to raise, if any. Further failures are logged.
 
         Args:
-            owner: the listener.
+            owner: the subscriber.
             error: its failure.
-            before: that of another listener which cannot end alone.
+            before: failure of another subscriber that cannot be ended alone.
         """
         try:
             self._guard.blame(owner, error)

@@ -1,12 +1,12 @@
-"""Failures of our own code, or of a library below it: only the owner that is concerned is hurt.
+"""Internal errors, in this package or in a library: only the owner concerned is affected.
 
-    a message cannot be encoded     it is dropped for that encoding and its publisher is told; nobody is closed
-    what belongs to one owner       that owner alone ends (`Guarded.fail`): a client is closed with code 1011, a bridge
-    fails                           is dialled anew, a recording ends; all others go on
-    what serves all fails           the request that met the failure is lost, and its sender is told; the service stays
+    a message cannot be encoded     it is dropped for that encoding and its publisher is told; no connection closes
+    work for one owner fails        only that owner ends (`Guarded.fail`): a client is closed with code 1011, a bridge
+                                    is dialled again, a recording ends; all others go on
+    work for all owners fails       the request that caused it is lost, and its sender is told; the service stays
     anything else                   it is logged and counted, and the rest goes on
 
-Everything is logged with its traceback, a failure of encoding once for each type and reason, and counted.
+Every error is logged with its traceback and counted. A failed encoding is logged once for each type and reason.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rosbridge_sim.errors import EncodingError
 __all__ = ["Guard", "Guarded"]
 
 MAX_LOGGED_FAILURES = 1_000
-"""Failures of encoding that are remembered, so that each is logged once; beyond them they are only counted."""
+"""Encoding failures that are remembered, so that each is logged once. More of them are only counted."""
 
 P = ParamSpec("P")
 
@@ -29,18 +29,22 @@ _log = logging.getLogger("rosbridge_sim.graph")
 
 @runtime_checkable
 class Guarded(Protocol):
-    """An owner that stands for one client, bridge or recording, and so can end alone."""
+    """An owner that represents one client, bridge or recording, and so can be ended alone."""
 
     def fail(self, error: Exception) -> None:
-        """End, because something that was done for it has failed. Must not raise, and may be called again."""
+        """End, because work for this owner has failed. Must not raise, and may be called again.
+
+        Args:
+            error: the failure.
+        """
 
 
 class Guard:
-    """Counts and logs the failures of one bus.
+    """Counts and logs the internal errors of one bus.
 
     Attributes:
-        num_faults: failures in all, each counted once, here and nowhere else.
-        num_unencoded: messages among them that could not be encoded, each counted for each listener.
+        num_faults: number of all internal errors; each is counted here once.
+        num_unencoded: number of messages among them that could not be encoded, counted for each subscriber.
     """
 
     def __init__(self) -> None:
@@ -49,14 +53,14 @@ class Guard:
         self._logged: set[tuple[str, str]] = set()
 
     def blame(self, concerned: object, error: Exception) -> None:
-        """End the owner whose state has failed.
+        """End the owner whose work has failed.
 
         Args:
             concerned: an owner of the bus.
             error: the failure.
 
         Raises:
-            Exception: `error` itself, which the caller has to log and count: this owner cannot end alone.
+            Exception: `error` itself, if this owner cannot be ended alone. The caller must log and count it.
         """
         if not isinstance(concerned, Guarded):
             raise error
@@ -69,9 +73,13 @@ class Guard:
         self.num_faults += 1
 
     def contain(self, concerned: object, error: Exception) -> None:
-        """End the owner whose state has failed; where it cannot end alone, log and count the failure.
+        """End the owner whose work has failed; log and count the failure if that is not possible.
 
-        For what is done on behalf of another owner, which must not hear of it.
+        For work on behalf of another owner, which must not see this failure.
+
+        Args:
+            concerned: an owner of the bus.
+            error: the failure.
         """
         if isinstance(concerned, Guarded):
             self.blame(concerned, error)
@@ -79,30 +87,35 @@ class Guard:
             self.note("something that was done for a part of the server", error)
 
     def attempt(self, what: str, act: Callable[P, object], *args: P.args, **kwargs: P.kwargs) -> None:
-        """Do something whose failure must not keep the rest from being done.
+        """Call a function; log and count its failure, because the rest must still be done.
 
         Args:
-            what: the thing done, for the log.
-            act: does it.
-            *args: its arguments.
-            **kwargs: those with names.
+            what: name of the work, for the log.
+            act: the function.
+            *args: its positional arguments.
+            **kwargs: its keyword arguments.
         """
         try:
             act(*args, **kwargs)
-        except Exception as error:  # noqa: BLE001 - a bug of ours, whatever it is
+        except Exception as error:  # noqa: BLE001 - any internal error
             self.note(what, error)
 
     def note(self, what: str, error: Exception) -> None:
-        """Log and count a failure that concerns nobody else."""
+        """Log and count an internal error that affects no owner.
+
+        Args:
+            what: name of the failed work.
+            error: the error.
+        """
         self.num_faults += 1
         _log.error("%s has failed; this is a bug of ours, and the rest goes on", what, exc_info=error)
 
     def note_encoding(self, where: str, error: EncodingError) -> None:
-        """Log and count a message that could not be encoded for a listener.
+        """Log and count a message that could not be encoded for a subscriber.
 
         Args:
             where: the topic or service.
-            error: the failure; its cause is what the encoder raised.
+            error: the failure; its cause is the error of the encoder.
         """
         self.num_unencoded += 1
         self.num_faults += 1

@@ -1,9 +1,9 @@
-"""The parameter server: JSON values by absolute name, and the namespaces that their names make.
+"""The parameter server: JSON values by absolute name, and the namespaces that these names form.
 
-A value is kept as JSON text, so it costs the bytes that it has and no Python objects. The names are kept in order, so
-a namespace is a slice of them. Everything that one client can ask for in a loop is bounded, in number and in bytes:
-for all clients together, and for each client half of that, so that no client can use up what is there.
-A parameter outlives its client; from then on it counts for all together only.
+A value is kept as JSON text, so it costs only its bytes and no Python objects. Names are kept sorted, so a namespace is
+a slice of them. Everything that a client can request in a loop is limited in number and in bytes, for all clients
+together. Each client gets half of that, so that no client can use up everything.
+A parameter outlives its client. After that it counts only for the limit of all together.
 """
 
 from __future__ import annotations
@@ -21,32 +21,36 @@ from rosbridge_sim.graph.participant import Participant
 __all__ = ["MAX_NAMESPACES", "MAX_PARAMETERS", "MAX_PARAMETER_BYTES", "MAX_VALUE_PARTS", "Parameters", "merge"]
 
 MAX_PARAMETERS: Final = 100_000
-"""Parameters kept; a client that sets names in a loop is told, and memory stays bounded."""
+"""Largest number of parameters, so that a client that sets names in a loop cannot use up the memory."""
 
 MAX_PARAMETER_BYTES: Final = 16 * 2**20
-"""Names and JSON texts of all parameters together; a robot's description, the longest that is usual, has a million."""
+"""Limit for names and JSON texts of all parameters together [bytes]; the longest usual one, a robot description, has a
+million."""
 
 MAX_NAMESPACES: Final = 20_000
-"""Namespaces with a parameter below them. Each costs a microsecond when the whole tree is read, so 20 ms in all."""
+"""Largest number of namespaces with parameters. Reading the whole tree takes a microsecond for each, so 20 ms in all.
+"""
 
 MAX_VALUE_PARTS: Final = 200_000
-"""Commas and brackets of one value that is no string: that many elements are parsed in 10 ms. Parameters are settings;
-arrays of data belong on a topic."""
+"""Largest number of commas and brackets in a value that is not a string: so many elements are parsed in 10 ms.
+Parameters are settings; arrays of data belong on a topic."""
 
 MAX_MERGED: Final = 10_000
 MAX_MERGED_BYTES: Final = 2**20
-"""Bounds of a read in a namespace where one name is a value and a namespace as well: its values have to be parsed."""
+"""Limits for reading a namespace in which one name is both a value and a namespace, because its values must be parsed.
+"""
 
 MAX_REMOVED_SINGLY: Final = 100
-"""So many names are taken out of the list one by one, at 30 us each in the longest; for more it is made anew."""
+"""Up to so many names are removed from the list one by one, at 30 us each in the longest list; for more it is rebuilt.
+"""
 
 VALUE_OVERHEAD: Final = 400
-"""Memory of a parameter beside its name and its text: the entries of the tables, measured [bytes]."""
+"""Memory of a parameter in addition to its name and text: the table entries, measured [bytes]."""
 
 
 @dataclass(eq=False, slots=True)
 class _ClientTotals:
-    """Account of what one client has set: parameters, namespaces and bytes."""
+    """Totals of what one client has set: parameters, namespaces and bytes."""
 
     num: int = 0
     num_namespaces: int = 0
@@ -59,10 +63,10 @@ class _Entry:
 
     Attributes:
         folder: its namespace; empty for the root.
-        member: as it stands in the JSON object of its namespace: `"name":value`.
-        skip: where the value begins in `member`.
-        serial: rises with each new name.
-        account: of the client that set it.
+        member: its text in the JSON object of its namespace: `"name":value`.
+        skip: position of the value in `member`.
+        serial: a number that grows with each new name.
+        account: totals of the client that set it.
     """
 
     folder: str
@@ -74,7 +78,7 @@ class _Entry:
 
 @dataclass(slots=True)
 class _Namespace:
-    """One namespace: how many parameters and namespaces stand in it, and who made it."""
+    """One namespace: the number of parameters and namespaces in it, and the client that created it."""
 
     name: str
     num: int
@@ -91,34 +95,38 @@ class Parameters:
         self._accounts: dict[Participant, _ClientTotals] = {}
         self._num_bytes = 0
         self._serial = 0
-        self._read: tuple[tuple[str, int], str] | None = None  # the namespace that was read last, and its text
+        self._read: tuple[tuple[str, int], str] | None = None  # the namespace of the last read, and its text
 
     def __len__(self) -> int:
         return len(self._entries)
 
     def __iter__(self) -> Iterator[str]:
-        """The names, in order."""
+        """Iterate over the names in sorted order."""
         return iter(self._names)
 
     def __contains__(self, name: str) -> bool:
         return name in self._entries
 
     def num_held(self, owner: Participant) -> int:
-        """Memory of the parameters that an owner has set [bytes]."""
+        """Return the memory of the parameters that an owner has set [bytes].
+
+        Args:
+            owner: the owner.
+        """
         account = self._accounts.get(owner)
         return account.num_bytes + VALUE_OVERHEAD * (account.num + account.num_namespaces) if account else 0
 
     def put(self, name: str, value: str, owner: Participant) -> None:
-        """Set a parameter.
+        """Set a parameter. After an error nothing has changed.
 
         Args:
-            name: absolute.
+            name: absolute name.
             value: JSON text.
             owner: the client that sets it.
 
         Raises:
-            orjson.JSONDecodeError: the value is no JSON text.
-            GraphError: the value is too large or nested too deeply, or there is no more room. Nothing has changed.
+            orjson.JSONDecodeError: the value is not JSON text.
+            GraphError: the value is too large or nested too deeply, or a limit is reached.
         """
         text = _normalise(value)
         old = self._entries.get(name)
@@ -142,7 +150,11 @@ class Parameters:
         self._read = None
 
     def remove(self, names: list[str]) -> None:
-        """Forget parameters that are set."""
+        """Delete parameters; all of them must be set.
+
+        Args:
+            names: absolute names.
+        """
         for name in names:
             entry = self._entries.pop(name)
             self._settle(entry.account, -1, -_size(name, entry.member[entry.skip :]))
@@ -155,36 +167,53 @@ class Parameters:
         self._read = None
 
     def disown(self, owner: Participant) -> None:
-        """Forget who set the parameters of an owner that has left; they stay."""
+        """Forget the owner of parameters, because it has left; the parameters stay.
+
+        Args:
+            owner: the owner.
+        """
         self._accounts.pop(owner, None)
 
     def text(self, name: str) -> str:
-        """The value of a parameter that is set, as JSON text."""
+        """Return the value of a parameter that is set, as JSON text.
+
+        Args:
+            name: absolute name.
+        """
         entry = self._entries[name]
         return entry.member[entry.skip :].decode()
 
     def below(self, prefix: str) -> list[str]:
-        """The names that begin with a prefix, in order; the prefix ends with a slash."""
+        """Return the names that begin with a prefix, in sorted order.
+
+        Args:
+            prefix: ends with a slash.
+        """
         return self._names[slice(*self._range(prefix))]
 
     def has_below(self, prefix: str, admits: Callable[[str], bool]) -> bool:
-        """Return whether a name that is admitted begins with a prefix, which ends with a slash."""
+        """Return True if an allowed name begins with a prefix.
+
+        Args:
+            prefix: ends with a slash.
+            admits: returns True for an allowed name.
+        """
         start, end = self._range(prefix)
         return any(admits(self._names[i]) for i in range(start, end))
 
     def tree(self, namespace: str, names: list[str]) -> str:
-        """The JSON text of a namespace.
+        """Return the JSON text of a namespace.
 
         Its names are nested as in ROS 1: `/a` of `/a/b` = 1 is {"b": 1}.
 
         Args:
-            namespace: absolute.
-            names: those in it that are to be read.
+            namespace: absolute name.
+            names: the names in it that may be read.
 
         Raises:
-            GraphError: a name is a value and a namespace as well, and there is too much to be merged.
+            GraphError: a name is both a value and a namespace, and there is too much to merge.
         """
-        key = (namespace, len(names))  # one policy holds for all clients, so as many names are the same names
+        key = (namespace, len(names))  # all clients have one policy, so equal counts mean equal names
         if self._read is None or self._read[0] != key:
             self._read = (key, self._make_tree(namespace.rstrip("/"), names))
         return self._read[1]
@@ -217,8 +246,8 @@ class Parameters:
         entries = [(name, self._entries[name]) for name in names]
         if len(names) > MAX_MERGED or sum(len(entry.member) for _, entry in entries) > MAX_MERGED_BYTES:
             raise GraphError(
-                f"Namespace {root or '/'} has a name that is a value and a namespace as well, and too much in it to be"
-                f" merged: expected {MAX_MERGED} parameters and {MAX_MERGED_BYTES} bytes at most. Read its parts"
+                f"Namespace {root or '/'} has a name that is both a value and a namespace, and is too large to merge:"
+                f" expected {MAX_MERGED} parameters and {MAX_MERGED_BYTES} bytes at most. Read its parts"
             )
         entries.sort(key=lambda each: each[1].serial)
         values = {name[len(root) + 1 :]: orjson.loads(entry.member[entry.skip :]) for name, entry in entries}
@@ -228,10 +257,13 @@ class Parameters:
             raise GraphError("The value is nested too deeply") from None
 
     def _range(self, prefix: str) -> tuple[int, int]:
-        """Slice of the names with a prefix; the prefix ends with a slash, after which comes the digit 0."""
+        """Return the slice of the names with a prefix, which ends with a slash.
+
+        The slice ends where names with the next character, the digit 0, would begin.
+        """
         return bisect_left(self._names, prefix), bisect_left(self._names, prefix[:-1] + "0")
 
-    # Bounds
+    # Limits
 
     def _check_room(self, name: str, size: int, old: _Entry | None, account: _ClientTotals) -> None:
         old_size = 0 if old is None else _size(name, old.member[old.skip :])
@@ -284,9 +316,15 @@ class Parameters:
 
 
 def merge(values: dict[str, Any]) -> dict[str, Any]:
-    """Values by relative name as values by path: `b/c` = 1 is {"b": {"c": 1}}. The values stay as they are."""
+    """Return values by path from values by relative name: `b/c` = 1 is {"b": {"c": 1}}.
+
+    The values are not changed.
+
+    Args:
+        values: values by relative name.
+    """
     root: dict[str, Any] = {}
-    own = {id(root)}  # what was made here may be written; all else is a parameter's value
+    own = {id(root)}  # only objects made here may be changed; all others are values of parameters
     for name, value in values.items():
         *path, last = name.split("/")
         node = root
@@ -301,11 +339,11 @@ def merge(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def _normalise(value: str) -> bytes:
-    """JSON text as it is kept, without white space.
+    """Return JSON text without white space.
 
     Raises:
-        orjson.JSONDecodeError: it is none.
-        GraphError: it has too many elements, or is nested too deeply to be written again though it could be read.
+        orjson.JSONDecodeError: the value is not JSON text.
+        GraphError: it has too many elements, or its nesting can be read but not written again.
     """
     if not value.lstrip().startswith('"'):
         num = value.count(",") + value.count("[") + value.count("{")
@@ -322,7 +360,7 @@ def _size(name: str, text: bytes) -> int:
 
 
 def _join(root: str, members: dict[str, list[bytes]], inner: dict[str, list[str]]) -> str:
-    """The text of a tree, in one walk: texts of inner objects are not copied at each level."""
+    """Return the text of a tree in one pass, so that inner texts are not copied at each level."""
     out: list[bytes] = []
     to_write: list[bytes | str] = [root]
     while to_write:

@@ -1,4 +1,4 @@
-"""Participants of the bus, names and message bodies: the parts that topics, services and actions share."""
+"""Participants of the bus, names and message bodies, as topics, services and actions share them."""
 
 from __future__ import annotations
 
@@ -41,72 +41,85 @@ _NAME = re.compile(r"[^\s\x00-\x1f\x7f]{1,256}")
 
 
 class Participant(Protocol):
-    """An owner of topics and services. Compared by identity.
+    """An owner of topics and services; compared by identity.
 
     Attributes:
-        name: the ROS node name that rosapi shows, e.g. `/morai_sim`.
+        name: ROS node name in rosapi's lists, e.g. `/morai_sim`.
     """
 
     @property
     def name(self) -> str:
-        """The ROS node name that rosapi shows."""
+        """ROS node name in rosapi's lists."""
 
     def notify(self, level: str, text: str) -> None:
-        """Say something that answers no request: `info`, `warning` or `error`, a line of text."""
+        """Receive a notice that is not an answer to a request.
+
+        Args:
+            level: `info`, `warning` or `error`.
+            text: a line of text.
+        """
 
 
 @runtime_checkable
 class Holdable(Protocol):
-    """An owner whose input can wait: what it sends next is handled later, in its order."""
+    """An owner whose input can wait: its next ops are handled later, in order."""
 
     def hold(self) -> Callable[[], None]:
-        """Handle nothing more of this owner until the returned function is called. Several holds count.
+        """Handle no more input of this owner until the returned function is called. Several holds are counted.
 
         Returns:
-            Releases this hold; a second call does nothing.
+            Ends this hold; a second call does nothing.
         """
 
 
 OfferKind: TypeAlias = Literal["topic", "service", "action"]
-"""Things that an owner offers to others under a name."""
+"""Kinds of things that an owner offers under a name."""
 
 
 @runtime_checkable
 class Guest(Protocol):
-    """An owner that gives way to the server's own parts: a client.
+    """An owner that must give names to the server's own parts: a client.
 
-    The server's parts have precedence, so that no client can keep one of them, such as an ego that comes later, from
-    its names and types. The types that a guest subscribes with hold for that subscription alone.
+    The server's parts come first, so that no client can take names and types that one of them needs, such as an ego
+    that is added later. A type in a guest's subscription applies only to that subscription.
     """
 
     def lose(self, kind: OfferKind, name: str, why: str) -> None:
-        """Hear that another owner has taken an offer of this one; called just before it is struck off the bus.
+        """Receive the news that another owner takes an offer of this one.
+
+        It is called just before the offer is removed from the bus.
 
         Args:
-            kind: of the offer.
-            name: absolute.
+            kind: kind of the offer.
+            name: absolute name.
             why: a line of text for the user of the client.
         """
 
 
 Notify = Callable[[str, str], None]
-"""`(level, text)`, as `notify`."""
+"""`(level, text)`, as for `notify`."""
 
 
 @runtime_checkable
 class Correlating(Protocol):
-    """An owner that can be told later which of its requests a text is about."""
+    """An owner that can be told later which of its requests a notice is about."""
 
     def notifier(self) -> Notify:
-        """Return a function that does what `notify` does, with the id of the request that is handled right now."""
+        """Return a function like `notify` that adds the id of the current request, even later."""
 
 
 @runtime_checkable
 class Explaining(Protocol):
-    """An owner that is told, with a text about its request, which kind of mistake it made."""
+    """An owner that gets the kind of its mistake together with the text."""
 
     def explain(self, level: str, text: str, reason: Reason) -> None:
-        """Do what `notify` does, for a reason that the log and `/sim/refusals` name."""
+        """Receive a notice with a reason, which goes to the log and to `/sim/refusals`.
+
+        Args:
+            level: `warning` or `error`.
+            text: a line of text.
+            reason: kind of mistake.
+        """
 
 
 @runtime_checkable
@@ -126,7 +139,14 @@ def remark(owner: Participant, level: str, text: str) -> None:
 
 
 def explain(owner: Participant, level: str, text: str, reason: Reason) -> None:
-    """Tell an owner why its request was refused; one that keeps no account of reasons only hears the text."""
+    """Tell an owner why its request was refused. An owner that does not record reasons gets only the text.
+
+    Args:
+        owner: the owner.
+        level: `warning` or `error`.
+        text: a line of text.
+        reason: kind of mistake.
+    """
     if isinstance(owner, Explaining):
         owner.explain(level, text, reason)
     else:
@@ -134,12 +154,24 @@ def explain(owner: Participant, level: str, text: str, reason: Reason) -> None:
 
 
 def gives_way(old: Participant, new: Participant) -> bool:
-    """Return whether an owner must leave a name to another one, even a name that it has to itself."""
+    """Return True if an owner must leave even its exclusive name to another one.
+
+    Args:
+        old: the present owner of the name.
+        new: the owner that wants it.
+    """
     return isinstance(old, Guest) and not isinstance(new, Guest)
 
 
 def take_over(old: Participant, kind: OfferKind, name: str, new: Participant) -> None:
-    """Tell an owner that its offer is another one's from now on; called before it is struck off the bus."""
+    """Tell an owner that another one takes its offer; called before the offer is removed from the bus.
+
+    Args:
+        old: the present owner.
+        kind: kind of the offer.
+        name: absolute name.
+        new: the next owner.
+    """
     why = f"{kind.capitalize()} {name} is provided by {new.name} from now on: this client's offer has ended"
     if isinstance(old, Guest):
         old.lose(kind, name, why)
@@ -148,18 +180,25 @@ def take_over(old: Participant, kind: OfferKind, name: str, new: Participant) ->
 
 
 def hold(owner: Participant) -> Callable[[], None]:
-    """Hold an owner's input, so that what it sends next waits for something that takes time.
+    """Hold an owner's input, because its current request takes time.
 
-    An owner in this process that cannot be held only gets its answer later.
+    An owner inside this process that cannot be held only gets its answer later.
+
+    Args:
+        owner: the owner.
 
     Returns:
-        Releases the owner; must be called in the end, and a second call does nothing.
+        Releases the owner. It must be called once; a second call does nothing.
     """
     return owner.hold() if isinstance(owner, Holdable) else _nothing
 
 
 def notifier(owner: Participant) -> Notify:
-    """Return a function that tells an owner something about the request that is handled right now, perhaps later."""
+    """Return a function that tells an owner something about its current request, now or later.
+
+    Args:
+        owner: the owner.
+    """
     return owner.notifier() if isinstance(owner, Correlating) else owner.notify
 
 
@@ -168,10 +207,13 @@ def _nothing() -> None:
 
 
 def resolve(name: str) -> str:
-    """The absolute graph name: `chatter` and `/chatter` are one topic.
+    """Return the absolute graph name: `chatter` and `/chatter` are one topic.
+
+    Args:
+        name: relative or absolute name.
 
     Raises:
-        GraphError: the name is empty, longer than 256 characters or holds white space.
+        GraphError: the name is empty, longer than 256 characters, or contains white space.
     """
     if not _NAME.fullmatch(name):
         shown = name if len(name) <= 80 else name[:77] + "..."  # noqa: PLR2004 - a line of a terminal
@@ -180,7 +222,12 @@ def resolve(name: str) -> str:
 
 
 def size_of_body(value: object, body: object) -> int:
-    """Estimate what a decoded body costs while it is held [bytes]."""
+    """Return the estimated memory of a decoded body [bytes].
+
+    Args:
+        value: the decoded body.
+        body: the body as it came.
+    """
     if isinstance(body, (bytes, msgspec.Raw)):
         length = len(body)
         if length < _SHORT:
@@ -190,11 +237,17 @@ def size_of_body(value: object, body: object) -> int:
 
 
 _SHORT = 2_000
-"""A shorter body is not counted [bytes]: `--max-calls` bounds how many there are, a thousand to 20 MB at most."""
+"""A shorter body is not counted [bytes]: `--max-calls` limits their number, and a thousand of them take at most 20 MB.
+"""
 
 
 def decode_body(message_type: MessageType | OpaqueType, body: OpBody, stamp_ns: int) -> object:
-    """The checked and filled value of a body, given by name, by position or not at all.
+    """Return the checked and completed value of a body, which has fields by name, by position, or none.
+
+    Args:
+        message_type: type of the message.
+        body: the body.
+        stamp_ns: time for stamps that the body leaves open [ns].
 
     Raises:
         FieldError: it does not fit the type.
@@ -203,7 +256,7 @@ def decode_body(message_type: MessageType | OpaqueType, body: OpBody, stamp_ns: 
         if body is ABSENT:
             return message_type.check({}, stamp_ns)
         try:
-            return message_type.decode_json(body, stamp_ns)  # an object by name, as nearly always
+            return message_type.decode_json(body, stamp_ns)  # the usual case: an object with field names
         except FieldError:
             if is_absent(body):
                 return message_type.check({}, stamp_ns)
@@ -219,11 +272,11 @@ def decode_body(message_type: MessageType | OpaqueType, body: OpBody, stamp_ns: 
 
 
 def _by_name(message_type: MessageType | OpaqueType, values: list[object]) -> dict[str, object]:
-    """The fields that values given by position stand for.
+    """Return the fields by name for values given by position.
 
     Raises:
-        FieldError: nothing is known of the fields.
-        GraphError: there are fewer.
+        FieldError: the fields of the type are unknown.
+        GraphError: there are too many values.
     """
     if not values:
         return {}

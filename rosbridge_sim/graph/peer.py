@@ -1,9 +1,9 @@
 """The ops of one client, done on the bus in that client's name.
 
-A `Peer` joins a session (one wire) to the bus (all who talk). It reads frames, does their ops one by one by a table,
-and keeps what the wire knows and the bus does not in its parts: `peer_topics.py`, `peer_services.py` and
-`peer_actions.py`. A mistake gives one remark to this client, or a refusal to its call, and leaves everything as it
-was (`peer_base.py`).
+A `Peer` connects a session (one wire) with the bus (all participants). It reads frames and does their ops one by one,
+by a table. Its parts `peer_topics.py`, `peer_services.py` and `peer_actions.py` store what the wire knows and the bus
+does not. A mistake gives a status frame to this client, or a refusal of its call. It changes nothing else
+(`peer_base.py`).
 """
 
 from __future__ import annotations
@@ -26,16 +26,23 @@ from rosbridge_sim.protocol.session import LEVELS, Session
 __all__ = ["MAX_OP_ID", "FrameWork", "Peer", "Work"]
 
 MAX_OP_ID = 1_024
-"""Longest id of what is held [characters]; any other id is only echoed."""
+"""Longest id of anything that is stored [characters]; other ids are only echoed."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
 
 class Work(Protocol):
-    """The work that a frame makes, in steps."""
+    """Work for a frame, in steps."""
 
     def step(self, now: float) -> bool:
-        """Do the next op, or the next slice of finding it; return whether there was anything left to do."""
+        """Do the next op, or the next slice of reading.
+
+        Args:
+            now: monotonic time [s].
+
+        Returns:
+            True if anything was left to do.
+        """
 
 
 class FrameWork:
@@ -60,17 +67,17 @@ class Peer(PeerBase):
     """One client on the bus.
 
     Attributes:
-        topics, services, actions: what it has of each.
+        topics, services, actions: its topics, services and actions.
     """
 
     def __init__(self, bus: Bus, session: Session, address: str = "", policy: Policy = OPEN) -> None:
-        """A client that holds nothing yet.
+        """Create a client that holds nothing yet.
 
         Args:
-            bus: where it meets the others.
+            bus: the bus.
             session: its wire.
-            address: where it comes from.
-            policy: what it may do.
+            address: its network address, for people.
+            policy: its rights.
         """
         super().__init__(bus, session, address, policy)
         topics = self.topics = PeerTopics(self, self._check_room)
@@ -101,21 +108,27 @@ class Peer(PeerBase):
         }
 
     def receive(self, frame: bytes, now: float) -> None:
-        """Do all that a frame asks, to its end, however long that takes."""
+        """Do all ops of a frame at once, however long that takes.
+
+        Args:
+            frame: content of a text or binary frame.
+            now: monotonic time [s].
+        """
         work = self.begin(frame, now)
         while work is not None and work.step(now):
             pass
 
     def begin(self, frame: bytes, now: float) -> Work | None:
-        """Do what an ordinary frame asks: its one op is done, and nothing is left.
+        """Do the only op of an ordinary frame at once, or return the work for any other frame.
 
         Args:
-            frame: what came.
+            frame: content of a text or binary frame.
             now: monotonic time [s].
 
         Returns:
-            None where all is done. Else the work that a long or glued frame makes, none of it done yet: `step` it to
-            its end before the next frame. An op is done to its end; between two of them others may have their turn.
+            None if everything is done. Otherwise the work for a long frame or one with several ops; none of it is done
+            yet. Call `step` to its end before the next frame. One op is done completely; others may have their turn
+            between two ops.
         """
         op = self.session.receive_plain(frame)
         if op is None:
@@ -124,11 +137,20 @@ class Peer(PeerBase):
         return None
 
     def flush(self, now: float) -> None:
-        """Send the messages whose turn has come; the session's alarm says when."""
+        """Send the messages whose time has come, as announced by the session's alarm.
+
+        Args:
+            now: monotonic time [s].
+        """
         self.session.flush(now, self.bus.stamp_ns)
 
     def do(self, op: ops.Op, now: float) -> None:
-        """Do one op; a mistake in it is told to the client."""
+        """Do one op; tell the client about a mistake in it.
+
+        Args:
+            op: the op.
+            now: monotonic time [s].
+        """
         self.op_id = op.id
         self.op = op
         try:
@@ -141,7 +163,13 @@ class Peer(PeerBase):
         self.op = None
 
     def lose(self, kind: OfferKind, name: str, why: str) -> None:
-        """See `Guest`."""
+        """See `Guest`.
+
+        Args:
+            kind: kind of the offer.
+            name: absolute name.
+            why: a line of text for the user of the client.
+        """
         if kind == "topic":
             self.topics.lose(name)
         elif kind == "service":
@@ -151,7 +179,11 @@ class Peer(PeerBase):
         self.remark("error", why)
 
     def leave(self, now: float) -> None:
-        """Take everything of this client's off the bus; twice is no error."""
+        """Remove everything of this client from the bus. A second call does nothing.
+
+        Args:
+            now: monotonic time [s].
+        """
         self.forget_release()
         self.policy.ways.on_change.pop(self.topics.recheck, None)
         try:
@@ -159,7 +191,7 @@ class Peer(PeerBase):
             self.services.forget()
             self.actions.forget()
             self.session.leave()
-        finally:  # whatever is wrong with it: what stays on the bus would fail again with each message
+        finally:  # after an error, too: anything left on the bus would fail again with each message
             self.bus.leave(self, now)
 
     def _lose_answer(self, error: FrameError) -> None:
@@ -168,7 +200,7 @@ class Peer(PeerBase):
         part.fail_unreadable(error, f"The provider's answer cannot be read: {error}")
 
     def _set_level(self, op: ops.SetLevel, _now: float) -> None:
-        if op.level not in LEVELS:  # the protocol has no answer for it; its author sees the log
+        if op.level not in LEVELS:  # the protocol has no answer to set_level, so the mistake goes only to the log
             expected = ", ".join(LEVELS)
             self.note(Reason.WRONG_VALUE, f"set_level: expected one of {expected}; got {op.level[:MAX_OP_ID]!r}", op)
         self.session.set_level(op.level)
@@ -177,7 +209,7 @@ class Peer(PeerBase):
         _log.info("%s says: [%s] %s", self.address, op.level, op.msg, extra={"client": self.address})
 
     def _auth(self, op: ops.Auth, _now: float) -> None:
-        """Nothing to check: no token is wanted here."""
+        """Do nothing: this server has no token."""
 
     def _check_room(self, op_id: ops.Id) -> None:
         """See `CheckRoom`."""

@@ -1,4 +1,4 @@
-"""Actions of one client: the goals that it sends, and the actions that it provides."""
+"""Actions of one client: the goals that it sends and the actions that it provides."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class PeerActions:
     """The actions of one client."""
 
     def __init__(self, peer: PeerBase, check_room: CheckRoom) -> None:
-        """No actions yet.
+        """Create an empty table.
 
         Args:
             peer: the client.
-            check_room: called before it offers one more.
+            check_room: called before it offers another one.
         """
         self._peer = peer
         self._actions = peer.bus.actions
@@ -31,11 +31,15 @@ class PeerActions:
 
     @property
     def num_held(self) -> int:
-        """Actions that it provides."""
+        """Number of actions that the client provides."""
         return len(self._provided)
 
     def advertise(self, op: ops.AdvertiseAction, _now: float) -> None:
-        """Offer an action."""
+        """Offer an action.
+
+        Args:
+            op: the request of the client.
+        """
         self._peer.policy.check_offer(op.action)
         self._check_room(None)
         provided = PendingWork[Goal]("action_goal", op.action)
@@ -45,7 +49,7 @@ class PeerActions:
             nonlocal ids
             if provided.tidy():
                 ids = {goal: goal_id for goal_id, goal in provided.items()}
-            if len(goal.action.goals) > self._actions.max_goals:  # this one is among them
+            if len(goal.action.goals) > self._actions.max_goals:  # including this one
                 text = f"Action {op.action} has {self._actions.max_goals} goals under way already"
                 raise GraphError(text, reason=Reason.TOO_MUCH)
             goal_id = ids[goal] = provided.add(goal)
@@ -68,12 +72,20 @@ class PeerActions:
         self._provided[action.name] = provided
 
     def unadvertise(self, op: ops.UnadvertiseAction, _now: float) -> None:
-        """Stop offering it."""
+        """Stop offering an action.
+
+        Args:
+            op: the request of the client.
+        """
         self._actions.withdraw(self._peer, op.action)
         self._provided.pop(resolve(op.action), None)
 
     def send_goal(self, op: ops.SendActionGoal, _now: float) -> None:
-        """Send a goal; a mistake is its end."""
+        """Send a goal; a mistake ends the goal.
+
+        Args:
+            op: the request of the client.
+        """
         key = (op.action, op.id)
 
         def on_feedback(values: Message) -> None:
@@ -106,19 +118,31 @@ class PeerActions:
             self._sent[key] = goal
 
     def cancel_goal(self, op: ops.CancelActionGoal, _now: float) -> None:
-        """Cancel a goal. One that has ended, or never was, is no mistake, as in rosbridge_suite."""
+        """Cancel a goal. An unknown or ended goal is not a mistake, as in rosbridge_suite.
+
+        Args:
+            op: the request of the client.
+        """
         goal = self._sent.get((op.action, op.id))
         if goal is not None:
             goal.cancel()
 
     def report(self, op: ops.ActionFeedback, _now: float) -> None:
-        """Pass on feedback of a goal that this client works on as a provider."""
+        """Pass on feedback for a goal of which this client is the provider.
+
+        Args:
+            op: the feedback.
+        """
         goal = self._find_goal(op)
         if goal is not None:
             goal.report(decode_body(goal.action.type.feedback, op.values, self._peer.bus.stamp_ns))
 
     def end_goal(self, op: ops.ActionResult, _now: float) -> None:
-        """End a goal that this client works on as a provider."""
+        """End a goal of which this client is the provider.
+
+        Args:
+            op: the result.
+        """
         goal = self._find_goal(op)
         if goal is None:
             return
@@ -126,7 +150,7 @@ class PeerActions:
         if not op.result:
             try:
                 values = decode_body(result_type, op.values, self._peer.bus.stamp_ns)
-            except PeerError:  # a failed provider sends a text, or anything
+            except PeerError:  # a failed provider may send any value
                 values = result_type.default()
             goal.end(GoalStatus.ABORTED, values)
             return
@@ -139,30 +163,39 @@ class PeerActions:
         goal.end(status, values)
 
     def _find_goal(self, op: ops.ActionFeedback | ops.ActionResult) -> Goal | None:
-        """The goal that this client works on under that id; None if nobody waits for it any more."""
+        """Return the goal of this provider with that id; None if no caller waits for it."""
         provided = self._provided.get(resolve(op.action))
         if provided is None:
             text = f"Action {op.action} has not been advertised via rosbridge."
             raise GraphError(text, reason=Reason.NOT_ADVERTISED)
         goal = provided.get(op.id)
         if goal is None:
-            text = f"Nobody waits for a goal of {op.action} with this id"
+            text = f"No goal of {op.action} with this id is in progress"
             self._peer.session.remark("warning", text, op.id)
             self._peer.note(Reason.STRAY_ANSWER, text, op)
         return None if goal is None or goal.is_done else goal
 
     def fail_unreadable(self, error: FrameError, why: str) -> None:
-        """Fail the goal whose result cannot be read; see `PeerServices.fail_unreadable`."""
+        """Fail the goal whose result cannot be read; see `PeerServices.fail_unreadable`.
+
+        Args:
+            error: the error of the frame.
+            why: reason, for the caller.
+        """
         goal = find_awaited(self._provided, error.op_id)
         if goal is not None:
             goal.fail(why)
 
     def lose(self, name: str) -> None:
-        """Strike an action, by absolute name, that another owner takes."""
+        """Remove an action that another owner takes.
+
+        Args:
+            name: absolute name.
+        """
         self._provided.pop(name, None)
 
     def forget(self) -> None:
-        """Forget all of them; the bus forgets its part by itself."""
+        """Forget all actions; the bus removes its own entries itself."""
         self._provided.clear()
         self._sent.clear()
 

@@ -1,11 +1,10 @@
-"""A client as a participant of the bus: what it is told, what is noted of its mistakes, and what its next op waits for.
+"""A client as a participant of the bus: notices to it, records of its mistakes, and waiting for long ops.
 
-The parts of a `Peer` (`peer_topics.py`, `peer_services.py`, `peer_actions.py`) share this, and act in this client's
-name. A mistake gives one remark to the client, or a refusal to its call, and an entry in the log and on
+The parts of a `Peer` (`peer_topics.py`, `peer_services.py`, `peer_actions.py`) share this class and act in the client's
+name. A mistake gives a status frame to the client, or a refusal of its call, and an entry in the log and on
 `/sim/refusals`.
-
-An op may take longer than its turn: a scenario is read from a disk. Then the client is *held*: the reader of its
-frames asks `is_held` after each op, stops there, and goes on when `on_released` is called. So a client's ops take
+An op may take longer than its turn, for example to read a scenario from disk. Then the client is *held*: the reader of
+its frames checks `is_held` after each op, pauses, and goes on when `on_released` is called. So a client's ops take
 effect in the order in which they were sent, and no other client waits.
 """
 
@@ -27,31 +26,38 @@ from rosbridge_sim.suggestions import hint
 __all__ = ["WEBSOCKET_NODE_NAME", "CheckRoom", "PeerBase", "split_id"]
 
 WEBSOCKET_NODE_NAME = "/rosbridge_websocket"
-"""All clients are one ROS node, as behind rosbridge_suite; Lichtblick looks for it."""
+"""One ROS node name for all clients, as with rosbridge_suite; Lichtblick searches for it."""
 
 CheckRoom = Callable[[ops.Id], None]
-"""Raises GraphError if the client may not hold one more thing, under that id."""
+"""Raises GraphError if the client must not hold another thing, with that id."""
 
 
 class PeerBase:
-    """One client, without what its ops mean.
+    """One client, without the meaning of its ops.
 
     Attributes:
-        bus: where it meets the others.
+        bus: the bus.
         session: its wire.
-        policy: what it may do.
-        address: where it comes from, for people to read.
-        num_errors: mistakes it was told of.
-        on_failure: called when something that is done for this client has failed by a bug of ours; raises it by itself.
-        num_holds: reasons for its next op to wait; see `hold`.
-        on_released: called when the last hold has ended; not after `leave`.
-        op, op_id: the op in hand and its id; None between two ops.
+        policy: its rights.
+        address: its network address, for people.
+        num_errors: number of mistakes that it was told about.
+        on_failure: called with an internal error in work for this client; by default it raises the error.
+        num_holds: number of reasons for its next op to wait; see `hold`.
+        on_released: called when the last hold has ended, but not after `leave`.
+        op, op_id: the current op and its id; None between two ops.
     """
 
     name = WEBSOCKET_NODE_NAME
 
     def __init__(self, bus: Bus, session: Session, address: str, policy: Policy) -> None:
-        """A client that holds nothing yet; the arguments are its attributes."""
+        """Create a client that holds nothing yet; the arguments are its attributes.
+
+        Args:
+            bus: the bus.
+            session: its wire.
+            address: its network address, for people.
+            policy: its rights.
+        """
         self.bus = bus
         self.session = session
         self.policy = policy
@@ -65,25 +71,34 @@ class PeerBase:
         session.on_mistake = lambda error: self.note(error.reason, str(error))
         session.on_unsent = bus.guard.note_encoding
 
-    # What it is told
+    # Notices and mistakes
 
     def fail(self, error: Exception) -> None:
-        """See `Guarded`: the owner of the socket closes it."""
+        """See `Guarded`: the owner of the socket closes it.
+
+        Args:
+            error: the internal error.
+        """
         self.on_failure(error)
 
     def note(self, reason: Reason, text: object, op: ops.Op | None = None) -> None:
-        """Tell the log and `/sim/refusals` of a mistake of this client's.
+        """Report a mistake of this client in the log and on `/sim/refusals`.
 
         Args:
-            reason: the kind of mistake.
-            text: what the client was told.
-            op: what it is about, where that is known.
+            reason: kind of mistake.
+            text: text that the client was sent.
+            op: the wrong op, if it is known.
         """
         refusal = refusal_of(self.address, reason, text, op)
         self.bus.guard.attempt("the account of a refusal", self.bus.on_refusal, refusal)
 
     def suggest(self, reason: Reason, op: ops.Op) -> str:
-        """Return the nearest name that this client may use, for the end of an error; perhaps nothing."""
+        """Return the nearest name that this client may use, for the end of an error text; may be empty.
+
+        Args:
+            reason: kind of mistake.
+            op: the wrong op.
+        """
         names: Iterable[str]
         may_know: Callable[[str], bool]
         if reason is Reason.UNKNOWN_TOPIC and isinstance(op, (ops.Publish, ops.Subscribe)):
@@ -97,11 +112,24 @@ class PeerBase:
         return hint(resolve(name), names if self.policy == OPEN else filter(may_know, names))
 
     def may_see(self, name: str) -> bool:
-        """Return whether a topic that is there may be seen by this client."""
+        """Return True if this client may see an existing topic.
+
+        Args:
+            name: name of the topic.
+        """
         return self.policy.may_see(name, self.bus.topics[name].type.name)
 
     def refuse(self, op: ops.Op, why: str, reason: Reason = Reason.REFUSED) -> bool:
-        """Answer an op that is not to be done, if it waits for an answer; else False, and it gets no answer."""
+        """Refuse an op, if it waits for an answer.
+
+        Args:
+            op: the op.
+            why: reason, for the client.
+            reason: kind of mistake.
+
+        Returns:
+            True if the op got an answer; False if it is of a kind that has none.
+        """
         self.num_errors += 1
         self.note(reason, why, op)
         if isinstance(op, ops.CallService):
@@ -114,31 +142,48 @@ class PeerBase:
         return True
 
     def notify(self, level: str, text: str) -> None:
-        """Remark something that answers no request."""
+        """Send a status frame that is not an answer to a request.
+
+        Args:
+            level: `info`, `warning` or `error`.
+            text: a line of text.
+        """
         self.remark(level, text)
         self._note_notice(level, text, self.op)
 
     def explain(self, level: str, text: str, reason: Reason) -> None:
-        """See `Explaining`."""
+        """See `Explaining`.
+
+        Args:
+            level: `warning` or `error`.
+            text: a line of text.
+            reason: kind of mistake.
+        """
         self.remark(level, text)
         self.note(reason, text, self.op)
 
     def _note_notice(self, level: str, text: str, op: ops.Op | None) -> None:
-        """Note what was told without a reason; an `info` is no mistake."""
+        """Report a text that was sent without a reason; an `info` is not a mistake."""
         if level == "error":
             self.note(Reason.REFUSED, text, op)
         elif level != "info":
             self.note(Reason.NOT_NOW, text, op)
 
     def remark(self, level: str, text: str, op_id: ops.Id = None) -> None:
-        """Remark something on behalf of others, who must not hear of a failure of this client's."""
+        """Send a status frame on behalf of others. A failure of this client does not reach them.
+
+        Args:
+            level: `info`, `warning` or `error`.
+            text: a line of text.
+            op_id: id of the op that the text is about.
+        """
         try:
             self.session.remark(level, text, op_id)
-        except Exception as error:  # noqa: BLE001 - a bug of ours in this client's own state
+        except Exception as error:  # noqa: BLE001 - an internal error in this client's own state
             self.bus.guard.blame(self, error)
 
     def notifier(self) -> Notify:
-        """See `Correlating`."""
+        """Return a function like `notify` that adds the id of the current op; see `Correlating`."""
         op_id, op = self.op_id, self.op
 
         def notify(level: str, text: str) -> None:
@@ -148,15 +193,19 @@ class PeerBase:
 
         return notify
 
-    # What its next op waits for
+    # Holds
 
     @property
     def is_held(self) -> bool:
-        """Return whether the next op has to wait until `on_released` is called."""
+        """True if the next op must wait until `on_released` is called."""
         return self.num_holds > 0
 
     def hold(self) -> Callable[[], None]:
-        """See `Holdable`."""
+        """Hold this client; see `Holdable`.
+
+        Returns:
+            Ends this hold; a second call does nothing.
+        """
         self.num_holds += 1
         is_holding = True
 
@@ -168,27 +217,31 @@ class PeerBase:
                 if not self.num_holds:
                     try:
                         self.on_released()
-                    except Exception as error:  # noqa: BLE001 - a bug of ours in this client's own state
+                    except Exception as error:  # noqa: BLE001 - an internal error in this client's own state
                         self.bus.guard.blame(self, error)
 
         return release
 
     def forget_release(self) -> None:
-        """Call `on_released` no more: the client is gone."""
+        """Stop calling `on_released`, because the client is gone."""
         self.on_released = _do_nothing
 
 
 def _do_nothing() -> None:
-    """Do nothing: no op of this client waits for its release."""
+    """Do nothing: no op of this client waits."""
 
 
 def _raise(error: Exception) -> NoReturn:
-    """Raise a failure in the caller's hands: this client has no socket that could be closed."""
+    """Raise a failure to the caller, because this client has no socket to close."""
     raise error
 
 
 def split_id(op: ops.CallService) -> tuple[str, ops.Id]:
-    """The name and the id of a call; an old form has both in one: `service#id`."""
+    """Return name and id of a call; an old form has both in one text: `service#id`.
+
+    Args:
+        op: the call.
+    """
     if op.id is None and "#" in op.service:
         service, _, op_id = op.service.partition("#")
         return service, op_id

@@ -1,9 +1,9 @@
-"""Services of one client: the calls that it makes, and the services that it provides.
+"""Services of one client: the calls that it makes and the services that it provides.
 
-A lost provider fails its calls at once. rosbridge_suite ignores the `result` of a provider's answer, and many
-providers send it wrong or not at all. So an object with a field of the response is an answer whatever `result` says,
-with a warning to the provider; anything else without `result: true` is a failure (rosbridge_suite turns that into
-success, too, or never answers).
+If a provider leaves, its calls fail at once. rosbridge_suite ignores the `result` in a provider's answer, and many
+providers send a wrong one or none. So an object with a field of the response counts as a success whatever `result`
+says, and the provider gets a warning. Any other answer without `result: true` is a failure. (rosbridge_suite turns that
+into success, or never answers.)
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ class PeerServices:
     """The services of one client."""
 
     def __init__(self, peer: PeerBase, check_room: CheckRoom) -> None:
-        """No services yet.
+        """Create an empty table.
 
         Args:
             peer: the client.
-            check_room: called before it offers one more.
+            check_room: called before it offers another one.
         """
         self._peer = peer
         self._bus = peer.bus
@@ -47,11 +47,16 @@ class PeerServices:
 
     @property
     def num_held(self) -> int:
-        """Services that it provides."""
+        """Number of services that the client provides."""
         return len(self._provided)
 
     def call(self, op: ops.CallService, now: float) -> None:
-        """Call a service; a mistake is the answer."""
+        """Call a service; a mistake becomes the answer.
+
+        Args:
+            op: the request of the client.
+            now: monotonic time [s].
+        """
         service, op_id = split_id(op)
         try:
             self._policy.check_call(service)
@@ -69,7 +74,11 @@ class PeerServices:
         self._bus.call(self._peer, service, op.args, on_answer, now=now, timeout=op.timeout)
 
     def advertise(self, op: ops.AdvertiseService, _now: float) -> None:
-        """Offer a service."""
+        """Offer a service.
+
+        Args:
+            op: the request of the client.
+        """
         self._policy.check_offer(op.service)
         self._check_room(None)
         provided = PendingWork[Call]("service_request", op.service)
@@ -78,7 +87,7 @@ class PeerServices:
         def handle(call: Call, _now: float) -> None:
             limit = self._bus.max_calls
             provided.tidy()
-            if len(call.service.calls) > limit:  # this one is among them
+            if len(call.service.calls) > limit:  # including this one
                 text = f"Service {name} has {limit} calls waiting already"
                 raise GraphError(text, reason=Reason.TOO_MUCH)
             call_id = provided.add(call)
@@ -89,12 +98,20 @@ class PeerServices:
         self._provided[service.name] = provided
 
     def unadvertise(self, op: ops.UnadvertiseService, _now: float) -> None:
-        """Stop offering it."""
+        """Stop offering a service.
+
+        Args:
+            op: the request of the client.
+        """
         self._bus.withdraw(self._peer, op.service)
         self._provided.pop(resolve(op.service), None)
 
     def respond(self, op: ops.ServiceResponse, _now: float) -> None:
-        """Take the answer to a call that this client was given as a provider."""
+        """Take the answer to a call of which this client is the provider.
+
+        Args:
+            op: the answer.
+        """
         name = resolve(op.service)
         provided = self._provided.get(name)
         if provided is None:
@@ -102,7 +119,7 @@ class PeerServices:
             raise GraphError(text, reason=Reason.NOT_ADVERTISED)
         call = provided.pop(op.id)
         if call is None:
-            text = f"Nobody waits for an answer of {op.service} with this id"
+            text = f"No call of {op.service} with this id waits for an answer"
             self._session.remark("warning", text, op.id)
             self._peer.note(Reason.STRAY_ANSWER, text, op)
             return
@@ -111,7 +128,7 @@ class PeerServices:
         if not op.result and (op.reason is not None or not _is_filled_object(op.values)):
             call.refuse(_read_refusal(op.values, name) if op.reason is None else op.reason)
             if op.result is None and op.reason is None and not _says_anything(op.values):
-                # what roslib sends for a provider whose function forgets to return true
+                # roslib sends this if the provider's function does not return true
                 text = f"{name}: the answer has neither a result nor values, so its call has failed."
                 text += ' Send "result": true (with roslib, return true)'
                 self._session.remark("warning", text, op.id)
@@ -120,7 +137,7 @@ class PeerServices:
         try:
             values = decode_body(call.service.type.response, op.values, self._bus.stamp_ns)
         except PeerError as error:
-            if op.result is False:  # an object of the provider's own that says why not
+            if op.result is False:  # the provider's own object with the reason
                 call.refuse(_read_refusal(op.values, name))
                 return
             call.refuse(str(error))
@@ -132,24 +149,28 @@ class PeerServices:
             self._session.remark("warning", text, op.id)
 
     def fail_unreadable(self, error: FrameError, why: str) -> None:
-        """Fail the call whose answer cannot be read: its caller would wait for ever.
+        """Fail the call whose answer cannot be read, because its caller would wait for ever.
 
-        Where the frame has no id of ours left in it, it is clear whose answer it is only if one alone is awaited.
+        If the frame has no id of a call, the call is only known if exactly one waits.
 
         Args:
-            error: what is wrong with the frame.
-            why: for the caller.
+            error: the error of the frame.
+            why: reason, for the caller.
         """
         call = find_awaited(self._provided, error.op_id)
         if call is not None:
             call.refuse(why)
 
     def lose(self, name: str) -> None:
-        """Strike a service, by absolute name, that another owner takes."""
+        """Remove a service that another owner takes.
+
+        Args:
+            name: absolute name.
+        """
         self._provided.pop(name, None)
 
     def forget(self) -> None:
-        """Forget all of them; the bus forgets its part by itself."""
+        """Forget all services; the bus removes its own entries itself."""
         self._provided.clear()
 
 
@@ -160,19 +181,19 @@ def _is_empty_object(body: ops.OpBody) -> bool:
 
 
 def _is_filled_object(body: ops.OpBody) -> bool:
-    """Return whether a body is an object with anything in it. It may be no JSON at all."""
+    """Return True if a body is an object with at least one field. The body may be invalid JSON."""
     if isinstance(body, (bytes, msgspec.Raw)):
         return bytes(memoryview(body)[:1]) == b"{" and not _is_empty_object(body)
     return isinstance(body, dict) and bool(body)
 
 
 def _says_anything(body: ops.OpBody) -> bool:
-    """Return whether a body is there and is no empty object."""
+    """Return True if a body is present and not an empty object."""
     return not is_absent(body) and not _is_empty_object(body)
 
 
 def _read_refusal(values: ops.OpBody, service: str) -> object:
-    """The reason that a provider gave: any JSON value; a text of ours where it gave none."""
+    """Return the provider's reason, any JSON value; a text of the server if there is none."""
     if not _says_anything(values):
         return f"Service {service} failed; its provider gave no reason"
     try:
@@ -180,6 +201,6 @@ def _read_refusal(values: ops.OpBody, service: str) -> object:
         orjson.dumps(reason)
     except orjson.JSONDecodeError:
         return "The provider failed, with a reason that is not valid JSON"
-    except orjson.JSONEncodeError:  # deeper than can be written again
+    except orjson.JSONEncodeError:  # too deep to be written again
         return "The provider failed, with a reason that is nested too deeply"
     return reason

@@ -1,8 +1,8 @@
-"""Topics of one client: what it advertises, publishes and subscribes to, each under its own spelling.
+"""Topics of one client: advertisements, publishing and subscriptions, each with the client's own spelling.
 
-The wire knows the client's spelling of each topic and its several subscriptions to one topic; the bus does not.
-Where rosbridge_suite and the protocol's text differ, we take: one message for each spelling of a topic, whatever the
-number of subscription ids; latched messages once for each new id.
+The wire knows the client's spelling of each topic and its several subscriptions to one topic; the bus does not. Where
+rosbridge_suite and the protocol's text differ, this server sends one message for each spelling of a topic, whatever the
+number of subscription ids, and latched messages once for each new id.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from rosbridge_sim.suggestions import hint, listing
 __all__ = ["MAX_WATCHED_TOPICS", "PeerTopics"]
 
 _IMPLICIT = object()
-"""The key of the advertisement that a bare publish without an id makes; no client can spell it."""
+"""Key of the advertisement that a publish without id and advertise creates; no client can send it."""
 
 MAX_WATCHED_TOPICS = 100
-"""Topics of one client at most that it is told of when nobody publishes them: as many lines in the log."""
+"""A client is told about at most so many topics without a publisher, which limits the lines in the log."""
 
 MAX_ALIKE = 3
-"""Topics of the same type that such a remark names."""
+"""Topics of the same type that such a notice names."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
 
 @dataclass(slots=True)
 class _TopicSubscription:
-    """One spelling of a topic that a client listens to: its feed on the wire, its one subscription on the bus."""
+    """One spelling of a topic: its feed on the wire and its one subscription on the bus."""
 
     feed: Feed
     subscription: Subscription
@@ -47,15 +47,15 @@ class PeerTopics:
     """The topics of one client.
 
     Attributes:
-        num_held: advertisements and subscriptions, each id by itself.
+        num_held: number of advertisements and subscriptions; each id counts.
     """
 
     def __init__(self, peer: PeerBase, check_room: CheckRoom) -> None:
-        """No topics yet.
+        """Create an empty table.
 
         Args:
             peer: the client.
-            check_room: called before it holds one more.
+            check_room: called before it holds another one.
         """
         self.num_held = 0
         self._peer = peer
@@ -69,12 +69,16 @@ class PeerTopics:
     # Publishing
 
     def advertise(self, op: ops.Advertise, _now: float) -> None:
-        """Make this client a publisher."""
+        """Make this client a publisher.
+
+        Args:
+            op: the request of the client.
+        """
         self._peer.policy.check_publish(op.topic, op.type)
         self._publications[op.topic] = self._begin_publishing(op, op.type, op.id)
 
     def _begin_publishing(self, op: ops.Advertise | ops.Publish, type_name: str, key: object) -> Topic:
-        """The topic, with this client as a publisher of it."""
+        """Make this client a publisher of a topic, and return the topic."""
         self._check_room(op.id)
         qos = read_qos(op.qos)
         depth = qos.depth if op.latch or qos.is_latching else 0
@@ -89,7 +93,12 @@ class PeerTopics:
         return len(topic.publishers.get(self._peer, ())) if topic is not None else 0
 
     def unadvertise(self, op: ops.Unadvertise, now: float) -> None:
-        """Take one advertisement back, or all of a topic where the op has no id."""
+        """Remove one advertisement, or all of a topic if the op has no id.
+
+        Args:
+            op: the request of the client.
+            now: monotonic time [s].
+        """
         num_keys = self._count_keys(op.topic)
         self._bus.unadvertise(self._peer, op.topic, now, key=op.id)
         self.num_held += self._count_keys(op.topic) - num_keys
@@ -100,29 +109,39 @@ class PeerTopics:
                 del self._publications[spelling]
 
     def publish(self, op: ops.Publish, now: float) -> None:
-        """Publish a message; without an advertisement before, this is one."""
+        """Publish a message; without an earlier advertise, this op advertises, too.
+
+        Args:
+            op: the request of the client.
+            now: monotonic time [s].
+        """
         bus = self._bus
         topic = self._publications.get(op.topic)
         message_type = self._type_to_publish(op) if topic is None else topic.type
         value = decode_body(message_type, op.msg, bus.stamp_ns)
-        if topic is None:  # after the message was found right: a wrong one leaves nothing behind
-            # The id of this publish alone: roslib gives each one another, and all of them would be kept.
+        if topic is None:  # only after the check of the message, so that a wrong one changes nothing
+            # Not under the op's id: roslib gives each publish a new one, and all of them would be stored.
             key = _IMPLICIT if op.id is None else op.id
             topic = self._publications[op.topic] = self._begin_publishing(op, message_type.name, key)
         self._deliver(self._peer, topic, Message(message_type, value, self._session.frame_length), now)
 
     def _type_to_publish(self, op: ops.Publish) -> MessageType | OpaqueType:
-        """A publish without an advertise is one, where the type is known or given."""
+        """Return the type of a publish without an advertise, if it is known or given."""
         self._peer.policy.check_publish(op.topic, op.type or self._type_name(op.topic) or "")
         return self._bus.type_to_publish(op.topic, op.type or None)
 
     def _type_name(self, name: str) -> str | None:
-        """The type of a topic, if it is there."""
+        """Return the type of a topic; None if it does not exist."""
         topic = self._bus.find_topic(name)
         return topic.type.name if topic is not None else None
 
     def subscribe(self, op: ops.Subscribe, now: float) -> None:
-        """Listen to a topic, or change the options of a subscription."""
+        """Subscribe to a topic, or change the options of a subscription.
+
+        Args:
+            op: the request of the client.
+            now: monotonic time [s].
+        """
         type_name = op.type
         if type_name is None and self._peer.policy.needs_type(op.topic):
             type_name = self._type_name(op.topic)
@@ -158,7 +177,7 @@ class PeerTopics:
                     bus.guard.note_encoding(op.topic, error)
 
     def _note_unpublished(self, topic: Topic) -> None:
-        """Tell that a topic has no publisher yet. That is no mistake; it may be a wrong name."""
+        """Tell the client that a topic has no publisher yet. This is not a mistake, but the name may be wrong."""
         published = [each for each in self._bus.topics.values() if each.publishers and self._peer.may_see(each.name)]
         near = hint(topic.name, [each.name for each in published])
         alike = [each.name for each in published if each.type is topic.type][:MAX_ALIKE]
@@ -169,7 +188,12 @@ class PeerTopics:
         self._peer.remark("info", text)
 
     def unsubscribe(self, op: ops.Unsubscribe, now: float) -> None:
-        """End one subscription, or all of a topic where the op has no id; none there is no mistake."""
+        """End one subscription, or all of a topic if the op has no id. Having none is not a mistake.
+
+        Args:
+            op: the request of the client.
+            now: monotonic time [s].
+        """
         held = self._subscriptions.get(op.topic)
         if held is None:
             return
@@ -183,10 +207,14 @@ class PeerTopics:
             self.num_held -= 1
             held.feed.set_options(op.id, None)
 
-    # All of them
+    # All topics
 
     def recheck(self, now: float) -> None:
-        """End what the policy no longer admits: names have got another meaning, by which they are another thing."""
+        """End what the policy does not allow any more, because a name now belongs to another thing.
+
+        Args:
+            now: monotonic time [s].
+        """
         policy = self._peer.policy
         for spelling, topic in list(self._publications.items()):
             try:
@@ -202,13 +230,17 @@ class PeerTopics:
                 self._peer.remark("error", f"{error}: this client's subscription has ended")
 
     def lose(self, name: str) -> None:
-        """Strike the advertisements of a topic, by absolute name, that another owner takes; still on the bus."""
+        """Remove the advertisements of a topic that another owner takes. They are still on the bus.
+
+        Args:
+            name: absolute name.
+        """
         self.num_held -= self._count_keys(name)
         for spelling in (name, name[1:]):
             self._publications.pop(spelling, None)
 
     def forget(self) -> None:
-        """Forget all of them; the bus forgets its part by itself."""
+        """Forget all topics; the bus removes its own entries itself."""
         self._publications.clear()
         for held in self._subscriptions.values():
             self._session.drop_feed(held.feed)

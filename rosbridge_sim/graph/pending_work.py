@@ -1,4 +1,4 @@
-"""Calls or goals that wait for a provider among the clients, by the ids under which it got them."""
+"""Calls or goals that wait for a client as their provider, by the ids that were sent to it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Generic, Protocol, TypeVar
 __all__ = ["PendingWork", "find_awaited"]
 
 MIN_TIDY = 1_000
-"""Ended calls or goals that a list may hold before it is tidied: late answers to them are no mistake."""
+"""Ended calls or goals that a list may hold before they are removed. A late answer to one of them is not a mistake."""
 
 
 class _Awaited(Protocol):
@@ -25,21 +25,21 @@ W = TypeVar("W", bound=_Awaited)
 
 
 class PendingWork(Generic[W]):
-    """The work that one service or action has been given.
+    """The work that was given to one service or action.
 
     Attributes:
-        spelling: its name, as the client writes it.
-        num_given: calls or goals so far.
+        spelling: its name as the client writes it.
+        num_given: number of calls or goals so far.
     """
 
     __slots__ = ("_by_id", "_prefix", "_tidy_at", "num_given", "spelling")
 
     def __init__(self, prefix: str, spelling: str) -> None:
-        """No work yet.
+        """Create an empty list.
 
         Args:
-            prefix: what the ids begin with; the spelling and a number follow.
-            spelling: see above.
+            prefix: start of the ids; the spelling and a number follow.
+            spelling: name of the service or action as the client writes it.
         """
         self.spelling = spelling
         self.num_given = 0
@@ -48,7 +48,11 @@ class PendingWork(Generic[W]):
         self._tidy_at = 0
 
     def tidy(self) -> bool:
-        """Forget what has ended, when it is much, so that each call costs little; return whether it was."""
+        """Remove ended work if there is much of it, so that each call costs little.
+
+        Returns:
+            True if any was removed.
+        """
         if len(self._by_id) < self._tidy_at:
             return False
         self._by_id = {work_id: work for work_id, work in self._by_id.items() if not work.is_done}
@@ -56,35 +60,53 @@ class PendingWork(Generic[W]):
         return True
 
     def add(self, work: W) -> str:
-        """Have one more wait; return its id."""
+        """Add a call or goal.
+
+        Args:
+            work: the call or goal.
+
+        Returns:
+            Its new id.
+        """
         self.num_given += 1
         work_id = f"{self._prefix}{self.num_given}"
         self._by_id[work_id] = work
         return work_id
 
     def get(self, work_id: object) -> W | None:
-        """The work under an id, perhaps ended; None if there is none."""
+        """Return the work with an id, which may have ended; None if there is none.
+
+        Args:
+            work_id: any value.
+        """
         return self._by_id.get(work_id) if isinstance(work_id, str) else None
 
     def pop(self, work_id: object) -> W | None:
-        """Take the work under an id out; None if there is none."""
+        """Remove and return the work with an id; None if there is none.
+
+        Args:
+            work_id: any value.
+        """
         return self._by_id.pop(work_id, None) if isinstance(work_id, str) else None
 
     def items(self) -> Iterable[tuple[str, W]]:
-        """All ids with their work, oldest first."""
+        """Return all ids with their work, oldest first."""
         return self._by_id.items()
 
     def awaited(self) -> Iterator[W]:
-        """The work that has not ended."""
+        """Yield the work that has not ended."""
         return (work for work in self._by_id.values() if not work.is_done)
 
 
 def find_awaited(offers: dict[str, PendingWork[W]], work_id: object) -> W | None:
-    """The work under an id or, without an id, the only one that has not ended.
+    """Return the work with an id; without an id, the only unfinished work.
 
     Args:
-        offers: by absolute name.
-        work_id: of a call or a goal; a text or nothing of use.
+        offers: pending work by absolute name.
+        work_id: id of a call or goal; if it is not a text, it counts as missing.
+
+    Returns:
+        The work; None if it is not found, or if several are unfinished and there is no id.
     """
     if isinstance(work_id, str):
         name = work_id.partition(":")[2].rpartition(":")[0]

@@ -1,26 +1,23 @@
-"""Patterns that allow and deny names to clients, by direction, for every way to a thing.
+"""Patterns that allow or deny names to clients, by direction, for every way to reach a thing.
 
-The patterns are rosbridge_suite's globs: shell patterns (`*`, `?`, `[abc]`) over absolute names, in which `*` runs
-across slashes. Without an allow pattern everything is allowed; a deny pattern beats every allow pattern.
-rosbridge_suite lets an empty list deny all, which nobody reads out of an empty list: here that is `--deny-... '*'`.
-
-Many things have several names, and some can be reached by a topic and by a service. So a name is judged by all names
-of its thing, from the table `Ways` (`ways.py`):
-
-- It is denied if a deny pattern matches any of them, each by the patterns of its own direction.
-- Where there are allow patterns for its direction, one of them must match it; or an allow pattern must match one of the
-  other names, each again by those of its own direction.
-- A pattern of `*`, `?` and slashes alone names no thing, so it says nothing of other directions: `--deny-publish '*'`
-  makes observers that may call services, and `--allow-publish '*'` allows no call.
-- A topic of an action of ROS 1 is judged in both directions, as the topic and as the action, wildcards included: the
-  action is nothing but its topics.
-
-An action is judged by the patterns of services: it is a long call. rosapi's own services can always be called
-unless a deny pattern names them, since no client gets far without looking around; what they list is what the
-asking client could use. The simulator's own node and rosapi are not subject to any of this.
-
-Names are judged when they are first used (advertise, subscribe, the first bare publish, each call), and again when the
-table changes, never per message.
+The patterns are rosbridge_suite's globs: shell patterns (`*`, `?`, `[abc]`) for absolute names, in which `*` also
+matches slashes. Without an allow pattern, everything is allowed. A deny pattern has priority over every allow pattern.
+In rosbridge_suite an empty list denies everything, which users do not expect; here that is `--deny-... '*'`.
+Many things have several names, and some can be reached by a topic and by a service. So a name is judged by all names of
+its thing, from the table `Ways` (`ways.py`):
+- It is denied if a deny pattern matches any of these names. Each name is compared with the patterns of its own
+direction.
+- If there are allow patterns for its direction, one of them must match it; or an allow pattern must match one of the
+other names, again in that name's own direction.
+- A pattern of only `*`, `?` and slashes names no particular thing, so it does not apply to other directions.
+`--deny-publish '*'` still lets clients call services, and `--allow-publish '*'` allows no call.
+- A topic of a ROS 1 action is judged in both directions, as the topic and as the action, wildcards included, because
+the action consists only of its topics.
+An action is judged by the patterns of services, because it is a long call. rosapi's own services are always allowed
+unless a deny pattern names them, because clients need them to look around. They list only what the client may use.
+These rules do not apply to the simulator's own node and rosapi.
+Names are judged when they are first used (advertise, subscribe, first publish without advertise, each call), and again
+when the table changes. They are not judged for each message.
 """
 
 from __future__ import annotations
@@ -39,43 +36,60 @@ from rosbridge_sim.graph.ways import ACTIONLIB_TOPICS, SHOWN_TOPICS, PolicyEffec
 __all__ = ["OPEN", "Policy", "Rule"]
 
 ROSAPI: Final = "/rosapi/"
-"""Beginning of the names of the services with which clients look around."""
+"""Prefix of the services that list what exists."""
 
 MAX_EFFECTS: Final = 3
 MAX_WAYS_SHOWN: Final = 8
 MAX_CHARS: Final = 60
-"""Effects, ways of each and characters of one that a line on what is left open names: a line of a log is to be read."""
+"""Limits for a log line about open ways: effects, ways of each effect, and characters of a name."""
 
 _WILDCARDS: Final = "*?/"
-"""Characters of a pattern that names no thing, such as `*`: it means everything of its direction."""
+"""A pattern of only these characters, such as `*`, names no particular thing: it means everything in its direction."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Which names may be used in one way.
+    """The names that may be used in one direction.
 
     Attributes:
-        allow: patterns, one of which a name must match; empty where any name will do.
-        deny: patterns, none of which it may match.
+        allow: patterns, one of which a name must match; empty allows all names.
+        deny: patterns, none of which a name may match.
     """
 
     allow: tuple[str, ...] = ()
     deny: tuple[str, ...] = ()
 
     def admits(self, name: str) -> bool:
-        """Return whether a name may be used.
+        """Return True if a name may be used.
+
+        Args:
+            name: relative or absolute name.
 
         Raises:
-            GraphError: there are patterns, and it is no name.
+            GraphError: there are patterns, and the name is not valid.
         """
         return not self.denies(name) and (not self.allow or self.allows(name))
 
     def allows(self, name: str) -> bool:
-        """Return whether an allow pattern matches the name; raises as `admits` does."""
+        """Return True if an allow pattern matches the name.
+
+        Args:
+            name: relative or absolute name.
+
+        Raises:
+            GraphError: there are patterns, and the name is not valid.
+        """
         return bool(self.allow) and _matches(self.allow, resolve(name))
 
     def denies(self, name: str) -> bool:
-        """Return whether a deny pattern matches the name; raises as `admits` does."""
+        """Return True if a deny pattern matches the name.
+
+        Args:
+            name: relative or absolute name.
+
+        Raises:
+            GraphError: there are patterns, and the name is not valid.
+        """
         return bool(self.deny) and _matches(self.deny, resolve(name))
 
 
@@ -84,12 +98,14 @@ _NO_PATTERNS: Final = Rule()
 
 @dataclass(frozen=True, slots=True)
 class Policy:
-    """The rights of every client. Each `check_...` does nothing where the name, relative or absolute, may be used so.
+    """The rights of every client.
+
+    Each `check_...` raises GraphError if a name, relative or absolute, must not be used so.
 
     Attributes:
-        publish, subscribe: for topics.
-        service: for services and actions, to call and to offer.
-        parameter: for parameters, to read and to write.
+        publish, subscribe: rules for topics.
+        service: rule for services and actions, to call and to offer.
+        parameter: rule for parameters, to read and to write.
         max_held: advertisements, subscriptions, services and actions that one client may hold.
         ways: the other names of things.
         is_open: there are no patterns for topics, services and actions.
@@ -105,31 +121,48 @@ class Policy:
 
     def __post_init__(self) -> None:
         is_open = self.publish == self.subscribe == self.service == _NO_PATTERNS
-        object.__setattr__(self, "is_open", is_open)  # asked for at each call
+        object.__setattr__(self, "is_open", is_open)  # read at each call
 
     def check_publish(self, topic: str, type_name: str = "") -> None:
-        """Raise GraphError if the topic may not be published to.
+        """Raise GraphError if the topic must not be published to.
 
         Args:
             topic: its name.
-            type_name: its type, where that is known: some things are told apart by it. So for the others.
+            type_name: its type if it is known, because some rules depend on it.
         """
         self._check("publish to", Use.PUBLISH, topic, type_name)
 
     def check_subscribe(self, topic: str, type_name: str = "") -> None:
-        """Raise GraphError if the topic may not be listened to."""
+        """Raise GraphError if the topic must not be subscribed to.
+
+        Args:
+            topic: its name.
+            type_name: its type if it is known.
+        """
         self._check("subscribe to", Use.SUBSCRIBE, topic, type_name)
 
     def check_call(self, name: str) -> None:
-        """Raise GraphError if the service may not be called."""
+        """Raise GraphError if the service must not be called.
+
+        Args:
+            name: name of the service.
+        """
         self._check("call", Use.SERVICE, name)
 
     def check_goal(self, name: str) -> None:
-        """Raise GraphError if no goal may be sent to the action."""
+        """Raise GraphError if no goal may be sent to the action.
+
+        Args:
+            name: name of the action.
+        """
         self._check("call", Use.ACTION, name)
 
     def check_offer(self, name: str) -> None:
-        """Raise GraphError if no service and no action may be offered under that name."""
+        """Raise GraphError if no service or action may be offered under that name.
+
+        Args:
+            name: name of the service or action.
+        """
         if self.service == _NO_PATTERNS:
             return
         names = [
@@ -139,24 +172,41 @@ class Policy:
             raise GraphError(f"Not allowed to offer {name}", reason=Reason.NOT_ALLOWED)
 
     def check_parameter(self, name: str) -> None:
-        """Raise GraphError if the parameter may be neither read nor written."""
+        """Raise GraphError if the parameter must not be read or written.
+
+        Args:
+            name: name of the parameter.
+        """
         if not self.parameter.admits(name):
             raise GraphError(f"Not allowed to use the parameter {name}", reason=Reason.NOT_ALLOWED)
 
     def may_call(self, name: str) -> bool:
-        """Return whether a service may be called."""
+        """Return True if a service may be called.
+
+        Args:
+            name: name of the service.
+        """
         return self._why_not(Use.SERVICE, name) is None
 
     def may_send_goal(self, name: str) -> bool:
-        """Return whether a goal may be sent to an action."""
+        """Return True if a goal may be sent to an action.
+
+        Args:
+            name: name of the action.
+        """
         return self._why_not(Use.ACTION, name) is None
 
     def may_see(self, topic: str, type_name: str = "") -> bool:
-        """Return whether a client may publish to a topic, or listen to it."""
+        """Return True if a client may publish or subscribe to a topic.
+
+        Args:
+            topic: its name.
+            type_name: its type if it is known.
+        """
         return any(self._why_not(use, topic, type_name) is None for use in (Use.PUBLISH, Use.SUBSCRIBE))
 
     def left_open(self) -> list[str]:
-        """Lines for the log, one for each pattern that closes a way to something and leaves other ways open."""
+        """Return log lines, one for each pattern that closes one way to something and leaves other ways open."""
         if self.is_open:
             return []
         effects = list(self.ways.effects())
@@ -177,10 +227,14 @@ class Policy:
         return lines
 
     def needs_type(self, topic: str) -> bool:
-        """Return whether the type decides if a topic may be used, so that no other one may come later."""
+        """Return True if the rights for a topic depend on its type, so that the type must not change later.
+
+        Args:
+            topic: its name.
+        """
         return not self.is_open and topic.rpartition("/")[2] in ACTIONLIB_TOPICS
 
-    # How it is judged
+    # Judging
 
     def _check(self, verb: str, use: Use, name: str, type_name: str = "") -> None:
         why = self._why_not(use, name, type_name)
@@ -188,10 +242,10 @@ class Policy:
             raise GraphError(f"Not allowed to {verb} {name}{why}", reason=Reason.NOT_ALLOWED)
 
     def _why_not(self, use: Use, name: str, type_name: str = "") -> str | None:
-        """Return why a name may not be used: an empty text, or one that tells the other name; None if it may be.
+        """Return why a name must not be used: an empty text, or a text that names another way; None if it may be used.
 
         Raises:
-            GraphError: there are patterns, and it is no name.
+            GraphError: there are patterns, and the name is not valid.
         """
         if self.is_open:
             return None
@@ -221,7 +275,7 @@ class Policy:
         return all(not self._rule(each).allow or _matches(self._rule(each).allow, each.name) for each in judged)
 
     def _denies(self, way: Way, other: Way) -> bool:
-        """Return whether a deny pattern for another name of a way holds for the way."""
+        """Return True if a deny pattern for another name of a thing applies to this way, too."""
         patterns = self._rule(other).deny
         if not patterns:
             return False
@@ -247,7 +301,7 @@ class Policy:
     def _describe(
         self, flag: str, effects: Iterable[PolicyEffect], is_closed_by: Callable[[Way], bool]
     ) -> Iterator[str]:
-        """A line on what a pattern leaves open, if it does."""
+        """Yield a log line if a pattern leaves other ways open."""
         parts = []
         for effect in effects:
             open_ways = [way for way in (*effect.ways, *effect.also) if self._why_not(*way) is None]
@@ -258,17 +312,17 @@ class Policy:
 
 
 OPEN = Policy()
-"""Everything is allowed."""
+"""A policy that allows everything."""
 
 
 def _listed(parts: Sequence[str], limit: int = MAX_WAYS_SHOWN, between: str = ", ") -> str:
-    """The first of them, and how many more there are."""
+    """Return the first parts as text, and the number of the others."""
     more = len(parts) - limit
     return between.join(parts[:limit]) + (f"{between}and {more} more" if more > 0 else "")
 
 
 def _listed_by_use(ways: list[Way]) -> str:
-    """Such as "publishing /a, /b, calling /c"."""
+    """Return ways as text, such as "publishing /a, /b, calling /c"."""
     names = [_shortened(way.name) for way in ways]
     for i in reversed(range(len(ways))):
         if i == 0 or ways[i].use is not ways[i - 1].use:
@@ -281,14 +335,14 @@ def _shortened(text: str) -> str:
 
 
 def _is_crossing(way: Way, other: Way) -> bool:
-    """Return whether two names are judged by the patterns of different directions; actions are judged as services."""
+    """Return True if two names are judged by patterns of different directions; actions count as services."""
     services = {Use.SERVICE, Use.ACTION}
     return way.use is not other.use and not {way.use, other.use} <= services
 
 
 @lru_cache(maxsize=64)
 def _named(patterns: tuple[str, ...]) -> tuple[str, ...]:
-    """The patterns that name something."""
+    """Return the patterns that name a particular thing."""
     return tuple(pattern for pattern in patterns if pattern.strip(_WILDCARDS))
 
 
@@ -299,5 +353,5 @@ def _matches(patterns: tuple[str, ...], name: str) -> bool:
 
 @lru_cache(maxsize=64)
 def _compile(patterns: tuple[str, ...]) -> re.Pattern[str]:
-    """One expression for all; a pattern that begins as a name does is meant from the root."""
+    """Return one expression for all patterns; relative patterns that do not begin with a wildcard become absolute."""
     return re.compile("|".join(translate(p if p[:1] in {"/", "*", "?", "["} else f"/{p}") for p in patterns))

@@ -1,4 +1,4 @@
-"""One mistake of a client, as the server's log and its topic `/sim/refusals` tell of it."""
+"""A mistake of a client, as reported in the server's log and on the topic `/sim/refusals`."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from rosbridge_sim.protocol import ops
 __all__ = ["RefusedRequest", "refusal_of"]
 
 _SUBJECTS = ("topic", "service", "action")
-"""Fields of an op that name what it is about; an op has one of them at most."""
+"""Fields of an op that name its topic, service or action; an op has at most one of them."""
 
 
 class RefusedRequest(NamedTuple):
-    """A refused request, and what the client was told.
+    """A refused request, and the text that the client was sent.
 
     Attributes:
-        client: its address.
-        reason: the kind of mistake.
-        op: the op that it is about; empty where a frame holds none, and for what is told later.
-        subject: the topic, service or action that the op names, as the client spells it; may be empty.
-        text: as the client was told, whole.
+        client: network address of the client.
+        reason: kind of mistake.
+        op: name of the op; empty if the frame holds no op, or for a mistake found later.
+        subject: topic, service or action in the op as the client spells it; may be empty.
+        text: the whole text that the client was sent.
     """
 
     client: str
@@ -32,13 +32,13 @@ class RefusedRequest(NamedTuple):
 
 
 def refusal_of(client: str, reason: Reason, text: object, op: ops.Op | None) -> RefusedRequest:
-    """Return the mistake that an op is.
+    """Return the record of a mistake.
 
     Args:
-        client: its address.
-        reason: the kind of mistake.
-        text: what the client was told.
-        op: what it is about; None where that is not known.
+        client: network address of the client.
+        reason: kind of mistake.
+        text: text that the client was sent.
+        op: the wrong op; None if it is not known.
     """
     name = "" if op is None else str(type(op).__struct_config__.tag)
     subject = next((getattr(op, field) for field in _SUBJECTS if hasattr(op, field)), "")

@@ -1,4 +1,4 @@
-"""Names of the republisher of transforms, for itself and for the table of ways."""
+"""Names of the transform republisher, for itself and for the table of ways."""
 
 from __future__ import annotations
 

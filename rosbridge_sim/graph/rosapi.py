@@ -1,11 +1,11 @@
-"""`/rosapi/*`: what there is on the bus, as ordinary services that read the bus and the store.
+"""`/rosapi/*`: services that list what is on the bus.
 
-Each service is a row of one table: its name, its type, and a method from request to response fields. Clients
-of both ROS generations find the names they know; lists are in order of name, and parallel where rosapi says so.
-Where a policy keeps clients from some names, what they may not use is not listed, and asked for by its name it is not
-there; a parameter that they may not use is refused.
-
-Parameters live in memory for as long as the process, see `graph/parameters.py`; values are JSON texts on the wire.
+Each service is a row of one table: its name, its type, and a method that makes the response fields from the request.
+Clients of both ROS generations find the names they know. Lists are sorted by name, and parallel lists match where
+rosapi says so.
+A name that the policy does not allow is not listed, and a request for it gets the answer that it does not exist. A
+request for a parameter that is not allowed is refused.
+Parameters live in memory as long as the process, see `graph/parameters.py`; values are JSON texts on the wire.
 """
 
 from __future__ import annotations
@@ -36,26 +36,27 @@ _BAD_VALUE = (
 )
 
 MAX_RAW_CHARS = 16 * 2**20
-"""Definitions in one answer: as much as a frame may hold. It is enough for thousands of topics of the largest types."""
+"""Largest size of the definitions in one answer: as much as a frame may hold, enough for thousands of topics of the
+largest types."""
 
 _OMITTED = (
     f"# omitted: the definitions of all topics have more than {MAX_RAW_CHARS} characters; see rosapi/MessageDetails"
 )
 
 _ACTIONLIB = ("cancel", "feedback", "result", "status")
-"""Topics of an action server of ROS 1 beside `goal`."""
+"""Topics of a ROS 1 action server in addition to `goal`."""
 
 _DISTROS = {1: "noetic", 2: "jazzy"}
-"""The distributions whose standard definitions we have."""
+"""The distributions that the built-in standard definitions come from."""
 
 _UNSET = {1: "null", 2: '""'}
-"""The value of a parameter that is not set and has no default, as rosapi of either generation answers."""
+"""Value of a parameter that is not set and has no default, as rosapi of each generation answers."""
 
 _Request: TypeAlias = Any
-"""A struct that is made from a definition at run time: no checker can know its fields."""
+"""A struct made from a definition at run time, so a type checker cannot know its fields."""
 
 _Fields: TypeAlias = dict[str, Any]
-"""The fields of a response, each of its own type."""
+"""The fields of a response; each has its own type."""
 
 
 class Rosapi:
@@ -64,7 +65,12 @@ class Rosapi:
     name = ROSAPI_NAME
 
     def __init__(self, bus: Bus, policy: Policy = OPEN) -> None:
-        """Offer all services on `bus`, and show there what `policy` lets clients use."""
+        """Offer all services.
+
+        Args:
+            bus: the bus to list.
+            policy: the rights of clients; only what it allows is listed.
+        """
         self._bus = bus
         self._policy = policy
         self._params = bus.parameters
@@ -108,17 +114,22 @@ class Rosapi:
         bus.on_leave.append(self._on_leave)
 
     def notify(self, level: str, text: str) -> None:
-        """Do nothing: rosapi asks for nothing, so it has no use for a remark."""
+        """Do nothing: rosapi makes no requests, so it needs no notices.
+
+        Args:
+            level: not used.
+            text: not used.
+        """
 
     def _spelled(self, type_name: str, kind: DefinitionKind) -> str:
-        """A type's name as the personality writes it."""
+        """Return a type's name in the spelling of the ROS generation."""
         return self._bus.store.spelled(type_name, kind)
 
     # Topics
 
     def _sorted_topics(self) -> list[Topic]:
         may_see = self._policy.may_see
-        hides = self._bus.store.ros == 2  # noqa: PLR2004 - ROS 2 keeps names with /_ to itself
+        hides = self._bus.store.ros == 2  # noqa: PLR2004 - ROS 2 hides names with /_
         topics = (
             t for n, t in sorted(self._bus.topics.items()) if may_see(n, t.type.name) and not (hides and "/_" in n)
         )
@@ -152,7 +163,7 @@ class Rosapi:
 
     def _sorted_services(self) -> list[Service]:
         may_call = self._policy.may_call
-        hidden = "/_" if self._bus.store.ros == 2 else "/_action/"  # noqa: PLR2004 - see above; ROS 1 knows no actions
+        hidden = "/_" if self._bus.store.ros == 2 else "/_action/"  # noqa: PLR2004 - see above; ROS 1 has no such services
         return [s for n, s in sorted(self._bus.services.items()) if may_call(n) and hidden not in n]
 
     def _find_service(self, name: str) -> Service | None:
@@ -171,7 +182,10 @@ class Rosapi:
         return {"type": self._spelled(service.type.name, "srv") if service else ""}
 
     def _service_providers(self, request: _Request) -> _Fields:
-        """The providers of a *type*, though the field is called `service`; a service's own name is understood too."""
+        """Return the providers of a *type*, though the field is called `service`.
+
+        The name of a service is accepted, too.
+        """
         named = self._find_service(request.service)
         if named is not None:
             return {"providers": [named.owner.name]}
@@ -202,7 +216,7 @@ class Rosapi:
     # Types
 
     def _topics_and_raw_types(self, _request: _Request) -> _Fields:
-        """Definitions of all topics, for Lichtblick's readers; a type that nobody knows has a comment for one."""
+        """Return the definitions of all topics, for Lichtblick's readers; for an unknown type, a comment."""
         topics = self._sorted_topics()
         texts: list[str] = []
         num_chars = 0
@@ -255,7 +269,7 @@ class Rosapi:
     # Actions
 
     def _action_servers(self, _request: _Request) -> _Fields:
-        """Servers of both kinds: actions of the bus, and five topics of actionlib below one name."""
+        """Return servers of both kinds: actions of the bus, and groups of five actionlib topics."""
         names = {topic.name for topic in self._sorted_topics()}
         by_topics = {
             name.removesuffix("/goal")
@@ -276,12 +290,12 @@ class Rosapi:
         return {"time": self._bus.store.time_value(self._bus.stamp_ns)}
 
     def _parameter_name(self, given: str) -> str:
-        """The absolute name of a parameter that clients may use."""
+        """Return the absolute name of a parameter that clients may use."""
         self._policy.check_parameter(given)
         return resolve(given)
 
     def _may_use(self, name: str) -> bool:
-        """Return whether clients may use a parameter that is set. Patterns are slow, and a namespace has many names."""
+        """Return True if clients may use a parameter. The result is stored, because patterns are slow."""
         if self._may_use_all:
             return True
         verdict = self._verdicts.get(name)
@@ -292,7 +306,7 @@ class Rosapi:
         return verdict
 
     def _usable(self, names: list[str]) -> list[str]:
-        """The names of those that clients may use."""
+        """Return the names that clients may use."""
         return names if self._may_use_all else list(filter(self._may_use, names))
 
     def _is_set(self, name: str) -> bool:
@@ -315,7 +329,7 @@ class Rosapi:
             return {"value": self._params.tree(name, below)}
         if request.default:
             return {"value": _as_json_text(request.default)}
-        # clients parse the value before they look whether there was one: it has to be JSON text all the same
+        # clients parse the value before they check for success, so it must be JSON text
         return {"value": _UNSET[self._bus.store.ros], "successful": False, "reason": f"Parameter {name} is not set"}
 
     def _has_param(self, request: _Request) -> _Fields:
@@ -331,7 +345,10 @@ class Rosapi:
         return {}
 
     def _search_param(self, request: _Request) -> _Fields:
-        """The parameter that a node would find from its namespace; clients have none, so the root's."""
+        """Return the parameter that a node would find from its namespace.
+
+        Clients have no namespace, so the root is searched.
+        """
         name = self._parameter_name(request.name)
         return {"global_name": name if self._is_set(name) else ""}
 
@@ -339,7 +356,11 @@ class Rosapi:
         return {"names": self._usable(list(self._params))}
 
     def num_held(self, owner: Participant) -> int:
-        """Memory of the parameters that an owner has set [bytes]."""
+        """Return the memory of the parameters that an owner has set [bytes].
+
+        Args:
+            owner: the owner.
+        """
         return self._params.num_held(owner)
 
     def _on_leave(self, owner: Participant, _now: float) -> None:
@@ -347,7 +368,7 @@ class Rosapi:
 
 
 def _prefix(namespace: str) -> str:
-    """Return the beginning of all names in a namespace."""
+    """Return the prefix of all names in a namespace."""
     return namespace.rstrip("/") + "/"
 
 
@@ -359,15 +380,15 @@ def _handler(respond: Callable[[_Request], _Fields]) -> Callable[[Call, float], 
 
 
 def _node_names(owners: Iterable[Participant]) -> list[str]:
-    """Each node once, in order of name: all clients are one node."""
+    """Return each node name once, sorted; all clients are one node."""
     return sorted({owner.name for owner in owners})
 
 
 def _to_text(value: object) -> str:
-    """A parameter's value as JSON text.
+    """Return a parameter's value as JSON text.
 
     Raises:
-        GraphError: it is nested too deeply to be written again, though it could be read.
+        GraphError: its nesting can be read but not written again.
     """
     try:
         return orjson.dumps(value).decode()
@@ -376,7 +397,7 @@ def _to_text(value: object) -> str:
 
 
 def _as_json_text(text: str) -> str:
-    """A text that may be JSON, as JSON text; what is none becomes a string, as in rosbridge_suite."""
+    """Return a text that may be JSON as JSON text; any other text becomes a string, as in rosbridge_suite."""
     try:
         return _to_text(orjson.loads(text))
     except orjson.JSONDecodeError:

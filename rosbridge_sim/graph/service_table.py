@@ -1,7 +1,7 @@
-"""Services by name, and the calls in flight: who provides, who waits, and for how long.
+"""Services by name, and the calls in flight, with their providers, callers and time-outs.
 
-The last to offer a name has it. A call ends exactly once: it is answered, refused or given up. A provider that leaves
-fails the calls that wait for it at once, and the calls of a caller that leaves are answered to nobody.
+The last owner to offer a name gets it. A call ends exactly once: it is answered, refused or given up. If a provider
+leaves, its waiting calls fail at once. If a caller leaves, the answers to its calls are discarded.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from rosbridge_sim.protocol.ops import OpBody
 __all__ = ["MAX_CALLS", "MAX_STALE", "ServiceTable"]
 
 MAX_CALLS = 1_000
-"""Calls, and goals, that one caller may have in flight by default: ten times what the busiest known client has."""
+"""Default limit of calls, and of goals, that one caller may have in flight: ten times the number of the busiest known
+client."""
 
 MAX_STALE = 100
-"""Ended calls that may stay among the deadlines; more are taken out once they are half of the list. A deadline may be
-years away, and a call holds its request."""
+"""Ended calls that may stay in the list of deadlines. More are removed when they are half of the list, because a
+deadline may be years away and a call holds its request."""
 
 
 class ServiceTable:
@@ -35,13 +36,13 @@ class ServiceTable:
     """
 
     def __init__(self, state: BusState, types: TypeResolver, *, timeout: float | None, max_calls: int) -> None:
-        """No services yet.
+        """Create an empty table.
 
         Args:
             state: shared with the other parts of the bus.
-            types: of services.
-            timeout: give a call up after so long by default [s]; None waits for ever.
-            max_calls: see above.
+            types: finds the types of services.
+            timeout: default time-out of a call [s]; None waits for ever.
+            max_calls: calls that one caller may have in flight.
         """
         self.by_name: dict[str, Service] = {}
         self.max_calls = max_calls
@@ -49,17 +50,27 @@ class ServiceTable:
         self._types = types
         self._timeout = timeout
         self._deadlines: list[tuple[float, int, Call]] = []
-        self._num_stale = 0  # calls among the deadlines that have ended
+        self._num_stale = 0  # ended calls in the list of deadlines
         self._ticket = count()
 
     def provide(
         self, owner: Participant, name: str, type_name: str, handle: Handle, *, is_exclusive: bool = False
     ) -> Service:
-        """Offer a service. The last to offer a name has it; the callers of the one before are told at once.
+        """Offer a service. The last owner to offer a name gets it; callers of the previous one are told at once.
+
+        Args:
+            owner: the provider.
+            name: name of the service; may be relative.
+            type_name: its type, in any accepted spelling.
+            handle: gets each call; a PeerError that it raises refuses the call.
+            is_exclusive: no client may take the name, neither now nor later.
+
+        Returns:
+            The service.
 
         Raises:
             GraphError: the service belongs to the simulator.
-            TypeNameError: the type cannot be had.
+            TypeNameError: the type does not exist.
         """
         name = resolve(name)
         service_type = self._types.service(type_name)
@@ -81,9 +92,9 @@ class ServiceTable:
         """Stop offering a service.
 
         Args:
-            owner: who offers it.
-            name: of the service.
-            answers_calls: the owner still answers the calls that are in flight; else they are refused now.
+            owner: its provider.
+            name: name of the service; may be relative.
+            answers_calls: the owner will still answer the calls in flight; otherwise they are refused now.
 
         Raises:
             GraphError: `owner` does not offer it.
@@ -104,15 +115,17 @@ class ServiceTable:
         now: float,
         timeout: float | None = None,
     ) -> None:
-        """Call a service. `on_answer` is called exactly once, perhaps before this returns, unless the caller leaves.
+        """Call a service.
+
+        `on_answer` is called exactly once, perhaps before this returns, unless the caller leaves first.
 
         Args:
-            caller: whose call it is; it ends when the caller leaves.
-            name: of the service; may be relative.
-            args: by name (an object), by position (a list), or none.
-            on_answer: gets the answer. Whatever goes wrong is an answer too.
+            caller: owner of the call, which ends when the owner leaves.
+            name: name of the service; may be relative.
+            args: fields by name (an object), by position (a list), or none.
+            on_answer: gets the answer. Every failure is an answer, too.
             now: monotonic time [s].
-            timeout: give up after so long [s]; None takes the default of all services, 0 or less waits for ever.
+            timeout: time-out [s]; None means the default of all services, 0 or less means no limit.
         """
         state = self._state
         try:
@@ -123,7 +136,7 @@ class ServiceTable:
             held = state.held_by(caller).calls
             if len(held) >= self.max_calls:
                 raise GraphError(f"Too many calls in flight: at most {self.max_calls}", reason=Reason.TOO_MUCH)
-            # The simulator's own services answer at once, or hold their caller.
+            # The simulator's own services need no limit: they answer at once, or hold their caller.
             size = 0 if service.is_exclusive else size_of_body(request, args)
             if size and not state.account_of(caller).take(size):
                 text = "Too much in flight: this client makes the server hold too much"
@@ -142,7 +155,7 @@ class ServiceTable:
             if isinstance(error, EncodingError):
                 state.guard.note_encoding(service.name, error)
             call.refuse(str(error), error.reason)
-        except Exception as error:  # noqa: BLE001 - a bug of ours in the provider's own state
+        except Exception as error:  # noqa: BLE001 - an internal error in the provider's own state
             call.refuse("The provider failed; the server's log says why")
             state.guard.blame(service.owner, error)
         if timeout is not None and timeout > 0 and not call.is_done:
@@ -150,7 +163,11 @@ class ServiceTable:
             heapq.heappush(self._deadlines, (call.deadline, next(self._ticket), call))
 
     def forget_call(self, call: Call) -> None:
-        """Strike a finished call from its caller's list (for `Call` alone)."""
+        """Remove an ended call from its caller's list (for `Call` alone).
+
+        Args:
+            call: the call.
+        """
         if call.num_bytes:
             self._state.account_of(call.caller).give(call.num_bytes)
         self._state.holdings(call.caller).calls.pop(call, None)
@@ -162,16 +179,21 @@ class ServiceTable:
                 self._num_stale = 0
 
     def hand_over(self, call: Call, answer: Answer) -> None:
-        """Give a call's caller the answer (for `Call` alone). One that cannot be encoded is a refusal."""
+        """Give the answer of a call to its caller (for `Call` alone). If it cannot be encoded, the call is refused.
+
+        Args:
+            call: the call.
+            answer: the answer.
+        """
         try:
             call.on_answer(answer)
-        except Exception as error:  # noqa: BLE001 - a bug of ours
+        except Exception as error:  # noqa: BLE001 - an internal error
             if isinstance(error, EncodingError) and answer.is_ok:
                 name, owner = call.service.name, call.service.owner
                 self._state.guard.note_encoding(name, error)
                 self._state.guard.attempt("a remark to a provider", owner.notify, "error", f"{name}: {error}")
                 self.hand_over(call, Answer(is_ok=False, values=str(error)))
-            else:  # in the caller's own state
+            else:  # the error is in the caller's own state
                 self._state.guard.contain(call.caller, error)
 
     # Time and departure
@@ -183,33 +205,45 @@ class ServiceTable:
         return self._deadlines[0][0] if self._deadlines else None
 
     def expire(self, now: float) -> None:
-        """Give up the calls whose time is over."""
+        """Give up the calls whose time is over.
+
+        Args:
+            now: monotonic time [s].
+        """
         while self._deadlines and (self._deadlines[0][0] <= now or self._deadlines[0][2].is_done):
             refuse = self._pop_deadline().refuse
             self._state.guard.attempt("a time-out", refuse, "Timeout exceeded while waiting for service response")
 
     def abandon_calls(self, owner: Participant) -> None:
-        """End the calls that an owner waits for; nobody hears of their answers."""
+        """End the calls that an owner waits for; their answers are discarded.
+
+        Args:
+            owner: the caller that leaves.
+        """
         for call in list(self._state.holdings(owner).calls):
             self._state.guard.attempt("the end of a call", call.abandon)
 
     def leave(self, owner: Participant) -> None:
-        """End the services of an owner, and refuse the calls that wait for them."""
+        """End the services of an owner, and refuse the calls that wait for them.
+
+        Args:
+            owner: the provider that leaves.
+        """
         for service in list(self._state.holdings(owner).services):
             why = f"Service {service.name} was unadvertised: its provider disconnected"
             self._state.guard.attempt("the end of a service", self._drop_service, service, why)
 
-    # How it is kept
+    # Bookkeeping
 
     def _pop_deadline(self) -> Call:
-        """Take the earliest deadline out, and the call off those that are watched."""
+        """Remove and return the call with the earliest deadline."""
         call = heapq.heappop(self._deadlines)[2]
         self._num_stale -= call.is_done
         call.deadline = None
         return call
 
     def _drop_service(self, service: Service, why: str | None) -> None:
-        """Strike a service off, and refuse the calls that wait for it, unless `why` is None."""
+        """Remove a service; refuse its waiting calls, unless `why` is None."""
         if self.by_name.get(service.name) is service:
             del self.by_name[service.name]
         self._state.held_by(service.owner).services.pop(service, None)

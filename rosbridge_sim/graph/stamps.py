@@ -1,9 +1,9 @@
-"""The time that everything is stamped with: one choice for a process.
+"""The clock for all stamps: one choice for the whole process.
 
-A program on the far side compares our stamps with its own clock. That is simulated time where `/use_sim_time` is true,
-and the time of day elsewhere; with the other one its transforms and message filters find nothing. So `auto` asks the
-first far bridge that is to be told of us, once, and before anything is announced there. What was settled is never
-changed: a clock that jumps hurts every program that listens. A bridge that disagrees is told of in the log.
+A program on the far side compares our stamps with its own clock. That is simulated time if `/use_sim_time` is true, and
+the time of day otherwise. With the wrong clock, its transforms and message filters find nothing. So `auto` asks the
+first remote bridge once, before anything is announced there. The choice never changes after that, because a clock that
+jumps breaks every program that listens. If another bridge has a different setting, the log says so.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from typing import Final, Literal
 __all__ = ["PARAMETER", "Stamps", "says_simulated"]
 
 PARAMETER: Final = "/use_sim_time"
-"""The parameter by which programs of ROS 1 choose their clock."""
+"""The parameter that selects the clock of ROS 1 programs."""
 
 
 class Stamps:
-    """The choice of one process.
+    """The choice for one process.
 
     Attributes:
-        is_open: it depends on a bridge that has not been asked yet; simulated time goes out meanwhile.
-        is_wall: the time of day goes out.
+        is_open: a bridge still has to be asked; stamps are simulated time until then.
+        is_wall: stamps are the time of day.
     """
 
     def __init__(self, choice: Literal["sim", "wall", "auto"], use_wall: Callable[[float], None]) -> None:
-        """The user's choice, which holds from now on.
+        """Set the user's choice.
 
         Args:
-            choice: the time to use; `auto` leaves it to the first bridge.
-            use_wall: called with monotonic time [s], once, when the time of day is to go out; perhaps now.
+            choice: the clock to use; `auto` asks the first bridge.
+            use_wall: called once with monotonic time [s] when stamps change to the time of day, perhaps now.
         """
         self.is_open = choice == "auto"
         self.is_wall = False
@@ -40,7 +40,12 @@ class Stamps:
             self._begin_wall(0.0)
 
     def settle(self, now: float, *, is_simulated: bool) -> None:
-        """Have what a bridge says hold from now on; without effect once it is settled."""
+        """Use the clock of a bridge; no effect if the choice is already made.
+
+        Args:
+            now: monotonic time [s].
+            is_simulated: programs there use simulated time.
+        """
         if self.is_open:
             self.is_open = False
             if not is_simulated:
@@ -52,9 +57,10 @@ class Stamps:
 
 
 def says_simulated(value: object) -> bool:
-    """Return whether a value of the parameter, as rosapi tells it in JSON, makes programs use simulated time.
+    """Return True if a value of the parameter makes programs use simulated time: True or 1.
 
-    True and 1 do. A parameter that is not set is null, or an empty text, by the kind of server.
+    Args:
+        value: value in rosapi's JSON; null or an empty text, by the kind of server, if the parameter is not set.
     """
     try:
         return isinstance(value, str) and bool(json.loads(value) == 1)

@@ -1,10 +1,9 @@
-"""Topics by name: their types, their publishers and subscriptions, and how long a topic without publishers lives.
+"""Topics by name: their types, publishers and subscriptions, and the lifetime of topics without publishers.
 
-A topic's type is its publishers'. Clients that only listen do not settle it, and a client gives way where a part of the
-server wants a name or a type (`Guest`): else any client could keep others' topics, or an ego's, from being there.
-
-A topic's type outlives its last publisher by `TYPE_MEMORY` seconds, so that a program that is restarted finds its topic
-as it left it (rosbridge_suite keeps the publisher itself for as long).
+Publishers decide the type of a topic. Clients that only subscribe do not, and a client must give way if a part of the
+server needs a name or a type (`Guest`). Otherwise any client could block topics of others, or of an ego.
+A topic's type is kept for `TYPE_MEMORY` seconds after its last publisher has left, so that a restarted program finds
+its topic unchanged (rosbridge_suite keeps the publisher itself for this time).
 """
 
 from __future__ import annotations
@@ -23,10 +22,10 @@ from rosbridge_sim.schema.opaque_types import OpaqueType
 __all__ = ["MAX_REMEMBERED_TOPICS", "TYPE_MEMORY", "TopicTable"]
 
 TYPE_MEMORY = 10.0
-"""Time for which a topic's type is remembered without publishers and subscribers [s] (`unregister_timeout`)."""
+"""Time for which a topic's type is kept without publishers and subscribers [s] (`unregister_timeout`)."""
 
 MAX_REMEMBERED_TOPICS = 10_000
-"""Topics without publishers that are kept for their next user: the newest."""
+"""Topics without publishers that are kept; the oldest are removed first."""
 
 
 class TopicTable:
@@ -34,15 +33,15 @@ class TopicTable:
 
     Attributes:
         by_name: all topics, by absolute name.
-        unpublished: subscriptions to topics that nobody publishes.
+        unpublished: subscriptions to topics without a publisher.
     """
 
     def __init__(self, state: BusState, types: TypeResolver, by_name: dict[str, Topic]) -> None:
-        """No topics yet.
+        """Create an empty table.
 
         Args:
             state: shared with the other parts of the bus.
-            types: of messages.
+            types: finds the types of messages.
             by_name: takes the topics; empty.
         """
         self.by_name = by_name
@@ -62,21 +61,23 @@ class TopicTable:
         is_exclusive: bool = False,
         is_on_demand: bool = False,
     ) -> Topic:
-        """The topic, with `owner` as one of its publishers.
+        """Make `owner` a publisher of a topic.
 
         Args:
-            owner: who will publish.
-            name: may be relative.
-            type_name: in any accepted spelling.
-            depth: keep so many of the last messages for those who come later, of each publisher as many as the one who
-                asks for most.
-            key: tells several advertisements of one owner apart; the same key again replaces the old one.
+            owner: the publisher.
+            name: name of the topic; may be relative.
+            type_name: its type, in any accepted spelling.
+            depth: number of latched messages of each publisher; the largest number of all its publishers counts.
+            key: distinguishes several advertisements of one owner; the same key again replaces the old one.
             is_exclusive: no other owner may publish here; clients that do lose their advertisements.
-            is_on_demand: the owner publishes only while the topic has a listener.
+            is_on_demand: the owner publishes only while the topic has a subscriber.
+
+        Returns:
+            The topic.
 
         Raises:
-            GraphError: type conflict, or another owner has the topic to itself.
-            TypeNameError: the type cannot be had.
+            GraphError: the topic has another type, or another owner publishes it exclusively.
+            TypeNameError: the type does not exist.
         """
         topic, message_type = self._topic_for(owner, name, type_name)
         if not is_exclusive and topic.owner is not None and topic.owner is not owner:
@@ -97,7 +98,14 @@ class TopicTable:
         return topic
 
     def unadvertise(self, owner: Participant, name: str, now: float, key: object = None) -> None:
-        """Take one advertisement of `owner` back, or all of them where `key` is None; none there is no error."""
+        """Remove an advertisement of `owner`; having none is not an error.
+
+        Args:
+            owner: the publisher.
+            name: name of the topic; may be relative.
+            now: monotonic time [s].
+            key: key of the advertisement; None removes all of the owner there.
+        """
         topic = self.by_name.get(resolve(name))
         if topic is None or owner not in topic.publishers:
             return
@@ -117,24 +125,27 @@ class TopicTable:
         is_general: bool = False,
         is_recording: bool = False,
     ) -> Subscription:
-        """Listen to a topic. What is latched there is the caller's to fetch: `subscription.topic.latched`.
+        """Subscribe to a topic. Latched messages are not delivered here: the caller reads `subscription.topic.latched`.
 
-        A type that is given settles the topic's, unless a client gives it: then a publisher may come with another one,
-        and the subscription gets nothing for as long as that is the topic's type.
+        A given type becomes the topic's type, unless the owner is a client. A client's subscription does not prevent a
+        publisher with another type; it gets nothing while the topic has that other type.
 
         Args:
-            owner: who listens.
-            name: may be relative.
+            owner: the subscriber.
+            name: name of the topic; may be relative.
             deliver: gets each message.
-            type_name: in any accepted spelling; None takes the topic's.
-            is_idle: overhear only; the subscription's own `is_idle` may be changed later.
-            notify: tells the owner something about the subscription; None for `owner.notify`.
+            type_name: type, in any accepted spelling; None means the topic's type.
+            is_idle: do not start on-demand publishers; `is_idle` of the subscription may be changed later.
+            notify: tells the owner something about the subscription; None means `owner.notify`.
             is_general: see `Subscription`.
-            is_recording: the same.
+            is_recording: see `Subscription`.
+
+        Returns:
+            The subscription.
 
         Raises:
-            GraphError: type conflict, or no type given for a topic that nobody has advertised.
-            TypeNameError: the type cannot be had.
+            GraphError: the topic has another type, or no type is given and the topic is not advertised.
+            TypeNameError: the type does not exist.
         """
         topic, message_type = self._topic_for(owner, name, type_name)
         if type_name is not None and not isinstance(owner, Guest):
@@ -157,7 +168,12 @@ class TopicTable:
         return subscription
 
     def unsubscribe(self, subscription: Subscription, now: float) -> None:
-        """Stop listening; twice is no error."""
+        """End a subscription. A second call does nothing.
+
+        Args:
+            subscription: from `subscribe`.
+            now: monotonic time [s].
+        """
         topic = subscription.topic
         topic.remove(subscription)
         self._state.held_by(subscription.owner).subscriptions.pop(subscription, None)
@@ -166,34 +182,38 @@ class TopicTable:
         self._state.report_holdings(subscription.owner)
 
     def type_to_publish(self, name: str, type_name: str | None) -> MessageType | OpaqueType:
-        """The type of messages for a topic, whether it is there or not; nothing is changed.
+        """Return the type for messages of a topic, which may not exist yet; nothing is changed.
 
         Args:
-            name: of the topic; may be relative.
-            type_name: in any accepted spelling; None takes the topic's.
+            name: name of the topic; may be relative.
+            type_name: type, in any accepted spelling; None means the topic's type.
 
         Raises:
-            GraphError: type conflict, or no type given for a topic that nobody has advertised.
-            TypeNameError: the type cannot be had.
+            GraphError: the topic has another type, or no type is given and the topic is not advertised.
+            TypeNameError: the type does not exist.
         """
         topic = self.find_topic(name)
         if topic is None and type_name is None:
             raise self._no_topic(name)
         if topic is None or type_name is None:
-            return self._types.message(type_name) if type_name is not None else topic.type  # type: ignore[union-attr] # one is there
+            return self._types.message(type_name) if type_name is not None else topic.type  # type: ignore[union-attr] # one of them is not None
         why = self.type_conflict(name, type_name)
         if why is not None:
             raise GraphError(why, reason=Reason.TYPE_CONFLICT)
         return self._type_at(topic, type_name)
 
     def retype(self, subscription: Subscription, type_name: str) -> bool:
-        """Have a client's subscription take messages of a type alone, if that is the topic's.
+        """Restrict a client's subscription to a type, if that is the topic's type.
+
+        Args:
+            subscription: the subscription.
+            type_name: the type.
 
         Returns:
-            Whether it was of another type until now, so that no message could reach it.
+            True if it had another type before, so that no message could reach it.
 
         Raises:
-            GraphError: the topic has another type; or nobody publishes there, and the subscription asks for another.
+            GraphError: the topic has another type; or it has no publisher, and the subscription asks for another type.
             TypeNameError: the name is malformed.
         """
         topic = subscription.topic
@@ -206,21 +226,24 @@ class TopicTable:
         return not had_messages
 
     def forget_topic(self, name: str) -> None:
-        """Forget now what is remembered of a topic without publishers; no such topic is no error.
+        """Forget a topic without publishers at once; an unknown topic is not an error.
 
-        That is what is latched there and, unless somebody listens, its type.
+        This removes its latched messages and, if it has no subscriber, its type.
+
+        Args:
+            name: name of the topic; may be relative.
         """
         topic = self.find_topic(name)
         if topic in self._orphans:
             self._forget(topic)
 
     def type_conflict(self, name: str, type_name: str, owner: Participant | None = None) -> str | None:
-        """Why a topic cannot be of this type; None if it can, whether it is there or not.
+        """Return why a topic cannot have a type; None if it can. The topic may not exist yet.
 
         Args:
-            name: of the topic; may be relative.
-            type_name: in any accepted spelling.
-            owner: who wants it; None for a client.
+            name: name of the topic; may be relative.
+            type_name: the type, in any accepted spelling.
+            owner: the owner that needs it; None means a client.
 
         Raises:
             TypeNameError: the name of the type is malformed.
@@ -233,16 +256,24 @@ class TopicTable:
         return _conflict(topic.name, type_name, topic.type.name)
 
     def find_topic(self, name: str) -> Topic | None:
-        """The topic of that name, relative or absolute, if there is one."""
+        """Return the topic with a name; None if there is none.
+
+        Args:
+            name: relative or absolute name.
+        """
         return self.by_name.get(resolve(name))
 
     def forget_latched(self, owner: Participant) -> None:
-        """Keep nothing that an owner has published for those who come late."""
+        """Drop the latched messages of an owner.
+
+        Args:
+            owner: the publisher.
+        """
         for topic in list(self.by_name.values()):
             topic.forget_messages_of(owner)
 
     def forget_orphans(self) -> None:
-        """Keep nothing of publishers that are gone."""
+        """Drop the latched messages of publishers that are gone."""
         for topic in list(self._orphans):
             topic.forget_messages()
 
@@ -251,14 +282,18 @@ class TopicTable:
     def next_deadline(self) -> float | None:
         """Return when `expire` has something to do next [s]; None if never."""
         first = self.unpublished.next_due()
-        for topic in self._orphans:  # in order of orphaning, so the first is the earliest
+        for topic in self._orphans:  # in the order in which they lost their publisher, so the first is the earliest
             if topic.orphaned_at is not None:
                 due = topic.orphaned_at + TYPE_MEMORY
                 return due if first is None else min(due, first)
         return first
 
     def expire(self, now: float) -> None:
-        """Forget the topics that nobody has held for a while; tell listeners that have waited for a publisher."""
+        """Forget topics that are unused for a while; tell subscribers that have waited long for a publisher.
+
+        Args:
+            now: monotonic time [s].
+        """
         attempt = self._state.guard.attempt
         for topic in list(takewhile(lambda topic: _is_over(topic, now), self._orphans)):
             attempt("forgetting a topic", self._forget, topic)
@@ -266,7 +301,12 @@ class TopicTable:
             attempt("a word about a topic that nobody publishes", notify, topic)
 
     def leave(self, owner: Participant, now: float) -> None:
-        """End the subscriptions and advertisements of an owner."""
+        """End the subscriptions and advertisements of an owner.
+
+        Args:
+            owner: the owner that leaves.
+            now: monotonic time [s].
+        """
         attempt = self._state.guard.attempt
         held = self._state.holdings(owner)
         for subscription in list(held.subscriptions):
@@ -275,12 +315,15 @@ class TopicTable:
             attempt("the end of an advertisement", topic.unadvertise, owner, None)
             attempt("the end of a publisher", self._drop_publisher, owner, topic, now)
 
-    # How it is kept
+    # Bookkeeping
 
     def _topic_for(
         self, owner: Participant, name: str, type_name: str | None
     ) -> tuple[Topic, MessageType | OpaqueType]:
-        """The topic, made if need be, and the type that `owner` may use there; what is there is not changed."""
+        """Return a topic, which is created if needed, and the type that `owner` may use there.
+
+        An existing topic is not changed.
+        """
         absolute = resolve(name)
         topic = self.by_name.get(absolute)
         if topic is None:
@@ -294,12 +337,12 @@ class TopicTable:
         return topic, self._type_at(topic, type_name)
 
     def _type_at(self, topic: Topic, type_name: str) -> MessageType | OpaqueType:
-        """The type of that name: the topic's own, where it is that one."""
+        """Return the type with a name: the topic's own object if it is the same type."""
         is_own = self._state.store.canonical(type_name) == topic.type.name
         return topic.type if is_own else self._types.message(type_name)
 
     def _settle_type(self, owner: Participant, topic: Topic, message_type: MessageType | OpaqueType) -> None:
-        """Have a type at a topic from now on. It must not be bound to another one."""
+        """Set the type of a topic, which must not be fixed to another type."""
         if message_type.name != topic.type.name:
             self._displace_publishers(
                 topic,
@@ -308,9 +351,9 @@ class TopicTable:
         topic.settle(message_type)
 
     def _displace_publishers(self, topic: Topic, why: str) -> None:
-        """End the clients' advertisements of a topic that a part of the server wants for itself."""
+        """End the clients' advertisements of a topic that a part of the server needs for itself."""
         for owner in list(topic.publishers):
-            if isinstance(owner, Guest):  # no part of the server: see `Topic.is_bound`
+            if isinstance(owner, Guest):  # not a part of the server: see `Topic.is_bound`
                 self._state.guard.attempt(
                     "the loss of a topic", owner.lose, "topic", topic.name, f"{why}: this client's advertisement ends"
                 )
@@ -322,12 +365,12 @@ class TopicTable:
 
     @staticmethod
     def _no_topic(name: str) -> GraphError:
-        """The error of a topic that is not there, and whose type was not said."""
+        """Return the error for a topic that does not exist and has no given type."""
         text = f"Cannot infer topic type for topic {name} as it is not yet advertised"
         return GraphError(text, reason=Reason.UNKNOWN_TOPIC)
 
     def _drop_publisher(self, owner: Participant, topic: Topic, now: float) -> None:
-        """Tidy up after an owner that publishes there no longer."""
+        """Clean up after an owner that has stopped publishing there."""
         topic.on_demand.pop(owner, None)
         if topic.publishers:
             topic.forget_messages_of(owner)
@@ -338,7 +381,7 @@ class TopicTable:
         self._state.report_holdings(owner)
 
     def _orphan(self, topic: Topic, now: float) -> None:
-        """Start the clock of a topic without publishers."""
+        """Start the lifetime of a topic without publishers."""
         if not topic.publishers:
             topic.orphaned_at = now
             self._orphans.pop(topic, None)
@@ -347,7 +390,7 @@ class TopicTable:
                 self._forget(next(iter(self._orphans)))
 
     def _forget(self, topic: Topic) -> None:
-        """Forget a topic without publishers, its type too if nobody waits there."""
+        """Forget a topic without publishers; its type, too, if it has no subscriber."""
         del self._orphans[topic]
         topic.forget_messages()
         if not topic.all_subscriptions:
@@ -358,11 +401,11 @@ class TopicTable:
 
 
 def _conflict(topic: str, type_name: str, established: str) -> str:
-    """Say that a topic has another type, in rosbridge_suite's words."""
+    """Return the text that a topic has another type, in rosbridge_suite's words."""
     wanted = f"Tried to register topic {topic} with type {type_name}"
     return f"{wanted} but it is already established with type {established}"
 
 
 def _is_over(topic: Topic, now: float) -> bool:
-    """Return whether the type of a topic without publishers has been remembered for long enough."""
+    """Return True if the lifetime of a topic without publishers is over."""
     return topic.orphaned_at is not None and topic.orphaned_at + TYPE_MEMORY <= now

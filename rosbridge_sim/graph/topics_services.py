@@ -1,6 +1,6 @@
-"""Topics with their listeners, services with their calls, as values. The bus alone makes and changes them.
+"""Topics with their subscriptions, and services with their calls, as values. Only the bus makes and changes them.
 
-A call ends exactly once: it is answered, refused or given up, and whatever comes after that is ignored.
+A call ends exactly once: it is answered, refused or given up. Later answers are ignored.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from rosbridge_sim.schema.opaque_types import OpaqueServiceType, OpaqueType
 __all__ = ["Answer", "Call", "Deliver", "Handle", "OnAnswer", "Service", "Subscription", "Topic"]
 
 Deliver = Callable[["Topic", Message, Participant, float], None]
-"""`(topic, message, sender, now)`; a PeerError that it raises goes back to the sender."""
+"""`(topic, message, sender, now)`; a PeerError that it raises is sent back to the sender."""
 
 Handle = Callable[["Call", float], None]
-"""`(call, now)`: answers the call, now or later; a PeerError that it raises refuses it."""
+"""`(call, now)`; it answers the call, now or later. A PeerError that it raises refuses the call."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +32,8 @@ class Answer:
 
     Attributes:
         is_ok: `result` on the wire.
-        values: the response when `is_ok`; else why not: a text, or whatever JSON value the provider sent.
-        reason: the caller's mistake, where it is one: no provider that fails, and none that is gone.
+        values: the response if `is_ok`; else the reason: a text, or any JSON value that the provider sent.
+        reason: kind of mistake, if the caller made one; None if the provider failed or left.
     """
 
     is_ok: bool
@@ -46,14 +46,14 @@ OnAnswer = Callable[[Answer], None]
 
 @dataclass(eq=False, slots=True)
 class Subscription:
-    """One listener on one topic; the bus compares it by identity.
+    """One subscriber of one topic; the bus compares it by identity.
 
     Attributes:
-        is_idle: it overhears what is published anyhow, but nothing has to be published for its sake.
-        wanted: the type that it was made with; None where it takes any type that the topic has.
+        is_idle: it gets messages, but does not start on-demand publishers.
+        wanted: the type that it was made with; None accepts any type of the topic.
         notify: tells its owner something about it.
-        is_general: its owner listens to everything that a publisher has, and not to this topic in particular.
-        is_recording: its owner keeps what it hears, so what is only shown again is not for it.
+        is_general: its owner subscribes to everything of a publisher, not to this topic in particular.
+        is_recording: its owner stores the messages, so it must not get messages that are only shown again.
     """
 
     topic: Topic
@@ -67,12 +67,12 @@ class Subscription:
 
     @property
     def fits(self) -> bool:
-        """Return whether messages of the topic's type can be delivered to it."""
+        """True if messages of the topic's type can be delivered to it."""
         return self.wanted is None or self.wanted.name == self.topic.type.name
 
     @property
     def is_binding(self) -> bool:
-        """Return whether it settles the topic's type. A client's never does: any client could keep publishers away."""
+        """True if it fixes the topic's type. A client's subscription never does: it could block publishers."""
         return self.wanted is not None and not isinstance(self.owner, Guest)
 
 
@@ -80,22 +80,20 @@ class Subscription:
 class Topic:
     """A named channel of one type.
 
-    The type is *settled* by a publisher, or by a subscription of the server's own parts. Where only clients listen it
-    is *provisional*: the type that the first of them asked for, until a publisher comes, whose type wins.
+    The type is *settled* by a publisher, or by a subscription of the server's own parts. If only clients subscribe, it
+    is *provisional*: the type that the first of them asked for, until a publisher comes with its own type.
 
     Attributes:
         type: settled or provisional.
-        is_settled: which of the two.
-        publishers: owner -> the keys under which it advertised, and how many messages each wants latched.
-        subscriptions: those that messages are delivered to, in order of arrival; a tuple, so that a delivery may change
-            it safely.
-        all_subscriptions: the same, with those that ask for another type than the settled one and get no messages.
-        depth: how many messages of each publisher are kept for those who come late: what the advertiser who asked for
-            most asked for; 0 keeps none.
-        kept: publisher -> its last messages; the one that published last stands last.
-        depths: what each advertisement asks for, as negative numbers.
-        owner: the one owner that may publish, for the simulator's outputs; None where all may.
-        on_demand: the publishers that are silent while nobody listens.
+        is_settled: the type is settled.
+        publishers: owner -> keys of its advertisements, with the number of latched messages of each.
+        subscriptions: those that get messages, in order of arrival; a tuple, so that it may change during a delivery.
+        all_subscriptions: the same, and those that ask for another type than the settled one and get no messages.
+        depth: number of latched messages of each publisher: the largest `depth` of all advertisements; 0 keeps none.
+        kept: publisher -> its latched messages; the one that published last is at the end.
+        depths: the depth of each advertisement, as negative numbers.
+        owner: the only owner that may publish, for the simulator's outputs; None if all may.
+        on_demand: publishers that are silent while there is no subscriber.
         orphaned_at: when the last publisher left [s]; None while there is one.
     """
 
@@ -114,33 +112,36 @@ class Topic:
 
     @property
     def is_latching(self) -> bool:
-        """Return whether messages are kept for late subscribers."""
+        """True if messages are kept for late subscribers."""
         return bool(self.depth)
 
     @property
     def latched(self) -> list[Message]:
-        """Messages that are kept for late subscribers: of each publisher the last ones, oldest first."""
+        """The latched messages: the last ones of each publisher, oldest first."""
         return [message for held in self.kept.values() for message in held.messages()]
 
     @property
     def has_listener(self) -> bool:
-        """Return whether a subscription waits for a message; an idle one does not count."""
-        for subscription in self.subscriptions:  # noqa: SIM110 - asked for each output at each frame; `any` is slower
+        """True if a subscription waits for a message; an idle one does not count."""
+        for subscription in self.subscriptions:  # noqa: SIM110 - called for each output in each frame; `any` is slower
             if not subscription.is_idle:
                 return True
         return False
 
     @property
     def is_bound(self) -> bool:
-        """Return whether a part of the server publishes here, or listens with a type: the type cannot change then."""
+        """True if a part of the server publishes here, or subscribes with a type, so that the type cannot change."""
         return any(not isinstance(owner, Guest) for owner in self.publishers) or any(
             subscription.is_binding for subscription in self.all_subscriptions
         )
 
     def settle(self, message_type: MessageType | OpaqueType) -> None:
-        """Have this type for all to come, and tell the subscriptions that ask for another (for the bus alone).
+        """Fix the type, and tell the subscriptions that ask for another one (for the bus alone).
 
-        So are all methods that follow.
+        All methods below are for the bus alone, too.
+
+        Args:
+            message_type: the type.
         """
         if self.is_settled and self.type.name == message_type.name:
             return
@@ -159,33 +160,47 @@ class Topic:
                 )
 
     def unsettle(self) -> None:
-        """Have the type that the first subscription asks for, until somebody publishes again."""
+        """Use the type of the first subscription until there is a publisher again."""
         self.is_settled = False
         self.type = next((each.wanted for each in self.all_subscriptions if each.wanted is not None), self.type)
         self.sort()
 
     def sort(self) -> None:
-        """Find out which subscriptions messages can be delivered to."""
+        """Find the subscriptions that can get messages."""
         if self.is_settled:
             self.subscriptions = tuple(each for each in self.all_subscriptions if each.fits)
         else:
             self.subscriptions = self.all_subscriptions
 
     def add(self, subscription: Subscription) -> None:
-        """Have one more subscription."""
+        """Add a subscription.
+
+        Args:
+            subscription: the subscription.
+        """
         self.all_subscriptions += (subscription,)
         if subscription.fits or not self.is_settled:
             self.subscriptions += (subscription,)
 
     def remove(self, subscription: Subscription) -> None:
-        """Have it no longer."""
+        """Remove a subscription.
+
+        Args:
+            subscription: the subscription.
+        """
         self.subscriptions = tuple(each for each in self.subscriptions if each is not subscription)
         self.all_subscriptions = tuple(each for each in self.all_subscriptions if each is not subscription)
         if not self.is_settled:
             self.unsettle()
 
     def advertise(self, owner: Participant, key: object, depth: int) -> None:
-        """Have a publisher that wants so many messages kept."""
+        """Add an advertisement.
+
+        Args:
+            owner: the publisher.
+            key: key of the advertisement.
+            depth: number of messages to latch.
+        """
         keys = self.publishers.setdefault(owner, {})
         if key in keys:
             self.depths.remove(-keys[key])
@@ -194,7 +209,12 @@ class Topic:
         self._set_depth()
 
     def unadvertise(self, owner: Participant, key: object) -> None:
-        """Take one advertisement back, or all of an owner where `key` is None."""
+        """Remove an advertisement.
+
+        Args:
+            owner: the publisher.
+            key: key of the advertisement; None removes all of the owner.
+        """
         keys = self.publishers.get(owner, {})
         gone = list(keys) if key is None else [key] if key in keys else []
         self.depths.remove_all(-keys.pop(each) for each in gone)
@@ -203,12 +223,15 @@ class Topic:
         self._set_depth()
 
     def keep(self, sender: Participant, message: Message, account: Account | None) -> bool:
-        """Keep a message for those who come late; return whether there was room for it.
+        """Latch a message.
 
         Args:
-            sender: who has published it.
-            message: the newest.
-            account: pays for it; None where the sender is a part of this process, which has no limit.
+            sender: its publisher.
+            message: the newest message.
+            account: pays for it; None if the sender is a part of this process, which has no limit.
+
+        Returns:
+            True if there was room.
         """
         held = self.kept.pop(sender, None)
         if held is None:
@@ -220,24 +243,28 @@ class Topic:
         return len(held) > 0
 
     def forget_messages_of(self, owner: Participant) -> None:
-        """Keep nothing of one publisher any longer."""
+        """Drop the latched messages of one publisher.
+
+        Args:
+            owner: the publisher.
+        """
         held = self.kept.pop(owner, None)
         if held is not None:
             held.shorten(0)
 
     def forget_messages(self) -> None:
-        """Keep nothing any longer."""
+        """Drop all latched messages."""
         self.depth = 0
         for owner in list(self.kept):
             self.forget_messages_of(owner)
 
     def _set_depth(self) -> None:
-        """Keep as many as the publishers want; without one, what is latched stays for as long as the type does."""
+        """Update the number of latched messages. Without a publisher it stays, so they are kept as long as the type."""
         smallest = self.depths.get()
         if smallest is None:
             return
         depth = -int(smallest)
-        if depth < self.depth:  # what was kept is taken off once, so many changes cost no more than the messages did
+        if depth < self.depth:  # each message is removed only once, so many changes stay cheap
             for held in self.kept.values():
                 held.shorten(depth)
             if not depth:
@@ -251,7 +278,7 @@ def _size_of(message: Message) -> int:
 
 @dataclass(eq=False, slots=True)
 class Service:
-    """A named service and who provides it."""
+    """A named service and its provider."""
 
     name: str
     type: ServiceType | OpaqueServiceType
@@ -262,25 +289,25 @@ class Service:
 
 
 class _CallTable(Protocol):
-    """The part of the table of services that a call needs."""
+    """The part of the service table that a call needs."""
 
     def forget_call(self, call: Call) -> None:
-        """Strike a finished call from its caller's list."""
+        """Remove an ended call from its caller's list."""
 
     def hand_over(self, call: Call, answer: Answer) -> None:
-        """Give a call's caller the answer. Must not raise for what is wrong with either of the two."""
+        """Give the answer of a call to its caller. Must not raise for a mistake of either side."""
 
 
 @dataclass(eq=False, slots=True)
 class Call:
-    """One call, from its request to its one answer.
+    """One call, from its request to its answer.
 
     Attributes:
-        request: a struct of the service's request type; None after the end, for it may be large, and ended calls are
-            kept for late answers.
+        request: a struct of the service's request type; None after the end, because it may be large, and ended calls
+            are kept for late answers.
         deadline: when it is given up [s], or None.
-        is_done: answered, refused or given up; whatever comes after that is ignored.
-        num_bytes: what its caller's account pays for it [bytes].
+        is_done: answered, refused or given up; later answers are ignored.
+        num_bytes: memory that its caller's account pays for it [bytes].
     """
 
     service: Service
@@ -293,20 +320,24 @@ class Call:
     num_bytes: int = 0
 
     def answer(self, values: object) -> None:
-        """End the call with a struct of the service's response type."""
+        """End the call with a response.
+
+        Args:
+            values: a struct of the service's response type.
+        """
         self._end(Answer(is_ok=True, values=Message(self.service.type.response, values)))
 
     def refuse(self, why: object, reason: Reason | None = None) -> None:
-        """End the call with `result: false` and a text (or what the provider sent in its place).
+        """End the call with `result: false`.
 
         Args:
-            why: the text.
-            reason: the caller's mistake, if it is one.
+            why: the reason: a text, or any value that the provider sent.
+            reason: kind of mistake, if the caller made one.
         """
         self._end(Answer(is_ok=False, values=why, reason=reason))
 
     def abandon(self) -> None:
-        """End the call without an answer: its caller is gone."""
+        """End the call without an answer, because its caller is gone."""
         self._end(None)
 
     def _end(self, answer: Answer | None) -> None:

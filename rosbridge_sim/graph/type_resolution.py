@@ -1,4 +1,4 @@
-"""The type behind a name, also where nobody knows its package: then its messages are relayed unchecked."""
+"""The type for a name. If its package is unknown, its messages are relayed unchecked."""
 
 from __future__ import annotations
 
@@ -14,37 +14,40 @@ from rosbridge_sim.schema.store import Store
 __all__ = ["MAX_REMEMBERED_TYPES", "TypeResolver"]
 
 MAX_REMEMBERED_TYPES = 10_000
-"""Types that nobody knows, that are kept for their next user."""
+"""Largest number of unknown types that are remembered."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
 
 class TypeResolver:
-    """The types of one bus: those of its store, and opaque ones for packages that nobody knows."""
+    """The types of one bus: those of its store, and opaque ones for unknown packages."""
 
     def __init__(
         self, store: Store, types_in_use: Callable[[], Iterable[MessageType | OpaqueType]], *, is_strict: bool
     ) -> None:
-        """No unknown type has been asked for.
+        """Create a resolver.
 
         Args:
-            store: the types that are known.
-            types_in_use: the types of all topics; those of unknown packages among them are not forgotten.
-            is_strict: refuse types of packages that nobody knows, in place of relaying them unchecked.
+            store: the known types.
+            types_in_use: returns the types of all topics; unknown types among them stay remembered.
+            is_strict: refuse types of unknown packages; otherwise their messages are relayed unchecked.
         """
         self._store = store
         self._types_in_use = types_in_use
         self._is_strict = is_strict
         self._opaque: dict[str, OpaqueType] = {}
         self._tidy_at = 0
-        self._logged: dict[tuple[str, str], None] = {}  # services and actions, once each is in the log
+        self._logged: dict[tuple[str, str], None] = {}  # unknown services and actions that were logged
 
     def message(self, name: str) -> MessageType | OpaqueType:
-        """The type of a message; one that is only relayed where its whole package is unknown.
+        """Return the type of a message; an opaque one if its whole package is unknown.
+
+        Args:
+            name: name of the type, in any accepted spelling.
 
         Raises:
             GraphError: the name is too long.
-            TypeNameError: the type cannot be had.
+            TypeNameError: the type does not exist.
         """
         try:
             return self._store.message(name)
@@ -57,7 +60,7 @@ class TypeResolver:
             resolve(canonical)  # as long as a name may be
             if len(self._opaque) >= self._tidy_at:
                 self._opaque = {each.name: each for each in self._types_in_use() if type(each) is OpaqueType}
-                # not again before half as many have come, so that each type costs a constant amount of looking
+                # wait until half as many new ones have come, so that each type costs constant time
                 self._tidy_at = max(MAX_REMEMBERED_TYPES, len(self._opaque) * 3 // 2 + 1)
             opaque = self._opaque[canonical] = OpaqueType(canonical)
             near = self._store.near_package(canonical)
@@ -65,11 +68,14 @@ class TypeResolver:
         return opaque
 
     def service(self, name: str) -> ServiceType | OpaqueServiceType:
-        """The type of a service; one that is only relayed where its whole package is unknown.
+        """Return the type of a service; an opaque one if its whole package is unknown.
+
+        Args:
+            name: name of the type, in any accepted spelling.
 
         Raises:
             GraphError: the name is too long.
-            TypeNameError: the type cannot be had.
+            TypeNameError: the type does not exist.
         """
         try:
             return self._store.service(name)
@@ -79,11 +85,14 @@ class TypeResolver:
         return OpaqueServiceType(self._log_unknown(name, "calls of this service"))
 
     def action(self, name: str) -> ActionType | OpaqueActionType:
-        """The type of an action; one that is only relayed where its whole package is unknown.
+        """Return the type of an action; an opaque one if its whole package is unknown.
+
+        Args:
+            name: name of the type, in any accepted spelling.
 
         Raises:
             GraphError: the name is too long.
-            TypeNameError: the type cannot be had.
+            TypeNameError: the type does not exist.
         """
         try:
             return self._store.action(name)
@@ -93,7 +102,7 @@ class TypeResolver:
         return OpaqueActionType(self._log_unknown(name, "goals of this action"))
 
     def _log_unknown(self, name: str, what: str) -> str:
-        """Log once that a type of an unknown package is relayed; return its one spelling."""
+        """Log once that a type of an unknown package is relayed; return its canonical name."""
         canonical = self._store.canonical(name)
         resolve(canonical)  # as long as a name may be
         if (canonical, what) not in self._logged:

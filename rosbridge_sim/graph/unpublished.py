@@ -1,8 +1,8 @@
-"""Topics that a client listens to in vain: nobody publishes there, and the client is told so once.
+"""Subscriptions to topics without a publisher; their client is told once.
 
-Such a subscription is lawful: a publisher may come at any time. But it may also be a wrong name, or a sensor that the
-simulator does not have, and then the program waits for ever without a word. So a listener whose topic still has no
-publisher some seconds later is told, at level `info`. No client hears that level unless it has asked for it.
+Such a subscription is allowed, because a publisher may come at any time. But the name may also be wrong, or the
+simulator may lack the sensor, and then the program waits for ever without a message. So a subscriber whose topic has no
+publisher after some seconds is told, at level `info`. Clients get that level only if they have asked for it.
 """
 
 from __future__ import annotations
@@ -15,22 +15,22 @@ from rosbridge_sim.graph.topics_services import Subscription, Topic
 __all__ = ["UNPUBLISHED_AFTER", "UnpublishedTopics"]
 
 UNPUBLISHED_AFTER = 5.0
-"""Time without a publisher after which a listener is told [s]: most programs of a start-up script are there
-by then."""
+"""Time without a publisher after which a subscriber is told [s]: most programs of a start script are running by then.
+"""
 
 MAX_WATCHED_SUBSCRIPTIONS = 1_000
-"""Subscriptions that are watched at once; no listener of a further one is told."""
+"""Subscriptions that are watched at once; further ones are not told."""
 
 MAX_TOLD_AT_ONCE = 20
-"""Listeners that are told in one turn, some 0.2 ms each; the others in the next."""
+"""Subscribers that are told in one turn, about 0.2 ms each; the others in the next turn."""
 
 
 class UnpublishedTopics:
     """Subscriptions that began without a publisher, oldest first.
 
     Attributes:
-        advise: returns what the simulator knows about a topic that it does not publish, for the end of a sentence;
-            perhaps nothing.
+        advise: returns what the simulator knows about a topic that it does not publish, for the end of a sentence; may
+            be empty.
     """
 
     def __init__(self) -> None:
@@ -38,28 +38,36 @@ class UnpublishedTopics:
         self._watched: dict[Subscription, tuple[float, Callable[[Topic], None]]] = {}
 
     def watch(self, subscription: Subscription, notify: Callable[[Topic], None], now: float) -> None:
-        """Have a listener told if its topic still has no publisher after `UNPUBLISHED_AFTER`.
+        """Tell a subscriber if its topic has no publisher after `UNPUBLISHED_AFTER`.
 
         Args:
-            subscription: which has just begun.
-            notify: called with the topic, once or never.
+            subscription: a new subscription.
+            notify: called with the topic, at most once.
             now: monotonic time [s].
         """
         if not subscription.topic.publishers and len(self._watched) < MAX_WATCHED_SUBSCRIPTIONS:
             self._watched[subscription] = (now + UNPUBLISHED_AFTER, notify)
 
     def forget(self, subscription: Subscription) -> None:
-        """Watch a subscription no longer; one that is not watched is no error."""
+        """Stop watching a subscription; an unknown one is not an error.
+
+        Args:
+            subscription: the subscription.
+        """
         self._watched.pop(subscription, None)
 
     def next_due(self) -> float | None:
         """Return when `advance` has something to do next [s]; None if never."""
-        for due, _ in self._watched.values():  # all wait equally long, so the first is the earliest
+        for due, _ in self._watched.values():  # all wait for the same time, so the first is the earliest
             return due
         return None
 
     def take_due(self, now: float) -> list[tuple[Topic, Callable[[Topic], None]]]:
-        """Return the topics without a publisher whose listeners are to be told by now [s], with what tells them."""
+        """Return the topics whose subscribers should be told now, with the function that tells them.
+
+        Args:
+            now: monotonic time [s].
+        """
         due = [each for each in islice(self._watched.items(), MAX_TOLD_AT_ONCE) if each[1][0] <= now]
         for subscription, _ in due:
             del self._watched[subscription]

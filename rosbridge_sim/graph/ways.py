@@ -1,18 +1,17 @@
 """The table of ways: all names by which one thing can be reached, so that a policy judges them alike.
 
-The table has a direction, from the narrow name to the wide one: `/Ego-2/ctrl_cmd` is judged as `/ctrl_cmd` too, but
-the pattern `/Ego-2/*` means ego 2 alone. Of the graph itself these are in it:
-
-    the five topics of an action of ROS 1, known by name and message type    the action
-    <action>/_action/..., by which ROS 2 speaks of one                       the action
+The table has a direction, from the narrow name to the wide one: `/Ego-2/ctrl_cmd` is also judged as `/ctrl_cmd`, but
+the pattern `/Ego-2/*` applies only to ego 2. The graph itself adds these rows:
+    the five topics of a ROS 1 action, known by name and message type        the action
+    <action>/_action/..., by which ROS 2 uses one                            the action
     sending a goal                                                           publishing <action>/goal
     publishing <action>/cancel                                               calling <action>/_action/cancel_goal, and
                                                                              the reverse
     /republish_tfs, /tf2_web_republisher and its topics                      each other
-    the same                                                                 listening to /tf and /tf_static
+    the same                                                                 subscribing to /tf and /tf_static
 
-The last row is stricter, since it is not another name but another way to *hear* something: a client that may not listen
-to transforms may not have them republished, whatever the patterns of services allow.
+The last row is stricter, because it is not another name but another way to *read* something: a client that may not
+subscribe to transforms may not have them republished, whatever the patterns for services allow.
 """
 
 from __future__ import annotations
@@ -37,10 +36,10 @@ __all__ = [
 ]
 
 MAX_KNOWN_NAMES: Final = 20_000
-"""Names of which the table keeps the other names; looking them up costs some 10 us, and rosapi lists thousands."""
+"""Names whose other names are cached; a lookup costs about 10 us, and rosapi lists thousands."""
 
 _HIDDEN: Final = "/_action/"
-"""Separator between the name of an action of ROS 2 and those of its topics and services."""
+"""Text between the name of a ROS 2 action and the names of its topics and services."""
 
 ACTIONLIB_TOPICS: Final = {
     "goal": "ActionGoal",
@@ -49,11 +48,12 @@ ACTIONLIB_TOPICS: Final = {
     "feedback": "ActionFeedback",
     "result": "ActionResult",
 }
-"""The five topics of an action of ROS 1, and how their types' names end: many a plain topic is called `status`."""
+"""The five topics of a ROS 1 action, and the end of their types' names, because other topics are called `status`, too.
+"""
 
 
 class Use(Enum):
-    """Use of a name by a client; the values are words for the log."""
+    """The use of a name by a client; the values are words for the log."""
 
     PUBLISH = "publishing"
     SUBSCRIBE = "listening to"
@@ -62,24 +62,24 @@ class Use(Enum):
 
 
 class Way(NamedTuple):
-    """A name, absolute, and what is done with it."""
+    """An absolute name, and its use."""
 
     use: Use
     name: str
 
 
 WayLookup: TypeAlias = Callable[[Way], Iterable[Way]]
-"""The other names under which a way is judged too; the way itself may be among them."""
+"""Returns the other names by which a way is judged; the way itself may be among them."""
 
 
 @dataclass(frozen=True, slots=True)
 class PolicyEffect:
-    """Something that can be brought about in several ways, which are not the same thing.
+    """An effect that can be reached in several ways, which are not names of one thing.
 
     Attributes:
         what: completes "ways to ...".
-        ways: those that are there for it, under the names that they have now.
-        also: those that do much else; closing one of them alone does not mean this effect.
+        ways: the ways made for it, with their current names.
+        also: ways that do many other things, too; a pattern that closes only one of them does not mean this effect.
     """
 
     what: str
@@ -91,7 +91,7 @@ class Ways:
     """The table of other names. Parts of the server that give things several names add their own rows.
 
     Attributes:
-        on_change: called with `now` after names have got another meaning.
+        on_change: called with monotonic time [s] after the meaning of names has changed.
     """
 
     def __init__(self) -> None:
@@ -104,8 +104,8 @@ class Ways:
         """Add the rows of a part of the server.
 
         Args:
-            effects: what can be brought about in several ways, for the log.
-            lookup: what it knows of a way; None where each of its things has one name.
+            effects: returns the effects that can be reached in several ways, for the log.
+            lookup: returns the other names of a way; None if each of its things has one name.
         """
         self._effects.append(effects)
         if lookup is not None:
@@ -113,20 +113,24 @@ class Ways:
         self._known.clear()
 
     def change(self, now: float) -> None:
-        """Look everything up anew, for a part of the server has other names now."""
+        """Clear the cache, because a part of the server now has other names.
+
+        Args:
+            now: monotonic time [s].
+        """
         self._known.clear()
         for notify in tuple(self.on_change):
             notify(now)
 
     def all_of(self, way: Way, type_name: str = "") -> tuple[Way, ...]:
-        """The way itself and all others that it is judged by.
+        """Return the way itself and all others by which it is judged.
 
         Args:
-            way: under an absolute name.
-            type_name: of a topic, in any spelling.
+            way: a way with an absolute name.
+            type_name: type of a topic, in any spelling.
         """
         of_action = tuple(_look_up_topic(way, type_name))
-        key = (way, of_action)  # without the type: its name may be as long as a frame
+        key = (way, of_action)  # not the type's name, which may be as long as a frame
         ways = self._known.get(key)
         if ways is None:
             found = dict.fromkeys([way, *of_action])
@@ -138,18 +142,18 @@ class Ways:
         return ways
 
     def effects(self) -> Iterator[PolicyEffect]:
-        """All that can be brought about in several ways."""
+        """Yield all effects that can be reached in several ways."""
         for each in self._effects:
             yield from each()
 
 
 def _look_up_topic(way: Way, type_name: str) -> Iterator[Way]:
-    """The action to which one of the five topics belongs."""
+    """Yield the action to which one of the five topics belongs."""
     action, _, part = way.name.rpartition("/")
     ending = ACTIONLIB_TOPICS.get(part)
     if ending is None or not action or way.use not in {Use.PUBLISH, Use.SUBSCRIBE}:
         return
-    package, _, short = type_name.rstrip("/").rpartition("/")  # needless slashes are no part of a type's name
+    package, _, short = type_name.rstrip("/").rpartition("/")  # trailing slashes do not belong to a type's name
     if package and f"/{short}".endswith(ending):
         yield Way(Use.ACTION, action)
         if way.use is Use.PUBLISH and part == "cancel":
@@ -157,7 +161,7 @@ def _look_up_topic(way: Way, type_name: str) -> Iterator[Way]:
 
 
 def _look_up(way: Way) -> Iterator[Way]:
-    """The other names that the graph itself gives."""
+    """Yield the other names that the graph itself gives."""
     action, _, part = way.name.partition(_HIDDEN)
     if part and action:
         yield Way(Use.ACTION, action)
@@ -173,17 +177,21 @@ SHOWN_TOPICS: Final = tuple(
     Way(Use.SUBSCRIBE, name)
     for name in ("/tf", "/tf_static", f"{REPUBLISHER_NAME}/feedback", f"{REPUBLISHER_NAME}/tf_repub_1")
 )
-"""Topics that the republisher of transforms shows, and the topics on which it does."""
+"""Topics that the transform republisher reads, and the topics on which it publishes them."""
 
 
 _REPUBLISHERS: Final = (Way(Use.SERVICE, REPUBLISH_SERVICE), Way(Use.ACTION, REPUBLISHER_NAME))
-"""The ways of asking for transforms."""
+"""Ways to request transforms."""
 
 _TRANSFORMS: Final = PolicyEffect("learn transforms", (*SHOWN_TOPICS[:2], *_REPUBLISHERS))
 
 
 def topics_shown_by(way: Way) -> tuple[Way, ...]:
-    """Names of all that is heard, in other words, by going this way."""
+    """Return the topics whose content a client gets, in other words, by this way.
+
+    Args:
+        way: the way.
+    """
     if way in {*_REPUBLISHERS, (Use.PUBLISH, f"{REPUBLISHER_NAME}/goal")}:
         return SHOWN_TOPICS
     if way.use is Use.SUBSCRIBE and way.name.startswith(f"{REPUBLISHER_NAME}/"):

@@ -1,4 +1,4 @@
-"""How a handler of a MORAI service reads its request, answers it, and says what is wrong."""
+"""Helpers for handlers of MORAI services: read the request, answer it, report a mistake."""
 
 from __future__ import annotations
 
@@ -12,16 +12,33 @@ __all__ = ["complain", "request_of", "respond"]
 
 
 def request_of(call: Call) -> Struct:
-    """What is in the request; every MORAI service wraps one message."""
+    """Return the message inside a request; every MORAI service wraps one message.
+
+    Args:
+        call: the call of the service.
+
+    Returns:
+        The struct of the request's only field.
+    """
     request: Any = call.request
     return request.request
 
 
 def respond(call: Call, response: Struct) -> None:
-    """Answer with one message, wrapped as in the request."""
+    """Answer a call with one message, wrapped as the request is.
+
+    Args:
+        call: the call; it must not have been answered.
+        response: the struct of the response's only field.
+    """
     call.answer(call.service.type.response.struct_type(response))
 
 
 def complain(notify: Notify, text: str) -> None:
-    """Tell a peer of its mistake where no answer can hold the reason."""
+    """Report a mistake to a peer where no answer can hold the reason.
+
+    Args:
+        notify: sends a status to the peer.
+        text: the mistake, on one line.
+    """
     notify("error", text)

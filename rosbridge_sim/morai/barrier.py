@@ -422,19 +422,19 @@ class Barrier:
         """The tick of the barrier has been refused."""
         self._happen(_Happening(BarrierEvent.NOT_MOVED, now, why=why), may_move=False)
 
-    def ask_step(self, user_id: str, now: float) -> BarrierOutcome:
+    def ask_step(self, user_id: str) -> BarrierOutcome:
         """A peer wants to move the world by itself (`/sim/step`): only the one member of a barrier may."""
         if not self._takes_part(user_id):
             event = BarrierEvent.STEP_BY_OTHER
         else:
             event = BarrierEvent.STEP_ALONE if len(self._members) == 1 else BarrierEvent.STEP_TOGETHER
-        return self._happen(_Happening(event, now, user_id))
+        return BARRIER_TABLE[self.state][event]
 
-    def ask_restore(self, user_id: str, now: float) -> BarrierOutcome:
+    def ask_restore(self, user_id: str) -> BarrierOutcome:
         """A peer wants to restore a snapshot (`/sim/restore`): each member may. Call `restored` afterwards."""
         is_member = self._takes_part(user_id)
         event = BarrierEvent.RESTORE_BY_MEMBER if is_member else BarrierEvent.RESTORE_BY_OTHER
-        return self._happen(_Happening(event, now, user_id))
+        return BARRIER_TABLE[self.state][event]
 
     # The world
 

@@ -1,6 +1,6 @@
-"""What clients say about egos and vehicles beside CtrlCmd, read into the world's units and checked as a whole.
+"""Client commands for egos and vehicles, except CtrlCmd: converted to the world's units, and checked as a whole.
 
-Everything here raises before anything has changed: a message with one bad figure does nothing at all.
+All functions here raise before anything has changed, so a message with one bad value has no effect at all.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ __all__ = ["EgoSetting", "Ghost", "GhostPose", "ego_settings", "ghost_pose", "la
 
 _TURN_SIGNALS: Final = (0, 1, 2)
 _EMERGENCY_SIGNALS: Final = (0, 1)
-_FIRST_EGO, _FIRST_EGO_IN_FILES = 0, -1  # scenario files give it another number than the topics do
-_HAZARD: Final = 3  # of the single number that 26.R1 has for both lamps
+_FIRST_EGO, _FIRST_EGO_IN_FILES = 0, -1  # scenario files and topics number it differently
+_HAZARD: Final = 3  # 26.R1 has one number for both lamps
 
 
 @dataclass(frozen=True, slots=True)
 class GhostPose:
-    """Where somebody is to stand, in the world's units.
+    """A pose at which to place a vehicle, in the world's units.
 
     Attributes:
-        x, y, z: reference point [m].
+        x, y, z: reference point in the map [m].
         roll, pitch, yaw: [rad].
         speed: along the heading [m/s].
-        steer: of the front wheels, left positive [rad]; None leaves it.
+        steer: of the front wheels, left positive [rad]; None keeps the current angle.
     """
 
     x: float
@@ -50,11 +50,11 @@ class EgoSetting:
     """One entry of a MultiEgoSetting.
 
     Attributes:
-        index: which ego.
-        pose: where it is to stand.
-        gear: None leaves it.
+        index: number of the ego.
+        pose: the pose to place it at.
+        gear: None keeps the current one.
         ctrl_mode: the number on the wire.
-        lamps: turn and emergency signal; None leaves them.
+        lamps: turn and emergency signal; None keeps the current ones.
     """
 
     index: int
@@ -69,10 +69,10 @@ class Ghost:
     """One entry of a NpcGhostCmd.
 
     Attributes:
-        unique_id: whom it is about.
+        unique_id: number of the vehicle.
         name: of its model.
-        pose: where it is to stand.
-        has_speed: whether the release tells its speed.
+        pose: the pose to place it at.
+        has_speed: true if the release's message has a speed.
     """
 
     unique_id: int
@@ -93,11 +93,15 @@ def ego_settings(message: Struct, most: int) -> list[EgoSetting]:
 
     Args:
         message: a generated struct.
-        most: egos that there can be.
+        most: largest number of egos.
+
+    Returns:
+        The entries in their order, in the world's units.
 
     Raises:
-        FieldError: more entries than egos can be, lists of different lengths, a number that is none or beyond all
-            bounds, a gear or lamp that does not exist, an ego named twice.
+        FieldError: too many entries, lists of different lengths, a number that is not finite or out of range, an
+            unknown
+            gear or lamp, or an ego named twice.
     """
     where = "morai_msgs/MultiEgoSetting"
     num = message.number_of_ego_vehicle
@@ -134,8 +138,14 @@ def ego_settings(message: Struct, most: int) -> list[EgoSetting]:
 def ghost_pose(message: Struct) -> GhostPose:
     """Read a GhostMessage.
 
+    Args:
+        message: a generated struct.
+
+    Returns:
+        The pose in the world's units.
+
     Raises:
-        FieldError: a number that is none or beyond all bounds.
+        FieldError: a number that is not finite or out of range.
     """
     position, rotation = message.position, message.rotation
     return _pose(
@@ -148,15 +158,17 @@ def ghost_pose(message: Struct) -> GhostPose:
 
 
 def npc_ghosts(message: Struct, most: int) -> list[Ghost]:
-    """Read a NpcGhostCmd. The newer lists of lamps are for the eye alone and are passed over.
+    """Read a NpcGhostCmd. The lists of lamps in newer releases are ignored: they only change the picture.
 
     Args:
         message: a generated struct.
-        most: entities that the world can hold.
+        most: largest number of entities in the world.
+
+    Returns:
+        The entries in their order, in the world's units.
 
     Raises:
-        FieldError: more vehicles than the world can hold, a number that is none or beyond all bounds, a vehicle named
-            twice.
+        FieldError: too many vehicles, a number that is not finite or out of range, or a vehicle named twice.
     """
     where = "morai_msgs/NpcGhostCmd.npc_list"
     if len(message.npc_list) > most:
@@ -173,7 +185,13 @@ def npc_ghosts(message: Struct, most: int) -> list[Ghost]:
 
 
 def lamps_of(lamps: Struct) -> tuple[int, int]:
-    """Turn and emergency signal of a Lamps.
+    """Read a Lamps message.
+
+    Args:
+        lamps: a generated struct.
+
+    Returns:
+        The turn signal (0 none, 1 left, 2 right) and the emergency signal (0 off, 1 on).
 
     Raises:
         FieldError: a value that means no lamp.
@@ -199,7 +217,7 @@ def _pose(
     speed = velocity_kmh / MPS_TO_KMH
     x, y, z = place
     roll_deg, pitch_deg, yaw_deg = turn_deg
-    # Written out, for this is done for thousands in one message.
+    # Written out for speed: one message may hold thousands of poses.
     if not (
         -MAX_COORDINATE <= x <= MAX_COORDINATE
         and -MAX_COORDINATE <= y <= MAX_COORDINATE

@@ -1,12 +1,11 @@
-"""What clients tell the egos and vehicles by topics: control, lamps, places, ghosts.
+"""Commands for egos and vehicles that clients publish: control, lamps, poses, ghosts.
 
-A message that is wrong is told to its sender and does nothing, not even in part. One that is right but not wanted now
-(the mode is synchronous, or the ego is driven otherwise) is passed over, with one warning for each peer: such messages
-come fifty times a second.
+A wrong message is reported to its sender and has no effect at all. A correct message is ignored if the mode is
+synchronous or another mode drives the ego. Such messages arrive fifty times a second, so each client gets one warning.
 
-*Ghosts* are put where a client says, frame by frame, and stand there: no physics moves them, and the speed that they
-show is what was said. An ego is one from its first GhostMessage until the next CtrlCmd, teleport or change of its
-control mode; a vehicle, once it is one, stays so.
+*Ghosts* are placed by a client, frame by frame. No physics moves them, and their speed is the one that the client
+sends. An ego is a ghost from its first GhostMessage until the next CtrlCmd, teleport or change of its control mode. A
+vehicle that has become a ghost stays one.
 """
 
 from __future__ import annotations
@@ -25,32 +24,42 @@ from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.ghosts import Ghosts
 from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.scene import MAX_EGOS, MAX_ENTITIES
 from rosbridge_sim.morai.scene_commands import moves
 
 __all__ = ["CommandTopics"]
 
 _AUTO_MODE: Final = 16
-"""What MultiEgoSetting calls the mode in which a program drives."""
+"""Number of the mode in a MultiEgoSetting in which a program drives."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class CommandTopics(Component):
-    """The component of input topics, but for those of synchronous mode."""
+    """Component of the input topics, except those of synchronous mode."""
 
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
         self._ghosts = Ghosts(context.world, context.scene, lambda unique_id: context.egos.find(unique_id) is not None)
         context.hooks.on_reset.append(self._ghosts.forget)
 
+    def save_state(self) -> PlainData:
+        """Return what is known of ghosts."""
+        return self._ghosts.save_state()
+
+    def load_state(self, data: PlainData, now: float) -> None:
+        """See `Component`."""
+        del now
+        self._ghosts.load_state(data)
+
     def bind(self, bindings: SubscribersServices) -> None:
-        """What the world has once."""
+        """Subscribe to the topics for all egos and vehicles."""
         bindings.listen("ego_setting", "MultiEgoSetting", partial(self._ego_setting, bindings))
         bindings.listen("NpcGhost_Topic", "NpcGhostCmd", partial(self._npc_ghosts, bindings))
 
     def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
-        """What each ego has of its own; the first one has two names for its control."""
+        """Subscribe to the topics of one ego; the first ego has two names for its control."""
         names = ("ctrl_cmd", "ctrl_cmd_0") if ego is self._context.egos.first else ("ctrl_cmd",)
         for name in names:
             bindings.listen(name, "CtrlCmd", partial(self._ctrl_cmd, ego, bindings, name))
@@ -77,18 +86,18 @@ class CommandTopics(Component):
             self._decline(ego, bindings, "ghost_ctrl_cmd", instead, sender)
 
     def _npc_ghosts(self, bindings: SubscribersServices, message: Struct, sender: Participant, _now: float) -> None:
-        """Place vehicles; in synchronous mode too, for they are not the ego."""
+        """Place vehicles. This works in synchronous mode too, because they are not the ego."""
         if self._is_replaying(bindings, "NpcGhost_Topic", sender):
             return
         self._ghosts.place(npc_ghosts(message, MAX_ENTITIES))
         self._context.egos.forget_statuses()
 
     def _is_external(self, ego: Ego) -> bool:
-        """Whether a client may move this ego now."""
+        """Return whether a client may move this ego now."""
         return not (ego.is_replayed or self._context.sync.is_on) and ego.ctrl_mode is CtrlMode.EXTERNAL
 
     def _decline(self, ego: Ego, bindings: SubscribersServices, name: str, instead: str, sender: Participant) -> None:
-        """Tell why a client may not move this ego now, and what to use in place of it."""
+        """Warn a client that it may not move this ego now, and name what it can use instead."""
         topic = bindings.topic(name)
         if ego.is_replayed:
             why = f"{topic} is ignored while a recording is replayed"
@@ -100,7 +109,7 @@ class CommandTopics(Component):
         self._context.warnings.warn(sender, why)
 
     def _is_replaying(self, bindings: SubscribersServices, name: str, sender: Participant) -> bool:
-        """Whether nobody comes or goes now; if so, tell why."""
+        """Return whether a recording is replayed; if so, warn the client, because its message is ignored."""
         is_replaying = self._context.scene.is_replaying
         if is_replaying:
             self._context.warnings.warn(sender, f"{bindings.topic(name)} is ignored while a recording is replayed")
@@ -110,7 +119,7 @@ class CommandTopics(Component):
         ego.turn_signal, ego.emergency_signal = lamps_of(message)
 
     def _ego_setting(self, bindings: SubscribersServices, message: Struct, sender: Participant, now: float) -> None:
-        """Put egos somewhere; those whose number is new come into the world."""
+        """Place egos; an ego with an unknown number is added to the world."""
         if self._is_replaying(bindings, "ego_setting", sender):
             return
         settings = [(setting, _ctrl_mode(setting)) for setting in ego_settings(message, MAX_EGOS)]
@@ -121,7 +130,7 @@ class CommandTopics(Component):
         for setting, ctrl_mode in settings:
             ego = context.egos.find(setting.index)
             assert ego is not None
-            is_itself = ctrl_mode is CtrlMode.AUTONOMOUS  # that takes a lane, and so the place first
+            is_itself = ctrl_mode is CtrlMode.AUTONOMOUS  # this mode needs a lane, so the ego is placed first
             if ctrl_mode is not None and not is_itself:
                 ego.set_ctrl_mode(ctrl_mode)
             ego.teleport(setting.pose, setting.gear)
@@ -139,7 +148,7 @@ class CommandTopics(Component):
 
 
 def _ctrl_mode(setting: EgoSetting) -> CtrlMode | None:
-    """Who is to drive; None for 0, which leaves it.
+    """Return the mode that is to drive the ego; None for 0, which leaves the mode as it is.
 
     Raises:
         FieldError: there is no such mode.

@@ -1,8 +1,8 @@
-"""What the components of a simulator share: built first, whole before the first component gets it.
+"""Objects that the components of a simulator share. It is complete before the first component is made.
 
-The members are listed from the ground up: each is built from those above it, so nothing ever sees a part of the
-simulator that is not there yet. State that lasts from one frame to the next is in `world`, `scene`, `egos`, `sync`,
-`barrier`, `publishers`, `pacer` and the components; the other members only act on it.
+Each member is built from the members listed above it, so no code can use a part of the simulator that is not there
+yet. State that lasts from one frame to the next is in `world`, `scene`, `egos`, `sync`, `barrier`, `publishers`,
+`pacer` and the components; the other members only act on it.
 """
 
 from __future__ import annotations
@@ -37,30 +37,30 @@ __all__ = ["SimulatorContext"]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SimulatorContext:
-    """All that is shared.
+    """Objects that the components share.
 
     Attributes:
-        bus: where the simulator's topics and services are; its stamp follows the world's frames.
+        bus: has the simulator's topics and services; its stamp follows the world's frames.
         participant: their owner.
         world: the state of all entities; moved by `stepper` alone.
-        library: where scenarios and maps come from.
+        library: source of scenarios and maps.
         convert: makes messages of the world, and reads controls.
         scene: the population and the map.
-        egos: who drives, by number.
-        sync: synchronous mode, to be read, and to have commands wait for their frame.
-        barrier: clients that tick together; its members lead synchronous mode while there are any.
-        hooks: moments that components act on.
-        warnings: for what a client may do many times.
-        interfaces: all that the simulator has on the bus, by its names.
+        egos: the ego vehicles, by number.
+        sync: synchronous mode; components read it and submit commands that wait for a frame.
+        barrier: clients that tick together; while it has members, it is the master of `sync`.
+        hooks: moments at which components act.
+        warnings: sends a warning once, for mistakes that a client may repeat.
+        interfaces: the simulator's topics and services, by name.
         publishers: its output topics.
         failure: a bug of ours that has stopped the world.
-        time: what is stamped.
+        time: the stamps.
         pacer: the frames that real time owes.
         sync_info: publishes the mode.
-        static_tf: publishes what stands on the egos.
+        static_tf: publishes the frames that are fixed to the egos.
         stepper: computes one frame.
-        sync_driver: ticks, and all that changes the mode.
-        ego_interfaces: the names of further egos.
+        sync_driver: carries out ticks and changes of the mode.
+        ego_interfaces: topics and services of further egos.
         scene_changes: loads, resets and new egos.
     """
 

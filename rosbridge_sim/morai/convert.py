@@ -1,11 +1,12 @@
-"""Between the world's arrays and `morai_msgs`: the only file with a unit factor.
+"""Conversion between the world's arrays and `morai_msgs`; the only file that applies unit factors.
 
-Inside, everything is SI and radians. MORAI mixes: the ego's velocity is m/s, an object's km/h, a commanded speed km/h;
-headings are degrees, a commanded wheel angle radians, the reported one radians by the manual and degrees in the field.
-Which of two it is says a `Profile`; fields that only some releases have are made where the type has them.
+The world uses SI units and radians. MORAI mixes units: the ego's velocity is in m/s, an object's in km/h, a commanded
+speed in km/h. Headings are in degrees, a commanded wheel angle in radians. The reported wheel angle is in radians in
+the manual and in degrees in client code. A `Profile` chooses between two such units. Fields that only some releases
+have are filled if the type has them.
 
-Headers carry simulation time, or the time of day if that is chosen, and as `seq` the frame: it does not depend on who
-listens or how often.
+Headers carry simulated time, or the time of day if that is chosen. Their `seq` is the frame, so it does not depend on
+the subscribers.
 """
 
 from __future__ import annotations
@@ -43,14 +44,22 @@ __all__ = [
 # Units
 
 DEGREES: Final = math.degrees(1.0)
-"""One radian [deg]."""
+"""Degrees in one radian."""
 
 
 def exact_quotient(product: FloatArray, factor: float) -> FloatArray:
-    """What gives `product` when it is multiplied by a factor: to the last bit where there is such a number.
+    """Return the number that gives `product` when it is multiplied by a factor, exact to the last bit where possible.
 
-    A plain division is off by one last place now and then. What was converted on its way out is to go out again as it
-    was, so the neighbours are tried as well.
+    A plain division sometimes differs in the last bit. A value that was converted for a message must give the same
+    message
+    again, so the neighbouring numbers are tried too.
+
+    Args:
+        product: any shape.
+        factor: positive.
+
+    Returns:
+        The quotient, of the same shape.
     """
     quotient = product / factor
     for side in (-math.inf, math.inf):
@@ -62,18 +71,18 @@ def exact_quotient(product: FloatArray, factor: float) -> FloatArray:
 
 
 _MODES: Final = {0: Mode.PEDALS, 1: Mode.PEDALS, 2: Mode.SPEED, 3: Mode.ACCEL}
-"""`longlCmdType`. 0 is what clients send who never set the field, and they drive by pedals."""
+"""`longlCmdType` -> control mode. 0 comes from clients that never set the field; they drive by pedals."""
 
 EGO_TYPE: Final = -1
-"""`type` of an ObjectStatus that is an ego."""
+"""`type` of an ego in an ObjectStatus."""
 
 _OBJECT_TYPES: Final = {Kind.EGO: EGO_TYPE, Kind.PEDESTRIAN: 0, Kind.VEHICLE: 1, Kind.OBSTACLE: 2}
 _LISTED: Final = (Kind.VEHICLE, Kind.PEDESTRIAN, Kind.OBSTACLE)
-"""In the order of ObjectStatusList."""
+"""Kinds in the order of ObjectStatusList."""
 
 
 UniqueId = Callable[[int], int]
-"""The id on the wire of who is in a row: an ego's number, everybody else's id in the world."""
+"""Returns the id on the wire of the entity in a row: the number of an ego, the world's id of any other entity."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +90,7 @@ class Control:
     """A CtrlCmd in the world's units; the arguments of `commands.command`.
 
     Attributes:
-        mode: which of the others count.
+        mode: pedals, speed or acceleration; it selects the fields that count.
         steer: front wheels, left positive [rad].
         throttle, brake: as sent; the world clamps them to 0..1.
         speed: [m/s].
@@ -97,7 +106,13 @@ class Control:
 
 
 def gear_of(number: int) -> Gear | None:
-    """The gear of that number; None for -1 and 0, which leave it as it is.
+    """Return the gear of a number on the wire.
+
+    Args:
+        number: 1 P, 2 R, 3 N, 4 D; -1 and 0 keep the current gear.
+
+    Returns:
+        The gear; None to keep the current one.
 
     Raises:
         FieldError: there is no such gear.
@@ -111,13 +126,20 @@ def gear_of(number: int) -> Gear | None:
 
 
 def time_text(frame: int) -> str:
-    """Simulated time as decimal seconds, exact: frame 617 is 12.34."""
+    """Return simulated time as decimal seconds, exact: frame 617 is 12.34.
+
+    Args:
+        frame: the world's.
+
+    Returns:
+        Seconds with two decimals.
+    """
     return f"{frame // 50}.{frame % 50 * 2:02d}"
 
 
 @dataclass(frozen=True, slots=True)
 class _Lane:
-    """Where the ego is on its lane, left positive, and how far the lane's edges are [m]; zeros off any road."""
+    """The ego's place across its lane, left positive, and the distances to the lane's edges [m]; zeros off any road."""
 
     lateral: float = 0.0
     to_left: float = 0.0
@@ -130,19 +152,19 @@ _Figure = Callable[[World, int, _Lane], float]
 
 _BESIDE_LANE: Final[Mapping[str, _Figure]] = {
     "lateral_offset": lambda _world, _row, lane: lane.lateral,
-    "cross_track_error": lambda _world, _row, lane: -lane.lateral,  # of all lateral figures this one is right positive
+    "cross_track_error": lambda _world, _row, lane: -lane.lateral,  # the only lateral figure that is right positive
     "distance_left_lane_boundary": lambda _world, _row, lane: lane.to_left,
     "distance_right_lane_boundary": lambda _world, _row, lane: lane.to_right,
 }
 
 _UNKNOWABLE: Final = (
     "rear_steer_angle",
-    # Wheels of the kinematic model roll where they point: no slip, and so no force that comes of it.
+    # Wheels of the kinematic model roll where they point, so there is no slip and no force from it.
     *(f"side_slip_angle_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
     *(f"tire_lateral_force_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
     *(f"tire_cornering_stiffness_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
 )
-"""Figures of newer releases that are 0 here."""
+"""Fields of newer releases that are always 0."""
 
 
 def _find_lane(world: World, row: int, roads: Roads) -> _Lane:
@@ -160,11 +182,11 @@ def _front_steer_angle(world: World, row: int, _lane: _Lane) -> float:
 
 
 class _Layout:
-    """What of the listed objects does not change until somebody comes or goes.
+    """The constant part of the listed objects: it changes only when an entity is added or removed.
 
     Attributes:
-        rows: all of them, in the order of the lists.
-        ends: where the lists end in `rows`.
+        rows: all objects, in the order of the lists.
+        ends: ends of the lists in `rows`.
         fixed: (unique_id, type, name, size) of each.
         num_egos: in the world.
     """
@@ -177,7 +199,7 @@ class _Layout:
         Args:
             world: read only.
             sized: makes a size.
-            seen_from: the row of an ego who sees the other egos as well, and what gives their ids.
+            seen_from: row of an ego whose list includes the other egos, and the function that returns their ids.
         """
         egos = world.rows(Kind.EGO)
         self.num_egos = len(egos)
@@ -194,13 +216,13 @@ class _Layout:
 
 
 class Converter:
-    """Makes messages from the world and reads commands, for one store and one profile.
+    """Maker of messages and reader of commands, for one store and one profile.
 
-    The methods that make something return a struct of the type named after them.
+    A method that makes a message returns a struct of the type that it is named after.
 
     Attributes:
         profile: the one in use.
-        wall_ns: the time of day of the frame in hand, which all its stamps get [ns]; None for simulated time.
+        wall_ns: the time of day for all stamps of the current frame [ns]; None for simulated time.
     """
 
     def __init__(self, store: Store, profile: Profile = MANUAL) -> None:
@@ -263,28 +285,54 @@ class Converter:
     # Out
 
     def header(self, frame: int, frame_id: str = "") -> Struct:
-        """A header of that frame: `seq` is the frame; see `stamp_ns`."""
+        """Return a header.
+
+        Args:
+            frame: the world's; it is `seq`, and it gives the stamp (`stamp_ns`).
+            frame_id: tf frame of the message.
+
+        Returns:
+            A std_msgs/Header.
+        """
         return self._header(frame & 0xFFFFFFFF, self._store.time_value(self.stamp_ns(frame)), frame_id)
 
     def clock(self, frame: int) -> Struct:
-        """The time that the headers of that frame have, so that what they say is never ahead of the clock."""
+        """Return the time that the headers of a frame have, so that no header is ahead of the clock.
+
+        Args:
+            frame: the world's.
+
+        Returns:
+            A rosgraph_msgs/Clock.
+        """
         return self._clock(self._store.time_value(self.stamp_ns(frame)))
 
     def stamp_ns(self, frame: int) -> int:
-        """The time that everything of the frame in hand is stamped with [ns]."""
+        """Return the stamp of all messages of the current frame.
+
+        Args:
+            frame: the world's.
+
+        Returns:
+            Simulated time, or the time of day if that is chosen [ns].
+        """
         return frame * STEP_NS if self.wall_ns is None else self.wall_ns
 
     def ego_vehicle_status(self, world: World, row: int, unique_id: int, roads: Roads | None = None) -> Struct:
-        """The state of a driven row.
+        """Return the state of an ego.
 
-        Velocity and acceleration are in the body's frame, x forward and y left, at the rear axle: there nothing moves
+        Velocity and acceleration are in the frame of the body, x forward and y left, at the rear axle. That point never
+        moves
         sideways.
 
         Args:
             world: read only.
-            row: whose.
+            row: of the ego.
             unique_id: its id on the wire.
-            roads: what it drives on, for the releases that tell of lanes.
+            roads: lanes of the map, for releases with fields about lanes.
+
+        Returns:
+            A morai_msgs/EgoVehicleStatus.
         """
         vector = self._vector
         lane = _find_lane(world, row, roads) if self._has_lane_figures and roads else _OFF_ROAD
@@ -301,12 +349,17 @@ class Converter:
         )
 
     def object_status_list(self, world: World, ego_row: int | None, unique_id: UniqueId) -> Struct:
-        """Everybody but the ego itself, in order of spawning; the other egos come last among the vehicles.
+        """Return all entities except one ego, in the order of their addition; other egos are the last of the vehicles.
 
         Args:
             world: read only.
-            ego_row: whose list it is: whom the nearest objects are near to, where their number is limited.
-            unique_id: an ego's id on the wire, by its row.
+            ego_row: row of the ego that the list is for. Where the profile limits the number, the nearest objects to it
+                are
+                listed. None lists all entities except egos.
+            unique_id: returns an ego's id on the wire, by its row.
+
+        Returns:
+            A morai_msgs/ObjectStatusList.
         """
         layout = world.derived(self._lay_out)
         if ego_row is not None and layout.num_egos > 1:
@@ -322,30 +375,56 @@ class Converter:
         return self._objects(self.header(world.frame, "ObjectInfo"), *_in_lists(entries, ends))
 
     def object_lists(self, world: World) -> tuple[Any, ...]:
-        """How many vehicles, people and things there are, then the lists of them all; structs."""
+        """Return all vehicles, pedestrians and obstacles.
+
+        Args:
+            world: read only.
+
+        Returns:
+            The three numbers, then the three lists of morai_msgs/ObjectStatus.
+        """
         layout = world.derived(self._lay_out)
         return _in_lists(self._object_statuses(world, layout.rows, layout.fixed), layout.ends)
 
     def collision_data(self, world: World, rows: IntArray, unique_id: UniqueId) -> Struct:
-        """What an ego touches, and where the first of these is.
+        """Return the objects that an ego touches, and the position of the first of them.
 
         Args:
             world: read only.
-            rows: (k,) of all that it touches.
-            unique_id: a row's id on the wire.
+            rows: (k,) rows of the touched objects.
+            unique_id: returns the id on the wire, by row.
+
+        Returns:
+            A morai_msgs/CollisionData.
         """
         touched = self._any_statuses(world, rows, unique_id)
         place = touched[0].position if touched else self._at_rest
         return self._collision(self.header(world.frame, "base_link"), place.x, place.y, place.z, touched, touched)
 
     def vehicle_collision_data(self, world: World, pairs: IntArray, unique_id: UniqueId) -> Struct:
-        """Which vehicles touch each other, (k, 2) rows; a collision for each pair."""
+        """Return the collisions between vehicles.
+
+        Args:
+            world: read only.
+            pairs: (k, 2) rows of vehicles that touch each other.
+            unique_id: returns the id on the wire, by row.
+
+        Returns:
+            A morai_msgs/VehicleCollisionData with a collision for each pair.
+        """
         both = self._any_statuses(world, pairs.ravel(), unique_id)
         collisions = [self._crash(both[i : i + 2]) for i in range(0, len(both), 2)]
         return self._crashes(self.header(world.frame, "VehicleCollisionData"), collisions)
 
     def vehicle_spec(self, body: Body | None) -> Struct:
-        """The figures of a vehicle; all zeros for none. The size is (length, width, height) in any profile."""
+        """Return the size and steering limit of a vehicle. The size is (length, width, height) in any profile.
+
+        Args:
+            body: of the vehicle; None gives zeros.
+
+        Returns:
+            A morai_msgs/VehicleSpec.
+        """
         if body is None:
             return self._vehicle_spec(self._vector(0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
         return self._vehicle_spec(
@@ -357,7 +436,14 @@ class Converter:
         )
 
     def map_spec(self, road_map: RoadMap) -> Struct:
-        """How the map's metres lie on the globe."""
+        """Return the projection of a map.
+
+        Args:
+            road_map: the map.
+
+        Returns:
+            A morai_msgs/MapSpec.
+        """
         projection = road_map.projection
         return self._map_spec(
             1 if projection.is_tm else 0,
@@ -376,8 +462,14 @@ class Converter:
     def control(self, command: Struct) -> Control:
         """Read a CtrlCmd.
 
+        Args:
+            command: a generated struct.
+
+        Returns:
+            The control in the world's units.
+
         Raises:
-            FieldError: a `longlCmdType` that does not exist, or a number that is none, in whichever field.
+            FieldError: an unknown `longlCmdType`, or a number that is not finite in any field.
         """
         mode = _MODES.get(command.longlCmdType)
         if mode is None:
@@ -410,7 +502,7 @@ class Converter:
         return self._vector(first, second, body.height)
 
     def _any_statuses(self, world: World, rows: IntArray, unique_id: UniqueId) -> list[Any]:
-        """An ObjectStatus for each row of any kind; hardly ever is there one."""
+        """Return an ObjectStatus for each row, of any kind. The rows are few, so nothing is cached."""
         fixed = [
             (unique_id(row), _OBJECT_TYPES[Kind(world.kind.item(row))], world.names[row], self._size(world.bodies[row]))
             for row in rows.tolist()
@@ -418,9 +510,10 @@ class Converter:
         return self._object_statuses(world, rows, fixed)
 
     def _object_statuses(self, world: World, rows: IntArray, fixed: list[tuple[int, int, str, Any]]) -> list[Any]:
-        """An ObjectStatus for each row. Structs that cannot differ are shared; nobody writes into a message.
+        """Return an ObjectStatus for each row.
 
-        Velocity and acceleration are those of the place that `position` tells, in the object's own frame.
+        Structs with equal content are shared, because messages are never changed. Velocity and acceleration are those
+        of the point at `position`, in the object's own frame.
         """
         if not fixed:
             return []
@@ -445,23 +538,35 @@ class Converter:
 
 
 def _in_lists(entries: list[Any], ends: Sequence[int]) -> tuple[Any, ...]:
-    """Numbers of vehicles, people and things, and their lists; structs, in the order of `_LISTED`."""
+    """Return the numbers of vehicles, pedestrians and obstacles, then their lists of structs."""
     lists = entries[: ends[0]], entries[ends[0] : ends[1]], entries[ends[1] :]
     return (*map(len, lists), *lists)
 
 
 def _nearest(world: World, rows: IntArray, ego_row: int, limit: int) -> IntArray:
-    """Positions in `rows` of those nearest to a row, in their order; of two equally near ones the earlier."""
+    """Return positions in `rows` of the entities nearest to a row, in order.
+
+    Of two equally near ones the earlier is taken.
+    """
     away: FloatArray = np.hypot(world.x[rows] - world.x[ego_row], world.y[rows] - world.y[ego_row])
     return np.sort(np.argsort(away, kind="stable")[:limit])
 
 
 def maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:
-    """A function that takes the values of `names`, in their order, and makes a struct of a type.
+    """Return a function that makes structs of a type from field values in a fixed order.
 
-    It is the struct itself where the type begins with just these fields, as it does in the newest release that has
-    them all; in an older one the last ones are left out. A user's own definitions may differ in any way: fields that
-    the type lacks are left out, others get their defaults.
+    The function is the struct class itself if the type begins with just these fields, as in the newest release that has
+    them all. In an older release the last fields are left out. A user's own definitions may differ in any way: fields
+    that
+    the type lacks are left out, and other fields get their defaults.
+
+    Args:
+        store: has the type.
+        type_name: package and type.
+        names: the fields, in the order of the function's arguments.
+
+    Returns:
+        A function of `len(names)` positional arguments.
     """
     struct = store.message(type_name).struct_type
     fields = struct.__struct_fields__

@@ -1,4 +1,4 @@
-"""What follows when a participant has left the bus."""
+"""Effects of a participant that leaves the bus."""
 
 from __future__ import annotations
 
@@ -9,17 +9,24 @@ __all__ = ["Departures"]
 
 
 class Departures:
-    """Tells the components and synchronous mode who has left; never within a frame, in which nobody comes or goes."""
+    """Reports departures to the components and to synchronous mode.
+
+    A departure during a frame is reported after it, because the population must not change within a frame.
+    """
 
     def __init__(self, context: SimulatorContext) -> None:
-        """Watch the bus."""
+        """Watch the bus.
+
+        Args:
+            context: of the simulator.
+        """
         self._context = context
-        self._waiting: list[Participant] = []  # those who left while frames were computed
+        self._waiting: list[Participant] = []  # those that left while frames were computed
         context.hooks.after_move.append(self._tell_waiting)
         context.bus.on_leave.append(self._leave)
 
     def _leave(self, participant: Participant, now: float) -> None:
-        """A participant has left; perhaps within a frame, on a message of which its connection has failed."""
+        """Report a departure, perhaps of a connection that failed on a message of the frame in progress."""
         context = self._context
         context.warnings.forget(participant)
         if context.failure.why is not None:
@@ -27,7 +34,7 @@ class Departures:
         if context.stepper.is_moving:
             self._waiting.append(participant)
             return
-        for act in context.hooks.on_leave:  # whatever fails here, a master that is gone must not keep the world waiting
+        for act in context.hooks.on_leave:  # a failure here must not keep the world waiting for a lost master
             context.bus.guard.attempt("what follows an owner's end", act, participant, now)
         context.sync_driver.leave(participant, now)
 

@@ -1,7 +1,7 @@
-"""JSON documents of the user's: bytes -> a checked model, or one readable line that says where and what.
+"""JSON documents of the user: bytes -> a checked model, or one readable line with the place and the mistake.
 
-Scenario and map files share this: how numbers may be written, how an error is told. The models are pydantic's; this
-is the only file that knows how pydantic reports.
+Scenario and map files share this module: the spelling of numbers, and the form of errors. The models are pydantic's;
+only this module knows pydantic's error reports.
 """
 
 from __future__ import annotations
@@ -37,25 +37,25 @@ __all__ = [
 T = TypeVar("T")
 
 MAX_VALUE_SHOWN = 40
-"""Characters of an offending value that an error shows."""
+"""Longest part of an offending value that an error shows [characters]."""
 
 MAX_DOCUMENT_MISTAKES = 100
-"""Of a document that are told one by one."""
+"""Largest number of mistakes that are reported for one document."""
 
 MAX_DOCUMENT_COORDINATE = 1e8
-"""Beyond every plane coordinate on earth, false eastings included [m]."""
+"""Largest coordinate [m]; beyond every plane coordinate on earth, with false eastings."""
 
-# 1234.5, -1,234.5, .5, 1e-05; a comma only where it parts thousands: "12,5" has two meanings and is refused.
+# 1234.5, -1,234.5, .5, 1e-05; a comma only between thousands: "12,5" has two meanings and is refused.
 _NUMBER = re.compile(r"[+-]?(\d{1,3}(,\d{3})+|\d+)?(\.\d*)?([eE][+-]?\d{1,3})?")
 _JSON_PLACE = re.compile(r"(?P<what>.*) at line (?P<line>\d+) column (?P<column>\d+)")
 
 
 class Document(BaseModel):
-    """An object of a document. Keys that we do not read are passed over: MORAI writes many and adds more.
+    """An object of a document. Unknown keys are ignored, because MORAI writes many and adds more.
 
     Attributes:
-        other_keys: what is read beside the fields.
-        idle_keys: the fields that are read and kept and have no effect yet.
+        other_keys: keys that are read in addition to the fields.
+        idle_keys: fields that are read and kept but have no effect yet.
     """
 
     other_keys: ClassVar[frozenset[str]] = frozenset()
@@ -65,7 +65,7 @@ class Document(BaseModel):
 
 
 def _number(value: object) -> object:
-    """A number, as such or as text; MORAI writes many numbers twice, once as text with thousands commas."""
+    """Return a number that is given as such or as text; MORAI also writes numbers as text with thousands commas."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value
     if isinstance(value, str):
@@ -112,22 +112,25 @@ LenientBool = Annotated[bool, BeforeValidator(_flag), WithJsonSchema({"type": "b
 
 
 KeptAsWritten = Annotated[Any, WithJsonSchema({})]
-"""Any JSON value, kept as it is written: what has no effect cannot be a mistake."""
+"""Any JSON value, kept as it is written; a key without effect cannot hold a mistake."""
 
 
 def read_document(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int) -> T:
     """Read and check a document.
 
     Args:
-        kind: what it must be.
+        kind: the expected model.
         text: UTF-8, with or without a byte order mark.
-        source: what errors call it: the file's name.
-        max_bytes: the longest text that is looked at.
+        source: the file's name, for errors.
+        max_bytes: largest length of `text`.
+
+    Returns:
+        The model.
 
     Raises:
-        DocumentError: one line. `demo.json:3:17: ...` where the text is no JSON (line and column, from 1);
+        DocumentError: one line. `demo.json:3:17: ...` where the text is not JSON (line and column, from 1);
             `demo.json: vehicleList[2].initPosition.pos.x: expected a number, got 'abc'` where a value does not fit.
-            Of several mistakes the first is told.
+            Of several mistakes the first is reported.
     """
     try:
         return _validate(kind, text, source, max_bytes)
@@ -138,11 +141,11 @@ def read_document(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
-    """Something in a document that cannot be used.
+    """A mistake in a document.
 
     Attributes:
-        place: keys and numbers that lead to it; none for the document as a whole.
-        text: the line that says where it is and what it is.
+        place: keys and indices of the wrong value; empty for the document as a whole.
+        text: one line with the place and the mistake.
     """
 
     place: tuple[int | str, ...]
@@ -150,7 +153,17 @@ class Mistake:
 
 
 def find_mistakes(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int) -> list[Mistake]:
-    """Every mistake of a document, in its order, each told as `read_document` tells the first; none in a good one."""
+    """Return all mistakes of a document, each in the words of `read_document`.
+
+    Args:
+        kind: the expected model.
+        text: UTF-8, with or without a byte order mark.
+        source: the file's name, for errors.
+        max_bytes: largest length of `text`.
+
+    Returns:
+        The mistakes in the document's order; empty if there are none.
+    """
     try:
         _validate(kind, text, source, max_bytes)
     except DocumentError as error:
@@ -223,7 +236,7 @@ def _expected(error: ErrorDetails) -> str:
 
 
 def _shown(value: JsonValue) -> str:
-    """A value on one line, and short."""
+    """Return a value as a short text on one line."""
     if isinstance(value, dict):
         return "an object"
     if isinstance(value, list | tuple):
@@ -240,12 +253,12 @@ def _shown(value: JsonValue) -> str:
 
 
 class SortedKeys(NamedTuple):
-    """Count how often each key stands in a document, by its path (`vehicleList[].initPosition.pos.x`), in order.
+    """Number of times that each key stands in a document, by its path (`vehicleList[].initPosition.pos.x`), in order.
 
     Attributes:
         read: the keys that have an effect.
-        idle: those that are read and kept, and have no effect yet.
-        passed_over: the others. Of these and the idle ones only the outermost key is told.
+        idle: the keys that are read and kept but have no effect yet.
+        passed_over: the other keys. Of these and the idle ones only the outermost key is listed.
     """
 
     read: Counter[str]
@@ -254,11 +267,14 @@ class SortedKeys(NamedTuple):
 
 
 def sort_keys(kind: type[Document], value: object) -> SortedKeys:
-    """Sort the keys of a JSON value by what becomes of them when it is read as a document of that kind.
+    """Sort the keys of a JSON value by their use when it is read as a document.
 
     Args:
-        kind: of the value, or of each entry if the value is a list.
-        value: the document as it was parsed, good or bad.
+        kind: model of the value, or of each entry if the value is a list.
+        value: the document as it was parsed, correct or not.
+
+    Returns:
+        The numbers of keys.
     """
     keys = SortedKeys(Counter(), Counter(), Counter())
     for path, counter in _keys(kind, value, "", keys):
@@ -267,9 +283,17 @@ def sort_keys(kind: type[Document], value: object) -> SortedKeys:
 
 
 def keys_beside(kind: type[Document], path: str) -> list[str]:
-    """Return the keys that could be read where `sort_keys` found that path."""
+    """Return the keys that are valid at a path.
+
+    Args:
+        kind: model of the document.
+        path: a path that `sort_keys` returned.
+
+    Returns:
+        The fields of the model at that place.
+    """
     for part in path.split("."):
-        # A list may stand within a list. The last key is none that is read, and may have points in it.
+        # A list may be within a list. The last key is unknown and may contain points.
         field = kind.model_fields.get(part.rstrip("[]"))
         inner = None if field is None else _kind_within(field.annotation)
         if inner is None:
@@ -297,7 +321,7 @@ def _keys(kind: type[Document], value: object, path: str, keys: SortedKeys) -> I
 
 
 def _kind_within(annotation: object) -> type[Document] | None:
-    """The document that a field holds: itself, or in a list, or where it is not None."""
+    """Return the model in a field's type: directly, in a list, or optional; None if there is none."""
     if isinstance(annotation, type) and issubclass(annotation, Document):
         return annotation
     return next((kind for kind in map(_kind_within, get_args(annotation)) if kind is not None), None)

@@ -1,13 +1,14 @@
-"""One ego as its clients see it: who may drive it, its lamps, its gear, its state as a message.
+"""One ego as its clients see it: control mode, lamps, gear, and its state as a message.
 
-The row in the world knows motion alone. What MORAI adds to it for each ego is here, so that a second ego is a second
-object and a second set of names.
+The world's row holds motion only. This module holds what MORAI adds to it, so a second ego is a second object with its
+own names.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
 
@@ -21,37 +22,54 @@ from rosbridge_sim.world.self_driving import start_self_driving
 from rosbridge_sim.world.sensors import Mounting
 from rosbridge_sim.world.state import Gear, Mode, World
 
-__all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego"]
+__all__ = ["GPS", "IMU", "SENSORS", "CtrlMode", "Ego", "EgoState"]
 
 GPS: Final = "gps_link"
 IMU: Final = "imu_link"
 
 SENSORS: Final = (GPS, IMU)
-"""The frames of an ego's sensors; a client calls a sensor by its place here."""
+"""Frames of an ego's sensors; a client's number of a sensor is its index here."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class CtrlMode(IntEnum):
-    """Who drives."""
+    """The driver of an ego."""
 
     KEYBOARD = 1
     GAME_PAD = 2
     EXTERNAL = 3  # /ctrl_cmd
-    AUTONOMOUS = 6  # itself: it keeps to the lanes as other vehicles do
+    AUTONOMOUS = 6  # self-driving: it follows the lanes as other vehicles do
+
+
+@dataclass(frozen=True, slots=True)
+class EgoState:
+    """State of an ego beside its row in the world.
+
+    Attributes:
+        index, uid, ctrl_mode, lamps, mountings: as in `Ego`.
+        refused_gear: the gear that it was last refused, so that the log names each refusal once.
+    """
+
+    index: int
+    uid: int
+    ctrl_mode: CtrlMode
+    lamps: tuple[int, int]
+    refused_gear: Gear | None
+    mountings: tuple[tuple[str, Mounting], ...]
 
 
 class Ego:
-    """An ego vehicle; its row may be another one after a scenario was loaded.
+    """An ego vehicle; its row may change when a scenario is loaded.
 
     Attributes:
         index: its number among the egos, and its `unique_id` on the wire: 0, then 2, 3, ...
-        uid: in the world.
-        ctrl_mode: who drives it outside synchronous mode.
+        uid: its id in the world.
+        ctrl_mode: its driver outside synchronous mode.
         turn_signal: 0 none, 1 left, 2 right.
         emergency_signal: 0 off, 1 on.
-        mountings: where its sensors sit, by their frames, in the order of `SENSORS`.
-        is_replayed: a recording moves it, and what anybody commands meanwhile is not carried out.
+        mountings: places of its sensors, by their frames, in the order of `SENSORS`.
+        is_replayed: a recording moves it, and commands are ignored.
     """
 
     def __init__(
@@ -64,15 +82,15 @@ class Ego:
         index: int | None = None,
         roads: Callable[[], Roads] = Roads,
     ) -> None:
-        """An ego that stands in the world already.
+        """Represent an ego that stands in the world already.
 
         Args:
-            world: where it is.
-            convert: what makes its messages.
-            uid: in the world.
-            ctrl_mode: who drives.
-            index: None for the id in the world.
-            roads: gives the lanes that it drives on.
+            world: has its row.
+            convert: makes its messages.
+            uid: its id in the world.
+            ctrl_mode: its driver.
+            index: its number; None for the id in the world.
+            roads: returns the lanes of the map in use.
         """
         self.index = uid if index is None else index
         self.uid = uid
@@ -89,44 +107,66 @@ class Ego:
 
     @property
     def is_there(self) -> bool:
-        """Whether it stands in the world: a further ego goes when a scenario with another ego is loaded."""
+        """True while it stands in the world; loading a scenario with another ego removes a further ego."""
         return self.uid in self._world
 
     @property
     def row(self) -> int:
-        """Where it is in the world's arrays now."""
+        """Its current index in the world's arrays."""
         return self._world.row(self.uid)
 
     @property
     def gear(self) -> Gear:
-        """The gear it is in."""
+        """Its gear."""
         return Gear(self._world.gear.item(self.row))
 
     @property
     def lamps(self) -> tuple[int, int]:
-        """Turn and emergency signal."""
+        """Its turn and emergency signal."""
         return self.turn_signal, self.emergency_signal
 
     def status(self) -> Struct:
-        """Its EgoVehicleStatus, made once for each state of the world."""
+        """Return its EgoVehicleStatus; the message is made once for each state of the world.
+
+        Returns:
+            A struct, shared by all callers.
+        """
         if self._status is None:
             self._status = self._convert.ego_vehicle_status(self._world, self.row, self.index, self._roads())
         return self._status
 
     def forget_status(self) -> None:
-        """The world has changed."""
+        """Make the status anew at the next call of `status`, because the world has changed."""
         self._status = None
 
     def reset_controls(self) -> None:
-        """Have the controls of a new car: lamps off, and in D if it drives itself, as when it was told to."""
+        """Set the controls of a new car: lamps off, and gear D if it drives itself."""
         self.turn_signal = self.emergency_signal = 0
         self._refused_gear = None
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
             self.shift(Gear.DRIVE)
         self.forget_status()
 
+    def save_state(self) -> EgoState:
+        """Return what decides what it will do, beside its row in the world."""
+        mountings = tuple(self.mountings.items())
+        return EgoState(self.index, self.uid, self.ctrl_mode, self.lamps, self._refused_gear, mountings)
+
+    def load_state(self, state: EgoState) -> None:
+        """Become what was saved; the world has been restored. A recording does not move it."""
+        self.uid, self.ctrl_mode = state.uid, state.ctrl_mode
+        self.turn_signal, self.emergency_signal = state.lamps
+        self._refused_gear = state.refused_gear
+        self.mountings = dict(state.mountings)
+        self.is_replayed = False
+        self.forget_status()
+
     def control(self, control: Control) -> None:
-        """Apply a control from the next frame on. Ends self-driving; ignored if the ego is gone or is replayed."""
+        """Apply a control from the next frame on. Ends self-driving. Ignored if the ego was removed or is replayed.
+
+        Args:
+            control: in the world's units.
+        """
         if not self.is_there or self.is_replayed:
             return
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
@@ -143,17 +183,17 @@ class Ego:
         )
 
     def teleport(self, pose: GhostPose, gear: Gear | None = None) -> None:
-        """Stand somewhere else, at that speed, and in that gear whatever the speed was.
+        """Place the ego elsewhere, with a speed and in a gear.
 
-        What was commanded before is forgotten, or the car would leave its new place with the old pedals and wheels.
-        Commands that wait for their frames are `Sync.drop`'s.
+        Earlier commands are cancelled; otherwise the car would leave its new place with the old pedals and wheel angle.
+        Commands that wait for their frames must be removed with `Sync.drop`. The gear is set at any speed.
 
         Args:
-            pose: where to, and how the wheels are to stand; straight where it does not say.
-            gear: None leaves it.
+            pose: the new pose and wheel angle; without an angle the wheels are straight.
+            gear: None keeps the current one.
 
         Raises:
-            ValueError: beyond all bounds. Nothing has moved.
+            ValueError: the pose is out of range. Nothing has moved.
         """
         if gear is not None and gear is not self.gear:
             self._place(pose, speed=0.0)
@@ -167,10 +207,13 @@ class Ego:
         self.forget_status()
 
     def place_as_ghost(self, pose: GhostPose) -> None:
-        """Stand somewhere as a ghost: nothing moves it until the next command, and its speed is what is said.
+        """Place the ego as a ghost: nothing moves it until the next command, and its speed is the given one.
+
+        Args:
+            pose: the new pose.
 
         Raises:
-            ValueError: beyond all bounds. Nothing has moved.
+            ValueError: the pose is out of range. Nothing has moved.
         """
         self._place(pose, pose.speed, is_ghost=True)
         if pose.steer is not None:
@@ -192,10 +235,13 @@ class Ego:
         )
 
     def set_ctrl_mode(self, ctrl_mode: CtrlMode) -> str | None:
-        """Change who drives; the pedals of a client or of the car itself are released.
+        """Change the driver. If a client or the car itself was driving, the pedals are released.
+
+        Args:
+            ctrl_mode: the new driver.
 
         Returns:
-            None when the mode is this one now, else why not, for a person to read.
+            None if the ego has this mode now, else the reason why not, for a person to read.
         """
         if self.is_replayed:
             return f"ctrl_mode {ctrl_mode.name} refused: a recording moves ego {self.index}"
@@ -215,7 +261,7 @@ class Ego:
         return None
 
     def resume(self) -> None:
-        """It stands somewhere else, or on another map: if it drove itself it goes on, or not, where no lane is."""
+        """Continue self-driving after a new place or a new map; without a lane, change to KEYBOARD."""
         if self.ctrl_mode is CtrlMode.AUTONOMOUS and not start_self_driving(self._world, self.row):
             _log.info("ego %d stands on no lane: ctrl_mode is %s", self.index, CtrlMode.KEYBOARD.name)
             self.set_ctrl_mode(CtrlMode.KEYBOARD)
@@ -223,11 +269,14 @@ class Ego:
     def shift(self, gear: Gear) -> str | None:
         """Change gear.
 
+        Args:
+            gear: the new one.
+
         Returns:
-            None when it is in that gear now, else why not, for a person to read.
+            None if the ego is in this gear now, else the reason why not, for a person to read.
         """
         if not self.is_there:
-            return f"gear {gear.name} refused: ego {self.index} is gone"
+            return f"gear {gear.name} refused: ego {self.index} has been removed"
         if self.is_replayed:
             return f"gear {gear.name} refused: a recording moves ego {self.index}"
         row = self.row
@@ -235,8 +284,8 @@ class Ego:
             self._refused_gear = None
             return None
         speed = self._world.speed.item(row)
-        why = f"gear {gear.name} refused: the ego moves at {speed:.2f} m/s, it must nearly stand (0.1 m/s)"
-        if self._refused_gear is not gear:  # clients ask again and again until it works
+        why = f"gear {gear.name} refused: the ego moves at {speed:.2f} m/s, expected at most 0.1 m/s"
+        if self._refused_gear is not gear:  # clients repeat the request until it works, so it is logged once
             self._refused_gear = gear
             _log.info("%s", why)
         return why

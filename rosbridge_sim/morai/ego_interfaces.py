@@ -1,4 +1,4 @@
-"""The topics and services of further egos: they come with an ego, and go with it."""
+"""Topics and services of further egos; they are added and removed together with an ego."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServi
 __all__ = ["EgoInterfaces"]
 
 MAX_GONE: Final = 1_000
-"""Services of egos that have left which are remembered: a client may bring egos under ever new numbers."""
+"""Largest number of remembered services of removed egos, because a client may add egos under ever new numbers."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class EgoInterfaces:
-    """The names of the egos behind the first one, whose names stay for good."""
+    """Topics and services of all egos except the first one, whose names never go away."""
 
     def __init__(self, interfaces: InterfaceRegistry, publishers: Publishers, hooks: Hooks) -> None:
-        """No further ego yet.
+        """Start without further egos.
 
         Args:
             interfaces: take the services and input topics.
-            publishers: have the output topics.
-            hooks: `on_new_ego` says what an ego has.
+            publishers: take the output topics.
+            hooks: `on_new_ego` adds the topics and services of an ego.
         """
         self._interfaces = interfaces
         self._publishers = publishers
@@ -38,24 +38,32 @@ class EgoInterfaces:
 
     @property
     def num_remembered(self) -> int:
-        """How many services of egos that have left `why_gone` knows."""
+        """Number of services of removed egos that `why_gone` remembers."""
         return len(self._gone)
 
     def bind(self, ego: Ego) -> None:
-        """Give a further ego its names.
+        """Add the topics and services of a further ego.
+
+        Args:
+            ego: the ego.
 
         Raises:
-            GraphError: a client has given one of the topics another type; `drop` takes back what was given.
+            GraphError: a client has given one of the topics another type. `drop` removes what was added.
         """
         bindings = self._bindings[ego.index] = SubscribersServices(self._interfaces, f"/Ego-{ego.index}/")
         for give in self._hooks.on_new_ego:
             give(ego, bindings)
-        # only now: until all its services are back, none of them is to be taken for gone for good
+        # last, because `why_gone` must explain a missing service until all of them are back
         self._gone = {name: index for name, index in self._gone.items() if index != ego.index}
-        _log.info("ego %d has come: %s...", ego.index, bindings.prefix)
+        _log.info("ego %d added: %s...", ego.index, bindings.prefix)
 
     def drop(self, ego: Ego, now: float) -> None:
-        """Take a further ego's names away."""
+        """Remove the topics and services of a further ego.
+
+        Args:
+            ego: the ego.
+            now: monotonic time [s].
+        """
         bindings = self._bindings.pop(ego.index)
         for name in bindings.services:
             self._gone.pop(name, None)
@@ -64,9 +72,16 @@ class EgoInterfaces:
             del self._gone[next(iter(self._gone))]
         bindings.release(now)
         self._publishers.remove(bindings.prefix, now)
-        _log.info("ego %d is gone: %s...", ego.index, bindings.prefix)
+        _log.info("ego %d removed: %s...", ego.index, bindings.prefix)
 
     def why_gone(self, service: str) -> str:
-        """Return why a service of an ego that may come back is not there; an empty text for any other name."""
+        """Return the reason why a service of a removed ego is missing.
+
+        Args:
+            service: its name on the bus.
+
+        Returns:
+            A text for the client; empty for any other name.
+        """
         index = self._gone.get(service)
         return "" if index is None else f"ego {index} has left"

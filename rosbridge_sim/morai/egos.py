@@ -83,6 +83,11 @@ class EgoRegistry:
         self.first.ctrl_mode = self._ctrl_mode
         self.first.reset_controls()
 
+    def replace(self, egos: Iterable[Ego]) -> None:
+        """Have these egos, in this order; the first one is `first`."""
+        self._egos[:] = egos
+        assert self._egos[0] is self.first
+
     def forget_statuses(self) -> None:
         """Have each EgoVehicleStatus made again when it is needed: the world has changed."""
         for ego in self._egos:

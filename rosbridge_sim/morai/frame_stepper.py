@@ -1,7 +1,7 @@
-"""One frame: the only place that moves the world.
+"""One frame: the only code that moves the world.
 
-In this order: commands that waited for the frame, one step, the stamp, the topics, `/SyncModeInfo`, and what components
-do behind a frame. Real time and synchronous mode differ in which topics go out, and in nothing else.
+The order is: commands that waited for the frame, one step, the stamp, the topics, `/SyncModeInfo`, and the components'
+functions after a frame. Real time and synchronous mode differ only in the topics that are published.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ __all__ = ["FrameMeter", "FrameStepper"]
 
 
 class FrameMeter(Protocol):
-    """Measures each frame: its step, and all that is published with it."""
+    """Measures each frame: its step, and everything that is published with it."""
 
     def begin(self) -> None:
-        """Note that a frame begins."""
+        """Start the measurement of a frame."""
 
     def end(self) -> None:
-        """Note that it has ended."""
+        """End the measurement of a frame."""
 
 
 class FrameStepper:
     """Computes frames and publishes them.
 
     Attributes:
-        is_moving: frames are being computed right now; set by those who compute several.
-        num_frames: frames computed; unlike the world's frame it never goes back.
-        meter: measures what each frame costs; None for none.
+        is_moving: frames are being computed now; set by the caller that computes several.
+        num_frames: frames computed since the start; a reset of the world does not set it back.
+        meter: measures each frame; None for no measurement.
         carry_out: `(command, now)`: carries out a command that has waited for the frame.
     """
 
@@ -55,17 +55,17 @@ class FrameStepper:
         publishers: Publishers,
         sync_info: SyncInfo,
     ) -> None:
-        """Nothing is moving.
+        """Compute nothing yet.
 
         Args:
             world: moved.
             sync: has the commands that wait for a frame.
-            egos: their messages are made anew.
+            egos: their status messages are made anew after each step.
             hooks: `place`, `once_after_frame` and `after_frame` are called.
             time: follows the frames.
             pacer: counts the frames of real time.
             publishers: publish the frame.
-            sync_info: comes behind all other topics.
+            sync_info: is published after all other topics.
         """
         self.is_moving = False
         self.num_frames = 0
@@ -86,7 +86,7 @@ class FrameStepper:
 
         Args:
             now: monotonic time [s].
-            is_tick: a tick has asked for it: every topic goes out. Otherwise real time has, and rates count.
+            is_tick: a tick asked for the frame, so every topic is published. Otherwise real time did, and rates apply.
             is_last: no other frame of the same tick follows.
         """
         world, hooks, meter = self._world, self._hooks, self.meter
@@ -114,7 +114,7 @@ class FrameStepper:
             meter.end()
 
     def _place(self) -> None:
-        """Within a step: have components put entities where they are to stand."""
+        """Let the components place entities within a step."""
         for place in self._hooks.place:
             place()
 

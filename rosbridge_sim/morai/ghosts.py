@@ -1,11 +1,11 @@
-"""Vehicles that a client places itself, frame by frame: the other cars of a co-simulation.
+"""Ghosts: vehicles that a client places itself, frame by frame, as in a co-simulation.
 
-A vehicle that is named becomes a ghost, whatever it did before; a number that is new brings one, of the model that is
-named. A client chooses its numbers itself, so one that it used before (its ghosts went with a scenario) serves again.
+A vehicle that a client names becomes a ghost, whatever moved it before. An unknown number adds a vehicle of the named
+model. Clients choose these numbers themselves. A number may be used again after a scenario removed its ghost.
 
-Release 22.R2 does not tell a ghost's speed, though other cars and clients want to know it. It is worked out from the
-way of the last tenths of a second: from one message to the next would be too rough, since in real time two may come
-within one frame and none within the next.
+Release 22.R2 does not send a ghost's speed, but other cars and clients need it. It is computed from the way of the
+last tenths of a second. Two successive messages would give a rough speed: in real time two messages may arrive in one
+frame and none in the next.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Sequence
+from itertools import islice, pairwise
 from typing import Final
 
 import numpy as np
@@ -20,20 +21,21 @@ import numpy as np
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import Model
 from rosbridge_sim.morai.command_parsing import Ghost, GhostPose
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.scene import FIRST_UID, MAX_ENTITIES, MAX_FILE_UID, Scene
 from rosbridge_sim.world import placement
-from rosbridge_sim.world.state import DT, Kind, World
+from rosbridge_sim.world.state import DT, MAX_COORDINATE, Kind, World
 
 __all__ = ["Ghosts"]
 
 SPEED_WINDOW: Final = 10
-"""Frames over which a speed is worked out: 0.2 s."""
+"""Frames over which a speed is computed: 0.2 s."""
 
 MAX_GHOST_GAP: Final = 50
-"""Frames after which a message says nothing about the way from the one before: 1 s."""
+"""Largest gap in frames between two messages that are one motion: 1 s."""
 
 MAX_GHOST_SPEED: Final = 100.0
-"""What is faster than this has been put elsewhere and has not driven there [m/s]."""
+"""Highest speed that counts as motion [m/s]. A faster change is a jump."""
 
 _WHOSE: Final = {
     Kind.EGO: "an ego's",
@@ -46,15 +48,15 @@ _Trail = deque[tuple[int, float, float]]  # frame, x, y
 
 
 class Ghosts:
-    """Places ghosts. What it knows beside the world is where they have been of late."""
+    """Places ghosts. Its only own state is the recent positions of each ghost."""
 
     def __init__(self, world: World, scene: Scene, is_ego: Callable[[int], bool]) -> None:
-        """Nobody yet.
+        """Start without ghosts.
 
         Args:
-            world: written through `scene` and `dynamics`.
-            scene: spawns.
-            is_ego: whether a number on the wire is an ego's.
+            world: written through `scene` and `placement`.
+            scene: adds vehicles.
+            is_ego: returns true if a number on the wire is an ego's.
         """
         self._world = world
         self._scene = scene
@@ -62,10 +64,15 @@ class Ghosts:
         self._trails: dict[int, _Trail] = {}
 
     def place(self, ghosts: Sequence[Ghost]) -> None:
-        """Put each where it is to stand.
+        """Place all ghosts of one message, or none of them.
+
+        Args:
+            ghosts: the entries of the message; no two have one number.
 
         Raises:
-            FieldError: a number that is no vehicle's, a model that is none, no room. Nothing has changed.
+            FieldError: a number belongs to something else than a vehicle, a model is unknown, or the world is full.
+                Nothing
+                has changed.
         """
         models = {ghost.unique_id: self._find_model(ghost) for ghost in ghosts if ghost.unique_id not in self._world}
         if len(self._world) + len(models) > MAX_ENTITIES:
@@ -86,8 +93,41 @@ class Ghosts:
         placement.place_ghosts(self._world, rows, np.array(poses, dtype=np.float64).reshape(-1, 7).T)
 
     def forget(self) -> None:
-        """The world has begun anew."""
+        """Forget all positions, because the world has been reset."""
         self._trails.clear()
+
+    def save_state(self) -> PlainData:
+        """Return where they have been of late: ids, how many places each has, the places' frames, and x and y."""
+        places = [place for trail in self._trails.values() for place in trail]
+        return (
+            np.array(list(self._trails), dtype=np.int64),
+            np.array([len(trail) for trail in self._trails.values()], dtype=np.int64),
+            np.array([frame for frame, _, _ in places], dtype=np.int64),
+            np.array([(x, y) for _, x, y in places], dtype=np.float64).reshape(-1, 2),
+        )
+
+    def load_state(self, data: PlainData) -> None:
+        """Become what was saved.
+
+        Raises:
+            ValueError: it is no such data. Nothing has changed.
+        """
+        uids, counts, frames, places = data
+        kinds = [(array.dtype.kind, array.ndim) for array in (uids, counts, frames, places)]
+        if kinds != [("i", 1)] * 3 + [("f", 2)] or not len(uids) == len(counts) <= MAX_ENTITIES:
+            raise ValueError("ghosts: expected ids, counts, frames and places")
+        is_good = len(places) == len(frames) and places.shape[1] == 2 and bool((counts >= 0).all())  # noqa: PLR2004 - x and y
+        is_good = is_good and bool((counts <= len(frames)).all()) and int(counts.sum()) == len(frames)
+        if not (is_good and bool((np.abs(places) <= MAX_COORDINATE).all())):
+            raise ValueError("ghosts: expected a frame and a place for each count")
+        rest = iter(zip(frames.tolist(), places.tolist(), strict=True))
+        trails = {
+            uid: deque([(frame, x, y) for frame, (x, y) in islice(rest, count)])
+            for uid, count in zip(uids.tolist(), counts.tolist(), strict=True)
+        }
+        if any(later[0] <= earlier[0] for trail in trails.values() for earlier, later in pairwise(trail)):
+            raise ValueError("ghosts: expected rising frames")  # a speed is a way divided by their difference
+        self._trails = trails
 
     def _find_model(self, ghost: Ghost) -> Model:
         if not FIRST_UID <= ghost.unique_id <= MAX_FILE_UID:
@@ -106,7 +146,7 @@ class Ghosts:
             raise FieldError(f"unique_id {uid}: expected a vehicle's, it is {_WHOSE[kind]}")
 
     def _work_out_speed(self, uid: int, pose: GhostPose) -> float:
-        """Along the heading, from where it has been within the window [m/s]."""
+        """Return the speed along the heading, from the positions within the window [m/s]."""
         frame = self._world.frame
         trail = self._trails.setdefault(uid, deque())
         if trail and not 0 <= frame - trail[-1][0] <= MAX_GHOST_GAP:

@@ -1,7 +1,7 @@
-"""The moments of a simulation that components act on, each a list of functions.
+"""Moments of a simulation that components act on; each is a list of functions.
 
-A component appends a function to the lists that it needs, in its `__init__`; they are called in that order. A list that
-nobody appends to costs nothing, so a moment of every frame can be had without a call for each component.
+A component appends functions in its `__init__`. They are called in that order. An empty list costs nothing, so a moment
+of every frame needs no call for each component.
 """
 
 from __future__ import annotations
@@ -18,21 +18,22 @@ __all__ = ["Hooks"]
 
 @dataclass(frozen=True, slots=True)
 class Hooks:
-    """What is called, and when. `now` is monotonic time [s].
+    """Functions to call at each moment. `now` is monotonic time [s].
 
     Attributes:
-        place: `()` within a step, when all entities have moved and before collisions are looked for: put entities where
-            they are to stand.
-        once_after_frame: `(now)` behind the frame that is being computed, before `after_frame`; called once, and the
-            list is emptied. Commands append to it.
-        after_frame: `(now)` behind each frame, when its topics have gone out.
-        after_move: `(now)` when all frames of a tick, or all that real time owed, have been computed.
-        on_mode_change: `(now)` when synchronous mode was started, stopped, paused, resumed or lost, or a client has
-            tried to.
-        on_scene_change: `(now)` before a scenario is loaded, or the world is reset: give back what was taken.
-        on_reset: `()` when the world has begun anew, at frame 0.
-        on_new_ego: `(ego, its topics and services)` when a further ego has come: give it what each ego has of its own.
-        on_leave: `(participant, now)` when a participant has left the bus.
+        place: `()` within a step, after all motion and before collision detection: place entities.
+        once_after_frame: `(now)` after the frame in progress, before `after_frame`. Each is called once, then the list
+            is emptied. Commands append to it.
+        after_frame: `(now)` after each frame, when its topics have been published.
+        after_move: `(now)` after all frames of a tick, or all frames that real time owed.
+        on_mode_change: `(now)` after synchronous mode was started, stopped, paused, resumed or lost, or after a client
+            tried to do so.
+        on_scene_change: `(now)` before a scenario is loaded or the world is reset: give back what was taken.
+        on_reset: `()` after the world was reset to frame 0.
+        on_restore: `()` after the world was restored from a snapshot: drop what was meant for the world before.
+        on_new_ego: `(ego, its topics and services)` after a further ego was added: add the ego's own topics and
+            services.
+        on_leave: `(participant, now)` after a participant left the bus.
     """
 
     place: list[Callable[[], object]] = field(default_factory=list)
@@ -42,5 +43,6 @@ class Hooks:
     on_mode_change: list[Callable[[float], object]] = field(default_factory=list)
     on_scene_change: list[Callable[[float], object]] = field(default_factory=list)
     on_reset: list[Callable[[], object]] = field(default_factory=list)
+    on_restore: list[Callable[[], object]] = field(default_factory=list)
     on_new_ego: list[Callable[[Ego, SubscribersServices], object]] = field(default_factory=list)
     on_leave: list[Callable[[Participant, float], object]] = field(default_factory=list)

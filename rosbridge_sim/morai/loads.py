@@ -1,15 +1,16 @@
-"""The component that loads scenarios: `/ScenarioLoad`, `/Service_MoraiSL` and `/SyncModeScenarioLoad`.
+"""Component that loads scenarios: `/ScenarioLoad`, `/Service_MoraiSL` and `/SyncModeScenarioLoad`.
 
-A load is read by the `Reader`, which may take its time, and what it leads to happens in one piece, later:
+The `Reader` reads the documents, which may take seconds. The effects of a load happen later, in one piece:
 
-- A load *now* takes effect when it has been read. Its client is held until then, so whatever that client has sent
-  behind it meets the new scene; all others go on, and in real time so does the world. It takes effect even if its
-  client has left: a program may publish `/ScenarioLoad` and end. After a reset it fails.
-- A load *at a frame* takes its place among the commands of that frame when it comes, and the world waits for it in that
-  frame (see `sync.py`). Its client is held until it has been read, since the answer says whether it can be used.
+- A load *now* takes effect when its documents have been read. Its client is held until then, so everything that this
+  client sends afterwards meets the new scene. Other clients go on, and in real time so does the world. The load takes
+  effect even if its client has left, because a program may publish `/ScenarioLoad` and end. After a reset it fails.
+- A load *at a frame* takes its place among the commands of that frame when it arrives, and the world waits for it
+  before that frame (see `sync.py`). Its client is held until the documents have been read, because the answer tells
+  whether they can be used.
 
-A scenario that names no map stands on the map in use: for a load now the one at the time when it takes effect, for a
-load at a frame the one at the time when it came. So the outcome does not depend on how long the reading took.
+A scenario without a map name uses the map in use: for a load now, the map at the time of its effect; for a load at a
+frame, the map at the time of its arrival. So the result does not depend on the duration of the reading.
 """
 
 from __future__ import annotations
@@ -37,18 +38,18 @@ from rosbridge_sim.world.lane_conflicts import LaneConflicts
 
 __all__ = ["Loads"]
 
-_WAS_RESET = "the simulation was reset before the scenario was read; load it again"
-_FAILED = "the server failed on the scenario; its log says why"
+_WAS_RESET = "the simulation was reset or restored before the scenario was read; load it again"
+_FAILED = "the server failed to load the scenario; see the server's log"
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Documents:
-    """All that was read for a load.
+    """All documents of a load.
 
     Attributes:
-        scenario: what is to be loaded.
+        scenario: the scenario to load.
         own_map: the map that it names; None if it names none.
         network: its network settings; None if they are not wanted, or there are none.
     """
@@ -59,34 +60,35 @@ class _Documents:
 
 
 class Loads(Component):
-    """The component that loads scenarios."""
+    """Component that loads scenarios."""
 
     def __init__(self, context: SimulatorContext, reader: Reader, networks: Networks | None) -> None:
-        """Nothing is being read.
+        """Read nothing yet.
 
         Args:
             context: of the simulator.
-            reader: reads the documents.
-            networks: where scenarios' network settings are; None where there are none.
+            reader: runs the functions that read documents.
+            networks: reads network settings of scenarios; None if there are none.
         """
         self._context = context
         self._reader = reader
         self._networks = networks
         self._opening_network = context.interfaces.settings
-        self._epoch = 0  # how often the world has begun anew
-        context.hooks.on_reset.append(self._reset)
+        self._epoch = 0  # number of resets and restores
+        context.hooks.on_reset.append(self._drop_reading)
+        context.hooks.on_restore.append(self._drop_reading)
         store = context.bus.store
         self._make_result = maker(store, "morai_msgs/SyncModeResultResponse", "result")
         self._make_load_result = maker(store, "morai_msgs/MoraiSrvResponse", "result")
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """What the world has once."""
+        """Offer the services and subscribe to the topic that load scenarios."""
         bindings.provide("SyncModeScenarioLoad", "MoraiSyncModeSLSrv", self._load_at_frame)
         bindings.provide("Service_MoraiSL", "MoraiScenarioLoadSrv", self._load_now)
         bindings.listen("ScenarioLoad", "ScenarioLoad", partial(self._hear_load, bindings))
 
-    def _reset(self) -> None:
-        """Have loads from before fail: they must not change the world that has begun anew."""
+    def _drop_reading(self) -> None:
+        """Make earlier loads fail, because they must not change the world after a reset or a restore."""
         self._epoch += 1
 
     # At a frame
@@ -130,7 +132,7 @@ class Loads(Component):
         self._start(request_of(call), call.caller, end, now)
 
     def _hear_load(self, bindings: SubscribersServices, request: Struct, sender: Participant, now: float) -> None:
-        """The same over a topic; as there, synchronous mode does not stand in the way."""
+        """Load a scenario now, by topic. As with the service, synchronous mode does not prevent it."""
         topic, notify = bindings.topic("ScenarioLoad"), notifier(sender)
         is_here = True
         refusal: GraphError | None = None
@@ -155,7 +157,7 @@ class Loads(Component):
         end: Callable[[PeerError | DocumentError | None], None],
         now: float,
     ) -> None:
-        """Load a scenario as soon as it has been read."""
+        """Load a scenario as soon as its documents have been read."""
         epoch = self._epoch
 
         def finish(documents: _Documents | DocumentError, now: float) -> None:
@@ -183,7 +185,7 @@ class Loads(Component):
         finish: Callable[[_Documents | DocumentError, float], None],
         now: float,
     ) -> None:
-        """Have the documents read that a request names, and hold its client meanwhile."""
+        """Read the documents that a request names, and hold its client meanwhile."""
         if not any((request.delete_all, *_parts(request), request.load_network_connection_data)):
             caller.notify("warning", "nothing to load: delete_all and all load_... are false")
         context, name = self._context, request.file_name
@@ -211,16 +213,17 @@ class Loads(Component):
         caller: Participant,
         base: FoundMap,
     ) -> tuple[Load, NetworkSettings | None]:
-        """The load that a request asks for and, if they are wanted, the network settings that belong to it.
+        """Return the load of a request and, if they are wanted, the network settings of its scenario.
 
-        These are laid over those of the start, so what came in between plays no part. Most scenarios have none: then
-        the caller is warned, and all stays as it is.
+        These settings are laid over those of the server's start, so earlier loads have no influence. Most scenarios
+        have none:
+        then the caller is warned, and the current settings stay.
 
         Raises:
-            DocumentError: there is no such scenario, or one of both cannot be used.
+            DocumentError: the scenario does not exist, or a document cannot be used.
             GraphError: the world has failed.
         """
-        if self._context.failure.why is not None:  # it has come to that while the scenario was read
+        if self._context.failure.why is not None:  # it failed while the scenario was read
             raise GraphError(self._context.failure.why)
         if isinstance(documents, DocumentError):
             raise documents
@@ -239,7 +242,7 @@ class Loads(Component):
 
 
 def _parts(request: Struct) -> tuple[bool, bool, bool, bool]:
-    """Whether the ego, vehicles, pedestrians and obstacles are to be loaded."""
+    """Return whether to load the ego, the vehicles, the pedestrians and the obstacles."""
     return (
         request.load_ego_vehicle_data,
         request.load_surrounding_vehicle_data,
@@ -249,23 +252,23 @@ def _parts(request: Struct) -> tuple[bool, bool, bool, bool]:
 
 
 def _read_documents(library: Library, networks: Networks | None, name: str, base: FoundMap) -> _Documents:
-    """Read a scenario and what belongs to it; in a thread of its own, as a rule.
+    """Read a scenario and the documents that belong to it; usually called in a thread.
 
     Args:
         library: has the scenario and its map.
         networks: has its network settings; None if they are not wanted.
-        name: of the scenario, as the client says.
+        name: of the scenario, as the client gives it.
         base: the map in use, which is not read again.
 
     Raises:
-        DocumentError: one of them cannot be used.
+        DocumentError: one of the documents cannot be used.
     """
     scenario = library.scenario(name)
     own_map = None
     if scenario.map_name is not None:
         own_map = base if scenario.map_name == base.name else find_map(library, scenario.map_name)
     if any(vehicle.driver is not None for vehicle in scenario.vehicles):
-        # What drivers need to know of a map is made once and costs as much as reading it. If the world makes it in the
-        # same moment, either copy will do.
+        # The conflicts of a map's lanes are computed once and cost as much as reading it. If the world computes them at
+        # the same moment, either copy can be used.
         (own_map or base).road_map.roads.derived(LaneConflicts)
     return _Documents(scenario, own_map, networks.network(name) if networks is not None else None)

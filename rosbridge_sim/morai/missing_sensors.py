@@ -1,4 +1,4 @@
-"""Sensors that MORAI SIM has and this simulator does not: a hint for clients that wait for their messages."""
+"""Sensors that MORAI SIM has and this simulator lacks: a hint for clients that wait for their messages."""
 
 from __future__ import annotations
 
@@ -23,6 +23,13 @@ _SENSORS: Final[Mapping[str, str]] = {
 
 
 def advise(topic: Topic) -> str:
-    """Return that the simulator lacks the sensor which would publish this topic; nothing where it lacks none."""
+    """Return a hint that the simulator lacks the sensor of a topic.
+
+    Args:
+        topic: a topic that a client subscribes to and nothing publishes.
+
+    Returns:
+        The end of a sentence for the client; empty for a type that belongs to none of these sensors.
+    """
     sensor = _SENSORS.get(topic.type.name)
     return "" if sensor is None else f"; this simulator has no {sensor}: its sensors are GPS and IMU"

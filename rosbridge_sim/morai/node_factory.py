@@ -6,6 +6,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.barrier import Barrier
 from rosbridge_sim.morai.command_executor import CommandExecutor
 from rosbridge_sim.morai.command_topics import CommandTopics
+from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import Converter
 from rosbridge_sim.morai.ego import CtrlMode
@@ -33,6 +34,7 @@ from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.sim_services.barrier import BarrierServices
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.score import Scores
+from rosbridge_sim.morai.sim_services.snapshots import Snapshots
 from rosbridge_sim.morai.sim_services.step import StepService
 from rosbridge_sim.morai.simulation_time import SimulationTime
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
@@ -81,19 +83,23 @@ def make_node(
     context = _make_context(bus, world, library, scenario, chosen)
     sensors = Sensors(context, archive)
     CommandExecutor(context, sensors)
-    components = [
+    reader = reader or AtOnce()
+    replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
+    components: list[Component] = [
         StatePublishers(context),
         TrafficLightTopics(context),
         sensors,
-        Loads(context, reader or AtOnce(), networks),
+        Loads(context, reader, networks),
         Services(context),
         CommandTopics(context),
-        Replay(context, recordings, is_showing_drives=chosen.replay_info),
+        replay,
         StepService(context),
         BarrierServices(context),
         RealTimeFactor(context),
         Scores(context, is_always=chosen.score),
     ]
+    # The last one: its hash covers what all others do behind a frame.
+    components.append(Snapshots(context, components, replay, reader, recordings))
     set_real_time_factor(context, chosen.real_time_factor, 0.0)
     return SimulatorNode(context, components)
 

@@ -15,14 +15,19 @@ _log = logging.getLogger("rosbridge_sim.morai")
 class SimulatorParticipant:
     """The owner of the simulator's topics and services; a `Participant` without state.
 
-    It is built before everything that is on the bus, so that nothing has to know the whole simulator to be there.
+    It is built before everything else on the bus. So the parts need only this owner, not the whole simulator.
 
     Attributes:
-        name: as rosapi shows it.
+        name: the node name that rosapi shows.
     """
 
     name = SIMULATOR_NAME
 
     def notify(self, level: str, text: str) -> None:
-        """Write what the bus has to say to the simulator into the log."""
+        """Write a message from the bus to the simulator into the log.
+
+        Args:
+            level: `error`, `warning`, `info` or `none`; an unknown level is logged as a warning.
+            text: the message, on one line.
+        """
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)

@@ -1,7 +1,7 @@
-"""Work that reads from a disk, done without holding up anybody but the client that asked for it.
+"""Reading from a disk without delaying other clients than the one that asked.
 
-The simulator says what is to be read, as a function that touches nothing of its own state; the shell calls it in a
-thread and brings the outcome back. So what follows from a document happens between two frames, like everything else.
+The simulator passes a function that reads and that touches nothing of the simulator's state. The shell calls it in a
+thread and returns the result between two frames. So a document takes effect between two frames, like every command.
 """
 
 from __future__ import annotations
@@ -17,25 +17,27 @@ T = TypeVar("T")
 
 
 class Reader(Protocol):
-    """Something that does the reading."""
+    """Runs functions that read from a disk."""
 
     def read(self, work: Callable[[], T], then: Callable[[T | DocumentError, float], None], now: float) -> None:
-        """Have something read, which may take its time.
+        """Run a function that may take seconds.
 
         Args:
-            work: called once, perhaps in another thread; it changes nothing that others use, and what it raises as
-                DocumentError is its outcome.
-            then: called once with the outcome and the time [s], perhaps before this returns, and never while frames are
-                being computed.
+            work: called once, perhaps in another thread. It must not change shared state. A DocumentError that it
+                raises is
+                its result.
+            then: called once with the result and monotonic time [s]; perhaps before this method returns, but never
+                while
+                frames are being computed.
             now: monotonic time [s].
         """
 
 
 class AtOnce:
-    """The reader of a simulator without an event loop: everybody waits."""
+    """Reader for a simulator without an event loop: it blocks until the work is done."""
 
     def read(self, work: Callable[[], T], then: Callable[[T | DocumentError, float], None], now: float) -> None:
-        """See `Reader`."""
+        """Run the work and pass its result on before returning; see `Reader.read`."""
         outcome: T | DocumentError
         try:
             outcome = work()

@@ -1,8 +1,8 @@
-"""What differs from release to release of MORAI SIM, and from its manual to the programs in the field.
+"""Differences between releases of MORAI SIM, and between its manual and published client code.
 
-A release is a folder of definitions in `schemas/` and what stands here, and nowhere is there an `if` for one.
-`Profile` holds the choices of units and orders that differ. `LENIENCY` holds the names and shapes that the manual pages
-(or another release) use in place of the wire's; they are accepted on the way in and never sent.
+A release is a folder of definitions in `schemas/` and its entries here; there is no `if` for a release anywhere else.
+`Profile` holds the choices of units and orders. `LENIENCY` holds the names and shapes that the manual, or another
+release, uses instead of the wire's. They are accepted from clients and never sent.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _DOCUMENTED = (
     *("MoraiSyncModeCtrlCmdSrv", "MoraiSyncModeSLSrv", "MoraiSyncModeSetGearSrv", "MoraiTLInfoSrv"),
     *("MoraiVehicleSpecSrv", "MoraiWaitForTickSrv"),
 )
-"""The types of the manual pages, and those that newer releases have in place of one."""
+"""The types of the manual pages, and the types that replace one of them in newer releases."""
 
 _SCENARIO_LOAD: Final = {
     "load_object_data": "load_obstacle_data",
@@ -50,16 +50,16 @@ _LISTS: Final = frozenset({"npc_list", "pedestrian_list", "obstacle_list"})
 
 LENIENCY: Final = Leniency(
     types={
-        # The page on ROS writes the package without its s.
+        # The manual's page on ROS writes the package name without its s.
         **{f"morai_msg/{name}": f"morai_msgs/{name}" for name in _DOCUMENTED},
-        # The page on synchronous mode drops a prefix.
+        # The manual's page on synchronous mode omits a prefix.
         "morai_msgs/SyncModeSLSrv": "morai_msgs/MoraiSyncModeSLSrv",
         "morai_msg/SyncModeSLSrv": "morai_msgs/MoraiSyncModeSLSrv",
-        # What /tf was before tf2; the same fields, and old programs still say so.
+        # The type of /tf before tf2; it has the same fields, and old programs still use it.
         "tf/tfMessage": "tf2_msgs/TFMessage",
     },
     fields={
-        # 26.R1 renamed the steering; whichever of the two a release lacks is taken for the other.
+        # 26.R1 renamed the steering. The name that a release lacks is read as the other one.
         "morai_msgs/CtrlCmd": {
             "longCmdType": "longlCmdType",
             "front_steer": "steering",
@@ -72,7 +72,7 @@ LENIENCY: Final = Leniency(
         "morai_msgs/SensorPosControl": frozenset(
             {"sensor_index", "pose_x", "pose_y", "pose_z", "roll", "pitch", "yaw"}
         ),
-        # The pages print the brackets of some lists and forget those of others.
+        # The manual omits the brackets of some lists.
         "morai_msgs/ObjectStatusList": _LISTS,
         "morai_msgs/ReplayInfo": _LISTS,
     },
@@ -81,7 +81,7 @@ LENIENCY: Final = Leniency(
         "morai_msgs/IntersectionStatus": frozenset({"intersection_index"}),
     },
 )
-"""What is accepted beside the wire's own names and shapes."""
+"""Names and shapes that are accepted in addition to the wire's own."""
 
 
 # Units
@@ -89,12 +89,12 @@ LENIENCY: Final = Leniency(
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """What goes out where the manual pages and clients in the field disagree.
+    """Choices for outgoing values where the manual and published client code disagree.
 
     Attributes:
         wheel_angle_unit: of EgoVehicleStatus.wheel_angle.
-        object_size_order: what x, y, z of ObjectStatus.size are.
-        object_limit: how many objects are listed at most, those nearest to the ego whose list it is; 0 lists all.
+        object_size_order: order of x, y, z in ObjectStatus.size.
+        object_limit: largest number of listed objects, those nearest to the ego of the list; 0 lists all.
         object_velocity_unit: of ObjectStatus.velocity.
     """
 
@@ -105,19 +105,20 @@ class Profile:
 
 
 MANUAL: Final = Profile()
-"""As the manual pages say."""
+"""The choices of the manual pages."""
 
 FIELD: Final = Profile("deg", "length-width-height", 20, "km/h")
-"""As most published clients read."""
+"""The choices that most published clients expect."""
 
 RELEASES: Final[Mapping[str, Profile]] = {"22.R2": MANUAL, "26.R1": replace(MANUAL, object_limit=20)}
-"""What releases say differently, beside the fields and names that stand in `schemas/`."""
+"""Choices of each release; the fields and names of a release are in `schemas/`."""
 
 SpeedLimits = tuple[float, float]
-"""What the speed mode, `longlCmdType` 2, asks for at most: to go faster, and to go slower [m/s^2]."""
+"""Largest acceleration and deceleration of the speed mode, `longlCmdType` 2 [m/s^2]."""
 
 SPEED_LIMITS: Final[Mapping[str, SpeedLimits]] = {"26.R1": (1.0, 2.0)}
-"""Of the releases that hold it back, as MORAI SIM does since 23.R1.0. In the others it does what the car can."""
+"""Limits of the releases that have any, as MORAI SIM has since 23.R1.0. In others the mode uses all that the car can
+do."""
 
 
 def choose_profile(
@@ -129,15 +130,18 @@ def choose_profile(
     object_limit: int | None = None,
     object_velocity_unit: Literal["km/h", "m/s"] | None = None,
 ) -> Profile:
-    """A named profile with single choices of one's own; None leaves a choice to the profile.
+    """Return a named profile with some choices replaced; None leaves a choice to the profile.
 
     Args:
-        name: `manual` means what the manual of the release says.
+        name: `manual` for the manual of the release, `field` for published client code.
         release: of MORAI SIM.
-        wheel_angle_unit: see `Profile`, as for the others.
-        object_size_order: the same.
-        object_limit: the same.
-        object_velocity_unit: the same.
+        wheel_angle_unit: see `Profile`.
+        object_size_order: see `Profile`.
+        object_limit: see `Profile`.
+        object_velocity_unit: see `Profile`.
+
+    Returns:
+        The profile.
     """
     own = {
         "wheel_angle_unit": wheel_angle_unit,

@@ -1,13 +1,13 @@
-"""The population of the world and its map: how a scenario gets into the world, and how single objects do.
+"""The population of the world and its map: loading scenarios, and adding and removing single objects.
 
-A load is prepared first (map, links, options: all that can go wrong in a document) and carried out later, at once and
-wholly: whoever finds it refused finds the world as it was. Frames go on counting, and so do the traffic lights unless
-the scenario says where in their cycles they are or comes with another map.
+A load is first prepared (map, links, options: everything in a document that may be wrong) and later carried out, in one
+piece. If it is refused, the world is unchanged. Frames go on counting. So do the traffic lights, unless the scenario
+sets their phases or has another map.
 
-What takes long is read first: `find_map` and `Library` touch nothing of the world, so another thread may call them.
+The slow reading is done before: `find_map` and `Library` do not touch the world, so another thread may call them.
 
-Ids never repeat. A scenario's own ids (`UNIQUEID`) are kept where nobody can have had them before; the second load of
-the same file gets new ones. The first ego is 0 always: a new car under the old name.
+Ids never repeat. A scenario's own ids (`UNIQUEID`) are kept if they cannot have been used before; a second load of the
+same file gets new ids. The first ego always has the id 0, also when it is a new car.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import SpeedLimits
 from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
 from rosbridge_sim.world.lane_position import keep_lane
-from rosbridge_sim.world.state import DT, Body, Gear, Kind, World
+from rosbridge_sim.world.state import DT, Body, Gear, Kind, Snapshot, World
 
 __all__ = [
     "DEFAULT_MAP",
@@ -43,57 +43,69 @@ __all__ = [
 ]
 
 DEFAULT_MAP: Final = "track"
-"""The built-in map of scenarios that name none."""
+"""The built-in map for scenarios that name none."""
 
 FIRST_EGO: Final = 0
-"""The first ego's id."""
+"""Id of the first ego."""
 
 FIRST_UID: Final = 1
-"""The first id of anybody else."""
+"""Smallest id of any other entity."""
 
 MAX_FILE_UID: Final = 2**30
-"""A document's ids are kept up to here, so that a single one cannot use up all there are."""
+"""Largest id in a document that is kept, so that one document cannot use up all ids."""
 
 MAX_EGOS: Final = 32
-"""Egos at once. Each has a dozen topics and services of its own."""
+"""Largest number of egos, because each has a dozen topics and services."""
 
 MAX_ENTITIES: Final = 20_000
-"""What may stand in the world at once: twice what one step is made for."""
+"""Largest number of entities in the world: twice the number that one step is made for."""
 
 _AT_ORIGIN: Final = Spawn(Kind.EGO, DEFAULT_EGO, DEFAULT_EGO.name, FIRST_EGO, 0.0, 0.0, 0.0, 0.0)
-"""The ego of an opening scenario that has none."""
+"""The ego for an opening scenario without one."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class Library(Protocol):
-    """Where scenarios and maps come from; the shell reads them from the disk.
+    """Source of scenarios and maps; the shell reads them from the disk.
 
-    Its methods may be called from several threads at once. What they return is shared: it must not be changed.
+    Its methods may be called from several threads at once. Their results are shared, so they must not be changed.
     """
 
     def scenario(self, name: str) -> Scenario:
-        """The scenario that a client names.
+        """Return a scenario.
+
+        Args:
+            name: as a client or a setting gives it.
+
+        Returns:
+            The scenario.
 
         Raises:
-            DocumentError: there is none, or it cannot be used.
+            DocumentError: it does not exist, or it cannot be used.
         """
 
     def map(self, name: str) -> RoadMap:
-        """The map of that name.
+        """Return a map.
+
+        Args:
+            name: as a scenario gives it.
+
+        Returns:
+            The map.
 
         Raises:
-            DocumentError: there is none, or it cannot be used.
+            DocumentError: it does not exist, or it cannot be used.
         """
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundMap:
-    """A map under the name that a scenario asks for.
+    """A map with the name that a scenario gives it.
 
     Attributes:
-        name: as the scenario has it.
-        road_map: the map, which has a name of its own where one map stands in for all.
+        name: in the scenario.
+        road_map: the map. Its own name may differ, where one map replaces all others.
     """
 
     name: str
@@ -101,23 +113,28 @@ class FoundMap:
 
 
 def find_map(library: Library, name: str) -> FoundMap:
-    """Return the map of that name.
+    """Return a map. No other map replaces a missing one, because a drive on other roads is not the scenario's drive.
 
-    No other map takes its place, because a drive on other roads than the scenario's measures nothing.
+    Args:
+        library: has the map.
+        name: as a scenario gives it.
+
+    Returns:
+        The map with this name.
 
     Raises:
-        DocumentError: there is none, or it cannot be used.
+        DocumentError: it does not exist, or it cannot be used.
     """
     return FoundMap(name, library.map(name))
 
 
 @dataclass(frozen=True, slots=True)
 class LoadOptions:
-    """What of a scenario is loaded, and what goes before.
+    """Parts of a scenario to load, and entities to remove first.
 
     Attributes:
-        delete_all: everybody goes first; the egos only if a new one comes.
-        ego, vehicles, pedestrians, obstacles: what comes.
+        delete_all: first remove all entities; the egos only if the scenario's ego is loaded.
+        ego, vehicles, pedestrians, obstacles: parts to load.
     """
 
     delete_all: bool
@@ -128,20 +145,20 @@ class LoadOptions:
 
 
 WHOLE: Final = LoadOptions(delete_all=True, ego=True, vehicles=True, pedestrians=True, obstacles=True)
-"""A scenario as it is written."""
+"""A whole scenario that replaces the current scene."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Load:
-    """A prepared load: nothing in it can go wrong any more, but for a lack of room.
+    """A prepared load. Carrying it out can fail only if the world is full.
 
     Attributes:
         name: of the scenario.
-        egos, others: what will be spawned.
-        is_clearing: everybody else goes first.
-        map_name: what the map was asked for as.
+        egos, others: entities to add.
+        is_clearing: remove all other entities first.
+        map_name: the map's name in the scenario.
         road_map: the map that it is prepared for.
-        phases: what its intersections are to be in; each is there and has that phase.
+        phases: phases to set; each intersection exists and has that phase.
     """
 
     name: str
@@ -158,10 +175,10 @@ class Scene:
 
     Attributes:
         world: written by `carry_out`, `add` and `remove`.
-        road_map: the one in use.
+        road_map: the map in use.
         catalogue: the models that clients and recordings name.
-        loaded: the scenario that the world has been made from: the opening one, or the last that removed all before it.
-        is_replaying: a recording moves the world: no object is added or removed meanwhile.
+        loaded: the load that made the current scene: the opening one, or the last one that removed all before it.
+        is_replaying: a recording moves the world, so no object may be added or removed.
     """
 
     def __init__(
@@ -174,13 +191,13 @@ class Scene:
         speed_limits: SpeedLimits | None = None,
         catalogue: Catalogue = BUILT_IN,
     ) -> None:
-        """The opening scene.
+        """Load the opening scene.
 
         Args:
             world: empty.
-            library: where maps come from.
-            scenario: the opening scenario. Without an ego in it, one stands at the map's origin.
-            ego_gear: the ego's, whatever the scenario says.
+            library: has the maps.
+            scenario: the opening scenario. If it has no ego, one is placed at the map's origin.
+            ego_gear: of the ego, whatever the scenario says.
             speed_limits: of all egos; None for those of their models.
             catalogue: the models that clients and recordings name.
 
@@ -201,32 +218,66 @@ class Scene:
         egos = tuple([replace(ego, gear=ego_gear) for ego in opening.egos or (_AT_ORIGIN,)])
         self._opening = self.loaded = replace(opening, egos=egos)
         self.carry_out(self._opening)
+        self._note_begin()
 
     def reset(self, seed: int | None) -> None:
-        """Begin anew: the opening scene on its own map, at frame 0, with ids from the first one on.
+        """Load the opening scene again, on its own map, at frame 0, with ids from the first one on.
 
         Args:
-            seed: of all chance; None for the one in use.
+            seed: random seed; None keeps the current one.
         """
-        self.world.reset(seed)
+        world, begin = self.world, self._begin
+        if (world.seed if seed is None else seed) == begin.seed:
+            # Spawning costs ten times as much, and programs reset thousands of times.
+            self.restore(begin, loaded=self._opening, found=self._begin_map, next_uid=self._begin_uid)
+            return
+        world.reset(seed)
         self._next_uid = FIRST_UID
         self.carry_out(self._opening)
+        self._note_begin()
+
+    def restore(self, world: Snapshot, *, loaded: Load, found: FoundMap, next_uid: int) -> None:
+        """Become what was saved.
+
+        Args:
+            world: on the roads of `found`.
+            loaded: the attribute.
+            found: the map.
+            next_uid: see `next_uid`.
+        """
+        self.world.restore(world)
+        self.loaded = loaded
+        self.road_map, self._map_name = found.road_map, found.name
+        self._next_uid = next_uid
+        self.is_replaying = False
+
+    def _note_begin(self) -> None:
+        """Keep the scene as the one that a reset leads to."""
+        self._begin, self._begin_map, self._begin_uid = self.world.snapshot(), self.found_map, self._next_uid
+
+    @property
+    def next_uid(self) -> int:
+        """The next id that is given to an object."""
+        return self._next_uid
 
     @property
     def found_map(self) -> FoundMap:
-        """The map in use, under the name that it was asked for as."""
+        """The map in use, with the name that the scenario gave it."""
         return FoundMap(self._map_name, self.road_map)
 
     def prepare(
         self, scenario: Scenario, options: LoadOptions, *, own_map: FoundMap | None = None, base: FoundMap | None = None
     ) -> Load:
-        """All that a load needs and that can go wrong.
+        """Prepare a load: check everything that may be wrong.
 
         Args:
-            scenario: what is to be loaded.
-            options: what of it.
-            own_map: the map that it names, if that was found already.
-            base: the map that it stands on if it names none, or this one; None for the one in use.
+            scenario: the scenario.
+            options: parts of it to load.
+            own_map: the map that it names, if it was read already.
+            base: the map to use if the scenario names none, or names this one; None for the map in use.
+
+        Returns:
+            The load, for `carry_out`.
 
         Raises:
             DocumentError: the scenario does not fit its map.
@@ -254,10 +305,13 @@ class Scene:
         return Load(scenario.name, egos, others, options.delete_all, map_name, road_map, phases)
 
     def carry_out(self, load: Load) -> None:
-        """Do what was prepared: wholly or not at all.
+        """Carry out a prepared load, completely or not at all.
+
+        Args:
+            load: from `prepare`.
 
         Raises:
-            DocumentError: the world is too full. It is as it was.
+            DocumentError: the world would be too full. It is unchanged.
         """
         world = self.world
         num_staying = 0 if load.is_clearing else len(world)
@@ -276,10 +330,20 @@ class Scene:
         _log.info("scenario %s: %d egos, %d others loaded", load.name, len(load.egos), len(load.others))
 
     def add(self, model: Model, *, x: float, y: float, z: float, yaw: float) -> int:
-        """Put a single object into the world, at rest, and return its id.
+        """Add an object to the world, at rest.
+
+        Args:
+            model: its model.
+            x: east [m].
+            y: north [m].
+            z: up [m].
+            yaw: counter-clockwise from east [rad].
+
+        Returns:
+            Its id.
 
         Raises:
-            FieldError: it stands beyond all bounds, or the world is full, or a recording is replayed.
+            FieldError: the pose is out of range, the world is full, or a recording is replayed.
         """
         self._check_free()
         if len(self.world) >= MAX_ENTITIES:
@@ -292,19 +356,38 @@ class Scene:
         return uid
 
     def add_as(self, uid: int, model: Model, *, x: float, y: float, z: float, yaw: float) -> None:
-        """Put a single object into the world under an id that a client has chosen and that nobody has now.
+        """Add an object to the world, under an id that a client has chosen.
+
+        Args:
+            uid: its id; not in use.
+            model: its model.
+            x: east [m].
+            y: north [m].
+            z: up [m].
+            yaw: counter-clockwise from east [rad].
 
         Raises:
-            ValueError: the id or the place are beyond all bounds. The world is as it was.
+            ValueError: the id or the pose is out of range. The world is unchanged.
         """
         self.world.spawn(model.kind, model.body, name=model.name, x=x, y=y, z=z, yaw=yaw, uid=uid)
         self._next_uid = max(self._next_uid, uid + 1)
 
     def add_actor(self, uid: int, kind: Kind, body: Body, name: str, *, x: float, y: float) -> int:
-        """Put an actor of a recording into the world; return its id, another one than `uid` where that is taken.
+        """Add an object of a recording to the world.
+
+        Args:
+            uid: its recorded id.
+            kind: VEHICLE, PEDESTRIAN or OBSTACLE.
+            body: its size.
+            name: of its model.
+            x: east [m].
+            y: north [m].
+
+        Returns:
+            Its id; not `uid` if that is in use.
 
         Raises:
-            ValueError: the place is beyond all bounds. The world is as it was.
+            ValueError: the position is out of range. The world is unchanged.
         """
         if uid in self.world or not FIRST_UID <= uid <= MAX_FILE_UID:
             uid = self._next_uid
@@ -313,12 +396,15 @@ class Scene:
         return uid
 
     def add_ego(self, like: int, pose: GhostPose, gear: Gear) -> int:
-        """Put a further ego into the world and return its id there.
+        """Add a further ego to the world.
 
         Args:
-            like: id of the ego whose model it is to be.
-            pose: where it stands.
-            gear: the one it is in.
+            like: id of the ego that has the same model.
+            pose: its pose.
+            gear: its gear.
+
+        Returns:
+            Its id in the world.
         """
         world = self.world
         row = world.row(like)
@@ -337,10 +423,13 @@ class Scene:
         return uid
 
     def remove(self, uid: int) -> None:
-        """Take an object out of the world.
+        """Remove an object from the world.
+
+        Args:
+            uid: its id.
 
         Raises:
-            FieldError: there is none with this id, or it is an ego, or a recording is replayed.
+            FieldError: there is no such object, it is an ego, or a recording is replayed.
         """
         self._check_free()
         world = self.world
@@ -351,7 +440,14 @@ class Scene:
         world.remove(uid)
 
     def vehicle(self, unique_id: int) -> Body | None:
-        """The figures of the vehicle that a client calls by this id (-1 is the first ego too), or None."""
+        """Return the size and limits of a vehicle.
+
+        Args:
+            unique_id: its id on the wire; -1 is the first ego too.
+
+        Returns:
+            Its body; None if there is no such vehicle.
+        """
         uid = FIRST_EGO if unique_id == -1 else unique_id
         if uid not in self.world:
             return None
@@ -359,7 +455,11 @@ class Scene:
         return self.world.bodies[row] if self.world.kind[row] in {Kind.EGO, Kind.VEHICLE} else None
 
     def vehicle_ids(self) -> list[int]:
-        """Return the ids of all vehicles that are no egos, in order of spawning."""
+        """Return the ids of all vehicles except egos, in the order of their addition.
+
+        Returns:
+            The ids in the world.
+        """
         world = self.world
         return [int(uid) for uid in world.uid[world.rows(Kind.VEHICLE)]]
 
@@ -368,10 +468,10 @@ class Scene:
             raise FieldError("refused while a recording is replayed")
 
     def _populate(self, load: Load) -> int:
-        """Remove and spawn; return the next id.
+        """Remove and add the entities of a load, and return the next free id.
 
         Raises:
-            ValueError: the world refuses somebody. Half of it is done.
+            ValueError: the world refuses an entity. Half of the load is done.
         """
         world = self.world
         if load.egos and load.is_clearing:
@@ -394,14 +494,14 @@ class Scene:
 
 
 def _log_notes(found: FoundMap) -> RoadMap:
-    """The map itself, after the log was told what is to be known of it."""
+    """Log the notes of a map, and return the map."""
     for note in found.road_map.notes:
         _log.info("map %s: %s", found.road_map.name, note)
     return found.road_map
 
 
 def _set_phase(world: World, start: PhaseStart) -> None:
-    """Put an intersection into a phase; one that would be over by then is at its end."""
+    """Set the phase of an intersection; if its elapsed time is longer than the phase, set the end of the phase."""
     signals = world.signals
     names = [controller.name for controller in signals.plan.controllers]
     controller = names.index(start.controller)
@@ -410,7 +510,7 @@ def _set_phase(world: World, start: PhaseStart) -> None:
 
 
 def _hold_back(ego: Spawn, limits: SpeedLimits | None) -> Spawn:
-    """The ego with these limits of its speed mode."""
+    """Return the ego with these limits of its speed mode."""
     if limits is None:
         return ego
     up, down = limits
@@ -419,7 +519,10 @@ def _hold_back(ego: Spawn, limits: SpeedLimits | None) -> Spawn:
 
 
 def _choose_uids(spawns: Sequence[Spawn], first: int) -> tuple[list[int], int]:
-    """An id for each, its own where nobody can have had it, and the next one after all of them."""
+    """Return an id for each entity, and the next free id.
+
+    An entity keeps its own id if that cannot have been used before.
+    """
     own = [spawn.uid if spawn.uid is not None and first <= spawn.uid <= MAX_FILE_UID else None for spawn in spawns]
     following = max([first - 1, *(uid for uid in own if uid is not None)]) + 1
     uids = []

@@ -1,6 +1,7 @@
-"""Changes of the whole scene: a scenario is loaded, the world is reset, further egos come.
+"""Changes of the whole scene: load a scenario, reset the world, add egos.
 
-Each is wholly done or not at all, and happens between two frames or, as a command of synchronous mode, before one.
+Each change is done completely or not at all. It happens between two frames or, as a command of synchronous mode,
+before a frame.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ from rosbridge_sim.morai.tf_publisher import StaticTf
 __all__ = ["SceneChanges"]
 
 LAST_RESERVED: Final = 1
-"""MORAI's egos are 0, 2, 3, ...: nobody has seen a 1."""
+"""Last number that a further ego cannot have: MORAI's egos are 0, 2, 3, ..., and no file or manual has a 1."""
 
 
 class SceneChanges:
-    """Carries out loads and resets, and brings egos. It holds no state: that is the scene's and the egos'."""
+    """Loads scenarios, resets the world and adds egos. It holds no state of its own; the scene and the egos do."""
 
     def __init__(
         self,
@@ -52,16 +53,16 @@ class SceneChanges:
 
         Args:
             scene: has the world, and changes it.
-            egos: come and go with the scene.
+            egos: are added and removed together with the scene.
             ego_interfaces: have the egos' names.
             interfaces: get other network settings with a scenario.
-            publishers: forget what real time was to repeat.
+            publishers: forget the messages that real time was to repeat.
             hooks: `on_scene_change` and `on_reset` are called.
             sync_driver: pauses the world, and forgets what waits for frames.
             sync_info: announces the new frame.
-            stepper: tells whether the world is moving.
+            stepper: tells whether frames are being computed.
             time: follows the new frame.
-            static_tf: announces what stands on the egos.
+            static_tf: announces the frames that are fixed to the egos.
         """
         self._scene = scene
         self._egos = egos
@@ -80,13 +81,14 @@ class SceneChanges:
 
         Args:
             load: from `Scene.prepare`.
-            is_pausing: time stands still from then on.
+            is_pausing: pause the world afterwards.
             now: monotonic time [s].
-            network: other network settings from then on; None for those in force.
+            network: network settings from then on; None keeps the current ones.
 
         Raises:
-            DocumentError: the world is too full, and nothing has changed but that a replay has ended; or a name of the
-                network cannot be had, and nothing has changed at all.
+            DocumentError: the world would be too full; then nothing has changed, except that a replay has ended. Or a
+                name in
+                the network settings cannot be used; then nothing has changed.
         """
         if network is not None:
             self._interfaces.check(network)
@@ -110,14 +112,15 @@ class SceneChanges:
             self._sync_driver.pause(now)
 
     def reset(self, seed: int | None, now: float) -> None:
-        """Begin anew: the same calls from here on give the same bytes as after the start. The mode stays as it is.
+        """Reset the world to its start: the same calls give the same bytes again. Synchronous mode stays as it is.
 
         Args:
-            seed: of all chance; None for the one in use.
+            seed: random seed; None keeps the current one.
             now: monotonic time [s].
 
         Raises:
-            GraphError: frames are being computed; somebody who hears of one asks from within.
+            GraphError: frames are being computed, for example because a subscriber asks for a reset when it gets a
+                message.
         """
         if self._stepper.is_moving:
             raise GraphError("the world is moving")
@@ -134,14 +137,18 @@ class SceneChanges:
         self._time.follow()
         egos.forget_statuses()
         self._sync_info.announce(now)
-        self._static_tf.announce_again(now)  # what waits for those who come late is of frame 0 again
-        self._sync_driver.forget(now)  # last, for the ticks that waited are answered with the new frame
+        self._static_tf.announce_again(now)  # the latched message is of frame 0 again
+        self._sync_driver.forget(now)  # last, because the ticks that waited are answered with the new frame
 
     def add_egos(self, settings: Sequence[EgoSetting], now: float) -> None:
-        """Bring further egos into the world, each with topics and services of its own; all of them or none.
+        """Add further egos to the world, each with its own topics and services; all of them or none.
+
+        Args:
+            settings: number, pose and gear of each ego.
+            now: monotonic time [s].
 
         Raises:
-            FieldError: a number that no ego can have, or too many of them.
+            FieldError: a number that no ego can have, or too many egos.
             GraphError: a client has given one of the topics another type.
         """
         egos, world = self._egos, self._scene.world

@@ -1,12 +1,12 @@
-"""What of the sensors is saved into files, and how each file is written.
+"""Files with sensor data: their names and formats.
 
-A capture is a set of texts of one frame under one name:
+A capture is a set of text files of one frame under one name:
 
-    GPS_NAME.csv    where the antenna is: a line of names, a line of figures, as in `morai_msgs/GPSMessage`
-    IMU_NAME.csv    what the inertial unit reads: the same, as in `sensor_msgs/Imu`
-    BOXES_NAME.txt  the boxes around others, the nearest first: a line each, in the order that MORAI has
+    GPS_NAME.csv    position of the antenna: a line of names, a line of values, as in `morai_msgs/GPSMessage`
+    IMU_NAME.csv    readings of the inertial unit: the same, as in `sensor_msgs/Imu`
+    BOXES_NAME.txt  bounding boxes of other objects, the nearest first: a line each, in MORAI's order
 
-of a further ego in a folder of its own, `Ego-2/`. Figures of CSV files are exact, those of boxes have four decimals.
+Files of a further ego are in its own folder, `Ego-2/`. Values in CSV files are exact; boxes have four decimals.
 """
 
 from __future__ import annotations
@@ -27,43 +27,71 @@ _CLASSES: Final = {Kind.EGO: 0, Kind.VEHICLE: 0, Kind.PEDESTRIAN: 1, Kind.OBSTAC
 
 
 class SensorDataStore(Protocol):
-    """Where captures go; the shell writes them to the disk."""
+    """Store for captures; the shell writes them to the disk."""
 
     def save(self, folder: str, name: str, files: Mapping[str, bytes], source: str) -> None:
         """Write the files of one capture: all of them, or none.
 
         Args:
-            folder: as a client names it; empty for the usual one.
-            name: of the capture, as a client or we have it. Where it is taken, `NAME_2` and so on serves.
-            files: contents by names in which `{}` stands for the capture's.
+            folder: as a client names it; empty for the default one.
+            name: of the capture, from a client or from us. If the name is used already, `NAME_2` and so on is taken.
+            files: contents by names; `{}` in a name stands for the capture's name.
             source: the topic or service that asked for it, for the log.
 
         Raises:
-            DocumentError: one line for the client: the folder is out of bounds, the name is none, the quota is used up,
-                or the disk says no.
+            DocumentError: one line for the client: the folder is not allowed, the name is not valid, the quota is used
+                up, or
+                the disk reports an error.
         """
 
 
 def gps_text(frame: int, message: Struct) -> bytes:
-    """GPS_*.csv of a GPSMessage; `time` is simulated [s]."""
+    """Return GPS_*.csv of a GPSMessage.
+
+    Args:
+        frame: the message's frame; its simulated time [s] is the column `time`.
+        message: a generated struct.
+
+    Returns:
+        UTF-8 text of two lines.
+    """
     names = ("latitude", "longitude", "altitude", "eastOffset", "northOffset", "status")
     return _csv(frame, {name: getattr(message, name) for name in names})
 
 
 def imu_text(frame: int, message: Struct) -> bytes:
-    """IMU_*.csv of a sensor_msgs/Imu; `time` is simulated [s]."""
+    """Return IMU_*.csv of a sensor_msgs/Imu.
+
+    Args:
+        frame: the message's frame; its simulated time [s] is the column `time`.
+        message: a generated struct.
+
+    Returns:
+        UTF-8 text of two lines.
+    """
     parts = ("orientation", "xyzw"), ("angular_velocity", "xyz"), ("linear_acceleration", "xyz")
     figures = {f"{part}_{axis}": getattr(getattr(message, part), axis) for part, axes in parts for axis in axes}
     return _csv(frame, figures)
 
 
 def boxes_text(world: World, boxes: Boxes, unique_id: UniqueId) -> bytes:
-    """BOXES_*.txt: eleven figures a line, with a blank between them, and no line of names.
+    """Return BOXES_*.txt: eleven values a line, with a blank between them, and no line of names.
 
-    Class (0 vehicle, 1 pedestrian, 2 object); x, y, z of the middle in the frame of the ego, that is forward, left and
-    up of the middle of its rear axle on the ground [m]; length, width, height [m]; heading against the ego's,
-    counter-clockwise within (-180, 180] [deg]; distance of the middle from the ego's rear axle [m]; speed along the
-    heading [m/s]; unique_id.
+    The values are: class (0 vehicle, 1 pedestrian, 2 object); x, y, z of the box's middle in the frame of the ego, that
+    is
+    forward, left and up of the middle of its rear axle on the ground [m]; length, width, height [m]; heading relative
+    to
+    the ego's, counter-clockwise within (-180, 180] [deg]; distance of the middle from the ego's rear axle [m]; speed
+    along
+    the heading [m/s]; unique_id.
+
+    Args:
+        world: read only.
+        boxes: the boxes, the nearest first.
+        unique_id: returns the id on the wire of the entity in a row of the world.
+
+    Returns:
+        UTF-8 text with a line for each box.
     """
     figures = np.column_stack(
         [

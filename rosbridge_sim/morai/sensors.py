@@ -1,19 +1,19 @@
-"""The sensors of the egos: what they tell, how they are moved, and how what they see is saved.
+"""Sensors of the egos: their topics, commands that move them, and captures of their data.
 
 Each ego has these, by their numbers in SensorPosControl:
 
     0  GPS   /gps   morai_msgs/GPSMessage  frame gps_link
     1  IMU   /imu   sensor_msgs/Imu        frame imu_link
 
-They sit on the middle of the rear axle until somebody moves them, and stay where they were put when a scenario is
-loaded. Readings are those of the place where they sit, without noise, and made only if somebody listens.
+They are in the middle of the rear axle until a client moves them, and keep their place when a scenario is loaded.
+Readings are those of the sensor's place, without noise. They are computed only for topics with subscribers.
 
-GPS. `latitude` and `longitude` are WGS 84; projected as the map is (UTM, mostly), less `eastOffset` and `northOffset`
-they are the map's x and y. `altitude` counts as the map's heights do, from its own zero. `status` is 1 with a fix; 0
-without, and both angles 0 with it: where the map's projection knows no such place.
+GPS. `latitude` and `longitude` are WGS 84. In the map's projection (mostly UTM), minus `eastOffset` and `northOffset`,
+they give the map's x and y. `altitude` has the same zero as the map's heights. `status` is 1 with a fix. It is 0, and
+both angles are 0, at a place that the map's projection does not cover.
 
-IMU. All is in the sensor's own frame but the orientation, which is that of the sensor in the map's (ENU). The
-acceleration is what holds the sensor, so at rest it is gravity, upwards, as real units have it (REP 145).
+IMU. All values are in the sensor's own frame, except the orientation: that of the sensor in the map (ENU). The
+acceleration includes the reaction to gravity, so at rest it points upwards with 9.81 m/s^2 (REP 145).
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from rosbridge_sim.world.sensors import Mounting, feel, find_boxes, locate
 __all__ = ["Sensors", "mountings_of"]
 
 MAX_LEVER: Final = 100.0
-"""How far from its vehicle's axle a sensor may be, along each axis [m]: beyond any road train."""
+"""Largest distance of a sensor from its vehicle's rear axle along each axis [m]; longer than any road train."""
 
 BOX_REACH: Final = 200.0
-"""How far away others are written into the file of boxes [m]: what good lidars reach."""
+"""Largest distance of an object in the file of boxes [m], which is the range of good lidars."""
 
 MAX_BOXES: Final = 1_000
-"""Boxes in one file, the nearest."""
+"""Largest number of boxes in one file; the nearest ones are kept."""
 
 _FIELDS: Final = ("pose_x", "pose_y", "pose_z", "roll", "pitch", "yaw")
 
@@ -55,14 +55,14 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class Sensors(Component):
-    """The component of sensors. Where they sit is kept by the egos."""
+    """Component of the sensors. The egos keep the sensors' places."""
 
     def __init__(self, context: SimulatorContext, archive: SensorDataStore | None) -> None:
-        """Sensors of all egos.
+        """Keep the sensors' data nowhere yet.
 
         Args:
             context: of the simulator.
-            archive: where captures go; None where there is no place for them.
+            archive: saves captures; None if there is no folder for them.
         """
         self._context = context
         self._archive = archive
@@ -85,27 +85,27 @@ class Sensors(Component):
         self._make_quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
     def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:
-        """Publish what each ego has of its own."""
+        """Publish the ego's GPS and IMU."""
         publishers.add(prefix + "gps", "morai_msgs/GPSMessage", partial(self._gps, ego), is_sampled=True)
         publishers.add(prefix + "imu", "sensor_msgs/Imu", partial(self._imu, ego), is_sampled=True)
 
     def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
-        """What each ego has of its own."""
+        """Subscribe to the topics that move the ego's sensors and save their data."""
         bindings.listen("SensorPosControl", "SensorPosControl", partial(self._move, ego))
         bindings.listen("SaveSensorData", "SaveSensorData", partial(self._save_as_told, ego, bindings))
 
     def _reset(self) -> None:
-        """Put the sensors where they sat at the start."""
+        """Put the sensors back where they were at the start."""
         for ego in self._context.egos:
             ego.mountings = dict.fromkeys(SENSORS, Mounting())
 
     def capture(self, ego: Ego, notify: Notify, service: str) -> None:
-        """Save what an ego's sensors see in this frame under the frame's number; the caller hears of a mishap.
+        """Save the data of an ego's sensors in this frame, under the frame's number. An error is sent to the caller.
 
         Args:
-            ego: whose sensors.
-            notify: tells the caller of the service.
-            service: its name.
+            ego: the ego; one that was removed is ignored.
+            notify: sends a status to the client that called the service.
+            service: the service's name.
         """
         if not ego.is_there:
             return
@@ -131,7 +131,7 @@ class Sensors(Component):
 
     def _imu(self, ego: Ego) -> Struct:
         reading = feel(self._context.world, ego.row, ego.mountings[IMU])
-        vector, unknown = self._make_vector, [0.0] * 9  # by convention, all zeros are a covariance that is not known
+        vector, unknown = self._make_vector, [0.0] * 9  # by convention, all zeros mean an unknown covariance
         return self._make_imu(
             self._header(ego, IMU),
             *(self._make_quaternion(*reading.orientation), unknown),
@@ -160,13 +160,13 @@ class Sensors(Component):
             raise FieldError(f"{where}: {error}") from None
 
     def _save(self, ego: Ego, folder: str, name: str, source: str) -> None:
-        """Save what an ego's sensors see in this frame.
+        """Save the data of an ego's sensors in this frame.
 
         Raises:
-            DocumentError: it cannot be saved there, or under that name.
+            DocumentError: the data cannot be saved there, or under that name.
         """
         if self._archive is None:
-            raise DocumentError("there is no folder for data here")
+            raise DocumentError("this simulator has no folder for sensor data")
         self._archive.save(folder, name or f"frame_{self._context.world.frame:06d}", self._files(ego), source)
 
     def _files(self, ego: Ego) -> Mapping[str, bytes]:
@@ -181,11 +181,18 @@ class Sensors(Component):
 
 
 def mountings_of(message: Struct) -> dict[str, Mounting]:
-    """Read a SensorPosControl: where the sensors that it names shall sit, by their frames.
+    """Read a SensorPosControl.
+
+    Args:
+        message: a generated struct; places in metres, angles in radians, in the frame of the vehicle.
+
+    Returns:
+        The new places of the sensors that it names, by the sensors' frames.
 
     Raises:
-        FieldError: lists of different lengths, a sensor that there is not or that is named twice, a number that is none
-            or beyond all bounds. The message is wrong as a whole.
+        FieldError: lists of different lengths, an unknown sensor, a sensor named twice, or a number that is not finite
+            or
+            out of range. No part of the message is used.
     """
     where = "morai_msgs/SensorPosControl"
     indices = message.sensor_index

@@ -1,11 +1,11 @@
-"""What clients can ask of the simulator: its services, and the topics of synchronous mode.
+"""Services of the simulator, and the topics of synchronous mode.
 
-Each handler reads a request, lets `sync` or `scene` decide, and answers. Two kinds of "no" are kept apart:
+Each handler reads a request, lets `sync` or `scene` decide, and answers. There are two kinds of refusal:
 
-- the request itself is wrong (no such gear, no such model): over a topic a status, over a service a refused call or,
-  where the response has a `result`, false and a status with the reason;
-- the request is fine but not now (mode off, paused, no room): the response says false, and the reason is told as a
-  warning, which a client hears if it asks for that level.
+- The request is wrong (no such gear, no such model). A topic's sender gets a status. A service's caller gets a refused
+  call or, if the response has a `result`, false and a status with the reason.
+- The request is correct but not possible now (mode off, paused, world full). The response is false, and the reason is
+  sent as a warning, which a client gets if it asked for that level.
 
 Commands of synchronous mode are checked when they come and wait as data (`scene_commands`); `command_executor` carries
 them out.
@@ -37,21 +37,25 @@ from rosbridge_sim.world.state import MAX_COORDINATE, Gear
 
 __all__ = ["Services"]
 
-# EventInfo.option. The message's own comment writes these as 0x1, 0x10, 0x100, 0x1000, which are binary digits; taken
-# at its word, 0x10 would still fit into the field and means nothing else, so it is gear as well.
+# EventInfo.option. The message's own comment writes the bits as 0x1, 0x10, 0x100, 0x1000, but means binary digits. Read
+# literally, 0x10 fits into the field too and has no other meaning, so it is accepted for the gear.
 _MODE_BIT, _GEAR_BITS, _LAMP_BIT, _PAUSE_BIT = 1, 2 | 16, 4, 8
 
 MAX_IDS_LISTED: Final = 20
-"""Ids that a status lists."""
+"""Largest number of ids in one status."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class Services(Component):
-    """The component of services, and of the topics of synchronous mode. It holds no state."""
+    """Component of the services, and of the topics of synchronous mode. It holds no state of its own."""
 
     def __init__(self, context: SimulatorContext) -> None:
-        """Offer nothing yet; `context` is the simulator's."""
+        """Offer nothing yet.
+
+        Args:
+            context: of the simulator.
+        """
         self._context = context
         store = context.bus.store
         self._make_cmd = maker(store, "morai_msgs/SyncModeCmdResponse", "user_id", "frame", "result", "time_step")
@@ -65,11 +69,11 @@ class Services(Component):
         self._make_result = maker(store, "morai_msgs/SyncModeResultResponse", "result")
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """What the world has once."""
+        """Offer the services, and subscribe to the topics, that exist once for all egos."""
         bindings.provide("Service_MoraiVehicleSpec", "MoraiVehicleSpecSrv", self._vehicle_spec)
         bindings.provide("Service_MoraiMapSpec", "MoraiMapSpecSrv", self._map_spec)
         bindings.provide("sim/reset", "rosbridge_sim_msgs/Reset", self._reset)
-        # Of these a release has either the topics or the services.
+        # A release has either the topics or the services of these.
         bindings.listen("SyncModeAddObj", "SyncModeAddObj", partial(self._hear_add, bindings), is_everywhere=False)
         bindings.listen(
             "SyncModeRemoveObj", "SyncModeRemoveObj", partial(self._hear_remove, bindings), is_everywhere=False
@@ -80,7 +84,7 @@ class Services(Component):
         )
 
     def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
-        """What each ego has of its own. Synchronous mode is one for all: a tick of either moves the world."""
+        """Offer the services of one ego. There is one synchronous mode, so a tick through any ego moves the world."""
         bindings.provide("SyncModeCmd", "MoraiSyncModeCmdSrv", self._sync_cmd)
         bindings.provide("SyncModeWaitForTick", "MoraiWaitForTickSrv", partial(self._wait_for_tick, ego))
         bindings.provide("SyncModeCtrlCmd", "MoraiSyncModeCtrlCmdSrv", partial(self._sync_ctrl_cmd, ego))
@@ -107,11 +111,11 @@ class Services(Component):
 
     def _wait_for_tick(self, ego: Ego, call: Call, now: float) -> None:
         request, context = request_of(call), self._context
-        if context.stepper.is_moving:  # a listener of a tick's topics asks for the next one from within
+        if context.stepper.is_moving:  # a subscriber asks for the next tick when it gets a message of this one
             raise GraphError(f"{call.service.name}: a tick is in progress", reason=Reason.NOT_NOW)
 
         def answer(result: TickResult) -> None:
-            if call.is_done:  # given up, or the caller has left: perhaps the ego is gone, too
+            if call.is_done:  # withdrawn, or the caller has left; the ego may have been removed too
                 return
             if context.failure.why is not None:
                 call.refuse(context.failure.why)
@@ -147,7 +151,7 @@ class Services(Component):
         self._queue(call, read, request.frame, now)
 
     def _queue(self, call: Call, read: Callable[[], SceneCommand], frame: int, now: float) -> None:
-        """Have a command wait for its frame, and answer whether it does. It is read only if the mode is on."""
+        """Submit a command that waits for its frame, and answer. The command is read only if the mode is on."""
         result = False
         try:
             outcome = self._submit(read, frame, call.caller, now)
@@ -202,10 +206,10 @@ class Services(Component):
         return SceneCommand(RemoveObject(request.unique_id), where, notifier(sender))
 
     def _queue_silently(self, topic: str, command: SceneCommand, frame: int, sender: Participant, now: float) -> None:
-        """Have a command that came over a topic wait for its frame; nobody is answered.
+        """Submit a command from a topic, which has no answer.
 
         Raises:
-            GraphError: it cannot wait.
+            GraphError: the command cannot wait.
         """
         outcome = self._submit(lambda: command, frame, sender, now)
         if not outcome.is_accepted:
@@ -216,7 +220,7 @@ class Services(Component):
     def _event_cmd(self, ego: Ego, call: Call, now: float) -> None:
         request = request_of(call)
         option = request.option
-        # Everything is read before anything is changed.
+        # Read everything before changing anything, so a wrong request has no effect.
         ctrl_mode = _ctrl_mode(request.ctrl_mode) if option & _MODE_BIT else None
         gear: Gear | None = gear_of(request.gear) if option & _GEAR_BITS else None
         lamps = lamps_of(request.lamps) if option & _LAMP_BIT else None
@@ -271,7 +275,7 @@ class Services(Component):
 
 
 def _ctrl_mode(number: int) -> CtrlMode | None:
-    """The mode of that number; None for 0, which leaves it.
+    """Return the mode of a number; None for 0, which leaves the mode as it is.
 
     Raises:
         FieldError: there is no such mode.

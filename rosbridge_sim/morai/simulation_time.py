@@ -1,7 +1,7 @@
-"""The time that the simulator stamps with: simulated time, or the time of day.
+"""Time of the simulator's stamps: simulated time, or the time of day.
 
-Stamps are simulated time unless `use_wall_time` was called. Then the shell's clock is read once for each frame: all
-that the frame publishes has that one stamp, and everything but stamps is the same on every run.
+Stamps are simulated time unless `use_wall_time` was called. Then the shell's clock is read once for each frame, so all
+messages of the frame have one stamp. Everything except the stamps is the same in every run.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ __all__ = ["SimulationTime"]
 
 
 class SimulationTime:
-    """The stamps of the bus and of the simulator's messages, and the topic `/clock`."""
+    """Stamps of the bus and of the simulator's messages, and the topic `/clock`."""
 
     def __init__(self, bus: Bus, world: World, convert: Converter, publishers: Publishers) -> None:
         """Stamp with simulated time, from the first `follow` on.
@@ -27,7 +27,7 @@ class SimulationTime:
             bus: its time and its stamp are written.
             world: its frame is the simulated time.
             convert: its stamp is written.
-            publishers: get `/clock`.
+            publishers: take `/clock`.
         """
         self._bus = bus
         self._world = world
@@ -44,13 +44,13 @@ class SimulationTime:
         """Stamp with the time of day from now on.
 
         Args:
-            read_ns: the time of day, which never goes back [ns]; called once for each frame.
+            read_ns: returns the time of day [ns], which must never go back; called once for each frame.
         """
         self._read_wall_ns = read_ns
         self.follow()
 
     def follow(self) -> None:
-        """Take the time of the frame that the world is at, for all that is stamped until the next one."""
+        """Set the stamp of the world's current frame, for all messages until the next call."""
         if self._read_wall_ns is not None:
             self._convert.wall_ns = self._read_wall_ns()
         frame = self._world.frame

@@ -1,10 +1,10 @@
-"""The simulator as one ROS node: its topics and services on the bus, bound to synchronous mode and to the world.
+"""The simulator as one ROS node: its topics and services on the bus, connected to the world and to its mode.
 
-`SimulatorNode` ties a context and its components together, and is what the shell sees of them. The world moves in two
-ways, and both end in `FrameStepper.compute`:
+`SimulatorNode` joins a context and its components; the shell uses nothing else of them. The world moves in two ways,
+and both end in `FrameStepper.compute`:
 
-- real time: the shell calls `advance` whenever `next_due` says so; it computes the frames that are owed;
-- synchronous mode: a service call moves the frames of one time step within the call (`SyncDriver`).
+- real time: the shell calls `advance` at the time that `next_due` returns; `advance` computes the frames that are due;
+- synchronous mode: a service call computes the frames of one time step within the call (`SyncDriver`).
 """
 
 from __future__ import annotations
@@ -42,23 +42,24 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 @dataclass(frozen=True, slots=True)
 class NodeSettings:
-    """What can be chosen about the simulator; the fields are named after the program's flags.
+    """Options of the simulator; the fields are named after the program's flags.
 
     Attributes:
-        profile: units and orders where documents and clients disagree.
-        start: run in real time, or stand at frame 0 until the first master comes.
-        start_mode: external control in D, or keyboard control in P as MORAI starts.
+        profile: units and orders where the manual and client code disagree.
+        start: run in real time, or stand at frame 0 until the first master starts synchronous mode.
+        start_mode: external control in gear D, or keyboard control in gear P as MORAI starts.
         speed_limits: of the egos' speed mode; None for those of their models.
-        network: names, switches and rates of all that the simulator has on the bus.
-        sync_frames: whether a tick must name the frame that it will end on.
-        sync_lease: silence after which a master is lost [s]; None counts departures only.
-        sync_on_loss: what becomes of the world when the master is lost.
-        anyone_may_stop: let others than the master stop synchronous mode.
+        network: names, switches and rates of the simulator's topics and services.
+        sync_frames: `strict` requires that a tick names the frame that it will end on.
+        sync_lease: silence after which a master is lost [s]; with None only its departure counts.
+        sync_on_loss: state of the world after its master is lost.
+        anyone_may_stop: let other clients than the master stop synchronous mode.
         catalogue: the models that clients name.
         real_time_factor: how fast the world runs while real time moves it; see `RealTimePacer`.
-        replay_info: publish ReplayInfo of any drive for everybody, and not only for who listens to it in particular.
-        score: keep scores of the egos from frame 0 on, whether anybody asks or not.
-        on_world_failure: raise an exception of a step to the caller of `advance`, or stand still and refuse everything.
+        replay_info: publish ReplayInfo of any drive for all subscribers, also for those that subscribe to every topic.
+        score: keep scores of the egos from frame 0 on, with and without a listener.
+        on_world_failure: `exit` raises the exception of a failed step to the caller of `advance`; `serve` stops the
+            world and refuses every call.
     """
 
     profile: Profile = MANUAL
@@ -81,19 +82,19 @@ class SimulatorNode:
     """The simulator, as the shell sees it.
 
     Attributes:
-        context: what its components share.
-        components: in the order in which their topics go out with a frame.
+        context: shared by its components.
+        components: in the order in which their topics are published with a frame.
     """
 
     def __init__(self, context: SimulatorContext, components: Sequence[Component]) -> None:
-        """Bring everything onto the bus, and announce the opening scene.
+        """Put all topics and services on the bus, and announce the opening scene.
 
         Args:
             context: with the opening scene.
-            components: made from this context; their topics go out in this order.
+            components: made from this context; their topics are published in this order.
 
         Raises:
-            DocumentError: the network settings do not fit.
+            DocumentError: the network settings name a missing item or cannot be used.
         """
         self.context = context
         self.components = tuple(components)
@@ -113,22 +114,38 @@ class SimulatorNode:
         context.static_tf.announce(0.0)
 
     def advance(self, now: float) -> None:
-        """See `RealTime.advance`."""
+        """Compute the frames that real time owes; see `RealTime.advance`.
+
+        Args:
+            now: monotonic time [s].
+        """
         self._real_time.advance(now)
 
     def next_due(self, now: float) -> float | None:
-        """See `RealTime.next_due`."""
+        """Return the time of the next call of `advance`; see `RealTime.next_due`.
+
+        Args:
+            now: monotonic time [s].
+
+        Returns:
+            Monotonic time [s]; None while only a service call can move the world.
+        """
         return self._real_time.next_due(now)
 
     def reset(self, seed: int | None, now: float) -> None:
-        """See `SceneChanges.reset`."""
+        """Reset the world to its start; see `SceneChanges.reset`.
+
+        Args:
+            seed: random seed; None keeps the current one.
+            now: monotonic time [s].
+        """
         self.context.scene_changes.reset(seed, now)
 
     def use_wall_time(self, read_ns: Callable[[], int], now: float) -> None:
-        """Stamp with the time of day from now on: headers, /clock and tf alike. What is latched is published anew.
+        """Stamp headers, /clock and tf with the time of day from now on, and publish the latched messages anew.
 
         Args:
-            read_ns: the time of day, which never goes back [ns]; called once for each frame.
+            read_ns: returns the time of day [ns], which must never go back; called once for each frame.
             now: monotonic time [s].
         """
         context = self.context
@@ -143,17 +160,24 @@ class SimulatorNode:
         context.static_tf.announce_again(now)
 
     def why_gone(self, service: str) -> str:
-        """See `EgoInterfaces.why_gone`."""
+        """Return the reason why a service of a removed ego is missing; see `EgoInterfaces.why_gone`.
+
+        Args:
+            service: its name on the bus.
+
+        Returns:
+            A text for the client; empty for any other name.
+        """
         return self.context.ego_interfaces.why_gone(service)
 
     @property
     def participant(self) -> SimulatorParticipant:
-        """The owner of all that the simulator has on the bus."""
+        """The owner of all topics and services of the simulator."""
         return self.context.participant
 
     @property
     def interfaces(self) -> InterfaceRegistry:
-        """All that the simulator has on the bus, by its names."""
+        """All topics and services of the simulator, by name."""
         return self.context.interfaces
 
     @property
@@ -178,38 +202,49 @@ class SimulatorNode:
 
     @property
     def failure(self) -> str | None:
-        """Why the world stands still for good; None while it does not."""
+        """The reason why the world has stopped for good; None while it has not."""
         return self.context.failure.why
 
     @property
     def num_ticks(self) -> int:
-        """How many ticks have been carried out."""
+        """Number of ticks carried out."""
         return self.context.sync_driver.num_ticks
 
     @property
     def num_stalls(self) -> int:
-        """How often real time was lost for good."""
+        """Number of stalls in which real time was lost for good."""
         return self.context.pacer.num_stalls
 
     @property
     def num_frames(self) -> int:
-        """How many frames have been computed; unlike the world's frame it never goes back."""
+        """Number of frames computed; a reset of the world does not set it back."""
         return self.context.stepper.num_frames
 
     @property
     def lost_time(self) -> float:
-        """Real time that was lost in stalls [s]: the world will not catch up with it."""
+        """Real time that was lost in stalls [s]; the world does not catch up with it."""
         return self.context.pacer.lost_time
 
     def real_time_lag(self, now: float) -> float:
-        """How far the world is behind real time at `now` [s]; 0.0 where real time does not move it."""
+        """Return the delay of the world behind real time.
+
+        Args:
+            now: monotonic time [s].
+
+        Returns:
+            The delay [s]; 0.0 while real time does not move the world.
+        """
         context = self.context
         if not (context.sync.is_free and context.pacer.is_started) or self.failure is not None:
             return 0.0
         return max(0.0, now - context.pacer.due_at) if context.pacer.factor else 0.0
 
     def measure_frames(self, meter: FrameMeter) -> None:
-        """Have a meter called at the begin and at the end of each frame."""
+        """Call a meter at the begin and at the end of each frame.
+
+        Args:
+            meter: measures each frame.
+        """
         self.context.stepper.meter = meter
 
     def limit_turns(self, read_clock: Callable[[], float]) -> None:
@@ -217,11 +252,15 @@ class SimulatorNode:
         self.context.sync_driver.read_clock = self._real_time.read_clock = read_clock
 
     def current_messages(self) -> list[tuple[Topic, Message]]:
-        """Return the message that each topic of the simulator would publish now, with and without subscribers."""
+        """Return the message that each topic would publish now, with or without subscribers.
+
+        Returns:
+            Topics that have something to publish, each with its message.
+        """
         return list(self.context.publishers.current())
 
     def _open_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
-        """Give a further ego its topics and services."""
+        """Add the topics and services of a further ego."""
         for component in self.components:
             component.publish_ego(ego, bindings.prefix, self.context.publishers)
             component.bind_ego(ego, bindings)

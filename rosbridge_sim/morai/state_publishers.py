@@ -1,4 +1,4 @@
-"""The state topics: each ego, the objects around it, and what touches what."""
+"""The state topics: egos, objects around each ego, and collisions."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from rosbridge_sim.world import collisions
 __all__ = ["StatePublishers"]
 
 MAX_CRASHES: Final = 1_000
-"""Pairs of vehicles in one VehicleCollisionData at most: 0.5 MB."""
+"""Largest number of vehicle pairs in one VehicleCollisionData; the message then has 0.5 MB."""
 
 
 class StatePublishers(Component):
-    """The component that publishes the state of the world. It holds no state: that is the world's."""
+    """Component that publishes the state of the world. It holds no state of its own; the world does."""
 
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
 
     def publish(self, publishers: Publishers) -> None:
-        """Publish what the world has once."""
+        """Publish the collisions between vehicles."""
         publishers.add("/VehicleCollisionData", "morai_msgs/VehicleCollisionData", self._crashes)
 
     def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:
-        """Publish what each ego has of its own."""
+        """Publish the ego's state, the objects around it, and its collisions."""
         publishers.add(prefix + "Ego_topic", "morai_msgs/EgoVehicleStatus", ego.status, is_shown_in_pause=True)
         publishers.add(
             prefix + "Object_topic", "morai_msgs/ObjectStatusList", partial(self._objects, ego), is_shown_in_pause=True

@@ -37,7 +37,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, Generic, Literal, NamedTuple, TypeVar
 
@@ -428,6 +428,31 @@ class Sync(Generic[C]):
         while self._waiting and self._waiting[0][0] <= frame:
             due.append(heapq.heappop(self._waiting)[2])
         return due
+
+    def waiting(self) -> list[tuple[int, C]]:
+        """Return the commands that wait with their frames, in the order in which they will be carried out."""
+        return [(frame, command) for frame, _, command in sorted(self._waiting, key=lambda entry: entry[:2])]
+
+    def replace_waiting(self, commands: Iterable[tuple[int, C]]) -> None:
+        """Have other commands wait, all of them ready; the mode stays as it is. No tick may wait.
+
+        Args:
+            commands: with their frames, in their order.
+        """
+        assert not self._ticks, "ticks wait for commands that are not ready"
+        self._unready.clear()
+        self._waiting = [(frame, i, command) for i, (frame, command) in enumerate(commands, 1)]
+        self._num_arrived = len(self._waiting)
+        heapq.heapify(self._waiting)
+
+    @property
+    def has_unready(self) -> bool:
+        """Return whether a command that waits cannot be carried out yet."""
+        return bool(self._unready)
+
+    def is_master(self, user_id: str) -> bool:
+        """Return whether this id may tick."""
+        return self._is_master(user_id)
 
     def forget(self, now: float) -> SyncOutcome:
         """The world has begun anew: what waits was meant for frames of the old one. The mode stays as it is."""

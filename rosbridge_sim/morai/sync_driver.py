@@ -354,7 +354,7 @@ class SyncDriver:
         call = _Waiting(steps)
         holder: object = caller
         if self._barrier.is_on:
-            result = self._result_of_barrier(self._barrier.ask_step(user_id, now))
+            result = self._result_of_barrier(self._barrier.ask_step(user_id))
             if not result.is_accepted:
                 _, why, reason = result
                 call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=reason), now)

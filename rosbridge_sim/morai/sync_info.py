@@ -13,16 +13,16 @@ __all__ = ["SyncInfo"]
 
 
 class SyncInfo:
-    """The publisher of `/SyncModeInfo`; latched, so it is kept up to date whether anybody listens or not."""
+    """Publisher of `/SyncModeInfo`, latched: it is updated even without subscribers."""
 
     def __init__(self, store: Store, world: World, sync: Sync[SceneCommand], publishers: Publishers) -> None:
-        """Have the topic; it says nothing before the first `announce`.
+        """Create the topic; nothing is published before the first `announce`.
 
         Args:
             store: has the type.
             world: has the frame.
             sync: the mode.
-            publishers: get the topic.
+            publishers: take the topic.
         """
         self._world = world
         self._sync = sync
@@ -38,11 +38,11 @@ class SyncInfo:
             self.announce(now)
 
     def announce(self, now: float, *, may_tick: bool = True) -> None:
-        """Publish the state as it is.
+        """Publish the current state of the mode.
 
         Args:
             now: monotonic time [s].
-            may_tick: false within a tick: the next one cannot be sent before its last frame.
+            may_tick: false within a tick, because the next tick cannot be sent before the last frame of this one.
         """
         sync = self._sync
         info = self._make(sync.master_id, sync.is_on, self._world.frame, sync.can_send_tick and may_tick)

@@ -1,17 +1,17 @@
-"""`/tf` and `/tf_static`: where the egos stand, and what stands on them.
+"""`/tf` and `/tf_static`: poses of the egos, and of the points and sensors that are fixed to them.
 
     map                  the map's own frame: ENU metres
       base_link          the first ego: the middle of its rear axle on the ground, x forward, y left, z up
-        vehicle_center   the middle of the box around it; static, and another one for another model
-        gps_link         its GPS antenna, where it was put; static until it is put elsewhere
+        vehicle_center   the middle of its bounding box; static, and different for each model
+        gps_link         its GPS antenna; static until a client moves it
         imu_link         its inertial unit, the same
       Ego-2/base_link    a further ego, and so on
         Ego-2/vehicle_center, ...
 
-MORAI writes `/map` and `/base_link`, as ROS did long ago; tf2 refuses names with a slash before them, and most programs
-are written for tf2. So no slash goes out.
+MORAI writes `/map` and `/base_link`, as old ROS did. tf2 refuses names that begin with a slash, and most programs use
+tf2. So the names have no slash.
 
-A static message holds all frames of its kind and is latched: a client that comes late has them all.
+A static message holds all static frames and is latched, so a late subscriber gets all of them.
 """
 
 from __future__ import annotations
@@ -42,11 +42,11 @@ CENTER: Final = "vehicle_center"
 
 @dataclass(frozen=True, slots=True)
 class Mount:
-    """Something that stands still on a vehicle.
+    """A frame that is fixed to a vehicle.
 
     Attributes:
-        parent, name: frames.
-        mounting: where.
+        parent, name: names of the frames.
+        mounting: pose of `name` in `parent`.
     """
 
     parent: str
@@ -55,10 +55,16 @@ class Mount:
 
 
 class TfPublisher:
-    """Makes the messages of both topics; structs of tf2_msgs/TFMessage."""
+    """Maker of the messages of both topics; structs of tf2_msgs/TFMessage."""
 
     def __init__(self, store: Store, world: World, convert: Converter) -> None:
-        """For one world; nothing is read before it is asked for."""
+        """Read nothing yet.
+
+        Args:
+            store: has the types.
+            world: has the poses.
+            convert: makes the headers.
+        """
         self._world = world
         self._convert = convert
         self._message = maker(store, TF, "transforms")
@@ -68,7 +74,14 @@ class TfPublisher:
         self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
     def moving(self, egos: Iterable[Ego]) -> Struct:
-        """Where the egos stand in the map, in their order."""
+        """Return the poses of the egos in the map, in the egos' order.
+
+        Args:
+            egos: the egos; each stands in the world.
+
+        Returns:
+            A TFMessage with a transform for each.
+        """
         world = self._world
         header = self._convert.header(world.frame, MAP)
         transforms = []
@@ -82,7 +95,14 @@ class TfPublisher:
         return self._message(transforms)
 
     def mounts(self, egos: Iterable[Ego]) -> tuple[Mount, ...]:
-        """What stands on the egos."""
+        """Return the frames that are fixed to the egos.
+
+        Args:
+            egos: the egos; each stands in the world.
+
+        Returns:
+            The middle of the bounding box and the sensors of each ego, in the egos' order.
+        """
         found = []
         for ego in egos:
             body, prefix = self._world.bodies[ego.row], frame_prefix(ego)
@@ -91,7 +111,14 @@ class TfPublisher:
         return tuple(found)
 
     def static(self, mounts: Sequence[Mount]) -> Struct:
-        """What `mounts` said, as a message; an empty one is fine."""
+        """Return a message with frames that `mounts` found.
+
+        Args:
+            mounts: the frames; none is no error.
+
+        Returns:
+            A TFMessage with a transform for each.
+        """
         frame = self._world.frame
         return self._message(
             [
@@ -109,15 +136,15 @@ class TfPublisher:
 
 
 class StaticTf:
-    """The publisher of `/tf_static`; latched."""
+    """Publisher of `/tf_static`; latched."""
 
     def __init__(self, transforms: TfPublisher, egos: EgoRegistry, publishers: Publishers) -> None:
-        """Have the topic; it says nothing before the first `announce`.
+        """Create the topic; nothing is published before the first `announce`.
 
         Args:
             transforms: makes the messages.
-            egos: the vehicles that things stand on.
-            publishers: get the topic.
+            egos: the vehicles that the frames are fixed to.
+            publishers: take the topic.
         """
         self._transforms = transforms
         self._egos = egos
@@ -126,18 +153,33 @@ class StaticTf:
         self._mounts: tuple[Mount, ...] | None = None
 
     def announce(self, now: float) -> None:
-        """Publish what stands on the egos, if it is not what was published last."""
+        """Publish the fixed frames, if they differ from the ones published last.
+
+        Args:
+            now: monotonic time [s].
+        """
         mounts = self._transforms.mounts(self._egos)
         if mounts != self._mounts:
             self._mounts = mounts
             self._publishers.update(self._topic, self._transforms.static(mounts), now)
 
     def announce_again(self, now: float) -> None:
-        """Publish it, changed or not: it is stamped otherwise from now on."""
+        """Publish the fixed frames even if they have not changed, because their stamp has.
+
+        Args:
+            now: monotonic time [s].
+        """
         self._mounts = None
         self.announce(now)
 
 
 def frame_prefix(ego: Ego) -> str:
-    """What comes before the names of an ego's frames, as before those of its topics."""
+    """Return the prefix of an ego's frame names; the same as in its topic names, without the first slash.
+
+    Args:
+        ego: the ego.
+
+    Returns:
+        Empty for the first ego, else for example `Ego-2/`.
+    """
     return "" if ego.index == FIRST_EGO else f"Ego-{ego.index}/"

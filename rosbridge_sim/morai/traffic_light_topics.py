@@ -1,11 +1,12 @@
-"""What clients see of traffic lights and intersections, and how they set them.
+"""Topics and a service for traffic lights and intersections: their state, and commands that set them.
 
-A light is known by its name on the map, an intersection by its controller's name or by the number at its end. What is
-lit goes out as the world has it: its numbers are MORAI's.
+A light is identified by its name on the map. An intersection is identified by its controller's name, or by the number
+at the end of that name. Lamp states are sent as the world has them, because the world uses MORAI's numbers.
 
-*The light ahead* is that of the next stop line on the lanes that lead on from the ego's, within 100 m; where lanes fork
-there, that of the one that goes straightest on. While there is none, the topic is silent, and so is that of the
-intersection while the ego is in none.
+*The light ahead* belongs to the next stop line within 100 m on the lanes that follow the ego's lane. Where lanes fork,
+the lane that goes straightest on is taken. Its topic is silent while there is no such light. The intersection's topic
+is
+silent while the ego is not in one.
 """
 
 from __future__ import annotations
@@ -34,13 +35,13 @@ from rosbridge_sim.world.state import DT
 __all__ = ["TrafficLightTopics"]
 
 STOP_LINE_REACH: Final = 100.0
-"""How far ahead a stop line is seen, from the rear axle [m]."""
+"""Largest distance from the rear axle to a stop line ahead [m]."""
 
 MAX_LIGHT_TO_LANE: Final = 5.0
-"""Whoever is farther than this from every lane is not on the road [m]."""
+"""Largest distance to a lane for an ego that is on the road [m]."""
 
 NO_LIGHT: Final = -2
-"""The status of a light that there is not."""
+"""Status that is returned for an unknown light."""
 
 _LAMPS: Final = sum(int(lamp) for lamp in Lamp)
 
@@ -48,7 +49,7 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class TrafficLightTopics(Component):
-    """The component of traffic lights. It holds no state: that is the world's."""
+    """Component of traffic lights. It holds no state of its own; the world does."""
 
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
@@ -67,17 +68,17 @@ class TrafficLightTopics(Component):
         self._make_info = maker(store, "morai_msgs/MoraiTLInfo", "header", "idx", "status")
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """What the world has once."""
+        """Subscribe to commands for lights and intersections, and offer the service that returns a light's state."""
         bindings.listen("SetTrafficLight", "SetTrafficLight", self._set_light)
         bindings.listen("InsnControl", "IntersectionControl", self._set_phase)
         bindings.provide("Morai_TLSrv", "MoraiTLInfoSrv", self._tell_light)
 
     def publish(self, publishers: Publishers) -> None:
-        """Publish what the world has once."""
+        """Publish the state of all intersections."""
         publishers.add("/IntscnTL_topic", "morai_msgs/IntscnTL", self._intersections, is_shown_in_pause=True)
 
     def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:
-        """Publish what each ego has of its own."""
+        """Publish the light ahead of the ego, and the intersection around it."""
         publishers.add(
             prefix + "GetTrafficLightStatus",
             "morai_msgs/GetTrafficLightStatus",
@@ -101,7 +102,7 @@ class TrafficLightTopics(Component):
         return self._context.convert.header(self._context.world.frame, frame_id)
 
     def _place(self, ego: Ego) -> tuple[int, float] | None:
-        """Lane and arc length of the ego [m]; None off the road, or on its wrong side."""
+        """Return the ego's lane and arc length on it [m]; None off the road, or on the wrong side of it."""
         world, row = self._context.world, ego.row
         places = world.roads.nearest(world.x[row], world.y[row], world.yaw[row])
         is_along = math.cos(places.yaw[0] - world.yaw[row]) > 0.0

@@ -1,4 +1,4 @@
-"""Factors between units of MORAI's files and messages and SI units; the only place where they are written down."""
+"""Factors between SI units and the units of MORAI's files and messages; defined here only."""
 
 from __future__ import annotations
 

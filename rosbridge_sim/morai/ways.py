@@ -1,15 +1,15 @@
-"""The simulator's rows in the table of other names, by which patterns for clients are judged (see `graph/policy.py`).
+"""Other names of the simulator's topics and services, so that a client's patterns cover them (`graph/policy.py`).
 
-One thing has several names for three reasons:
+One topic or service has several names for three reasons:
 
-- MORAI has two names for it, or a topic and a service, or one of these in one release and the other in the next.
-- The network settings give it another name, and a client that may load a scenario may bring such settings. Its default
-  name stays in the table, so that a pattern goes on to hold.
-- A further ego has it under its prefix. What is said of `/ctrl_cmd` holds for `/Ego-2/ctrl_cmd` too, but not the
-  reverse: a pattern with the prefix means that ego.
+- MORAI has two names for it, or a topic and a service, or a topic in one release and a service in another.
+- The network settings give it another name. A client that may load a scenario may bring such settings. Its default
+  name stays in the table, so a pattern still holds.
+- A further ego has it under its prefix. A pattern for `/ctrl_cmd` holds for `/Ego-2/ctrl_cmd` too, but not the
+  reverse: a pattern with the prefix means only that ego.
 
-What only has the *same effect*, such as a control by topic and one by service, is no other name: many patterns mean one
-of them on purpose. The log says at the start what they leave open.
+A topic or service that only has the *same effect* is not another name, for example control by topic and by service.
+Many patterns mean one of them on purpose. The log at the start lists which of them the patterns leave open.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ def _calling(*names: str) -> tuple[Way, ...]:
 _LOADS: Final = (*_publishing("/ScenarioLoad"), *_calling("/Service_MoraiSL", "/SyncModeScenarioLoad"))
 _REPLAYS: Final = (*_publishing("/ReplayInfo_topic"), *_calling("/Morai_SimProc"))
 _RESET: Final = _calling("/sim/reset")
+_RESTORE: Final = _calling("/sim/restore")
 _EVENT: Final = _calling("/Service_MoraiEventCmd")
 _PLACE: Final = _publishing("/ego_setting")
 _BARRIER: Final = _calling("/sim/barrier/join", "/sim/barrier/leave")
@@ -53,7 +54,7 @@ _SAME: Final = (
     (*_publishing("/SyncModeAddObj"), *_calling("/SyncModeAddObject")),
     (*_publishing("/SyncModeRemoveObj"), *_calling("/SyncModeRemoveObject")),
 )
-"""Default names of one thing each."""
+"""Each row: default names of one topic or service."""
 
 _SAME_AS: Final = {way: row for row in _SAME for way in row}
 
@@ -61,7 +62,7 @@ _EFFECTS: Final = (
     PolicyEffect(
         "move an ego",
         (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd"), *_STEP),
-        (*_EVENT, *_REPLAYS, *_LOADS, *_RESET),  # by the event service an ego is told to drive itself
+        (*_EVENT, *_REPLAYS, *_LOADS, *_RESET, *_RESTORE),  # the event service can make an ego drive itself
     ),
     PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), _PLACE),
     PolicyEffect("choose who drives an ego", _EVENT, _PLACE),
@@ -72,21 +73,23 @@ _EFFECTS: Final = (
             *_publishing("/NpcGhost_Topic", "/SyncModeAddObj", "/SyncModeRemoveObj"),
             *_calling("/SyncModeAddObject", "/SyncModeRemoveObject"),
         ),
-        (*_PLACE, *_REPLAYS, *_LOADS, *_RESET),
+        (*_PLACE, *_REPLAYS, *_LOADS, *_RESET, *_RESTORE),
     ),
-    PolicyEffect("put another scene in place", (*_LOADS, *_RESET), _REPLAYS),
-    PolicyEffect("replay a recording", _REPLAYS),
-    PolicyEffect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET)),
+    PolicyEffect("put another scene in place", (*_LOADS, *_RESET, *_RESTORE), _REPLAYS),
+    PolicyEffect("replay a recording", _REPLAYS, _RESTORE),
+    PolicyEffect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET, *_RESTORE)),
     PolicyEffect(
         "stop time or let it go on",
         (*_EVENT, *_calling("/SyncModeCmd"), *_TICK, *_STEP, *_calling("/sim/real_time_factor"), *_BARRIER),
         (*_LOADS, *_calling("/Morai_SimProc")),
     ),
+    PolicyEffect("keep or remove snapshots", _calling("/sim/snapshot", "/sim/snapshots")),
     PolicyEffect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
     PolicyEffect(
         "learn where an ego is",
         _hearing("/Ego_topic", "/tf", "/gps", "/imu"),
         (
+            *_calling("/sim/snapshot"),
             *_hearing("/Object_topic", "/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
             *_TICK,
             *_STEP,
@@ -106,30 +109,47 @@ _EFFECTS: Final = (
     PolicyEffect(
         "learn the simulated time",
         (*_hearing("/clock"), *_calling("/rosapi/get_time")),
-        (*_hearing("/SyncModeInfo", "/sim/barrier"), *_calling("/SyncModeCmd"), *_BARRIER, *_TICK, *_STEP),
+        (
+            *_hearing("/SyncModeInfo", "/sim/state_hash", "/sim/barrier"),
+            *_calling("/SyncModeCmd", "/sim/state_hash"),
+            *_BARRIER,
+            *_TICK,
+            *_STEP,
+        ),
     ),
 )
-"""By default names: what can be brought about, or learned, in several ways."""
+"""Effects, and knowledge, that several topics or services give; by default names."""
 
 _KINDS: Final = {
     Use.PUBLISH: InterfaceKind.SUBSCRIBER,
     Use.SUBSCRIBE: InterfaceKind.PUBLISHER,
     Use.SERVICE: InterfaceKind.SERVICE,
 }
-"""The simulator's part in each use."""
+"""The simulator's role for each use by a client."""
 
 
 class SimulatorWays:
-    """The simulator's other names, as its items are called at the time."""
+    """The simulator's other names, as the network settings in force have them."""
 
     def __init__(self, items: InterfaceRegistry | None) -> None:
-        """The names of these items; None for MORAI's own, where a client is the simulator."""
+        """Use the names of these items.
+
+        Args:
+            items: the simulator's topics and services; None for MORAI's default names, where a client is the simulator.
+        """
         self._items = items
         self._indexed: NetworkSettings | None = None
         self._defaults: dict[tuple[bool, str], list[tuple[str, str]]] = {}
 
     def others(self, way: Way) -> Iterator[Way]:
-        """The names under which a way is judged too; see `WayLookup`."""
+        """Yield the other names of a topic, service or action; see `WayLookup`.
+
+        Args:
+            way: the use and the name that a client asks for.
+
+        Yields:
+            Each other name, with its use.
+        """
         if way.use is Use.ACTION:
             return
         for prefix, default in self._defaults_of(way):
@@ -141,7 +161,11 @@ class SimulatorWays:
                         yield Way(use, self._settings.choice(kind, same, where).name or same)
 
     def effects(self) -> Iterator[PolicyEffect]:
-        """Effects that can be brought about in several ways, under the names that are there now."""
+        """Yield the effects that several topics or services have, under their current names.
+
+        Yields:
+            Each effect with its topics and services.
+        """
         if self._items is None:
             return
         names = {(item.kind, item.default): item.name for item in self._items.listing() if item.is_on}
@@ -161,7 +185,7 @@ class SimulatorWays:
         return DEFAULTS if self._items is None else self._items.settings
 
     def _defaults_of(self, way: Way) -> list[tuple[str, str]]:
-        """Prefixes and default names that may be meant by a name."""
+        """Return the prefixes and default names that a name may mean."""
         settings = self._settings
         if self._indexed is not settings:
             self._indexed, self._defaults = settings, _index(settings)
@@ -173,12 +197,15 @@ class SimulatorWays:
 
 
 def _kinds(use: Use) -> tuple[InterfaceKind, ...]:
-    """The items that may be behind a name: a client may publish where the simulator does, or hear what it is told."""
+    """Return the kinds of items that may be behind a name.
+
+    A client may publish where the simulator publishes, or subscribe to the simulator's input topics.
+    """
     return (InterfaceKind.SERVICE,) if use is Use.SERVICE else (InterfaceKind.SUBSCRIBER, InterfaceKind.PUBLISHER)
 
 
 def _index(settings: NetworkSettings) -> dict[tuple[bool, str], list[tuple[str, str]]]:
-    """Index: (is a service, name) -> the prefixes and default names of all that is called so."""
+    """Return an index: (is a service, name) -> the prefixes and default names of all items with that name."""
     found: dict[tuple[bool, str], list[tuple[str, str]]] = defaultdict(list)
     for kind in InterfaceKind:
         for full_name in settings.choices(kind):

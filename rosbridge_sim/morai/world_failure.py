@@ -1,4 +1,4 @@
-"""A bug of ours in a step: the world stands still for good, because half a step cannot be taken back."""
+"""A bug of ours in a step. The world stops for good, because half a step cannot be undone."""
 
 from __future__ import annotations
 
@@ -14,23 +14,23 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class WorldFailure:
-    """Whether the world has failed, and what follows from it.
+    """Record of a failed step, and its effects.
 
     Attributes:
         why: a text for peers; None while the world has not failed.
-        is_serving_on: the rest of the program goes on, and every call of the simulator is refused.
+        is_serving_on: the program goes on after a failure, and the simulator refuses every call.
     """
 
     def __init__(
         self, participant: Participant, bus: Bus, interfaces: InterfaceRegistry, *, is_serving_on: bool
     ) -> None:
-        """The world has not failed.
+        """Start without a failure.
 
         Args:
             participant: the owner of the simulator's services.
-            bus: where these are.
+            bus: has these services.
             interfaces: closed by a failure.
-            is_serving_on: whether the program goes on without its world.
+            is_serving_on: true if the program goes on without its world.
         """
         self.why: str | None = None
         self.is_serving_on = is_serving_on
@@ -40,20 +40,20 @@ class WorldFailure:
         self._cause: Exception | None = None
 
     def note(self, error: Exception) -> str:
-        """Refuse, from now on, what waits for an answer and what comes.
+        """Record a failure, and refuse all waiting and future calls.
 
         Args:
-            error: what a step has raised.
+            error: the exception of the step.
 
         Returns:
-            `why`.
+            The text for peers, `why`.
         """
         self._cause = error
         self.why = why = self._interfaces.why_closed = f"the world has failed: {error!r:.200}"
         if self.is_serving_on:
             _log.critical(
-                "the world has failed and stands still; this is a bug of ours. Everything else goes on, as"
-                " --on-world-failure serve says; restart to have the world again",
+                "the world has failed and stands still; this is a bug of rosbridge_sim. The rest of the server goes on,"
+                " because of --on-world-failure serve. Restart the server to get the world back",
                 exc_info=error,
             )
             for service in list(self._bus.holdings(self._participant).services):
@@ -62,10 +62,10 @@ class WorldFailure:
         return why
 
     def raise_unless_serving(self) -> None:
-        """Raise what the step has raised, if there is anything and the program is not to go on without its world.
+        """Raise the exception of a failed step, unless the program goes on without its world.
 
         Raises:
-            Exception: the cause.
+            Exception: the one that the step raised.
         """
         if self._cause is not None and not self.is_serving_on:
             raise self._cause

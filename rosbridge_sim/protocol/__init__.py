@@ -1,1 +1,1 @@
-"""The rosbridge wire for one peer: bytes to ops and back, without I/O."""
+"""The rosbridge wire of one peer: bytes to ops and back, without I/O."""

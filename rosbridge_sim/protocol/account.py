@@ -1,8 +1,9 @@
-"""The memory that one client makes the server hold: counted in bytes, and bounded.
+"""Memory that one client makes the server hold: counted in bytes, and limited.
 
-Messages in throttle queues, latched messages, calls and goals in flight and unfinished pieces of frames are all taken
-from one account. Numbers of things alone are no bound: three topics that keep a thousand messages of 4 MB each hold
-12 GB. What waits for a slow reader has a bound of its own (`outbox.py`). A shared message counts in each account.
+One account pays for messages in throttle queues, latched messages, calls and goals in flight, and fragments of
+unfinished frames. A limit on the number of things is not enough: three topics that keep a thousand messages of 4 MB
+each hold 12 GB. Frames that wait for a slow reader have their own limit (`outbox.py`). A message shared by several
+owners counts in each account.
 """
 
 from __future__ import annotations
@@ -16,35 +17,46 @@ __all__ = ["UNLIMITED", "Account", "HeldMessages"]
 T = TypeVar("T")
 
 UNLIMITED = 2**62
-"""A limit for owners in this process."""
+"""Limit of an owner inside this process: none in practice [bytes]."""
 
 
 class Account:
-    """Bytes that are held for one owner; what is taken is given back when it is let go.
+    """Bytes held for one owner. Each `take` needs a `give` of the same size later.
 
     Attributes:
-        num_bytes: held now [bytes].
+        num_bytes: bytes held now.
     """
 
     __slots__ = ("_limit", "_total", "num_bytes")
 
     def __init__(self, limit: int = UNLIMITED, total: Account | None = None) -> None:
-        """Begin with nothing held.
+        """Create an account that holds nothing.
 
         Args:
-            limit: the most that can be held [bytes].
-            total: an account of all owners together, kept beside this one.
+            limit: largest number of bytes it may hold.
+            total: account of all owners together, which is updated, too.
         """
         self.num_bytes = 0
         self._limit = limit
         self._total = total
 
     def has_room(self, size: int) -> bool:
-        """Return whether so many bytes more can be held."""
+        """Return True if `size` more bytes fit into the limit.
+
+        Args:
+            size: number of bytes.
+        """
         return self.num_bytes + size <= self._limit
 
     def take(self, size: int) -> bool:
-        """Hold so many bytes more; return whether there was room."""
+        """Hold `size` more bytes if there is room.
+
+        Args:
+            size: number of bytes.
+
+        Returns:
+            True if the bytes are held now; False if there was no room.
+        """
         if self.num_bytes + size > self._limit:
             return False
         self.num_bytes += size
@@ -53,23 +65,27 @@ class Account:
         return True
 
     def give(self, size: int) -> None:
-        """Let go of so many bytes."""
+        """Release bytes that were taken.
+
+        Args:
+            size: number of bytes.
+        """
         self.num_bytes -= size
         if self._total is not None:
             self._total.num_bytes -= size
 
 
 class HeldMessages(Generic[T]):
-    """Messages that wait, oldest first, bounded in number and by an account; the oldest are dropped for the newest."""
+    """Queue of waiting messages, limited in number and by an account. The oldest are dropped first."""
 
     __slots__ = ("_account", "_entries", "_size_of")
 
     def __init__(self, account: Account | None, size_of: Callable[[T], int]) -> None:
-        """No messages.
+        """Create an empty queue.
 
         Args:
-            account: has their memory; None where there is no limit but their number.
-            size_of: what a message costs [bytes].
+            account: pays for the messages; None means that only their number is limited.
+            size_of: returns the memory of a message [bytes].
         """
         self._account = account
         self._size_of = size_of
@@ -79,11 +95,19 @@ class HeldMessages(Generic[T]):
         return len(self._entries)
 
     def messages(self) -> list[T]:
-        """All of them, oldest first."""
+        """Return all messages, oldest first."""
         return [message for message, _ in self._entries]
 
     def put(self, message: T, max_length: int) -> int:
-        """Add the newest message; return how many were dropped for it, or itself: 1, where there is no room at all."""
+        """Add the newest message; drop the oldest ones if there is no room.
+
+        Args:
+            message: the new message.
+            max_length: largest number of messages.
+
+        Returns:
+            Number of dropped messages. It is 1 if the new message itself does not fit.
+        """
         entries = self._entries
         if self._account is None:
             entries.append((message, 0))
@@ -105,14 +129,21 @@ class HeldMessages(Generic[T]):
         return num_dropped + 1
 
     def pop(self) -> T:
-        """Take the oldest message out."""
+        """Remove and return the oldest message."""
         message, size = self._entries.popleft()
         if self._account is not None:
             self._account.give(size)
         return message
 
     def shorten(self, max_length: int) -> int:
-        """Drop the oldest messages until so many are left; return how many were dropped."""
+        """Drop the oldest messages until at most `max_length` are left.
+
+        Args:
+            max_length: largest number of messages.
+
+        Returns:
+            Number of dropped messages.
+        """
         num_dropped = 0
         while len(self._entries) > max(0, max_length):
             self.pop()

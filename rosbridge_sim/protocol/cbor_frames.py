@@ -1,12 +1,11 @@
-"""CBOR frames: a binary frame whose first byte opens a map (0xA0 to 0xBF; JSON text never starts so).
+"""CBOR frames: binary frames whose first byte opens a map (0xA0 to 0xBF; JSON text never starts so).
 
-Frames go out in CBOR only to listeners that asked for it; `schema/` encodes their bodies. What comes in is decoded
-into Python objects: numbers in typed arrays (RFC 8746) of either byte order as numpy arrays, bytes as base64 text, as
-JSON has them. Every other tag is refused: a client's tags would be decoded into patterns, dates, bignums and objects
-that contain themselves.
-
-The decoder is one call of a C library that lets nothing else run: 4 MB of empty lists take it a second. So the items
-of a frame are counted before, in slices, and a frame with too many of them is refused.
+CBOR frames are sent only to subscribers that asked for them; `schema/` encodes their bodies. Incoming frames are
+decoded into Python objects. Typed arrays (RFC 8746) of either byte order become numpy arrays. Byte strings become
+base64 text, as in JSON. Every other tag is refused, because a client could use tags to build regular expressions,
+dates, bignums and objects that contain themselves.
+The decoder is one call of a C library, and nothing else runs during that call: 4 MB of empty lists take it a second. So
+the items of a frame are counted first, in slices, and a frame with too many items is refused.
 """
 
 from __future__ import annotations
@@ -26,39 +25,48 @@ from rosbridge_sim.weight import LIGHT
 __all__ = ["cbor_head", "cbor_raw_frame", "decode_cbor", "is_cbor"]
 
 MAX_CBOR_DEPTH = 100
-"""Nesting of a CBOR frame; the deepest ROS message of the standard packages has seven levels."""
+"""Deepest nesting of a CBOR frame; the deepest ROS message of the standard packages has seven levels."""
 
 MAX_CONTAINERS, MAX_TEXTS = LIGHT.containers, LIGHT.texts
-"""Maps and lists of a frame, and texts, byte strings and tags: its values are checked field by field in Python."""
+"""Largest number of maps and lists in a frame, and of texts, byte strings and tags. Python checks these values one by
+one."""
 
 MAX_SCALAR_BYTES = 2**19
-"""Bytes of plain numbers and truth values in a frame, one to nine each: 60 ms of work where there are nothing but small
-numbers. Larger arrays come as typed arrays or as bytes, which cost nothing."""
+"""Largest number of bytes of plain numbers and truth values in a frame, one to nine bytes each. It takes 60 ms if all
+numbers are small. Larger arrays should be typed arrays or byte strings, which cost almost nothing."""
 
 _ARRAY_TYPES = {
     64: "u1", 65: ">u2", 66: ">u4", 67: ">u8", 68: "u1", 69: "<u2", 70: "<u4", 71: "<u8",
     72: "i1", 73: ">i2", 74: ">i4", 75: ">i8", 77: "<i2", 78: "<i4", 79: "<i8",
     80: ">f2", 81: ">f4", 82: ">f8", 84: "<f2", 85: "<f4", 86: "<f8",
 }  # fmt: skip
-"""Tags of RFC 8746 that numpy knows; floats of 128 bit it does not."""
+"""RFC 8746 tags that numpy supports; it does not support floats of 128 bits."""
 
 _BUILT_IN_TAGS = (0, 1, 2, 3, 4, 5, 25, 28, 29, 30, 35, 36, 37, 52, 54, 100, 256, 258, 260, 261, 1004, 43000, 55799)
-"""Tags that the library would decode by itself."""
+"""Tags that the library decodes by itself."""
 
 
 def is_cbor(frame: bytes) -> bool:
-    """Tell whether a frame starts as a CBOR map does."""
+    """Return True if a frame starts as a CBOR map does.
+
+    Args:
+        frame: a binary frame.
+    """
     return 0xA0 <= frame[0] <= 0xBF if frame else False  # noqa: PLR2004 - RFC 8949: major type 5
 
 
 def decode_cbor(frame: bytes) -> Generator[None, None, object]:
-    """Read a frame of CBOR; yields after each slice of work and returns its value.
+    """Decode a CBOR frame; yield after each slice of work, and return the value at the end.
+
+    Args:
+        frame: a binary frame.
 
     Returns:
-        Dicts, lists, texts, numbers, truth values and None; numpy arrays for typed arrays, base64 text for bytes.
+        Dicts, lists, texts, numbers, truth values and None; numpy arrays for typed arrays, base64 text for byte
+        strings.
 
     Raises:
-        FrameError: it is no CBOR, too heavy, or holds what JSON has no word for.
+        FrameError: the frame is not CBOR, is too heavy, or holds a value that JSON does not have.
     """
     try:
         yield from _check_weight(frame)
@@ -77,10 +85,10 @@ def decode_cbor(frame: bytes) -> Generator[None, None, object]:
 
 
 def _check_weight(frame: bytes) -> Generator[None, None, None]:
-    """Count the items of a frame, whatever their nesting: an item's head tells how many bytes follow that are no items.
+    """Count the items of a frame at any depth. The head of each item says how many bytes of content to skip.
 
     Raises:
-        ValueError: there are too many of them.
+        ValueError: there are too many items.
     """
     position = num_containers = num_texts = scalar_bytes = 0
     while position < len(frame):
@@ -111,16 +119,16 @@ _SCALARS = re.compile(
     rb"{1,20000}+",
     re.DOTALL,
 )
-"""A run of integers, floats and truth values (RFC 8949 section 3), at most some 2 ms of looking at."""
+"""A run of integers, floats and truth values (RFC 8949 section 3), short enough to be matched in about 2 ms."""
 
 _HEAD_SIZES = {24: 1, 25: 2, 26: 4, 27: 8}
 _INDEFINITE = 31
 
 _NUM_LOOKED_AT = 2_000
-"""Items that are counted in one go: 1 ms."""
+"""Number of items counted in one slice: 1 ms."""
 
 
-def _read_tag(*args: LibraryArgument) -> object:  # the library passes the decoder, too
+def _read_tag(*args: LibraryArgument) -> object:  # the library also passes the decoder
     tag = args[-1] if isinstance(args[-1], cbor2.CBORTag) else args[0]
     kind = _ARRAY_TYPES.get(tag.tag)
     if kind is None or not isinstance(tag.value, bytes):
@@ -142,7 +150,7 @@ _PLAIN = frozenset({bool, int, float, str, type(None)})
 
 
 def _plain(value: object) -> object:
-    """The value with bytes as base64 text; anything that JSON has no word for raises ValueError."""
+    """Return the value with byte strings as base64 text; raise ValueError for a value that JSON does not have."""
     if isinstance(value, bytes):
         return pybase64.b64encode_as_string(value)
     if isinstance(value, dict):
@@ -159,11 +167,21 @@ def _plain(value: object) -> object:
 
 
 def cbor_head(topic: str) -> bytes:
-    """Return a CBOR data message up to its body; `topic` is in the subscriber's own spelling."""
+    """Return the start of a CBOR data message, up to its body.
+
+    Args:
+        topic: name of the topic as the subscriber spells it.
+    """
     return b"\xa3\x62op\x67publish\x65topic" + cbor2.dumps(topic) + b"\x63msg"
 
 
 def cbor_raw_frame(head: bytes, stamp_ns: int, raw: bytes) -> bytes:
-    """A data message with the bytes of ROS's own wire; the keys are secs and nsecs in both generations."""
+    """Return a `cbor-raw` data message; its keys are `secs` and `nsecs` in both ROS generations.
+
+    Args:
+        head: from `cbor_head`.
+        stamp_ns: time of the message [ns].
+        raw: the body in ROS's own serialization.
+    """
     secs, nsecs = divmod(stamp_ns, 10**9)
     return head + cbor2.dumps({"secs": secs, "nsecs": nsecs, "bytes": raw})

@@ -1,15 +1,13 @@
-"""Frames to ops and back: JSON text, in text and binary frames alike.
+"""Conversion between frames and ops: JSON text, in text and binary frames.
 
-Reading has a fast path (one typed decode of the whole frame, bodies left unread: half a microsecond) and a
-slow one that takes over whenever the fast one objects. The slow path is the full meaning: it finds glued
-objects, accepts the bare `NaN` that Python clients write, takes null for absent and names what is wrong in
-rosbridge_suite's own words. `tests/protocol/test_codec.py` holds the two against each other.
-
-A long frame is weighed first (`weight.py`): one call of a decoder can delay all other clients. Glued ops are read one
-by one, as their reader asks for them.
-
-One JSON object split over several frames is not joined (rosbridge_suite keeps the halves in a buffer that
-grows without bound): each half is a frame that holds no JSON, and is answered as such.
+Reading has two paths. The fast path decodes the whole frame once, with types, and leaves the bodies unread: half a
+microsecond. If it fails, the slow path takes over. The slow path defines the full behaviour: it finds several JSON
+objects in one frame, accepts the bare `NaN` that Python clients write, treats null as absent, and reports mistakes in
+rosbridge_suite's own words. `tests/protocol/test_codec.py` compares the two paths.
+A long frame is weighed first (`weight.py`), because one call of a decoder can delay all other clients. Several ops in
+one frame are read one by one, when the caller asks for the next.
+One JSON object split over several frames is not joined: each part is a frame without valid JSON and is answered as
+such. rosbridge_suite keeps the parts in a buffer that grows without limit.
 """
 
 from __future__ import annotations
@@ -47,23 +45,23 @@ __all__ = [
 ]
 
 _SHOWN = 200
-"""Characters of a client's text that an answer quotes: enough to recognise it, too few to be an amplifier."""
+"""Characters of a client's text that an answer quotes: enough to recognise it, but too few to amplify an attack."""
 
 HEAVY = 256 * 1024
-"""A message whose text is as long as this is encoded when its listener's turn has come [bytes]; less takes 20 ms at
-most, in all encodings together."""
+"""A message with at least this much text is encoded later, when the outbox reaches it [bytes]. A shorter one takes at
+most 20 ms in all encodings together."""
 
 LONG = 16 * 1024
-"""A frame from here on is weighed before it is decoded [bytes]; decoding less takes 5 ms at most, or 40 ms where it
-holds nothing but numbers at the edge of float64."""
+"""A frame of at least this length is weighed before it is decoded [bytes]. Decoding a shorter one takes at most 5 ms,
+or 40 ms if it holds only numbers at the edge of float64."""
 
 MAX_OPS = 10_000
-"""Ops that one frame may hold: each is done by itself, but what is glued together should be a handful."""
+"""Largest number of ops in one frame. Each op is done by itself, and clients that put ops together send only a few."""
 _ANSWER_OP = re.compile(r'"op"\s{0,8}:\s{0,8}"(service_response|action_result)"')
 _ANSWER_ID = re.compile(r'"id"\s{0,8}:\s{0,8}"((?:service_request|action_goal):[^"\\]{1,300})"')
 _MAX_ANSWER_IDS = 100
 _NAMED = 2_000
-"""Characters at both ends of an unreadable frame in which its op and its id are looked for."""
+"""Characters at both ends of an unreadable frame that are searched for its op and its id."""
 
 
 _decode = msgspec.json.Decoder(Op).decode
@@ -72,7 +70,7 @@ _split = msgspec.json.Decoder(dict[str, msgspec.Raw]).decode
 _scanner = json.JSONDecoder()
 
 _TRAILING = re.compile(r"trailing characters \(byte (\d+)\)")
-"""Words by which `msgspec` says that a value has ended and something follows; a test holds it to these words."""
+"""Text of the `msgspec` error for a value with something behind it; a test checks that this text does not change."""
 
 _SPACE, _BYTE_SPACE = re.compile(r"[ \t\r\n]*"), re.compile(rb"[ \t\r\n]*")
 _ID = re.compile(r'"id"\s*:\s*"([\x20-\x21\x23-\x5b\x5d-\x7e]{1,200})"')
@@ -103,7 +101,7 @@ _CLASSES: dict[str, tuple[type, ...]] = {
     "total": (int, float),
     "qos": (dict,),
 }
-"""Classes that a field may have, in any op; bodies are judged by `schema/`."""
+"""Allowed Python classes of each field, in any op; `schema/` checks message bodies."""
 
 _ID_CLASSES: dict[str, tuple[type, ...]] = {
     "fragment": (str, int, float),
@@ -111,7 +109,7 @@ _ID_CLASSES: dict[str, tuple[type, ...]] = {
     "action_feedback": (str,),
     "action_result": (str,),
 }
-"""Ops whose id must be more than any scalar."""
+"""Ops whose id has fewer allowed classes than usual."""
 
 
 T = TypeVar("T")
@@ -122,11 +120,11 @@ class Encoded(Protocol):
 
     @property
     def text_length(self) -> int:
-        """Length of the text that it came as, if that was long [bytes]."""
+        """Length of the text from which the message was decoded, if that was long [bytes]; else 0."""
 
     @property
     def num_bytes(self) -> int:
-        """An estimate of what holding it costs [bytes]."""
+        """Estimated memory of the message [bytes]."""
 
     @property
     def json(self) -> bytes:
@@ -138,17 +136,30 @@ class Encoded(Protocol):
 
     @property
     def raw(self) -> bytes:
-        """The body as ROS itself sends it: ROS 1 bytes, or CDR with its four bytes in front."""
+        """The body in ROS's own serialization: ROS 1 bytes, or CDR with its header of four bytes."""
 
     def framed(self, head: bytes) -> bytes:
-        """`head`, the body as JSON text, and a closing brace; the last such frame is kept for the next listener."""
+        """Return `head`, the body as JSON text and a closing brace. The last result is kept for the next subscriber.
+
+        Args:
+            head: from `publish_head`.
+        """
 
     def shared(self, key: object, make: Callable[[], T]) -> T:
-        """Return what `make` gives, made once for all calls with this key."""
+        """Return the result of `make`, which is called only once for each key.
+
+        Args:
+            key: names the result.
+            make: creates the result.
+        """
 
 
 def decode_quickly(frame: bytes | memoryview) -> Op | None:
-    """Return the one op that a clean frame holds; None where `decode_frame` has to look more closely. Never raises."""
+    """Return the only op of a well-formed frame; None if `decode_frame` must be used. Never raises.
+
+    Args:
+        frame: JSON text.
+    """
     try:
         op: Op = _decode(frame)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
@@ -163,9 +174,9 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
         frame: JSON text.
 
     Yields:
-        An op; or, for what is no op, the error to be told to its sender; or None after a slice of work without one,
-        so that the caller can let others have their turn. A frame that is too heavy, or that holds too many ops, is
-        one error and no more.
+        An op; or the error to send to the peer, for a part that is not an op; or None after a slice of work, so that
+        the caller can let others have their turn. A frame that is too heavy, or that holds too many ops, gives one
+        error only.
     """
     if len(frame) >= LONG:
         too_much = yield from _too_heavy(frame)
@@ -178,7 +189,7 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
             yield None
     op = decode_quickly(frame)
     if op is not None:
-        if len(frame) >= HEAVY:  # what it asks for is a long step of its own
+        if len(frame) >= HEAVY:  # the op itself is another long step
             yield None
         yield op
     else:
@@ -188,7 +199,7 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
 
 
 def _too_heavy(frame: bytes) -> Generator[None, None, str | None]:
-    """Say what a long frame has too much of to be decoded at once; None where that can be done."""
+    """Return why a long frame is too heavy to be decoded in one call; None if it is not."""
     too_much = FULL.excess(weigh(frame))
     if too_much is None:
         return None
@@ -201,7 +212,7 @@ def _too_heavy(frame: bytes) -> Generator[None, None, str | None]:
 
 
 def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError | None]:
-    """Read a frame that holds glued objects, the words NaN or Infinity, or a mistake."""
+    """Read a frame with several objects, the words NaN or Infinity, or a mistake."""
     try:
         frame.decode()
     except UnicodeDecodeError as error:
@@ -237,17 +248,19 @@ def _end_of(match: re.Match[Any] | None) -> int:
 
 
 def end_of_value(error: Exception) -> int | None:
-    """Return where the JSON value ends that a text begins with; None where more is wrong than what follows it.
+    """Return the position where the JSON value at the start of a text ends; None if there is another mistake, too.
 
     Args:
-        error: what `msgspec` raised for the whole text.
+        error: the error that `msgspec` raised for the whole text.
     """
     match = _TRAILING.search(str(error))
     return None if match is None else int(match[1]) - 1
 
 
 def _find_end_of_value(view: memoryview) -> int | None:
-    """Find where the JSON value ends that a text begins with, without decoding it; None where it is not plain JSON.
+    """Return the position where the JSON value at the start of a text ends; None if it is not plain JSON.
+
+    The value is not decoded.
 
     Raises:
         FrameError: it is nested too deeply.
@@ -264,7 +277,7 @@ def _find_end_of_value(view: memoryview) -> int | None:
 
 
 def _read_op(part: memoryview) -> Op | FrameError:
-    """Return the op that a JSON value spells, or what is wrong with it."""
+    """Return the op in a JSON text, or the error in it."""
     op = decode_quickly(part)
     if op is not None:
         return op
@@ -274,12 +287,12 @@ def _read_op(part: memoryview) -> Op | FrameError:
         return _name(error, _ends(part))
     except RecursionError:
         return FrameError("Received a message that is nested too deeply")
-    except ValueError as error:  # integers of thousands of digits
+    except ValueError as error:  # an integer of thousands of digits
         return FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten_bytes(part)}")
 
 
 def _op_or_error(value: object) -> Op | FrameError:
-    """Return the op that a JSON value spells, or what is wrong with it, with the op that it names."""
+    """Return the op for a JSON value, or the error in it together with the name of the op."""
     try:
         return op_from_value(value)
     except FrameError as error:
@@ -289,10 +302,10 @@ def _op_or_error(value: object) -> Op | FrameError:
 
 
 def _outline(part: memoryview) -> dict[str, Any]:
-    """Return the fields of a long object: its bodies stay text, what else is long is left out.
+    """Return the fields of a long object: message bodies stay text, other long fields are left out.
 
     Raises:
-        FrameError: it is no object.
+        FrameError: the text is not an object.
     """
     try:
         fields = _split(part)
@@ -304,14 +317,14 @@ def _outline(part: memoryview) -> dict[str, Any]:
             outline[name] = value
         elif name in _CLASSES or name == "op":
             text = bytes(value)
-            if len(text) >= LONG and name != "data":  # a piece may be long, and end in half a surrogate pair
+            if len(text) >= LONG and name != "data":  # a fragment may be long, and may end in half a surrogate pair
                 raise FrameError(f"Expected less than {LONG:,} bytes in field {name}, but got {len(text):,}")
             outline[name] = json.loads(text)
     return outline
 
 
 def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameError]:
-    """Read the rest of a frame as Python's JSON has it, with NaN and Infinity; each value becomes Python objects."""
+    """Read the rest of a frame with Python's JSON reader, which accepts NaN and Infinity."""
     rest = frame[start:]
     too_much = LIGHT.excess(weigh(rest))
     if too_much is not None:
@@ -338,9 +351,10 @@ def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameEr
 
 
 def _name(error: FrameError, text: str) -> FrameError:
-    """Return the error, with the op and the id that an unreadable answer of a provider names: a caller waits for it.
+    """Return the error with the op and the id of a provider's unreadable answer, because a caller waits for it.
 
-    The ids of calls and goals are ours, so they are known wherever they stand; two different ones are none.
+    The server itself made the ids of calls and goals, so they can be recognised anywhere in the text. If two different
+    ids are found, none is taken.
     """
     op = _ANSWER_OP.search(text)
     ids = {found[1] for found in islice(_ANSWER_ID.finditer(text), _MAX_ANSWER_IDS)}
@@ -353,20 +367,20 @@ def _name(error: FrameError, text: str) -> FrameError:
 
 
 def _ends(text: bytes | memoryview | str) -> str:
-    """Both ends of a text that is not decoded, where clients write its op and its id."""
+    """Return both ends of a text that is not decoded: clients write op and id there."""
     if isinstance(text, str):
         return text[:_NAMED] + text[-_NAMED:]
     return (bytes(text[:_NAMED]) + bytes(text[-_NAMED:])).decode("latin-1")
 
 
 def op_from_value(value: JsonValue) -> Op:
-    """Return the op that a JSON value spells; its bodies stay as they are.
+    """Return the op for a JSON value; message bodies stay as they are.
 
     Args:
         value: decoded JSON or CBOR; a body may still be JSON text.
 
     Raises:
-        FrameError: it is none, in rosbridge_suite's words.
+        FrameError: the value is not an op; the text is in rosbridge_suite's words.
     """
     if not isinstance(value, dict):
         raise FrameError(f"Expected a JSON object with an op, but got {type(value).__name__}: {_shorten(str(value))}")
@@ -409,37 +423,37 @@ def op_from_value(value: JsonValue) -> Op:
 
 
 def _strange_fields(op: type[Op], value: Mapping[Any, object]) -> str:
-    """Return a sentence on the fields that mean nothing in an op, one of which is perhaps misspelt; or nothing."""
+    """Return a sentence about unknown fields of an op, since one may be misspelt; an empty text if there are none."""
     strange = sorted({str(key) for key in islice(value, _MAX_LOOKED_AT)} - {"op", *op.__struct_fields__})
     return f"  What came in place of it: {listing(strange)}" if strange else ""
 
 
 _MAX_LOOKED_AT = 100
-"""Fields of a wrong op that are looked at: more than any op has."""
+"""Fields of a wrong op that are searched: more than any op has."""
 
 
 def _checked(given: JsonValue, op: str, field: str, op_id: object) -> JsonValue:
     classes = _ID_CLASSES.get(op, _CLASSES["id"]) if field == "id" else _CLASSES[field]
-    # Python would let True pass for 1; rosbridge_suite does, we do not
+    # in Python, True is an int; rosbridge_suite accepts it, this server does not
     if not isinstance(given, classes) or (isinstance(given, bool) and bool not in classes):
         raise FrameError(
             f"{op}: Expected field {field} to be one of {classes}. Invalid value: {_shorten(str(given))}",
             op_id,
             reason=Reason.BAD_OP,
         )
-    # halves of a surrogate pair may stand at the ends of a fragment's data, and nowhere else
+    # half of a surrogate pair is allowed only at the ends of a fragment's data
     if not isinstance(given, dict) and field != "data" and not _is_id(given):
         raise FrameError(f"{op}: field {field} is no text or number that JSON knows", op_id, reason=Reason.BAD_OP)
     if isinstance(given, (int, float)) and classes == (int, float):
         try:
             return float(given)
-        except OverflowError:  # JSON has integers beyond any float
+        except OverflowError:  # a JSON integer may be larger than any float
             raise FrameError(f"{op}: field {field} is out of range", op_id, reason=Reason.BAD_OP) from None
     return given
 
 
 def _is_unicode(text: str) -> bool:
-    """Tell whether a text has no half of a surrogate pair, which no encoder could send on."""
+    """Return True if a text has no half surrogate pair, which no encoder can send."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -448,14 +462,14 @@ def _is_unicode(text: str) -> bool:
 
 
 def _is_id(value: object) -> bool:
-    """Tell whether a value can be echoed as an id: a scalar that JSON has."""
+    """Return True if a value can be echoed as an id: a JSON scalar."""
     if isinstance(value, str):
         return _is_unicode(value)
     return isinstance(value, (bool, int)) or (isinstance(value, float) and math.isfinite(value))
 
 
 _TOKEN = re.compile(r"""(['"]token['"]\s{0,8}:\s{0,8}['"])[^'"]*""", re.IGNORECASE)
-"""Token of an `auth`, as JSON and as Python write it."""
+"""The token in an `auth` op, as JSON and as Python write it."""
 
 
 def _shorten(text: str) -> str:
@@ -469,26 +483,47 @@ def _shorten_bytes(part: memoryview) -> str:
 
 
 def is_absent(body: OpBody) -> bool:
-    """Tell whether a body was left out, or null, which means the same."""
+    """Return True if a body was left out or is null, which means the same.
+
+    Args:
+        body: body of an op.
+    """
     if isinstance(body, (bytes, msgspec.Raw)):
         return body is ABSENT or bytes(body) in {b"", b"null"}
     return body is None
 
 
 def publish_head(topic: str) -> bytes:
-    """Return a data message up to its body; `topic` is in the subscriber's own spelling."""
+    """Return the start of a JSON data message, up to its body.
+
+    Args:
+        topic: name of the topic as the subscriber spells it.
+    """
     return b'{"op":"publish","topic":' + orjson.dumps(topic) + b',"msg":'
 
 
 def response_frame(service: str, values: bytes, *, is_ok: bool, op_id: Id) -> bytes:
-    """Return the answer to a call. It has an `id` if and only if the call had one."""
+    """Return the answer to a call. It has an `id` only if the call had one.
+
+    Args:
+        service: name of the service as the caller spelt it.
+        values: JSON text of the response, or of the reason for a failure.
+        is_ok: `result` of the answer.
+        op_id: id of the call.
+    """
     tail = b"}" if op_id is None else b',"id":' + _encode_id(op_id) + b"}"
     result = b',"result":true' if is_ok else b',"result":false'
     return b'{"op":"service_response","service":' + orjson.dumps(service) + b',"values":' + values + result + tail
 
 
 def op_frame(op: str, bodies: Mapping[str, bytes], **fields: object) -> bytes:
-    """Return the frame of any op: its fields without those that are None, and its bodies, which are JSON text."""
+    """Return the frame of any op.
+
+    Args:
+        op: name of the op.
+        bodies: message bodies as JSON text, by field name.
+        fields: other fields; those that are None are left out.
+    """
     parts = [b'{"op":' + orjson.dumps(op)]
     for name, value in fields.items():
         if value is not None:
@@ -498,10 +533,16 @@ def op_frame(op: str, bodies: Mapping[str, bytes], **fields: object) -> bytes:
 
 
 def status_frame(level: str, text: str, op_id: object) -> bytes:
-    """A remark of ours; `op_id` names the frame that it is about. Half surrogate pairs of a peer's are escaped."""
+    """Return a status frame. Half surrogate pairs in the text are escaped.
+
+    Args:
+        level: `info`, `warning` or `error`.
+        text: the message.
+        op_id: id of the op that the message is about.
+    """
     return op_frame("status", {}, level=level, msg=printable(text), id=op_id)
 
 
 def _encode_id(op_id: object) -> bytes:
-    """An id as it came; the standard library writes integers of any size."""
+    """Return an id as JSON. The standard library is used because it writes integers of any size."""
     return orjson.dumps(op_id) if isinstance(op_id, str) else json.dumps(op_id).encode()

@@ -1,8 +1,8 @@
 """The first op of a small frame, read without its bodies: all that is decoded for a client without a token.
 
-The session's own reader (`codec.py`) joins pieces, inflates pictures and reads CBOR, and it takes frames of megabytes.
-A client that has not shown its token gets none of that: one typed decode of a few kilobytes of plain JSON, which skips
-every field but five.
+The normal reader (`codec.py`) joins fragments, decompresses PNG images, reads CBOR and accepts frames of megabytes. A
+client that has not sent its token gets none of that. Only a few kilobytes of plain JSON are decoded, with types, and
+all fields but five are skipped.
 """
 
 from __future__ import annotations
@@ -16,20 +16,21 @@ from rosbridge_sim.protocol.ops import Id
 __all__ = ["MAX_SMALL", "FirstOp", "read_first_op", "refusal_frame"]
 
 MAX_SMALL = 4 * 1024
-"""A longer frame is not decoded [bytes]: a token and an id are some hundred, a JSON web token at most two thousand."""
+"""A longer frame is not decoded [bytes]. A token and an id need some hundred bytes, a JSON web token at most two
+thousand."""
 
 _ROS2_UNKNOWN = 0
-"""`status` of an action's result where the goal was never taken (action_msgs/GoalStatus)."""
+"""`status` in an action's result if the goal was never accepted (action_msgs/GoalStatus)."""
 
 
 class FirstOp(msgspec.Struct, frozen=True):
-    """An op of which only what names it and what shows a token was read.
+    """The fields of an op that name it or hold a token; others are not read.
 
     Attributes:
-        op: its name.
-        id: to be repeated in an answer.
-        token: what an `auth` shows.
-        service, action: what it asks, if it waits for an answer.
+        op: name of the op.
+        id: id to repeat in an answer.
+        token: token of an `auth` op.
+        service, action: called service or action, if the op waits for an answer.
     """
 
     op: str
@@ -46,10 +47,10 @@ def read_first_op(frame: bytes) -> tuple[FirstOp, bytes] | None:
     """Read the first JSON object of a small frame. Never raises.
 
     Args:
-        frame: what came, of a text or of a binary frame.
+        frame: content of a text or binary frame.
 
     Returns:
-        The op, and what is glued behind it; None where the frame is long or does not begin with a plain JSON op.
+        The op, and the bytes behind it; None if the frame is long or does not begin with a plain JSON op.
     """
     if len(frame) > MAX_SMALL:
         return None
@@ -66,17 +67,17 @@ def read_first_op(frame: bytes) -> tuple[FirstOp, bytes] | None:
 
 
 def refusal_frame(op: FirstOp | None, why: str) -> bytes:
-    """Write the answer to an op that is not done: a call and a goal get theirs, everything else a status.
+    """Return the answer to an op that is refused. A call and a goal get their own kind of answer, other ops a status.
 
     Args:
-        op: what was asked; None where it could not be read.
-        why: for people to read.
+        op: the refused op; None if it could not be read.
+        why: reason, for people.
     """
     if op is None:
         return status_frame("error", why, None)
     if op.op == "call_service" and op.service is not None:
         op_id = op.id
-        if op_id is None and "#" in op.service:  # an old form has both in one: `service#id`
+        if op_id is None and "#" in op.service:  # old form of a call: `service#id`
             op_id = op.service.partition("#")[2]
         return response_frame(op.service, orjson.dumps(why), is_ok=False, op_id=op_id)
     if op.op == "send_action_goal" and op.action is not None:

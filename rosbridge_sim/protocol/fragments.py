@@ -1,8 +1,9 @@
-"""Long frames cut into `fragment` ops, and put together again.
+"""Long frames split into `fragment` ops, and joined again.
 
-Out: only for a client that asked, each message under an id of its own (a non-empty text: roslib 2 takes the
-number 0 for none), `num` and `total` integers, slices counted in characters of the JSON text. In: kept per
-client, in order of `num` and not of arrival, with bounds on number, size and age.
+Outgoing frames are split only for a client that asked for it. Each message has its own id, a non-empty text, because
+roslib 2 treats the number 0 as no id. `num` and `total` are integers, and slices are counted in characters of the JSON
+text. Incoming fragments are kept per client and joined in order of `num`, whatever the order of arrival. Their number,
+size and age are limited.
 """
 
 from __future__ import annotations
@@ -19,32 +20,33 @@ from rosbridge_sim.protocol.ops import Fragment
 __all__ = ["Characters", "Defragmenter", "Pieces"]
 
 MAX_OPEN = 64
-"""Fragmented messages that one client may have under way."""
+"""Largest number of unfinished fragmented messages of one client."""
 
 MAX_PIECES = 10_000
-"""Pieces of one message, in and out: 16 MiB in pieces of 1.6 kB, finer than any client cuts."""
+"""Largest number of fragments of one message, in both directions: 16 MiB in fragments of 1.6 kB, smaller than any
+client uses."""
 
 MAX_AGE = 60.0
-"""A message is forgotten when no piece of it has come for so long [s]; rosbridge_suite waits ten minutes."""
+"""An unfinished message is dropped after so long without a new fragment [s]; rosbridge_suite waits ten minutes."""
 
 _OVERHEAD = 150
-"""Memory of a piece beside its characters: the text, the number and the entry of a table [bytes]."""
+"""Memory of a fragment beside its characters: the string object, the number and the table entry [bytes]."""
 
 MIN_SIZE = 10
-"""A smaller fragment_size is taken for this one [characters]: each one in a frame of its own helps no client."""
+"""A smaller fragment_size is raised to this [characters]: tiny fragments help no client."""
 
 
 class Characters:
-    """The characters of a long frame, shared by all clients that get it in pieces; in ASCII they take no memory.
+    """The characters of a long frame, shared by all clients that get it in fragments. ASCII text needs no extra memory.
 
     Attributes:
-        frame: in UTF-8.
+        frame: the frame in UTF-8.
     """
 
     __slots__ = ("_text", "frame")
 
     def __init__(self, frame: bytes) -> None:
-        """Remember the frame; `cut` decodes it.
+        """Keep the frame; `cut` decodes it.
 
         Args:
             frame: JSON text.
@@ -56,7 +58,12 @@ class Characters:
         return len(self._decoded())
 
     def cut(self, start: int, end: int) -> str:
-        """The characters from `start` on, before `end`."""
+        """Return the characters from `start` up to, not including, `end`.
+
+        Args:
+            start: first character.
+            end: character behind the last one.
+        """
         part = self._decoded()[start:end]
         return part if isinstance(part, str) else part.decode()
 
@@ -67,23 +74,23 @@ class Characters:
 
 
 class Pieces:
-    """The pieces of a long frame, each made when it is taken: a peer that reads slowly holds the frame and no more.
+    """The fragments of a long frame, each made when it is taken, so a slow reader holds the frame only once.
 
     Attributes:
-        num_bytes: what is held meanwhile [bytes].
+        num_bytes: memory held until then [bytes].
         is_finished: all of them were taken.
     """
 
     __slots__ = ("_id", "_num", "_size", "_text", "_total", "is_finished", "num_bytes")
 
     def __init__(self, text: Characters, size: int, message_id: str) -> None:
-        """Count the pieces; `take` makes them.
+        """Count the fragments; `take` makes them.
 
         Args:
-            text: of the frame.
-            size: longest slice [characters]; more where there would be more than MAX_PIECES of them. A frame that is
-                not longer is its only piece, as it is.
-            message_id: not used for another message of this client before.
+            text: characters of the frame.
+            size: longest slice [characters]. It is raised if it would give more than MAX_PIECES fragments. A frame that
+                is not longer is sent whole.
+            message_id: an id that this client was not sent before.
         """
         self.num_bytes = len(text.frame)
         self.is_finished = False
@@ -99,7 +106,11 @@ class Pieces:
         return id(self._text.frame)
 
     def take(self, max_bytes: int) -> list[bytes]:
-        """Make the next pieces: one at least, and about `max_bytes` in all."""
+        """Make the next fragments.
+
+        Args:
+            max_bytes: about how much to return [bytes]; at least one fragment is returned.
+        """
         if not self._total:
             self._size = max(self._size, math.ceil(len(self._text) / MAX_PIECES))
             self._total = math.ceil(len(self._text) / self._size)
@@ -120,7 +131,7 @@ class Pieces:
 
 
 def _size_of(text: str) -> int:
-    """Memory of a piece, at most [bytes]."""
+    """Return the memory of a fragment, at most [bytes]."""
     return _OVERHEAD + len(text) * (1 if text.isascii() else 4)
 
 
@@ -136,26 +147,33 @@ class _Partial:
 
 
 class Defragmenter:
-    """The fragmented messages of one client that are not whole yet."""
+    """The unfinished fragmented messages of one client."""
 
     __slots__ = ("_account", "_max_bytes", "_partials")
 
     def __init__(self, max_bytes: int, account: Account | None = None) -> None:
-        """Begin without any message.
+        """Create one without messages.
 
         Args:
-            max_bytes: of all pieces that wait together, in UTF-8 [bytes].
-            account: has their memory.
+            max_bytes: limit for all waiting fragments together, in UTF-8 [bytes].
+            account: pays for their memory.
         """
         self._max_bytes = max_bytes
         self._account = account or Account()
         self._partials: dict[object, _Partial] = {}
 
     def add(self, op: Fragment, now: float) -> bytes | None:
-        """Take a piece; return the whole frame, if this was the last one missing.
+        """Add a fragment.
+
+        Args:
+            op: the fragment.
+            now: monotonic time [s].
+
+        Returns:
+            The whole frame if no fragment is missing now; else None.
 
         Raises:
-            FrameError: the piece contradicts those before, or a bound is passed; the message is forgotten.
+            FrameError: the fragment contradicts earlier ones, or a limit is exceeded. The message is dropped.
         """
         for old in list(self._expired(now)):
             self._drop(old)
@@ -191,11 +209,11 @@ class Defragmenter:
             return whole.encode()
         except UnicodeEncodeError:
             pass
-        # JavaScript counts in UTF-16 and may cut a surrogate pair in two; a half that stays alone is a mistake
+        # JavaScript counts in UTF-16 and may split a surrogate pair; a half without its other half is a mistake
         return whole.encode("utf-16-le", "surrogatepass").decode("utf-16-le", "replace").encode()
 
     def forget(self) -> None:
-        """Forget all that is not whole: its sender is gone."""
+        """Drop all unfinished messages, because their sender is gone."""
         for key in list(self._partials):
             self._drop(key)
 

@@ -1,10 +1,9 @@
-"""The ops of rosbridge: each one a small frozen type with its fields.
+"""The ops of rosbridge: each one is a small frozen type with its fields.
 
-The fields are those that this server uses; a frame may have others. `None` is *absent*: a JSON
-null in an optional field means the same as leaving it out, because ROS# writes nulls for what is unset
-(rosbridge_suite refuses those). Message bodies (`msg`, `args`, `values`) of plain frames stay JSON text that is not
-read yet; `schema/` decodes them. Those of other frames (glued ones, CBOR) are Python objects, though declared as text:
-a `OpBody` is either.
+Each type has the fields that this server uses; a frame may have more. `None` means *absent*. A JSON null in an optional
+field means the same, because ROS# writes nulls for unset fields (rosbridge_suite refuses those). Message bodies (`msg`,
+`args`, `values`) of plain frames stay unread JSON text, which `schema/` decodes. Bodies of other frames (several ops in
+one frame, CBOR) are Python objects. An `OpBody` is either of the two.
 """
 
 from __future__ import annotations
@@ -42,14 +41,14 @@ __all__ = [
 ]
 
 Id: TypeAlias = str | int | float | bool | None
-"""An `id` as a client gave it: any JSON scalar, echoed unchanged."""
+"""An `id` that a client gave: any JSON scalar, returned unchanged."""
 
 ABSENT = msgspec.Raw(b"")
-"""A body that the frame did not hold."""
+"""Stands for a body that the frame did not have."""
 
 
 OpBody: TypeAlias = msgspec.Raw | bytes | dict[str, Any] | list[Any] | str | float | bool | None
-"""A message body as the wire layer hands it on: JSON text that was not read yet, or the value read from it."""
+"""A message body as the wire layer passes it on: unread JSON text, or the decoded value."""
 
 
 class _Op(msgspec.Struct, frozen=True, tag_field="op"):
@@ -58,11 +57,11 @@ class _Op(msgspec.Struct, frozen=True, tag_field="op"):
     id: Id = None
 
     bodies: ClassVar[tuple[str, ...]] = ()
-    """The fields that hold message bodies."""
+    """Names of the fields that hold message bodies."""
 
 
 class Advertise(_Op, frozen=True, tag="advertise", kw_only=True):
-    """The client will publish on a topic. `id` is the key of this advertisement within the client and topic."""
+    """The client will publish on a topic. `id` names this advertisement among those of the client and topic."""
 
     topic: str
     type: str
@@ -77,7 +76,7 @@ class Unadvertise(_Op, frozen=True, tag="unadvertise", kw_only=True):
 
 
 class Publish(_Op, frozen=True, tag="publish", kw_only=True):
-    """A message. `type` lets it stand without an advertise (rosbridge_suite 2.2 and later)."""
+    """A message. With `type`, no earlier advertise is needed (rosbridge_suite 2.2 and later)."""
 
     topic: str
     msg: msgspec.Raw = ABSENT
@@ -89,7 +88,7 @@ class Publish(_Op, frozen=True, tag="publish", kw_only=True):
 
 
 class Subscribe(_Op, frozen=True, tag="subscribe", kw_only=True):
-    """The client wants the messages of a topic. The same `id` again replaces its settings."""
+    """The client wants the messages of a topic. A second subscribe with the same `id` replaces its settings."""
 
     topic: str
     type: str | None = None
@@ -107,7 +106,7 @@ class Unsubscribe(_Op, frozen=True, tag="unsubscribe", kw_only=True):
 
 
 class CallService(_Op, frozen=True, tag="call_service", kw_only=True):
-    """A call of a service. `timeout` is in seconds; 0 or less waits for ever."""
+    """A service call. `timeout` is in seconds; 0 or less means no limit."""
 
     service: str
     args: msgspec.Raw = ABSENT
@@ -133,10 +132,9 @@ class UnadvertiseService(_Op, frozen=True, tag="unadvertise_service", kw_only=Tr
 class ServiceResponse(_Op, frozen=True, tag="service_response", kw_only=True):
     """The answer of a provider to a call. roslib 2 leaves `values` out when its handler failed.
 
-    `result` may be left out, since rosbridge_suite never looks at it.
-
-    `reason` is the error text where `values` is no text: rosbridge_suite takes an object in `values` and nothing else,
-    and lets a caller wait for ever if the provider sends a text. Other servers ignore the field.
+    `result` may be missing, because rosbridge_suite never reads it.
+    `reason` is the error text if `values` is not a text. rosbridge_suite accepts only an object in `values`; if the
+    provider sends a text, the caller waits for ever. Other servers ignore this field.
     """
 
     service: str
@@ -161,7 +159,7 @@ class UnadvertiseAction(_Op, frozen=True, tag="unadvertise_action", kw_only=True
 
 
 class SendActionGoal(_Op, frozen=True, tag="send_action_goal", kw_only=True):
-    """A goal of an action; with `feedback`, the client wants its feedback."""
+    """A goal of an action. With `feedback`, the client wants feedback messages."""
 
     action: str
     action_type: str | None = None
@@ -173,14 +171,14 @@ class SendActionGoal(_Op, frozen=True, tag="send_action_goal", kw_only=True):
 
 
 class CancelActionGoal(_Op, frozen=True, tag="cancel_action_goal", kw_only=True):
-    """A request to cancel the client's goal of this id."""
+    """A request to cancel the client's goal with this id."""
 
     id: str
     action: str
 
 
 class ActionFeedback(_Op, frozen=True, tag="action_feedback", kw_only=True):
-    """The feedback of a provider on a goal."""
+    """Feedback of a provider about a goal."""
 
     id: str
     action: str
@@ -192,7 +190,7 @@ class ActionFeedback(_Op, frozen=True, tag="action_feedback", kw_only=True):
 class ActionResult(_Op, frozen=True, tag="action_result", kw_only=True):
     """The result of a provider for a goal.
 
-    Some builds of roslib leave out `status`, or `status` and `values` where the goal failed.
+    Some builds of roslib leave out `status`, or both `status` and `values` if the goal failed.
     """
 
     id: str
@@ -205,7 +203,7 @@ class ActionResult(_Op, frozen=True, tag="action_result", kw_only=True):
 
 
 class Fragment(_Op, frozen=True, tag="fragment", kw_only=True):
-    """A piece of a frame. `total` may be a float: rosbridge_suite writes 3.4 for three pieces."""
+    """A part of a frame. `total` may be a float: rosbridge_suite writes 3.4 for three fragments."""
 
     id: str | int | float
     data: str
@@ -214,13 +212,13 @@ class Fragment(_Op, frozen=True, tag="fragment", kw_only=True):
 
 
 class Png(_Op, frozen=True, tag="png", kw_only=True):
-    """A frame inside a picture, in base64."""
+    """A frame inside a PNG image, in base64."""
 
     data: str
 
 
 class SetLevel(_Op, frozen=True, tag="set_level", kw_only=True):
-    """The client wants status frames of this level and graver ones."""
+    """The client wants status frames of this level and of more severe ones."""
 
     level: str
 
@@ -233,9 +231,9 @@ class Status(_Op, frozen=True, tag="status", kw_only=True):
 
 
 class Auth(_Op, frozen=True, tag="auth", kw_only=True):
-    """The token of a client, as its first message.
+    """The token of a client, in its first message.
 
-    The op of rosauth, which roslibpy can send, has the same name, other fields and no token.
+    The op `auth` of rosauth, which roslibpy can send, has other fields and no token.
     """
 
     token: str | None = None

@@ -1,11 +1,11 @@
-"""The outbox of a peer: the frames that wait for its socket, with a bound.
+"""The outbox of a peer: a limited queue of frames that wait for its socket.
 
-Topic messages, answers and remarks leave in one order, so that a tick's topics are always ahead of the
-tick's answer. While the socket takes what it is given, nothing is lost, however long the burst. When it does
-not, the outbox grows to a limit and then forgets the oldest messages of each topic: the newest `burst` of
-every topic stay as long as the byte limit lets them (rosbridge_suite's own smoke test sends ten at once to a
-subscriber with default settings and wants ten). Answers and remarks are never forgotten; if they alone pass
-the hard limit, the connection has to be closed.
+Topic messages, answers and status frames leave in one order, so the topics of a tick always come before the answer to
+that tick. While the socket accepts frames, nothing is lost, even in a long burst. If it does not, the outbox grows to a
+limit and then drops the oldest messages of each topic. The newest `burst` messages of every topic stay, as far as the
+byte limit allows: rosbridge_suite's own smoke test sends ten at once to a subscriber with default settings and expects
+all ten. Answers and status frames are never dropped. If they alone exceed the hard limit, the connection must be
+closed.
 """
 
 from __future__ import annotations
@@ -19,28 +19,35 @@ __all__ = ["BinaryFrame", "LateFrames", "Outbox", "OutboxLimits"]
 
 
 class BinaryFrame(bytes):
-    """A frame that goes out as binary; plain bytes go out as text."""
+    """A frame to send as binary; plain bytes are sent as text."""
 
     __slots__ = ()
 
 
 class LateFrames(Protocol):
-    """Frames that are made when they are taken, because making them is long work or takes much memory."""
+    """Frames that are made only when they are taken, because this takes long or needs much memory."""
 
     @property
     def num_bytes(self) -> int:
-        """Memory that is held until they are taken [bytes]."""
+        """Memory held until they are taken [bytes]."""
 
     @property
     def identity(self) -> int:
-        """Tells what is held from other things; the same for all listeners that share it."""
+        """Identity of the held memory: equal for all subscribers that share it."""
 
     @property
     def is_finished(self) -> bool:
-        """True once all of them were taken."""
+        """True when all frames were taken."""
 
     def take(self, max_bytes: int) -> list[bytes]:
-        """Do a slice of work; return the frames that it gave, if any: about `max_bytes` in all."""
+        """Do a slice of work.
+
+        Args:
+            max_bytes: about how much to return [bytes].
+
+        Returns:
+            The frames that are ready, perhaps none.
+        """
 
 
 def _ignore(topic: str, error: Exception) -> None:
@@ -49,12 +56,12 @@ def _ignore(topic: str, error: Exception) -> None:
 
 @dataclass(frozen=True, slots=True)
 class OutboxLimits:
-    """The bounds on what a peer may leave unread.
+    """Limits on the frames that a peer leaves unread.
 
     Attributes:
         burst: newest messages of each topic that are kept for a peer that does not read.
-        topic_bytes: topic messages are forgotten beyond this [bytes]; at least one of each topic stays.
-        hard_bytes: the connection is closed beyond this [bytes].
+        topic_bytes: more than this drops topic messages [bytes]; at least one of each topic stays.
+        hard_bytes: more than this closes the connection [bytes].
     """
 
     burst: int = 100
@@ -66,11 +73,12 @@ class Outbox:
     """The frames that wait for one socket, oldest first.
 
     Attributes:
-        num_bytes: what waits now [bytes].
-        bursts: topic -> newest messages kept, where it is not the limits' burst.
-        dropped: topic -> messages forgotten.
-        is_overfull: the hard limit is passed; the owner of the socket should close it.
-        on_unmade: called with the topic of a message, and why its frames could not be made; the message is dropped.
+        num_bytes: size of the waiting frames [bytes].
+        bursts: topic -> newest messages to keep, if not the `burst` of the limits.
+        dropped: topic -> number of dropped messages.
+        is_overfull: the hard limit is exceeded; the owner of the socket should close it.
+        on_unmade: called with the topic of a message whose frames cannot be made, and the error; the message is
+            dropped.
     """
 
     __slots__ = (
@@ -91,18 +99,18 @@ class Outbox:
     )
 
     def __init__(self, limits: OutboxLimits, schedule_flush: Callable[[], None], flush: Callable[[], None]) -> None:
-        """An empty outbox.
+        """Create an empty outbox.
 
         Args:
-            limits: the bounds.
-            schedule_flush: called when a frame arrives in an empty outbox; its owner should call `take` soon.
-            flush: called before anything is forgotten; its owner should call `take` now, as much as the socket takes.
+            limits: limits on waiting frames.
+            schedule_flush: called when a frame arrives in an empty outbox; the owner should call `take` soon.
+            flush: called before messages are dropped; the owner should call `take` now, as much as the socket accepts.
         """
         self._limits = limits
         self._schedule_flush = schedule_flush
         self._flush = flush
         self._frames: deque[tuple[str | None, bytes | LateFrames, int]] = deque()
-        self._begun: str | None = None  # the topic of the first frames, if some of them were made already
+        self._begun: str | None = None  # topic of the first frames, if some of them are already made
         self._num_late = 0
         self._is_relieving = False
         self._trim_at = limits.burst
@@ -117,7 +125,11 @@ class Outbox:
         return len(self._frames)
 
     def send(self, frame: bytes | LateFrames) -> None:
-        """Add an answer or a remark, which is never forgotten."""
+        """Add an answer or a status frame, which is never dropped.
+
+        Args:
+            frame: the frame.
+        """
         if not self._frames:
             self._schedule_flush()
         size = len(frame) if isinstance(frame, bytes) else self._size_of(frame)
@@ -127,7 +139,12 @@ class Outbox:
             self._relieve()
 
     def offer(self, topic: str, frame: bytes | LateFrames) -> None:
-        """Add a message of a topic, which may be forgotten, as a whole, if the peer does not read."""
+        """Add a message of a topic. It may be dropped as a whole if the peer does not read.
+
+        Args:
+            topic: name of the topic.
+            frame: the message.
+        """
         waiting = self._frames
         if not waiting:
             self._schedule_flush()
@@ -142,15 +159,18 @@ class Outbox:
         return frame.num_bytes
 
     def take(self, max_bytes: int) -> list[bytes]:
-        """Take the oldest frames, in order: about `max_bytes` in all.
+        """Remove and return the oldest frames, in order.
+
+        Args:
+            max_bytes: about how much to return [bytes].
 
         Returns:
-            One frame at least if there is any; but none where the next one is not finished: a slice of the work on it
-            was done, and there will be more if it is asked again.
+            At least one frame if any waits. But the list is empty if the next frame is not ready: then a slice of work
+                on it was done, and the caller should ask again.
 
         Raises:
-            Exception: the frames of an answer cannot be made. Its caller would wait for ever, so the
-                connection should be closed.
+            Exception: the frames of an answer cannot be made. The connection should be closed, because the caller would
+                wait for ever.
         """
         waiting = self._frames
         if self.num_bytes <= max_bytes and not self._num_late:
@@ -168,8 +188,8 @@ class Outbox:
                 waiting.popleft()
                 self.num_bytes -= size
                 continue
-            # Making frames is work of its own: what was taken goes first. And it must not be done in the turn of the
-            # client that has sent the message, once for each subscriber.
+            # Making frames takes time, so the frames already taken are sent first. And it must not be done once
+            # for each subscriber in the turn of the client that sent the message.
             if taken or self._is_relieving:
                 break
             topic = topic or self._begun
@@ -185,32 +205,32 @@ class Outbox:
             total += sum(map(len, made))
             if not frame.is_finished:
                 self._begun = topic
-                waiting[0] = None, frame, size  # begun: the rest of it must not be forgotten
+                waiting[0] = None, frame, size  # begun: the rest of it must not be dropped
                 break
             self._drop_first(size)
         return taken
 
     def frames(self) -> Iterator[tuple[int, int]]:
-        """Identity and size of each frame that waits: several outboxes may hold the same one [bytes]."""
+        """Return identity and size [bytes] of each waiting frame; several outboxes may hold the same frame."""
         for _, frame, size in self._frames:
             yield id(frame) if isinstance(frame, bytes) else frame.identity, size
 
     def _drop_first(self, size: int) -> None:
-        """Take out the first frames, which were made late or cannot be made."""
+        """Remove the first entry, whose frames were made late or cannot be made."""
         self._frames.popleft()
         self._begun = None
         self._num_late -= 1
         self.num_bytes -= size
 
     def close(self) -> None:
-        """Forget everything: the peer is gone."""
+        """Drop everything, because the peer is gone."""
         self._frames.clear()
         self._begun = None
         self._num_late = 0
         self.num_bytes = 0
 
     def _relieve(self) -> None:
-        """Have the owner take what the socket takes; forget topic messages if that was not enough."""
+        """Let the owner send what the socket accepts; then drop topic messages if that was not enough."""
         self._is_relieving = True
         try:
             self._flush()
@@ -218,13 +238,13 @@ class Outbox:
             self._is_relieving = False
         if len(self._frames) > self._trim_at or self.num_bytes > self._limits.topic_bytes:
             self._trim()
-        # not again before as much has come as is left: trimming then costs each frame a constant amount of work
+        # wait until the size has doubled before the next trim, so that trimming costs constant work per frame
         self._trim_at = max(self._limits.burst, 2 * len(self._frames))
         self._relieve_at = max(self._limits.topic_bytes, self.num_bytes + self._limits.topic_bytes // 2)
         self.is_overfull = self.num_bytes > self._limits.hard_bytes
 
     def _trim(self) -> None:
-        """Keep the newest of each topic, up to the burst and to half the byte limit, and all that is no topic."""
+        """Keep all answers, and the newest messages of each topic, up to the burst and to half the byte limit."""
         kept: deque[tuple[str | None, bytes | LateFrames, int]] = deque()
         counts: Counter[str] = Counter()
         topic_bytes = 0

@@ -1,10 +1,10 @@
-"""A frame inside a picture: rosbridge's `png` op, both ways, in slices of a millisecond or two.
+"""Frames inside PNG images: rosbridge's `png` op, in both directions, in slices of one or two milliseconds.
 
-The picture is rosbridge_suite's: the JSON text in UTF-8, padded with newlines, as the RGB bytes of a PNG that is
-about square. 16 kB of it can hold 16 MB, and reading or making a large one takes a tenth of a second to seconds, in one
-call of a library that lets nothing else run. So a large picture is read strip by strip: its lines are inflated a few
-at a time, and each strip, behind the line above it, becomes a small picture of its own for Pillow to read. A picture is
-written with zlib alone, without filters, which help photographs and not text.
+The image format is rosbridge_suite's: the JSON text in UTF-8, padded with newlines, is the RGB data of a roughly square
+PNG. An image of 16 kB can hold 16 MB. Reading or writing a large one in one library call takes a tenth of a second to
+seconds, and nothing else runs meanwhile. So a large image is read in strips: a few lines are decompressed at a time,
+and each strip, with the line above it, becomes a small image that Pillow reads. Images are written with zlib alone. PNG
+filters are not used, because they help photographs and not text.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Generator, Iterator
 from io import BytesIO
 from struct import Struct, unpack_from
-from struct import error as StructError  # noqa: N812 - the module calls it plain `error`
+from struct import error as StructError  # noqa: N812 - its name in the module is only `error`
 
 import pybase64
 
@@ -28,30 +28,34 @@ _HEADER = Struct(">IIBBBBB")  # width, height, bits a sample, colour type, compr
 _TRUECOLOUR = 2
 
 _SMALL = 192 * 1024
-"""A picture of at most so many bytes is read by Pillow in one go: 1 ms. Larger ones are read in strips of this size."""
+"""Pillow reads an image of at most this size in one call: 1 ms. Larger ones are read in strips of this size [bytes]."""
 
 _SLICE = 64 * 1024
-"""Bytes that are compressed in one go: 2 ms for text that does not repeat itself."""
+"""Bytes compressed in one slice: 2 ms for text without repetition."""
 
 _WIDE = 2**14
-"""A line with more pixels is no padding: the picture of 1 GB of text has lines of 18,918."""
+"""A line with more pixels than this is no padding: the image of 1 GB of text has lines of 18,918 pixels."""
 
 _NUM_CHUNKS = 1_000
-"""Chunks of a file that are passed over in one go; a file of 16 MB can have a million empty ones."""
+"""Chunks of a file skipped in one slice; a file of 16 MB can have a million empty chunks."""
 
 _LEVEL = 1
-"""zlib's fastest level: JSON text becomes a quarter of its size in a tenth of the time of the best one."""
+"""The fastest level of zlib: it reduces JSON text to a quarter of its size, in a tenth of the time of the best level.
+"""
 
 
 def decode_png(data: str, max_bytes: int) -> Generator[None, None, bytes]:
-    """Read the frame inside a picture; yields after each slice of work and returns the frame.
+    """Read the frame inside a PNG image; yield after each slice of work, and return the frame at the end.
 
     Args:
-        data: the picture's file in base64.
-        max_bytes: longest frame; a small file can claim a huge picture.
+        data: the PNG file in base64.
+        max_bytes: longest frame; needed because a small file can claim a huge image.
+
+    Returns:
+        The frame.
 
     Raises:
-        FrameError: it is no picture, or none that holds a text, or too large.
+        FrameError: the data is not a PNG, holds no text, or is too large.
     """
     try:
         file = pybase64.b64decode(data, validate=True)
@@ -70,10 +74,10 @@ def decode_png(data: str, max_bytes: int) -> Generator[None, None, bytes]:
 
 
 def _read_header(file: bytes) -> tuple[int, ...]:
-    """Width, height, bits a sample, colour type, compression, filter, interlace of a picture.
+    """Return width, height, bits per sample, colour type, compression, filter and interlace of an image.
 
     Raises:
-        ValueError, struct.error: it is none.
+        ValueError, struct.error: it is not a PNG.
     """
     if not file.startswith(_SIGNATURE) or file[12:16] != b"IHDR":
         raise ValueError("it does not begin as a PNG does")
@@ -81,8 +85,8 @@ def _read_header(file: bytes) -> tuple[int, ...]:
 
 
 def _read_whole(file: bytes) -> bytes:
-    """The pixels of a small picture of any form."""
-    from PIL import Image  # noqa: PLC0415 - 30 ms that only pictures cost
+    """Return the pixels of a small image of any form."""
+    from PIL import Image  # noqa: PLC0415 - 30 ms that only images need
 
     with Image.open(BytesIO(file), formats=["PNG"]) as image:
         pixels: bytes = image.convert("RGB").tobytes()
@@ -90,12 +94,12 @@ def _read_whole(file: bytes) -> bytes:
 
 
 def _read_strips(file: bytes, width: int, height: int) -> Generator[None, None, bytes]:
-    """The pixels of a picture, read a few lines at a time.
+    """Return the pixels of an image, read a few lines at a time.
 
     Raises:
-        ValueError, zlib.error, OSError, SyntaxError, struct.error: the picture is broken.
+        ValueError, zlib.error, OSError, SyntaxError, struct.error: the image is broken.
     """
-    line = 1 + 3 * width  # each line begins with the number of its filter
+    line = 1 + 3 * width  # each line begins with its filter number
     num_lines = max(1, _SMALL // line)
     pixels = bytearray()
     above = bytes(line)
@@ -118,7 +122,7 @@ def _read_strips(file: bytes, width: int, height: int) -> Generator[None, None, 
 
 
 def _critical_part(file: bytes) -> Generator[None, None, bytes]:
-    """The file without its ancillary chunks: texts and profiles in them inflate to more than the picture."""
+    """Return the file without its optional chunks: texts and profiles in them may become larger than the image."""
     parts = [_SIGNATURE]
     for i, (kind, start, end) in enumerate(_chunks(file)):
         if kind[:1].isupper():
@@ -129,7 +133,7 @@ def _critical_part(file: bytes) -> Generator[None, None, bytes]:
 
 
 def _chunks(file: bytes) -> Iterator[tuple[bytes, int, int]]:
-    """Kind, start and end of each chunk: four bytes of length, four of kind, the content, four of checksum."""
+    """Yield type, start and end of each chunk: four bytes of length, four of type, the content, four of checksum."""
     position = len(_SIGNATURE)
     while position + 8 <= len(file):
         length, kind = unpack_from(">I4s", file, position)
@@ -138,14 +142,14 @@ def _chunks(file: bytes) -> Iterator[tuple[bytes, int, int]]:
 
 
 def _inflate(file: bytes, size: int) -> Iterator[bytes]:
-    """The inflated image data of a file, at most `size` bytes at a time; nothing now and then between chunks."""
+    """Yield the decompressed image data, at most `size` bytes at a time; sometimes empty bytes between chunks."""
     decoder = zlib.decompressobj()
     for i, (kind, begin, end) in enumerate(_chunks(file)):
         if i % _NUM_CHUNKS == 0:
             yield b""
         if kind != b"IDAT":
             continue
-        for start in range(begin + 8, end - 4, _SLICE):  # what zlib leaves over is copied: keep it short
+        for start in range(begin + 8, end - 4, _SLICE):  # zlib copies its unused input, so keep the input short
             rest = file[start : min(start + _SLICE, end - 4)]
             while rest and not decoder.eof:
                 yield decoder.decompress(rest, size)
@@ -154,7 +158,7 @@ def _inflate(file: bytes, size: int) -> Iterator[bytes]:
 
 
 def _small_file(width: int, lines: bytes) -> bytes:
-    """A picture of some lines, each behind the number of its filter; not compressed."""
+    """Return an uncompressed image of some lines, each one behind its filter number."""
     header = _HEADER.pack(width, len(lines) // (1 + 3 * width), 8, _TRUECOLOUR, 0, 0, 0)
     return _file(header, zlib.compress(lines, 0))
 
@@ -168,11 +172,11 @@ def _file(header: bytes, image_data: bytes) -> bytes:
 
 
 class Picture:
-    """A `png` op that holds a frame: made slice by slice, once for all its listeners.
+    """A `png` op that holds a frame: made in slices, once for all its subscribers.
 
     Attributes:
-        frame: the finished op; None until `work` has done enough.
-        num_bytes: of the text [bytes]; the picture has about as many at most.
+        frame: the finished op; None until `work` has finished it.
+        num_bytes: length of the text [bytes]; the image is at most about as long.
     """
 
     __slots__ = (
@@ -189,10 +193,10 @@ class Picture:
     )
 
     def __init__(self, text: bytes) -> None:
-        """Remember the text; `work` makes the picture.
+        """Keep the text; `work` makes the image.
 
         Args:
-            text: the frame of JSON text.
+            text: a frame of JSON text.
         """
         self.frame: bytes | None = None
         self.num_bytes = len(text)
@@ -207,17 +211,20 @@ class Picture:
         self._line, self._height = 3 * width, height
 
     def work(self) -> bool:
-        """Do the next slice; return whether the frame is finished.
+        """Do the next slice.
+
+        Returns:
+            True if the frame is finished.
 
         Raises:
-            EncodingError: a slice has failed, now or before: without it the picture would be another one.
+            EncodingError: a slice has failed, now or earlier; the image would be wrong without it.
         """
         if self.frame is not None:
             return True
         if self._failure is None:
             try:
                 return self._do_slice()
-            except Exception as error:  # noqa: BLE001 - a bug of ours or of zlib, whatever it is
+            except Exception as error:  # noqa: BLE001 - an internal error, or one of zlib
                 self._failure = error
                 self._done, self._text = [], b""
         raise EncodingError(f"a picture cannot be made: {self._failure!r:.200}") from self._failure
@@ -243,10 +250,10 @@ class Picture:
 
 
 class PictureFrames:
-    """A picture on its way to one listener: it is sent when it is finished, by whichever listener's turn that was.
+    """A `png` op on its way to one subscriber. All its subscribers share the work; it is sent when it is finished.
 
     Attributes:
-        num_bytes: what is held meanwhile [bytes].
+        num_bytes: memory held until then [bytes].
         is_finished: it was taken.
     """
 
@@ -263,7 +270,14 @@ class PictureFrames:
         return id(self._picture)
 
     def take(self, max_bytes: int) -> list[bytes]:  # noqa: ARG002 - one frame, whatever its length
-        """Do the next slice of work; return the frame if that was the last one."""
+        """Do the next slice of work.
+
+        Args:
+            max_bytes: not used: there is only one frame.
+
+        Returns:
+            The frame if that was the last slice; else an empty list.
+        """
         if not self._picture.work() or self._picture.frame is None:
             return []
         self.is_finished = True

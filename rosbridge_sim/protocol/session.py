@@ -1,11 +1,10 @@
-"""One connection as a state machine: frames in, ops out; messages, answers and remarks in, frames out.
+"""One connection as a state machine: it turns frames into ops, and messages, answers and texts into frames.
 
-A session knows one peer's wire and nothing else: how it spells topics, in which encoding and how often it wants
-their messages, which pieces of which long frames have come, from which level on it wants status frames, and
-what waits in its outbox. `receive` never raises for anything that a peer can send; the peer is told what is no op.
-The meaning of the ops is in `graph/peer.py`.
-
-No encoding, piece or binary frame goes to a peer that did not ask for it.
+A session knows only the wire of one peer: its spelling of topics, encodings and rates of its subscriptions, unfinished
+fragments, its status level, and its outbox. `receive` never raises, whatever the peer sends; the peer is told about
+each invalid part.
+`graph/peer.py` defines the meaning of the ops.
+A peer gets other encodings, fragments or binary frames only if it asked for them.
 """
 
 from __future__ import annotations
@@ -36,22 +35,22 @@ from rosbridge_sim.protocol.subscription import Feed
 __all__ = ["LEVELS", "Session"]
 
 LEVELS = {"none": 0, "error": 1, "warning": 2, "warn": 2, "info": 3}
-"""Levels of remarks; a peer hears those up to its own. `warn` is what C++ servers' clients write."""
+"""Levels of status frames; a peer gets those up to its own level. Clients for C++ servers write `warn`."""
 
 
 class Session:
     """The wire of one peer.
 
     Attributes:
-        outbox: what is on its way to the peer.
-        account: has the memory that is held for the peer.
-        level: remarks up to this one are sent; `error` until the peer asks otherwise.
-        frame_length: of the frame in hand, if it is not a plain one [bytes]; else 0.
-        num_received, num_refused: frames in, and those among them that held something that is no op.
-        num_sent: messages of topics that went into the outbox.
-        on_unsent: called with a spelling of a topic, if a message could not be encoded after it had waited.
-        on_mistake: called with what is no op, after the peer was told.
-        on_lost_answer: called with what is no op but should have been the answer to a call or the result of a goal.
+        outbox: frames on their way to the peer.
+        account: pays for the memory that the peer uses.
+        level: status frames up to this level are sent; `error` until the peer sets another one.
+        frame_length: length of the current frame if `receive` reads it [bytes]; else 0.
+        num_received, num_refused: number of incoming frames, and of those with an invalid part.
+        num_sent: number of topic messages put into the outbox.
+        on_unsent: called with the spelling of a topic if a waiting message could not be encoded.
+        on_mistake: called with the error of an invalid part, after the peer was told.
+        on_lost_answer: called with the error if the invalid part was an answer to a call or the result of a goal.
     """
 
     def __init__(
@@ -64,16 +63,16 @@ class Session:
         on_refused: Callable[[FrameError], None] | None = None,
         account: Account | None = None,
     ) -> None:
-        """Begin without subscriptions.
+        """Create a session without subscriptions.
 
         Args:
-            outbox: where frames for the peer go.
-            alarm: called with a time [s] at which `flush` will have something to do.
-            max_frame_size: longest frame that pieces may make [bytes].
-            is_talkative: whether remarks are sent at all (an option for clients that choke on them).
-            on_refused: hears of what is no op, in place of the peer: for a session with a server, which has no ear for
-                remarks.
-            account: pays for what the peer makes us hold; None is one without a limit.
+            outbox: takes the frames for the peer.
+            alarm: called with the monotonic time at which `flush` should be called [s].
+            max_frame_size: longest frame that fragments may form [bytes].
+            is_talkative: False sends no status frames at all, for clients that cannot handle them.
+            on_refused: gets the errors of invalid parts in place of the peer. A session with a server uses it, because
+                servers do not read status frames.
+            account: pays for the memory that the peer uses; None means no limit.
         """
         self.outbox = outbox
         outbox.on_unmade = self._lose_message
@@ -97,9 +96,12 @@ class Session:
     # In
 
     def receive_plain(self, frame: bytes) -> Op | None:
-        """Return the one op of a clean frame of ordinary length; None where `receive` has to read it.
+        """Return the only op of a well-formed frame of ordinary length; None if `receive` must read the frame.
 
-        Nearly every frame is of that kind, and costs half a microsecond here.
+        Nearly all frames are like this, and cost half a microsecond here.
+
+        Args:
+            frame: content of a text or binary frame.
         """
         self.frame_length = 0
         if len(frame) < LONG:
@@ -110,21 +112,21 @@ class Session:
         return None
 
     def receive(self, frame: bytes, now: float) -> Iterator[Op | None]:
-        """Read the ops of a frame one by one, in order. The peer is told of whatever else is in it. Never raises.
+        """Read the ops of a frame one by one, in order. The peer is told about each invalid part. Never raises.
 
         Args:
-            frame: what came, of a text or of a binary frame.
+            frame: content of a text or binary frame.
             now: monotonic time [s].
 
         Yields:
-            An op, or None after a slice of work without one: others may have their turn in between.
+            An op; or None after a slice of work, so that others can have their turn.
         """
         self.num_received += 1
         self.frame_length = len(frame)
         for op in self._decode(frame):
             if isinstance(op, (Fragment, Png)):
                 yield from self._unwrap(op, now)
-                yield None  # thousands of pieces may be glued together that make nothing whole
+                yield None  # one frame may hold thousands of fragments that complete no message
             elif isinstance(op, FrameError):
                 self._refuse(op)
                 yield None
@@ -141,7 +143,7 @@ class Session:
             yield error
 
     def _unwrap(self, op: Fragment | Png, now: float) -> Iterator[Op | None]:
-        """Yield the ops inside a picture, or inside the frame that a piece has made whole."""
+        """Yield the ops inside a PNG image, or inside a frame that a fragment has completed."""
         try:
             inner = yield from self._open(op, now)
         except FrameError as error:
@@ -149,7 +151,7 @@ class Session:
             self._refuse(error)
             return
         for inner_op in decode_frame(inner) if inner is not None else ():
-            if isinstance(inner_op, (Fragment, Png)):  # a picture in a picture in a picture: no client needs it
+            if isinstance(inner_op, (Fragment, Png)):  # no client needs an image in an image
                 self._refuse(FrameError("A fragment or a png may not hold another one", inner_op.id))
                 yield None
             elif isinstance(inner_op, FrameError):
@@ -159,10 +161,10 @@ class Session:
                 yield inner_op
 
     def _open(self, op: Fragment | Png, now: float) -> Generator[None, None, bytes | None]:
-        """The frame inside a picture, or the one that a piece has made whole, if it has.
+        """Return the frame inside a PNG image, or the one that a fragment has completed; None if fragments are missing.
 
         Raises:
-            FrameError: it cannot be had.
+            FrameError: the frame cannot be read.
         """
         if isinstance(op, Png):
             return (yield from decode_png(op.data, self._max_frame_size))
@@ -181,18 +183,35 @@ class Session:
     # Out
 
     def set_level(self, level: str) -> None:
-        """Send status frames up to `level` from now on; a word that is no level changes nothing."""
+        """Send status frames up to `level` from now on. An unknown level changes nothing.
+
+        Args:
+            level: one of LEVELS.
+        """
         self.level = LEVELS.get(level, self.level)
 
     def remark(self, level: str, text: str, op_id: object = None) -> None:
-        """Send a status frame, if the peer wants those of that level."""
+        """Send a status frame if the peer wants this level.
+
+        Args:
+            level: one of LEVELS.
+            text: the message.
+            op_id: id of the op that the message is about.
+        """
         if self._is_talkative and LEVELS[level] <= self.level:
             self.outbox.send(status_frame(level, text, op_id))
 
     def answer(
         self, service: str, op_id: Id, values: Encoded | object, *, is_ok: bool, fragment_size: float | None = None
     ) -> None:
-        """Answer a call of the peer's: with a message, or with whatever JSON value says why not.
+        """Answer a call of the peer.
+
+        Args:
+            service: name of the service as the peer spelt it.
+            op_id: id of the call.
+            values: the response message; or, for a failure, any JSON value with the reason.
+            is_ok: `result` of the answer.
+            fragment_size: longest frame that the caller asked for [characters]; None means no limit.
 
         Raises:
             EncodingError: the message cannot be written; this is an internal error.
@@ -202,19 +221,26 @@ class Session:
         self.outbox.send(frame if fragment_size is None else self.pieces(frame, fragment_size))
 
     def say(self, op: str, bodies: dict[str, Encoded], fragment_size: float | None = None, **fields: object) -> None:
-        """Send any op that is an answer or a request, and so must not be lost."""
+        """Send any op that is an answer or a request, and so must not be dropped.
+
+        Args:
+            op: name of the op.
+            bodies: messages by field name.
+            fragment_size: longest frame that the peer asked for [characters]; None means no limit.
+            fields: other fields; those that are None are left out.
+        """
         frame = op_frame(op, {name: body.json for name, body in bodies.items()}, **fields)
         self.outbox.send(frame if fragment_size is None else self.pieces(frame, fragment_size))
 
     def pieces(
         self, frame: bytes, size: float | None, share: Callable[[], Characters] | None = None
     ) -> bytes | LateFrames:
-        """The frame, in pieces if the peer asked for frames of at most `size` characters.
+        """Return the frame, or its fragments if it is longer than `size`.
 
         Args:
             frame: JSON text.
-            size: None is no limit.
-            share: gives its characters, if others get the same frame.
+            size: longest frame that the peer asked for [characters]; None means no limit.
+            share: returns the characters of the frame, if other peers get the same frame.
         """
         if size is None or size <= 0 or len(frame) <= size:
             return frame
@@ -223,7 +249,7 @@ class Session:
         return Pieces(text, int(min(size, 2**31)), f"frag:{self._num_fragmented}")
 
     def _lose_message(self, spelling: str, cause: Exception) -> None:
-        """Report a message whose frames could not be made when the peer was to have them."""
+        """Report a message whose frames could not be made when the outbox reached it."""
         if isinstance(cause, EncodingError):
             self.on_unsent(spelling, cause)
             return
@@ -234,17 +260,22 @@ class Session:
     # Feeds
 
     def await_turn(self, feed: Feed, due: float) -> None:
-        """Have `flush` look at a feed in which messages wait (for `Feed` alone)."""
+        """Let `flush` look at a feed with waiting messages (for `Feed` alone).
+
+        Args:
+            feed: the feed.
+            due: monotonic time of its next message [s].
+        """
         if feed not in self._waiting:
             self._waiting[feed] = None
             self._alarm(due)
 
     def flush(self, now: float, stamp_ns: int) -> None:
-        """Send what has waited for its turn, and set the alarm for what still does.
+        """Send the messages whose time has come, and set the alarm for the next one.
 
         Args:
             now: monotonic time [s].
-            stamp_ns: the time that cbor-raw frames carry [ns].
+            stamp_ns: time that cbor-raw frames carry [ns].
         """
         due = float("inf")
         for feed in list(self._waiting):
@@ -261,17 +292,21 @@ class Session:
             self._alarm(due)
 
     def waiting(self) -> Iterator[tuple[int, int]]:
-        """Identity and size of each message that waits for its turn: several sessions may hold the same one."""
+        """Yield identity and size [bytes] of each waiting message; several sessions may hold the same message."""
         for feed in self._waiting:
             for message in feed.throttle.waiting():
                 yield id(message), message.num_bytes
 
     def leave(self) -> None:
-        """Forget what is held for a peer that is gone."""
+        """Release what is held for a peer that is gone."""
         self._defragmenter.forget()
 
     def drop_feed(self, feed: Feed) -> None:
-        """Forget what waits in a feed that has ended."""
+        """Drop the waiting messages of a feed that has ended.
+
+        Args:
+            feed: the feed.
+        """
         feed.throttle.forget()
         self._waiting.pop(feed, None)
         self.outbox.bursts.pop(feed.spelling, None)

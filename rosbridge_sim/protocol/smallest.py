@@ -1,7 +1,7 @@
-"""The smallest of many numbers that come and go: what merged subscriptions and advertisements need.
+"""The smallest of many numbers that come and go, for merged options of subscriptions and advertisements.
 
-A heap of the different numbers, and how often each is there. A number that has gone stays in the heap until it is on
-top, or until most of the heap has gone; so each change costs a logarithm, however many clients choose the numbers.
+The numbers are in a heap, with a count for each. A removed number stays in the heap until it reaches the top, or until
+most numbers of the heap are removed ones. So each change takes logarithmic time, however many clients there are.
 """
 
 from __future__ import annotations
@@ -12,21 +12,25 @@ from collections.abc import Iterable
 __all__ = ["Smallest"]
 
 _SPARE = 16
-"""Gone numbers that a heap may always hold: a small one is not worth making anew."""
+"""Removed numbers that a heap may always keep: rebuilding a small heap is not worthwhile."""
 
 
 class Smallest:
-    """A bag of numbers."""
+    """A collection of numbers in which a number may occur several times."""
 
     __slots__ = ("_counts", "_heap", "_num_there")
 
     def __init__(self) -> None:
-        self._counts: dict[float, int] = {}  # of each number in the heap; 0 where it has gone
+        self._counts: dict[float, int] = {}  # count of each number in the heap; 0 if it was removed
         self._heap: list[float] = []
         self._num_there = 0
 
     def add(self, number: float) -> None:
-        """Put a number in."""
+        """Add a number.
+
+        Args:
+            number: the number.
+        """
         count = self._counts.get(number)
         if count is None:
             heapq.heappush(self._heap, number)
@@ -34,7 +38,11 @@ class Smallest:
         self._num_there += not count
 
     def remove(self, number: float) -> None:
-        """Take a number out that is there."""
+        """Remove a number once; it must be there.
+
+        Args:
+            number: the number.
+        """
         self._counts[number] -= 1
         self._num_there -= not self._counts[number]
         if len(self._heap) > 2 * self._num_there + _SPARE:
@@ -42,12 +50,16 @@ class Smallest:
             self._heap = sorted(self._counts)
 
     def remove_all(self, numbers: Iterable[float]) -> None:
-        """Take numbers out that are there."""
+        """Remove each of these numbers once; they must be there.
+
+        Args:
+            numbers: the numbers.
+        """
         for number in numbers:
             self.remove(number)
 
     def get(self) -> float | None:
-        """The smallest number; None where there is none."""
+        """Return the smallest number; None if there is none."""
         heap = self._heap
         while heap and not self._counts[heap[0]]:
             del self._counts[heapq.heappop(heap)]

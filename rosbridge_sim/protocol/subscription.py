@@ -1,19 +1,18 @@
 """Subscriptions of one peer to one topic: merged, throttled, queued, and encoded as they ask.
 
-One client and one spelling of a topic make one feed, whatever the number of subscription ids; each message
-of the topic leaves at most once. The options of the ids are merged (facts of rosbridge_suite, where it and the
-protocol's text differ we say which side we took):
+All subscriptions of one client to one spelling of a topic form one feed, which sends each message at most once. Their
+options are merged. The words in brackets name the source: rosbridge_suite, the protocol's text, or both:
 
     throttle_rate   the lowest (both)
-    queue_length    the highest (the text; rosbridge_suite takes the lowest, which drops what a client asked for)
+    queue_length    the highest (the text; rosbridge_suite takes the lowest, which drops messages that a client wanted)
     fragment_size   the lowest that was given (the text)
     compression     cbor-raw before cbor before png before none (rosbridge_suite)
 
-A throttled feed sends the first message of a burst at once. Without a queue the rest is dropped until the
-interval is over; with one, the newest `queue_length` wait and leave one each interval, so the last value of a
-burst arrives. Time is an argument; the session, told by `await_turn`, calls `flush` when a message is due.
+A throttled feed sends the first message of a burst at once. Without a queue, the others are dropped until the
+interval is over. With a queue, the newest `queue_length` messages wait, and one is sent in each interval, so the last
+value of a burst arrives. Time is an argument. The feed calls `await_turn`, and the session then calls `flush` in time.
 
-A feed encodes each message as its options say. A heavy one is encoded when its turn in the outbox has come.
+A feed encodes each message as its options say. A heavy message is encoded only when the outbox reaches it.
 """
 
 from __future__ import annotations
@@ -44,10 +43,10 @@ __all__ = [
 ]
 
 COMPRESSIONS = ("none", "png", "cbor", "cbor-raw")
-"""From the weakest claim to the strongest."""
+"""Encodings, from the lowest priority to the highest."""
 
 MAX_QUEUE = 10_000
-"""A longer queue_length is taken for this one: what waits is memory."""
+"""A longer queue_length is lowered to this one, because waiting messages use memory."""
 
 T = TypeVar("T")
 
@@ -57,9 +56,9 @@ class SubscriptionOptions:
     """The options of one subscription.
 
     Attributes:
-        interval: least time between two messages [s]; 0 is no limit.
-        queue_length: messages that may wait for their turn; 0 is none.
-        fragment_size: longest frame in characters, or None.
+        interval: shortest time between two messages [s]; 0 means no limit.
+        queue_length: messages that may wait; 0 means none.
+        fragment_size: longest frame [characters]; None means no limit.
         compression: one of COMPRESSIONS.
     """
 
@@ -70,7 +69,11 @@ class SubscriptionOptions:
 
 
 def read_options(op: Subscribe) -> SubscriptionOptions:
-    """Return the options of a subscribe; an unknown encoding means JSON, as in rosbridge_suite."""
+    """Return the options of a subscribe op. An unknown encoding means JSON, as in rosbridge_suite.
+
+    Args:
+        op: the subscribe op.
+    """
     size = op.fragment_size
     return SubscriptionOptions(
         interval=max(0.0, op.throttle_rate or 0.0) / 1e3,
@@ -82,11 +85,11 @@ def read_options(op: Subscribe) -> SubscriptionOptions:
 
 @dataclass(frozen=True, slots=True)
 class Qos:
-    """The parts of a quality-of-service object that have a meaning in one process.
+    """The quality-of-service settings that have a meaning in one process.
 
     Attributes:
-        depth: messages kept for subscribers that come late.
-        is_latching: durability: transient_local is True, volatile is False, None leaves it open.
+        depth: messages kept for later subscribers.
+        is_latching: durability: True for transient_local, False for volatile, None if not given.
     """
 
     depth: int = 1
@@ -98,14 +101,17 @@ QOS_VALUES: dict[str, tuple[str, ...]] = {
     "reliability": ("reliable", "best_effort", "best_available"),
     "durability": ("transient_local", "volatile", "best_available"),
 }
-"""The policies that are words. `depth` is a number; `deadline` and `lifespan` are durations, which we pass over."""
+"""Policies whose value is a word. `depth` is a number. `deadline` and `lifespan` are durations, which are ignored."""
 
 MAX_QOS_DEPTH = 1_000
-"""Latched messages kept for one topic at most."""
+"""Largest number of latched messages of one topic."""
 
 
 def read_qos(qos: dict[str, object] | None) -> Qos:
-    """The part of a `qos` object that is honoured: durability and depth (rosbridge_suite of 2026, PR 1150).
+    """Return the supported part of a `qos` object: durability and depth (rosbridge_suite of 2026, PR 1150).
+
+    Args:
+        qos: the object; None means none was given.
 
     Raises:
         FrameError: a policy or one of its values is unknown.
@@ -130,10 +136,10 @@ def read_qos(qos: dict[str, object] | None) -> Qos:
 
 
 class MergedOptions:
-    """The options of a feed, merged from those of its subscriptions, which come and go; each change costs a logarithm.
+    """The options of a feed, merged from those of its subscriptions. Each change takes logarithmic time.
 
     Attributes:
-        by_id: the options of each subscription.
+        by_id: options of each subscription.
     """
 
     __slots__ = ("_compressions", "_intervals", "_lengths", "_sizes", "by_id")
@@ -146,7 +152,12 @@ class MergedOptions:
         self._compressions = Smallest()
 
     def put(self, sub_id: Id, options: SubscriptionOptions | None) -> None:
-        """Give one subscription other options, or end it with None."""
+        """Set, replace or remove the options of one subscription.
+
+        Args:
+            sub_id: id of the subscription.
+            options: its options; None removes it.
+        """
         old = self.by_id.pop(sub_id, None) if options is None else self.by_id.get(sub_id)
         if old is not None:
             for bag, number in self._numbers(old):
@@ -157,7 +168,7 @@ class MergedOptions:
                 bag.add(number)
 
     def merged(self) -> SubscriptionOptions:
-        """The options of the feed; there is at least one subscription."""
+        """Return the options of the feed. There must be at least one subscription."""
         interval, length, compression = self._intervals.get(), self._lengths.get(), self._compressions.get()
         assert interval is not None
         assert length is not None
@@ -171,7 +182,7 @@ class MergedOptions:
         )
 
     def _numbers(self, options: SubscriptionOptions) -> list[tuple[Smallest, float]]:
-        """Return the numbers that the options add to each bag; negative where the largest counts."""
+        """Return the numbers that the options add to each collection; negated if the largest one counts."""
         numbers = [
             (self._intervals, options.interval),
             (self._lengths, -options.queue_length),
@@ -183,25 +194,25 @@ class MergedOptions:
 
 
 def _nothing(_message: object) -> int:
-    """The cost of a message where nothing is counted."""
+    """Return 0: messages are not counted."""
     return 0
 
 
 class Throttle(Generic[T]):
-    """Throttle and queue of one feed; it holds messages and knows nothing of what they are.
+    """Throttle and queue of one feed; it does not look into the messages.
 
     Attributes:
-        num_dropped: messages that never left.
+        num_dropped: number of messages that were never sent.
     """
 
     __slots__ = ("_free_at", "_interval", "_max_length", "_waiting", "num_dropped")
 
     def __init__(self, account: Account | None = None, size_of: Callable[[T], int] = _nothing) -> None:
-        """Begin without messages and without a throttle.
+        """Create an empty queue without a throttle.
 
         Args:
-            account: pays for the messages that wait.
-            size_of: what a message costs [bytes].
+            account: pays for the waiting messages.
+            size_of: returns the memory of a message [bytes].
         """
         self._interval = 0.0
         self._free_at = float("-inf")
@@ -210,14 +221,26 @@ class Throttle(Generic[T]):
         self.num_dropped = 0
 
     def set_options(self, options: SubscriptionOptions) -> None:
-        """Go on under new options; what waits stays as far as the new queue holds it."""
+        """Use new options; waiting messages stay as far as the new queue has room.
+
+        Args:
+            options: the new options.
+        """
         self._free_at += options.interval - self._interval
         self._interval = options.interval
         self._max_length = options.queue_length
         self.num_dropped += self._waiting.shorten(options.queue_length)
 
     def admit(self, message: T, now: float) -> bool:
-        """Tell whether this message leaves now; else it waits or is dropped."""
+        """Decide about a new message: send it now, let it wait, or drop it.
+
+        Args:
+            message: the message.
+            now: monotonic time [s].
+
+        Returns:
+            True if the message should be sent now.
+        """
         if self._interval == 0.0 and not self._waiting:
             return True
         if now >= self._free_at and not self._waiting:
@@ -227,23 +250,27 @@ class Throttle(Generic[T]):
         return False
 
     def due(self) -> float | None:
-        """Return when `release` has something to give [s]; None if nothing waits."""
+        """Return the monotonic time at which `release` returns a message [s]; None if no message waits."""
         return self._free_at if self._waiting else None
 
     def release(self, now: float) -> T | None:
-        """The next message that waited, if its time has come. After it, ask again."""
+        """Remove and return the next waiting message if its time has come; else None. Call again until it returns None.
+
+        Args:
+            now: monotonic time [s].
+        """
         if not self._waiting or now < self._free_at:
             return None
-        # counted from when it was due, so that a late timer does not slow the feed; after a stall, from now
+        # count from the due time, so that a late timer does not slow the feed; after a long delay, count from now
         self._free_at = max(self._free_at + self._interval, now)
         return self._waiting.pop()
 
     def forget(self) -> None:
-        """Drop what waits: the subscriptions have ended."""
+        """Drop the waiting messages, because the subscriptions have ended."""
         self._waiting.shorten(0)
 
     def waiting(self) -> list[T]:
-        """The messages that wait, oldest first."""
+        """Return the waiting messages, oldest first."""
         return self._waiting.messages()
 
 
@@ -251,9 +278,9 @@ class FeedWire(Protocol):
     """The part of a session that a feed needs.
 
     Attributes:
-        account: pays for the messages that wait.
+        account: pays for the waiting messages.
         outbox: takes the frames.
-        num_sent: messages that went into the outbox.
+        num_sent: number of messages put into the outbox.
         on_unsent: called with a spelling whose message could not be encoded.
     """
 
@@ -263,17 +290,33 @@ class FeedWire(Protocol):
     on_unsent: Callable[[str, EncodingError], None]
 
     def await_turn(self, feed: Feed, due: float) -> None:
-        """Have the feed flushed at that time [s]."""
+        """Call the `flush` of a feed at a given time.
+
+        Args:
+            feed: the feed.
+            due: monotonic time [s].
+        """
 
     def remark(self, level: str, text: str) -> None:
-        """Send a status frame."""
+        """Send a status frame.
+
+        Args:
+            level: its level.
+            text: the message.
+        """
 
     def pieces(self, frame: bytes, size: float | None, share: Callable[[], Characters]) -> bytes | LateFrames:
-        """The frame, in pieces if it is longer than `size`."""
+        """Return the frame, or its fragments if it is longer than `size`.
+
+        Args:
+            frame: JSON text.
+            size: longest frame [characters]; None means no limit.
+            share: returns the characters of the frame, which other peers may share.
+        """
 
 
 class _LateMessage:
-    """A heavy message on its way to one listener: encoded when it is taken, once for all who want that encoding."""
+    """A heavy message on its way to one subscriber. It is encoded when it is taken, once for each encoding."""
 
     __slots__ = ("_feed", "_frames", "_message", "_stamp_ns", "identity", "is_finished", "num_bytes")
 
@@ -307,12 +350,12 @@ def _size_of(message: Encoded) -> int:
 
 
 class Feed:
-    """One spelling of a topic that a peer listens to, under the merged options of all its subscriptions.
+    """One spelling of a topic to which a peer subscribes, with the merged options of all its subscriptions.
 
     Attributes:
         spelling: the topic as the peer writes it.
         throttle: throttle and queue.
-        ids: the options of each subscription.
+        ids: options of each subscription.
     """
 
     __slots__ = ("_head", "_is_plain", "_is_warned", "_merged", "_options", "_wire", "ids", "spelling", "throttle")
@@ -329,11 +372,16 @@ class Feed:
         self._head = publish_head(spelling)
 
     def set_options(self, sub_id: Id, options: SubscriptionOptions | None) -> None:
-        """Give one subscription other options, or end it with None; one stays at least."""
+        """Set, replace or remove the options of one subscription. At least one subscription must stay.
+
+        Args:
+            sub_id: id of the subscription.
+            options: its options; None removes it.
+        """
         self._is_warned = False
         self._merged.put(sub_id, options)
         merged = self._merged.merged()
-        if merged == self._options:  # what waits is not to be copied for each of many subscriptions
+        if merged == self._options:  # avoid copying the queue for each of many subscriptions
             return
         self._options = merged
         self.throttle.set_options(merged)
@@ -346,7 +394,13 @@ class Feed:
             self._wire.outbox.bursts.pop(self.spelling, None)
 
     def deliver(self, message: Encoded, now: float, stamp_ns: int) -> None:
-        """Send a message now, later or never, as the options say."""
+        """Send a message now or later, or drop it, as the options say.
+
+        Args:
+            message: the message.
+            now: monotonic time [s].
+            stamp_ns: time that cbor-raw frames carry [ns].
+        """
         if self.throttle.admit(message, now):
             self.send(message, stamp_ns)
         else:
@@ -355,15 +409,24 @@ class Feed:
                 self._wire.await_turn(self, due)
 
     def flush(self, now: float, stamp_ns: int) -> None:
-        """Send what has waited and whose time has come."""
+        """Send the waiting messages whose time has come.
+
+        Args:
+            now: monotonic time [s].
+            stamp_ns: time that cbor-raw frames carry [ns].
+        """
         while (message := self.throttle.release(now)) is not None:
             self.send(message, stamp_ns)
 
     def send(self, message: Encoded, stamp_ns: int) -> None:
-        """Send a message, in the encoding that was asked for; where it has none in it, the listener is told once.
+        """Send a message in the wanted encoding. If it cannot be encoded so, tell the subscriber once.
+
+        Args:
+            message: the message.
+            stamp_ns: time that cbor-raw frames carry [ns].
 
         Raises:
-            EncodingError: it cannot be written, by a bug of ours.
+            EncodingError: the message cannot be written; this is an internal error.
         """
         wire = self._wire
         if message.text_length >= HEAVY:
@@ -385,7 +448,12 @@ class Feed:
         wire.outbox.offer(self.spelling, frame)
 
     def encode_late(self, message: Encoded, stamp_ns: int) -> bytes | LateFrames | None:
-        """Encode a message that has waited for that; None if it cannot be, and whoever is concerned was told."""
+        """Encode a message that has waited in the outbox; None if it cannot be encoded (the subscriber was told).
+
+        Args:
+            message: the message.
+            stamp_ns: time that cbor-raw frames carry [ns].
+        """
         try:
             return self._encode(message, stamp_ns)
         except EncodingError as error:
@@ -395,7 +463,7 @@ class Feed:
         return None
 
     def _complain(self, error: PeerError) -> None:
-        """Tell the listener once that messages have no such encoding."""
+        """Tell the subscriber once that the messages do not exist in its encoding."""
         if not self._is_warned:
             self._is_warned = True
             self._wire.remark("error", f"{self.spelling}: {error}")

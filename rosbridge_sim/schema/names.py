@@ -68,7 +68,8 @@ def split_name(name: str) -> tuple[str, str]:
     """
     match = _TYPE_NAME.fullmatch(name)
     if match is None:
-        raise TypeNameError(f"{printable(name, MAX_QUOTED)} is not a valid type string")
+        more = "; name its package, too, as in std_msgs/String" if name.isidentifier() else ""
+        raise TypeNameError(f"{printable(name, MAX_QUOTED)} is not a valid type string{more}")
     return match[1], match[2]
 
 

@@ -1,1 +1,1 @@
-"""The packages that use sockets, clocks, the disk and tasks; everything below them does without."""
+"""The packages that use sockets, clocks, the disk and tasks; all other packages work without them."""

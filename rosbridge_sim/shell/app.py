@@ -1,8 +1,8 @@
 """The simulator and its server, built from settings.
 
-This is the one place that builds the parts and hands them to each other. `Simulator` is the same thing for the
-command line, for a test and for a notebook; two of them share nothing. Where the world fails (see `scheduler.py`),
-`wait` raises it, and the command line ends with code 1.
+Only this module builds the parts and connects them. `Simulator` is the same for the command line, for tests and for
+notebooks; two simulators share nothing. If the world fails (see `scheduler.py`), `wait` raises the error, and the
+command line ends with code 1.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ from rosbridge_sim.shell.websocket.urls import shown_url
 from rosbridge_sim.suggestions import listing
 from rosbridge_sim.world.state import World
 
-if TYPE_CHECKING:  # no circle: most servers attach to no bridge and record nothing
+if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.attach import Attachment
     from rosbridge_sim.shell.bags.recording import Recorder
 
@@ -89,28 +89,27 @@ class Simulator:
         async with Simulator(port=0, scenario="demo") as sim:
             print(sim.url)
 
-    In a program that blocks, `with Simulator(port=0) as sim:` does the same in a thread of its own, and so do `open`
-    and `close`. What belongs to a simulator in another thread may be touched by `run_inside` alone; `url`, `port` and
+    In a program without asyncio, `with Simulator(port=0) as sim:` does the same in its own thread; `open` and `close`
+    do, too. The parts of a simulator in another thread may only be used through `run_inside`. `url`, `port` and
     `settings` may be read anywhere.
 
     Attributes:
-        settings: as it was made.
+        settings: the settings that it was made with.
         bus: the topics and services that all participants share; None before the start.
-        node: the simulator itself; None before the start, and without a world.
+        node: the simulator's node; None before the start, and without a world.
         attachments: the bridges that it connects to; empty before the start.
-        descriptors: logs when no file descriptor is left; None before the start.
+        descriptors: logs a line when no file descriptor is left; None before the start.
     """
 
     def __init__(self, settings: Settings | None = None, /, **options: Unpack[SimulatorOptions]) -> None:
-        """Read the settings; nothing runs yet.
+        """Check the settings; nothing runs yet.
 
         Args:
-            settings: everything at once; None takes the options.
-            options: fields of `Settings` by name, and `rate`. The environment plays no part.
+            settings: all settings; None uses the options.
+            options: fields of `Settings` by name, and `rate`. Environment variables are ignored.
 
         Raises:
-            SettingError: an option that does not exist or that has a bad value, or settings and options together. It is
-                a DocumentError.
+            SettingError: an unknown option, a bad value, or both settings and options. It is a DocumentError.
         """
         if settings is not None and options:
             raise SettingError(f"Simulator: expected settings or options; got both, with {listing(options)}")
@@ -133,7 +132,7 @@ class Simulator:
         self._is_stopped = False
 
     def __repr__(self) -> str:
-        """Return where it listens, what it simulates and whether it runs."""
+        """Return the address, the world and the state."""
         settings = self.settings
         state = "stopped" if self._is_stopped else "not started" if self.bus is None else "running"
         where = self.url if self.port else f"{settings.host} port {settings.port}"
@@ -156,8 +155,8 @@ class Simulator:
     def num_bugs(self) -> int:
         """Number of internal errors; each is in the log with its traceback.
 
-        Frames, loads and replays that could not be handled, what the bus's guard has counted, and one more if the world
-        has failed.
+        It counts failed frames, loads and replays, the errors counted by the bus's guard, and one more if the world has
+        failed.
         """
         if self._server is None or self._scheduler is None:
             return 0
@@ -178,10 +177,13 @@ class Simulator:
             self._scheduler.failure.result()
 
     def open(self) -> Self:
-        """Start in a thread of its own, with its own event loop; return the simulator itself once clients are served.
+        """Start in a new thread with its own event loop; return the simulator itself when it serves clients.
+
+        Returns:
+            The simulator itself.
 
         Raises:
-            DocumentError: as for `start`; nothing is left of the thread then.
+            DocumentError: as for `start`; the thread has ended then.
             RuntimeError: it was started before.
         """
         if self._thread is not None or self.bus is not None:
@@ -196,22 +198,26 @@ class Simulator:
         return self
 
     def close(self) -> None:
-        """Stop what `open` has started, and end its thread; within two seconds, and twice is no error."""
+        """Stop what `open` has started, and end its thread, within two seconds. A second call does nothing."""
         if self._thread is not None and self._thread.is_alive:
             try:
-                with suppress(LoopStoppedError):  # another thread closes it as well
+                with suppress(LoopStoppedError):  # another thread may have closed it already
                     self._thread.run(self.stop())
             finally:
                 self._thread.stop()
 
     def run_inside(self, function: Callable[[], T]) -> T:
-        """Run a function in the simulator's own thread, between two frames, and return its result.
+        """Run a function in the simulator's own thread, between two frames.
 
         Args:
-            function: may look at `bus` and `node`; the world and all clients wait for it.
+            function: may use `bus` and `node`; the world and all clients wait for it.
+
+        Returns:
+            The result of the function.
 
         Raises:
-            RuntimeError: no `open` or `with` has started it, it was closed, or the caller is in that thread already.
+            RuntimeError: it was not started by `open` or `with`, it was closed, or the caller is in that thread
+                already.
         """
         if self._thread is None:
             raise RuntimeError(f"{self!r}: expected a simulator that runs in a thread of its own; use `with` or open()")
@@ -229,10 +235,10 @@ class Simulator:
             await self.wait()
 
     async def start(self) -> None:
-        """Build everything, listen, and connect to the bridges; clients are served from now on.
+        """Build everything, listen, and connect to the bridges. From now on, clients are served.
 
         Raises:
-            DocumentError: a file that cannot be used.
+            DocumentError: a file cannot be used.
             AddressError: the server cannot listen there, or `attach` names the server itself.
         """
         settings = self.settings
@@ -293,10 +299,10 @@ class Simulator:
         scheduler.look()
 
     async def _listen(self, server: Server, certificate: SSLContext | None) -> None:
-        """Have the server listen, if that is wanted.
+        """Listen, if the settings say so.
 
         Raises:
-            AddressError: host and port cannot be had.
+            AddressError: host and port cannot be used.
         """
         settings = self.settings
         if settings.listen:
@@ -306,7 +312,7 @@ class Simulator:
                 raise AddressError(_why_not(settings, error)) from None
 
     def _warn(self, server: Server, limits: ServerLimits) -> None:
-        """Log what is open to more programs than the user may think, and a data folder that is of no use."""
+        """Log a warning about access that may be wider than expected, and about a data folder without write access."""
         settings = self.settings
         if settings.listen and settings.token is None:
             if not server.is_loopback:
@@ -348,8 +354,8 @@ class Simulator:
             attachment.start()
 
     async def stop(self) -> None:
-        """Close every connection (code 1001) and stop the world; within two seconds, and twice is no error."""
-        self._remove_port_file()  # while the port is still ours
+        """Close every connection (code 1001) and stop the world, within two seconds. A second call does nothing."""
+        self._remove_port_file()  # before another server can take the port
         self._is_stopped = self.bus is not None
         if self._scheduler is not None:
             self._scheduler.stop()
@@ -366,13 +372,13 @@ class Simulator:
         try:
             if self._server is not None:
                 await asyncio.gather(self._server.stop(), *(attachment.stop() for attachment in self.attachments))
-        finally:  # whatever else fails at the end
+        finally:  # also after an error above
             self.close_recording()
             if self._limiter is not None:
                 self._limiter.stop()
 
     def close_recording(self) -> None:
-        """Finish the recording now, whatever else goes on; `stop` does it last. Twice is no error."""
+        """Finish the recording now. `stop` does it at its end; a second call does nothing."""
         if self._recorder is not None:
             self._recorder.stop()
 
@@ -381,24 +387,27 @@ class Simulator:
             self._port_file.remove()
 
     async def wait(self) -> None:
-        """Wait until the world fails, which it never should; with `on_world_failure="serve"`, for ever.
+        """Wait until the world fails, which should never happen; with `on_world_failure="serve"`, wait for ever.
 
         Raises:
-            WorldFailedError: it has.
+            WorldFailedError: the world has failed.
         """
         assert self._scheduler is not None, "start it first"
         await asyncio.shield(self._scheduler.failure)
 
     def _give_up(self) -> None:
-        """Stop, because the world has failed; clients see their connections close."""
+        """Stop, because the world has failed; the connections of clients are closed."""
         self._stopping = asyncio.get_running_loop().create_task(self.stop())
 
 
 def list_items(settings: Settings) -> list[ListedInterface]:
-    """List what a simulator with these settings has on the bus; one is built for that, in the built-in scene.
+    """Return the topics and services of a simulator with these settings. It is built in the built-in scene for that.
+
+    Args:
+        settings: the settings.
 
     Raises:
-        DocumentError: a file that cannot be used, or network settings that do not fit.
+        DocumentError: a file cannot be used, or network settings are not valid.
     """
     bus = Bus(Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros))
     Rosapi(bus)
@@ -408,10 +417,13 @@ def list_items(settings: Settings) -> list[ListedInterface]:
 
 
 def mistakes_of_items(settings: Settings) -> list[str]:
-    """Return the mistakes in what is chosen about topics and services, a line for each.
+    """Return the mistakes in the choices about topics and services, one line each.
 
-    For the readers of settings, which tell all mistakes at once. Where there are no others it is not needed, because
-    the simulator itself finds these at its start.
+    The readers of settings use it when there are other mistakes, to show all of them together. Otherwise the simulator
+    finds these mistakes itself at its start.
+
+    Args:
+        settings: the settings.
     """
     if not (settings.publishers or settings.subscribers or settings.services):
         return []
@@ -479,7 +491,7 @@ def _make_node(
 
 
 def _describe(node: SimulatorNode | None) -> dict[str, object]:
-    """Return what `/healthz` tells of the simulator."""
+    """Return the simulator's part of `/healthz`."""
     if node is None:
         return {"frame": None, "mode": "gateway", "paused": False}
     mode = "synchronous" if node.sync.is_on else "real_time"
@@ -487,7 +499,7 @@ def _describe(node: SimulatorNode | None) -> dict[str, object]:
 
 
 def _choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
-    """Choose the time for stamps."""
+    """Choose the clock for stamps."""
     clock = WallClock()
     choice = settings.stamps or ("sim" if settings.listen else "auto")
     if choice == "auto" and not settings.attach:
@@ -496,7 +508,7 @@ def _choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
 
 
 def _taken_names(settings: Settings) -> list[str]:
-    """Return a mistake for each name that is one of the server's own topics, which come after the simulator's."""
+    """Return a mistake for each name that belongs to one of the server's own topics."""
     return [
         f"{choice.where}: expected another name than {choice.name}, which the server has"
         for choice in [*settings.publishers.values(), *settings.subscribers.values()]
@@ -505,20 +517,20 @@ def _taken_names(settings: Settings) -> list[str]:
 
 
 def _start_recording(settings: Settings, bus: Bus, node: SimulatorNode | None, texts: Texts) -> Recorder | None:
-    """Begin to record, where `--record` says so.
+    """Start to record, if `--record` is set.
 
     Raises:
-        DocumentError: the file cannot be made.
+        DocumentError: the file cannot be created.
     """
     if settings.record is None:
         return None
-    from rosbridge_sim.shell.bags.bag import open_bag  # noqa: PLC0415 - rosbags' writers are a tenth of a second
+    from rosbridge_sim.shell.bags.bag import open_bag  # noqa: PLC0415 - the import of rosbags' writers takes a tenth of a second
     from rosbridge_sim.shell.bags.message_writer import BagMessageWriter  # noqa: PLC0415
     from rosbridge_sim.shell.bags.recording import Recorder  # noqa: PLC0415
 
     path = Path(settings.record)
-    if path.resolve().is_relative_to(Path(settings.data_dir).resolve()):  # which is made when it is needed
-        with suppress(OSError):  # the bag will say what is wrong
+    if path.resolve().is_relative_to(Path(settings.data_dir).resolve()):  # the data folder is created when it is needed
+        with suppress(OSError):  # opening the bag reports the error
             path.parent.mkdir(parents=True, exist_ok=True)
     bag = open_bag(path)
     store = bus.store if bag.ros == bus.store.ros else Store(texts, leniency=LENIENCY, ros=bag.ros)
@@ -558,7 +570,7 @@ def _limits(settings: Settings) -> ServerLimits:
 
 
 def _complete_policy(policy: Policy, node: SimulatorNode | None, *, is_attaching: bool) -> None:
-    """Have patterns hold for all names of the simulator's things, and log what they leave open."""
+    """Apply patterns to all names of the simulator's things, and log ways that they leave open."""
     ways = SimulatorWays(None if node is None else node.interfaces)
     policy.ways.add(ways.effects, ways.others)
     policy.ways.add(lambda: (WHO_IS_CONNECTED,))
@@ -568,7 +580,7 @@ def _complete_policy(policy: Policy, node: SimulatorNode | None, *, is_attaching
         _log.warning("%s", line)
     if is_attaching and not policy.is_open:
         _log.warning(
-            "--allow and --deny patterns apply to clients of this server only, and not to programs behind a bridge;"
+            "--allow and --deny patterns apply only to clients of this server, not to programs behind a bridge;"
             " set rules at the bridge"
         )
 
@@ -581,7 +593,7 @@ def _check_sense(settings: Settings) -> None:
     """Refuse settings that leave nothing to do.
 
     Raises:
-        DocumentError: says what is missing.
+        DocumentError: the text says what is missing.
     """
     if settings.attach and not settings.world:
         raise DocumentError("attach: expected a world; without one there is nothing to advertise at a bridge")
@@ -597,7 +609,7 @@ def _check_sense(settings: Settings) -> None:
 
 
 async def _check_bridges(urls: Sequence[str], server: Server) -> None:
-    """Refuse to attach to this server itself, where every name is taken already.
+    """Refuse to attach to this server itself, where every name is already taken.
 
     Raises:
         AddressError: one of the URLs is that of this server.
@@ -609,28 +621,29 @@ async def _check_bridges(urls: Sequence[str], server: Server) -> None:
     for url in urls:
         if await is_own_address(url, server.port, server.addresses):
             raise AddressError(
-                f"attach: {shown_url(url)} is this server itself: clients there have everything already;"
-                " expected another rosbridge"
+                f"attach: expected another rosbridge; {shown_url(url)} is this server itself, and its clients already"
+                " have everything"
             )
 
 
 def _why_not(settings: Settings, error: OSError | UnicodeError) -> str:
-    """Return why the server cannot listen there, and what to do about it."""
+    """Return why the server cannot listen there, and what to do."""
     where = f"cannot listen on {settings.host} port {settings.port}"
     if isinstance(error, UnicodeError):
         return f"{where}: expected a host name or address"
     if error.errno == errno.EADDRINUSE:
-        return f"{where}: the port is taken, perhaps by a server that still runs; --port 0 takes a free one"
+        return f"{where}: the port is in use, perhaps by a server that still runs; --port 0 takes a free one"
     if error.errno == errno.EACCES:
         return f"{where}: not allowed; expected a port from 1024 on"
     return f"{where}: {os.strerror(error.errno) if error.errno and error.errno > 0 else error.strerror or error}"
 
 
 class _WallClockBus(Bus):
-    """A bus without a simulation: messages that leave their stamp open get the time of day."""
+    """A bus without a simulation: stamps that a message leaves open get the time of day."""
 
     @property
     def time_ns(self) -> int:
+        """The time of day [ns]."""
         return time.time_ns()
 
     @time_ns.setter

@@ -1,11 +1,10 @@
-"""Connections to another rosbridge, made again after each loss.
+"""Connections to another rosbridge, opened again after each loss.
 
-An `Attachment` is one bridge. What is said there is `graph/attach/mirror.py`'s business; here are the sockets: a task
-for each line that the mirror wants dials, carries frames both ways until the socket ends, waits and dials again. The
-wait doubles from half a second up to a limit, and is short again after a connection on which everything was announced
-and that held for a while.
-
-Nothing is sent faster than the socket takes it, nor than the far side is known to handle it
+An `Attachment` is one bridge. `graph/attach/mirror.py` decides what is sent there; this module has the sockets. A task
+for each connection that the mirror wants dials, moves frames in both directions until the socket ends, waits, and dials
+again. The wait (back-off) doubles from half a second up to a limit. It is short again after a connection that announced
+everything and lasted for a while.
+Frames are sent only as fast as the socket accepts them and as the remote bridge handles them
 (`graph/attach/flow_control.py`).
 """
 
@@ -37,36 +36,36 @@ from rosbridge_sim.shell.websocket.urls import port_of, shown_url
 __all__ = ["AttachLimits", "Attachment", "is_own_address"]
 
 FIRST_WAIT = 0.5
-"""After the first attempt that failed, or a connection that was good [s]."""
+"""Wait after the first failed attempt, or after a good connection [s]."""
 
 HELD = 2.0
-"""A connection that is lost sooner may be so each time [s]."""
+"""A connection that lasts at least this long counts as good [s]; a shorter one may fail each time."""
 
 STOP_PATIENCE = 5.0
-"""How long the far side may take to answer the handshake [s]."""
+"""Longest wait for the answer to the handshake [s]."""
 
 LAST_WORD = 0.5
-"""How long it may take to hear that everything of ours ends [s]."""
+"""Longest time for telling the remote bridge that everything ends [s]."""
 
 CLOSE_TIMEOUT = 1.0
-"""How long it may take to say goodbye [s]."""
+"""Longest wait for the closing handshake [s]."""
 
 ATTACH_WRITE_SIZE = 8 * 1024
-"""Bytes taken at a time between two looks at whether the far side keeps up."""
+"""Bytes that are sent between two checks of the flow control."""
 
 _log = logging.getLogger("rosbridge_sim.attach")
 
 
 @dataclass(frozen=True, slots=True)
 class AttachLimits:
-    """Limits of each connection to a far side.
+    """Limits of each connection to a remote bridge.
 
     Attributes:
-        has_connection_each: a connection for each topic and service.
+        has_connection_each: use one connection for each topic and service.
         max_wait: longest wait between two attempts [s].
         max_frame_size: a longer frame closes the connection [bytes].
-        ping_interval, ping_timeout: the watchdog against half-open connections [s]; None is off.
-        outbox: what may wait for one socket.
+        ping_interval, ping_timeout: check for half-open connections [s]; None turns it off.
+        outbox: limits on frames that wait for one socket.
     """
 
     has_connection_each: bool = False
@@ -78,29 +77,29 @@ class AttachLimits:
 
 
 class Attachment:
-    """One bridge that we dial, and what of ours is there.
+    """One bridge that we dial, with the mirror of our simulator there.
 
     Attributes:
-        url: as people may read it.
-        mirror: the participant of our bus that stands for the far side.
+        url: URL of the bridge without secrets, for people.
+        mirror: the participant of our bus that represents the far side.
         attached: done when everything was announced there for the first time.
-        connected_at: when the first line got the socket that it has [s], or had last.
-        lookup: finds its host, for all lines at once.
-        num_bugs: frames whose handling failed by a fault of ours; each is in the log with its traceback. What the bus's
-            guard has counted is not among them.
+        connected_at: when the first connection got its present or last socket [s].
+        lookup: resolves the host name, for all connections.
+        num_bugs: number of frames whose handling failed by an internal error; each is in the log with its traceback.
+            Errors counted by the bus's guard are not included.
     """
 
     def __init__(
         self, bus: Bus, source: Participant, url: str, limits: AttachLimits, on_change: Callable[[], None]
     ) -> None:
-        """Prepare; `start` connects.
+        """Prepare the attachment; `start` connects.
 
         Args:
-            bus: where the simulator is.
+            bus: the bus of the simulator.
             source: the simulator.
-            url: of the bridge.
-            limits: for each connection.
-            on_change: called when the world or the mirror may have something to do earlier than planned.
+            url: URL of the bridge.
+            limits: limits of each connection.
+            on_change: called when the world or the mirror may have work earlier than planned.
         """
         self.url = shown_url(url)
         self.num_bugs = 0
@@ -122,14 +121,17 @@ class Attachment:
         self._carriers: dict[BridgeConnection, _ConnectionKeeper] = {}
 
     def start(self) -> None:
-        """Dial, from now on and for ever."""
+        """Start to dial; attempts go on for ever."""
         self.mirror.on_attached = self._note_attached
         self.mirror.on_connections_changed = self._look
         self.mirror.on_failure = self._fail
         self._look()
 
     async def stop(self) -> None:
-        """Tell the far side that it is over, and close; within LAST_WORD + CLOSE_TIMEOUT. Twice is no error."""
+        """Tell the remote bridge that everything ends, and close. A second call does nothing.
+
+        It takes at most LAST_WORD + CLOSE_TIMEOUT.
+        """
         self.mirror.on_connections_changed = lambda: None
         carriers, self._carriers = list(self._carriers.values()), {}
         if carriers:
@@ -139,16 +141,20 @@ class Attachment:
             self.attached.cancel()
 
     def _fail(self, error: Exception) -> None:
-        """Something that was done for the bridge has failed by a bug of ours: connect anew, and go on."""
+        """Connect again after an internal error in work for the bridge."""
         _log.error("%s: internal error; connecting again", self.url, exc_info=error)
         for carrier in self._carriers.values():
             carrier.cut()
 
     def contain(self, act: Callable[[], None]) -> None:
-        """Do something that concerns this bridge alone; if it fails, the connections are made anew."""
+        """Call a function that concerns only this bridge. If it fails, the connections are opened again.
+
+        Args:
+            act: the function.
+        """
         try:
             act()
-        except Exception as error:  # noqa: BLE001 - our own bug
+        except Exception as error:  # noqa: BLE001 - an internal error
             self._guard.blame(self.mirror, error)
 
     def _note_attached(self) -> None:
@@ -156,7 +162,7 @@ class Attachment:
             self.attached.set_result(None)
 
     def _look(self) -> None:
-        """Have a carrier for each line."""
+        """Start a keeper for each new connection."""
         wanted = dict.fromkeys(self.mirror.connections.values())
         for line in [line for line in self._carriers if line not in wanted]:
             self._carriers.pop(line).let_go()
@@ -166,7 +172,7 @@ class Attachment:
 
 
 class _ConnectionKeeper:
-    """Keeps one line connected, and carries what goes over it."""
+    """Keeps one connection open, and moves its frames."""
 
     def __init__(
         self,
@@ -193,7 +199,7 @@ class _ConnectionKeeper:
         self._task = self._loop.create_task(self._keep())
 
     async def stop(self) -> None:
-        """Have the far side handle what it was told, close, and dial no more."""
+        """Let the far side handle everything that was sent, close, and stop dialling."""
         self._is_stopped = True
         dialed = self._socket
         if dialed is not None:
@@ -201,13 +207,13 @@ class _ConnectionKeeper:
             try:
                 async with asyncio.timeout(CLOSE_TIMEOUT):
                     await dialed.close()
-            except TimeoutError:  # it reads nothing, not even that we go
+            except TimeoutError:  # the far side does not read
                 dialed.transport.abort()
         self._task.cancel()
         await asyncio.wait([self._task])
 
     async def _settle(self) -> None:
-        """Wait a moment for an answer: rosbridge_suite forgets what it has not handled when a socket closes."""
+        """Wait a moment for an answer, because rosbridge_suite drops unhandled frames when a socket closes."""
         heard: asyncio.Future[None] = self._loop.create_future()
 
         def note(_values: Values | None, _now: float) -> None:
@@ -220,12 +226,12 @@ class _ConnectionKeeper:
         heard.cancel()
 
     def cut(self) -> None:
-        """End the connection at once; another one will be made."""
+        """End the connection at once; a new one is opened."""
         if self._socket is not None:
             self._socket.transport.abort()
 
     def let_go(self) -> None:
-        """The line is not wanted any more: `stop`, beside what else happens."""
+        """Call `stop` in a task, because the connection is not wanted any more."""
         self._closing = self._loop.create_task(self.stop())
 
     async def _keep(self) -> None:
@@ -235,7 +241,7 @@ class _ConnectionKeeper:
             began = self._loop.time()
             try:
                 was_ready, why = await self._connect_once()
-            except Exception:  # noqa: BLE001 - our own bug: this connection is lost, and there will be another
+            except Exception:  # noqa: BLE001 - an internal error: this connection is lost, and a new one follows
                 self._attachment.num_bugs += 1
                 _log.exception("internal error in a connection to %s; it was closed", self._attachment.url)
                 was_ready, why = False, f"{self._attachment.url}: lost"
@@ -245,7 +251,7 @@ class _ConnectionKeeper:
                 self._lost_at = self._loop.time()
             if was_ready and self._loop.time() - began > HELD:
                 wait = FIRST_WAIT
-            # a line that was good and is lost may be the first of many: not yet told
+            # if all connections are lost, the first one's line in the log is enough
             self._tell(
                 logging.INFO if was_ready and self._line.name else logging.WARNING, f"{why}; next try in {wait:g} s"
             )
@@ -253,7 +259,7 @@ class _ConnectionKeeper:
             wait = min(2 * wait, self._limits.max_wait)
 
     async def _connect_once(self) -> tuple[bool, str]:
-        """One connection from its beginning to its end: whether all was announced on it, and why it ended."""
+        """Run one connection from start to end; return if all was announced on it, and why it ended."""
         try:
             dialed = await self._dial()
         except (OSError, ValueError, WebSocketException) as error:
@@ -276,12 +282,12 @@ class _ConnectionKeeper:
         return was_ready, why_gone(self._url, dialed.end)
 
     async def _dial(self) -> DialedConnection:
-        """A connection to the first of the host's addresses that has one for us.
+        """Return a connection to the first address of the host that accepts one.
 
         Raises:
-            OSError: the last of them has none.
-            ValueError: the URL is none.
-            WebSocketException: what listens there is no WebSocket server.
+            OSError: no address accepts a connection.
+            ValueError: the URL is not valid.
+            WebSocketException: the program there is not a WebSocket server.
         """
         limits = self._limits
         addresses = await self._attachment.lookup.addresses(STOP_PATIENCE)
@@ -298,7 +304,7 @@ class _ConnectionKeeper:
                     ping_interval=limits.ping_interval,
                     ping_timeout=limits.ping_timeout,
                     max_size=limits.max_frame_size,
-                    proxy=None,  # the environment's are for the web; a rosbridge is a machine of the laboratory
+                    proxy=None,  # proxies from the environment are for web pages; a rosbridge is a local machine
                     logger=quiet,
                 )
             except OSError:
@@ -310,7 +316,7 @@ class _ConnectionKeeper:
         raise OSError(errno.EADDRNOTAVAIL, "the host has no address")
 
     def _tell(self, level: int, text: str) -> None:
-        """Log what happens to the first line. The others mostly share its fate: theirs is told if it stands alone."""
+        """Log an event of the first connection. Events of the others are logged only if they differ from it."""
         if not self._line.name:
             _log.log(level, "%s", text)
         elif level >= logging.WARNING and self._mirror.connections[""].is_ready:
@@ -318,7 +324,7 @@ class _ConnectionKeeper:
             self._mirror.note(level, f"the socket of {self._line.name}: {text}", self._loop.time())
 
     def _tell_connected(self) -> None:
-        """Log that there is a socket; for others than the first, if theirs alone was lost meanwhile."""
+        """Log that there is a socket; for other connections than the first, only if they alone had lost theirs."""
         lost_at, self._lost_at = self._lost_at, None
         if not self._line.name:
             self._attachment.connected_at = self._loop.time()
@@ -331,7 +337,7 @@ class _ConnectionKeeper:
         self._handle(lambda now: self._mirror.receive(self._line, message, now))
 
     def _schedule(self) -> None:
-        """Go on in the next turn with what waits in the line."""
+        """Handle the waiting frames in the next turn."""
         if not self._is_going_on:
             self._is_going_on = True
             self._loop.call_soon(self._go_on)
@@ -341,10 +347,10 @@ class _ConnectionKeeper:
         self._handle(lambda now: self._mirror.go_on(self._line, now))
 
     def _handle(self, work: Callable[[float], bool]) -> None:
-        """Do one turn's worth of what came; read nothing more while too much of it waits."""
+        """Do one turn of work on received frames; stop reading while too much waits."""
         try:
             is_more = work(self._loop.time())
-        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everything else goes on
+        except Exception:  # noqa: BLE001 - an internal error: this message is lost, everything else goes on
             self._attachment.num_bugs += 1
             _log.exception("internal error in a frame of %s; the frame was dropped", self._attachment.url)
             is_more = True
@@ -365,7 +371,7 @@ class _ConnectionKeeper:
             self._loop.call_soon(self._carry)
 
     def _carry(self) -> None:
-        """Hand what waits to the transport, for as long as it takes it and the far side keeps up."""
+        """Give waiting frames to the transport, as long as it accepts them and the flow control allows."""
         self._attachment.contain(self._carry_on)
 
     def _carry_on(self) -> None:
@@ -379,7 +385,7 @@ class _ConnectionKeeper:
             if not frames:
                 break
             dialed.send_messages(frames)
-        if line.flow_control.due != due:  # a probe is on its way, whose answer may have to be given up
+        if line.flow_control.due != due:  # a probe was sent, and its time-out must be checked
             self._on_change()
         if line.outbox.is_overfull:
             _log.warning(
@@ -395,12 +401,12 @@ class _ConnectionKeeper:
 
 
 async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
-    """Tell whether a URL leads to this server.
+    """Return True if a URL leads to this server.
 
     Args:
-        url: what is to be dialled.
-        port: where we listen.
-        addresses: on which addresses we do.
+        url: URL to dial.
+        port: port of this server.
+        addresses: addresses that this server listens on.
     """
     if port_of(url) != port:
         return False
@@ -413,8 +419,8 @@ async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
     for text in found:
         address = ipaddress.ip_address(text.partition("%")[0])
         if address.version == 6 and address.ipv4_mapped is not None:  # noqa: PLR2004 - IP's version
-            address = address.ipv4_mapped  # that is where the system goes
-        # 0.0.0.0 is no place to go to: the system takes loopback for it
+            address = address.ipv4_mapped  # the system connects to this address
+        # 0.0.0.0 cannot be dialled: the system uses loopback instead
         if address in ours or (address.is_unspecified and any(one.is_loopback or one.is_unspecified for one in ours)):
             return True
         if is_everywhere and _is_local(address):
@@ -423,7 +429,7 @@ async def is_own_address(url: str, port: int, addresses: Sequence[str]) -> bool:
 
 
 def _is_local(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> bool:
-    """Tell whether an address is one of this machine: only those can be bound."""
+    """Return True if an address belongs to this machine: only such an address can be bound."""
     family = socket.AF_INET if address.version == 4 else socket.AF_INET6  # noqa: PLR2004 - IP's versions
     with socket.socket(family, socket.SOCK_DGRAM) as probe:
         try:

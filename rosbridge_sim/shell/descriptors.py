@@ -1,8 +1,8 @@
-"""A watch over file descriptors: one line in the log when none is left, and not one for each connection refused.
+"""A watch over file descriptors: one log line when none is left, and not one for each refused connection.
 
-Without descriptors no client can connect and no file can be opened, but connected clients are served. Event loops
-report that in different ways: asyncio's own logs each attempt to accept with a traceback, a hundred a second; uvloop
-closes new connections in silence. So the watch tries to open a file once a second, and takes the loop's reports, too.
+Without free descriptors no client can connect and no file can be opened, but connected clients are served. Event loops
+report this in different ways: asyncio logs each failed accept with a traceback, a hundred per second; uvloop closes new
+connections without a message. So the watch tries to open a file once a second, and handles the loop's reports, too.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from collections.abc import Callable
 from typing import Any, Final
 
 try:
-    import resource  # now, for it takes a descriptor
-except ImportError:  # on Windows
+    import resource  # imported at the start, because the import needs a descriptor
+except ImportError:  # Windows does not have it
 
     def _most() -> int | None:
         """Return None: the number of descriptors has no limit that could be read."""
@@ -24,30 +24,30 @@ except ImportError:  # on Windows
 else:
 
     def _most() -> int | None:
-        """Return how many descriptors this process may have."""
+        """Return None: the limit of descriptors cannot be read here."""
         return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
 
 
 __all__ = ["DescriptorWatch"]
 
 CHECK_PERIOD: Final = 1.0
-"""Between two looks [s]; one costs 10 us."""
+"""Time between two checks [s]; one takes 10 us."""
 
 QUIET: Final = 60.0
-"""Least time between two lines [s]."""
+"""Shortest time between two log lines [s]."""
 
 _log = logging.getLogger("rosbridge_sim.server")
 
 
 class DescriptorWatch:
-    """Logs when no descriptor is left, until `stop`."""
+    """Logs a line when no descriptor is left, until `stop`."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, try_one: Callable[[], None] | None = None) -> None:
-        """Begin to watch.
+        """Start to watch.
 
         Args:
-            loop: has the timer.
-            try_one: uses a descriptor for a moment; raises OSError where there is none. None opens a file.
+            loop: runs the timer.
+            try_one: uses a descriptor for a moment; raises OSError if there is none. None opens a file.
         """
         self._loop = loop
         self._try = try_one or _open_and_close
@@ -55,11 +55,15 @@ class DescriptorWatch:
         self._timer = loop.call_later(CHECK_PERIOD, self._tick)
 
     def stop(self) -> None:
-        """Watch no longer; twice is no error."""
+        """Stop watching. A second call does nothing."""
         self._timer.cancel()
 
     def take(self, _loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:  # Any: asyncio's own
-        """Handle an error that an event loop reports (`set_exception_handler`)."""
+        """Handle an error report of an event loop (`set_exception_handler`).
+
+        Args:
+            context: asyncio's description of the error.
+        """
         error = context.get("exception")
         if not (isinstance(error, OSError) and self._tell(error)):
             self._loop.default_exception_handler(context)
@@ -72,7 +76,7 @@ class DescriptorWatch:
             self._tell(error)
 
     def _tell(self, error: OSError) -> bool:
-        """Log a lack of descriptors, once in a while; return whether the error is one."""
+        """Log a lack of descriptors, but not too often; return True if the error is one."""
         if error.errno not in {errno.EMFILE, errno.ENFILE}:
             return False
         now = self._loop.time()
@@ -91,7 +95,7 @@ def _open_and_close() -> None:
 
 
 def _limit_of(error: OSError) -> str:
-    """Return the limit that was met, in words."""
+    """Return the reached limit in words."""
     if error.errno == errno.ENFILE:
         return " on this machine"
     most = _most()

@@ -1,6 +1,6 @@
-"""What a failed test is told of its simulator: the last message of every topic, a picture, how to repeat the run.
+"""The report on a simulator after a failed test: last message of every topic, a picture, the command to repeat the run.
 
-Messages are overheard without a subscription, so no topic is published, kept or listed for the sake of a report.
+Messages are read without a subscription, so the report does not change which topics are published or listed.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from rosbridge_sim.world.state import Kind, World
 __all__ = ["FailureReport", "command_of"]
 
 MAX_TOPICS: Final = 1_000
-"""Topics whose last message is kept: more than the simulator and a test's programs have."""
+"""Largest number of topics whose last message is kept: more than the simulator and a test's programs have."""
 
 MAX_MESSAGE: Final = 600
-"""Bytes of a message that are shown: an ego's status whole, and the beginning of a list of objects."""
+"""Bytes of a message that are shown: a whole ego status, or the start of a list of objects."""
 
 MAX_REPORT: Final = 20_000
-"""Bytes of all messages that are shown: some 30 topics. A report is read by a person, in the log of a CI job."""
+"""Bytes of all messages that are shown: about 30 topics. People read the report in the log of a CI job."""
 
 _LEFT_OUT: Final = frozenset({"host", "port", "data-dir"})
-"""Settings that belong to the test and not to the run: a free port, and a folder that will be gone."""
+"""Settings of the test, not of the run: a free port, and a temporary folder."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Scene:
-    """What a picture is drawn from."""
+    """The contents of a picture."""
 
     frame: int
     road_map: RoadMap
@@ -48,13 +48,13 @@ class _Scene:
 
 
 class FailureReport:
-    """Follows a simulator that runs in a thread of its own, and reports on it when a test has failed."""
+    """Follows a simulator that runs in its own thread, and reports on it after a failed test."""
 
     def __init__(self, simulator: Simulator) -> None:
-        """Follow a simulator from now on.
+        """Start to follow a simulator.
 
         Args:
-            simulator: started by `open`.
+            simulator: a simulator that was started by `open`.
         """
         self._simulator = simulator
         self._url = simulator.url
@@ -70,14 +70,14 @@ class FailureReport:
             self._last[topic.name] = message
 
     def text(self, picture: Path, test: str) -> str:
-        """Write the report; the picture goes into a file.
+        """Return the report; write the picture into a file.
 
         Args:
-            picture: where it goes, a `.png`. The folder is made if it is not there.
-            test: the test's id, as pytest takes it.
+            picture: path of the picture, a `.png`. Its folder is created if needed.
+            test: the test's id for pytest.
 
         Returns:
-            Lines of text, without one at the end.
+            Lines of text, without a line end after the last one.
         """
         lines = [f"{self._simulator!r}", *self._picture_lines(picture), *self._message_lines()]
         command = command_of(self._simulator.settings)
@@ -87,11 +87,11 @@ class FailureReport:
         try:
             scene = self._simulator.run_inside(self._scene)
         except RuntimeError:
-            yield "picture: none, since the simulator was closed"
+            yield "picture: none, because the simulator was closed"
             return
         if scene is None:
             return
-        from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for a failure alone
+        from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, and only after a failure
 
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -108,7 +108,7 @@ class FailureReport:
         return _Scene(node.world.frame, node.scene.road_map, list(_agents_of(node.world)))
 
     def _message_lines(self) -> Iterator[str]:
-        """Yield the last message of each topic, then what the topics would say that nobody has listened to."""
+        """Yield the last message of each topic, then the present content of topics without a subscriber."""
         last = dict(self._last)
         try:
             current = self._simulator.run_inside(self._current)
@@ -118,7 +118,7 @@ class FailureReport:
         room = MAX_REPORT
         for title, messages in (
             ("last message of each topic:", last),
-            ("topics without a listener, as they would be now:", unheard),
+            ("topics without a subscriber, as they would be now:", unheard),
         ):
             if not messages:
                 continue
@@ -139,7 +139,7 @@ class FailureReport:
 
 
 def _show(message: Message) -> str:
-    """Return a message as JSON on one line, or its beginning."""
+    """Return a message as JSON on one line, or its start."""
     try:
         text = message.json
     except RosbridgeSimError as error:
@@ -149,7 +149,7 @@ def _show(message: Message) -> str:
 
 
 def _agents_of(world: World) -> Iterator[Spawn]:
-    """Yield everything that stands in a world, as a picture of a scenario shows it."""
+    """Yield everything that is in a world, as a picture of a scenario shows it."""
     for row in world.placed():
         kind = Kind(int(world.kind[row]))
         yield Spawn(
@@ -165,9 +165,13 @@ def _agents_of(world: World) -> Iterator[Spawn]:
 
 
 def command_of(settings: Settings) -> str:
-    """Return the command that starts a server with the same world: scenario, seed, and what differs from the defaults.
+    """Return the command that starts a server with the same world.
 
-    Tokens and URLs are left out, since a report is read by many; so are tables, which no flag says.
+    It has the scenario, the seed, and all settings that differ from the defaults. Tokens and URLs are left out, because
+    many people may read a report. Tables are left out, because no flag sets them.
+
+    Args:
+        settings: settings of the simulator.
     """
     words = ["rosbridge-sim", "serve"]
     for key, field in FIELDS.items():

@@ -1,7 +1,7 @@
 """The two forms of the log: lines for people, and JSON for programs that collect logs.
 
-Both write one line for each event. What a client wrote cannot begin a line of its own: the text form escapes it, and
-JSON does by itself. `log_limits.py` has left lines out, and cut them, before they come here.
+Both write one line for each event. A client's text cannot begin a new line: the text form escapes it, and so does JSON.
+`log_limits.py` drops and shortens lines before they come here.
 """
 
 from __future__ import annotations
@@ -14,16 +14,21 @@ from typing import Final, Literal
 __all__ = ["formatter_of"]
 
 _MAX_SHOWN: Final = 1_000
-"""Characters of a message on stderr: one that was cut already (`log_limits.py`) may grow tenfold by what is escaped."""
+"""Longest message on stderr [characters]; `log_limits.py` has shortened it already, but escaping may make it ten times
+longer."""
 
 
 def formatter_of(log_format: Literal["text", "json"]) -> logging.Formatter:
-    """Return what `--log-format` names."""
+    """Return the formatter for `--log-format`.
+
+    Args:
+        log_format: value of the flag.
+    """
     return _JsonLine() if log_format == "json" else _OneLine()
 
 
 class _OneLine(logging.Formatter):
-    """Lines such as `12:34:56.789 WARNING server: ...`; what a client wrote cannot begin a line of its own."""
+    """Lines such as `12:34:56.789 WARNING server: ...`; a client's text cannot begin a new line."""
 
     default_msec_format = "%s.%03d"
 
@@ -39,8 +44,8 @@ class _OneLine(logging.Formatter):
 class _JsonLine(logging.Formatter):
     r"""JSON objects such as `{"date": "2026-01-31T12:34:56.789Z", "level": "INFO", "logger": "...", "message": "..."}`.
 
-    The date is that of RFC 3339, in UTC. A line about a client has its address as `client`, and one about a failure the
-    traceback as `exception`, with `\n` in it. All is ASCII, so no terminal or collector can fail on it.
+    The date has the form of RFC 3339, in UTC. A line about a client has its address in `client`. A line about a failure
+    has the traceback in `exception`, with `\n` in it. Everything is ASCII, so no terminal or collector can fail on it.
     """
 
     def format(self, record: logging.LogRecord) -> str:

@@ -1,11 +1,10 @@
 """Limits for the log, so that no client can fill a disk with lines.
 
-Most lines are caused by a client: it connects, has its status op logged, is told of a mistake. So each source of lines
-has a token bucket: the client, where a line names one (`extra={"client": address}`), and the place in the code. A line
-beyond the limit is left out, and every few seconds one line says how many were. Long lines are cut.
-
-The limits are filters of the loggers and not of a handler. So one decision protects stderr, `/rosout`, and the handlers
-of a program that runs the server inside itself.
+Most lines are caused by clients: connections, status ops, mistakes. So each source of lines has a token bucket. Sources
+are the client, if a line names one (`extra={"client": address}`), and the place in the code. A line beyond the limit is
+dropped, and every few seconds one line says how many were dropped. Long lines are shortened.
+The limits are filters of the loggers, not of a handler. So one decision protects stderr, `/rosout`, and the handlers of
+a program that runs the server inside itself.
 """
 
 from __future__ import annotations
@@ -28,36 +27,37 @@ LOGGERS: Final = tuple(
         *(".recording", ".replay", ".server", ".storage", ".websockets"),
     )
 )
-"""All loggers of this package; a filter of a logger does not see what its children log."""
+"""All loggers of this package; a filter of a logger does not apply to its child loggers."""
 
 MAX_LINE: Final = 500
-"""Characters of a line; more than any line of ours has, unless a client wrote a part of it."""
+"""Longest line [characters]; only a line with a client's text is longer."""
 
 MAX_TRACEBACK: Final = 10_000
-"""Characters of a traceback; its middle goes first."""
+"""Longest traceback [characters]; its middle is removed first."""
 
 TRACEBACK_COST: Final = 10
-"""Lines that a traceback counts as."""
+"""Number of lines that a traceback counts as."""
 
 CLIENT_BURST, CLIENT_RATE = 50.0, 1.0
-"""Lines of one client at once, and a second: a burst is of use, and a line a second is 50 MB a day at most."""
+"""Lines of one client at once, and per second. A burst is useful, and one line per second is at most 50 MB a day."""
 
 PLACE_BURST, PLACE_RATE = 200.0, 5.0
-"""The same of one place in the code, for all clients: two hundred may connect at once and each have its line."""
+"""Lines from one place in the code at once, and per second, for all clients. Two hundred clients may connect at once,
+with one line each."""
 
 SUMMARY_PERIOD: Final = 10.0
-"""Between two lines that say how many were left out [s]."""
+"""Time between two lines that say how many were dropped [s]."""
 
 MAX_SOURCES: Final = 1_000
-"""Sources that are known at once; the one that was silent for longest is forgotten."""
+"""Largest number of known sources; the one that was silent longest is forgotten."""
 
-_log = logging.getLogger("rosbridge_sim.log")  # without a limit: it is one line in a period
+_log = logging.getLogger("rosbridge_sim.log")  # needs no limit: it writes one line per period
 _formatter = logging.Formatter()
 
 
 @dataclass(slots=True)
 class _Source:
-    """Lines that have one cause."""
+    """The source of lines: a client or a place in the code."""
 
     rate: float
     burst: float
@@ -66,47 +66,47 @@ class _Source:
     num_left_out: int = 0
 
     def has_token(self, now: float) -> bool:
-        """Tell whether another line may be written now [s]."""
+        """Return True if another line may be written at monotonic time `now` [s]."""
         self.tokens = min(self.burst, self.tokens + (now - self.at) * self.rate)
         self.at = now
         return self.tokens >= 1.0
 
 
 class LineLimiter(logging.Filter):
-    """Leaves lines out and cuts them, from `start` to `stop`."""
+    """A filter that drops and shortens lines, from `start` to `stop`."""
 
     def __init__(
         self,
         loop: asyncio.AbstractEventLoop,
         clock: Callable[[], float] | None = None,
         *,
-        mask: Mask = mask_of(None),  # noqa: B008 - it has no state
+        mask: Mask = mask_of(None),  # noqa: B008 - the default has no state
     ) -> None:
-        """A limiter that does nothing yet.
+        """Create a limiter that is not active yet.
 
         Args:
-            loop: has the timer for reports on lines that were left out.
-            clock: monotonic time [s]; None for that of the loop.
-            mask: takes the token out of lines that quote clients.
+            loop: runs the timer for lines about dropped lines.
+            clock: monotonic time [s]; None means that of the loop.
+            mask: removes the token from lines with clients' texts.
         """
         super().__init__()
         self._mask = mask
         self._loop = loop
         self._clock = clock or loop.time
         self._sources: dict[str, _Source] = {}
-        self._num_forgotten = 0  # lines left out of sources that were forgotten
-        self._level = logging.NOTSET  # the gravest of what was left out
-        self._lock = threading.Lock()  # replays are read, and log, in threads
+        self._num_forgotten = 0  # dropped lines of forgotten sources
+        self._level = logging.NOTSET  # the most severe level of the dropped lines
+        self._lock = threading.Lock()  # threads that read replays write log lines, too
         self._timer: asyncio.TimerHandle | None = None
 
     def start(self) -> None:
-        """Limit what this package logs in this process."""
+        """Begin to limit the log of this package in this process."""
         for name in LOGGERS:
             logging.getLogger(name).addFilter(self)
         self._timer = self._loop.call_later(SUMMARY_PERIOD, self._tick)
 
     def stop(self) -> None:
-        """Limit it no longer; twice is no error."""
+        """End the limits. A second call does nothing."""
         for name in LOGGERS:
             logging.getLogger(name).removeFilter(self)
         if self._timer is not None:
@@ -115,10 +115,14 @@ class LineLimiter(logging.Filter):
         self.flush()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Tell whether a line is written; cut it if need be. Must not raise, because the caller only logs something."""
+        """Return True if a line is written; shorten it if needed. Must not raise, because the caller only wants to log.
+
+        Args:
+            record: the line.
+        """
         try:
             return self._judge(record)
-        except Exception:  # noqa: BLE001 - such as values that do not fit the text: handlers report that on stderr
+        except Exception:  # noqa: BLE001 - e.g. values that do not fit the text; handlers report that on stderr
             return True
 
     def _judge(self, record: logging.LogRecord) -> bool:
@@ -130,7 +134,7 @@ class LineLimiter(logging.Filter):
         return True
 
     def flush(self) -> None:
-        """Say in one line what was left out since the last one, if anything was."""
+        """Log one line about the lines dropped since the last call, if there are any."""
         with self._lock:
             left_out = {name: source.num_left_out for name, source in self._sources.items() if source.num_left_out}
             num_lines = sum(left_out.values()) + self._num_forgotten
@@ -148,7 +152,7 @@ class LineLimiter(logging.Filter):
         self.flush()
 
     def _admit(self, record: logging.LogRecord) -> bool:
-        """Take the line's tokens, or count it as left out."""
+        """Take the line's tokens, or count it as dropped."""
         now = self._clock()
         sources = [self._source(f"{record.filename}:{record.lineno}", PLACE_RATE, PLACE_BURST, now)]
         client = record.__dict__.get("client")

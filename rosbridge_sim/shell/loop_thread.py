@@ -1,4 +1,4 @@
-"""An event loop in a thread of its own, for callers that block."""
+"""An event loop in its own thread, for callers without asyncio."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ T = TypeVar("T")
 
 
 class LoopStoppedError(RuntimeError):
-    """Work for a loop that has been stopped."""
+    """A call of a loop that has been stopped."""
 
 
 class LoopThread:
-    """A running event loop in a thread of its own. All methods but `stop` are for other threads.
+    """A running event loop in its own thread. All methods but `stop` must be called from other threads.
 
-    The thread is a daemon, so a program that forgets `stop` can still end; the interpreter then calls it at its exit.
+    The thread is a daemon, so a program that forgets `stop` can still end; the interpreter then calls `stop` at exit.
     """
 
     def __init__(self, name: str) -> None:
         """Start the thread and wait until its loop runs.
 
         Args:
-            name: of the thread, for debuggers.
+            name: name of the thread, for debuggers.
         """
         ready: concurrent.futures.Future[asyncio.AbstractEventLoop] = concurrent.futures.Future()
-        self._lock = threading.Lock()  # what is handed to the loop before its end is known is cancelled, and not lost
+        self._lock = threading.Lock()  # work given to the loop just before its end is cancelled, not lost
         self._is_ending = False
         self._thread = threading.Thread(target=self._run_loop, args=(ready,), name=name, daemon=True)
         self._thread.start()
@@ -39,7 +39,7 @@ class LoopThread:
         atexit.register(self.stop)
 
     def _run_loop(self, ready: concurrent.futures.Future[asyncio.AbstractEventLoop]) -> None:
-        # A runner cancels what is left in the loop at the end, and closes it.
+        # At its end, a runner cancels the tasks that are left, and closes the loop.
         with asyncio.Runner() as runner:
             runner.run(self._wait_for_end(ready))
 
@@ -50,18 +50,21 @@ class LoopThread:
 
     @property
     def is_alive(self) -> bool:
-        """Whether `stop` has not been called yet."""
+        """True until `stop` is called."""
         return not self._is_ending
 
     def run(self, work: Coroutine[Any, Any, T]) -> T:
-        """Run a coroutine in the loop and return its result. An interrupt of the caller cancels it.
+        """Run a coroutine in the loop. An interrupt of the caller cancels it.
 
         Args:
-            work: not started yet.
+            work: a coroutine that was not started.
+
+        Returns:
+            The result of the coroutine.
 
         Raises:
-            LoopStoppedError: the loop has been stopped, or is stopped meanwhile.
-            RuntimeError: the caller is in the loop's own thread, where it would wait for itself.
+            LoopStoppedError: the loop is stopped, or was stopped during the call.
+            RuntimeError: the caller is in the loop's own thread, and would wait for itself.
         """
         name = self._thread.name
         if threading.current_thread() is self._thread:
@@ -77,11 +80,18 @@ class LoopThread:
         except concurrent.futures.CancelledError:
             raise LoopStoppedError(f"{name}: the loop was stopped meanwhile") from None
         except BaseException:
-            future.cancel()  # nothing, unless the caller was interrupted
+            future.cancel()  # only has an effect if the caller was interrupted
             raise
 
     def call(self, function: Callable[[], T]) -> T:
-        """Call a function in the loop's thread and return its result; errors as for `run`."""
+        """Call a function in the loop's thread; errors as for `run`.
+
+        Args:
+            function: the function.
+
+        Returns:
+            The result of the function.
+        """
 
         async def work() -> T:
             return function()
@@ -89,7 +99,7 @@ class LoopThread:
         return self.run(work())
 
     def stop(self) -> None:
-        """Cancel what still runs in the loop, and end the thread; twice is no error."""
+        """Cancel all tasks of the loop, and end the thread. A second call does nothing."""
         atexit.unregister(self.stop)
         with self._lock:
             if not self._is_ending:

@@ -1,6 +1,6 @@
-"""A map as a picture: lanes by their kind, edges, stop lines, lights and crosswalks, with a scale and the north.
+"""A map as a picture: lanes by their kind, edges, stop lines, lights and crosswalks, with a scale and a north arrow.
 
-Whoever is in a scenario is drawn on it as the box that he is, with a nose, and with the path that he follows.
+The entities of a scenario are drawn as boxes with a mark at the front, and with the path that they follow.
 """
 
 from __future__ import annotations
@@ -24,31 +24,33 @@ from rosbridge_sim.world.state import Kind
 __all__ = ["draw_map"]
 
 SIZE: Final = 2000
-"""Pixels of the longer side."""
+"""Length of the longer side [pixels]."""
 
 FINE: Final = 2
-"""Drawn so many times as large, then made smaller: edges become smooth."""
+"""The picture is drawn so many times larger and then reduced, which makes edges smooth."""
 
 PICTURE_MARGIN: Final = 90
-"""Around the map: the scale and the legend stand in it [pixels]."""
+"""Margin around the map, with room for scale and legend [pixels]."""
 
 MIN_WIDTH: Final = 900
-"""Of a map that is long from south to north: there is room for its name beside the arrow to the north [pixels]."""
+"""Smallest width, so that a map that is long from south to north has room for its name beside the north arrow [pixels].
+"""
 
 LEGEND_LINE: Final = 26
-"""From one line of the legend to the next [pixels]."""
+"""Height of a line of the legend [pixels]."""
 
 FORMATS: Final = {".png": "PNG", ".jpg": "JPEG", ".jpeg": "JPEG"}
-"""Picture formats, by the end of a file's name. Others, such as .gif, could not show all the colours."""
+"""Picture formats by the suffix of a file's name. Others, such as .gif, cannot show all the colours."""
 
 QUALITY: Final = 92
-"""Of a JPEG [of 100]: thin lines have no visible shadows."""
+"""Quality of a JPEG, of 100: no visible shadows around thin lines."""
 
 NARROW: Final = 3.0
-"""Lanes thinner than this have no edges [pixels]."""
+"""Lanes thinner than this are drawn without edges [pixels]."""
 
 NEAR: Final = 500.0
-"""Whoever is farther from all roads is left out: a slip in a scenario must not make the map a dot [m]."""
+"""Entities farther from all roads are left out [m], so that a mistake in a scenario does not shrink the map to a dot.
+"""
 
 PAPER: Final = "#f4f2ec"
 INK: Final = "#222222"
@@ -70,35 +72,35 @@ AGENTS: Final = {
 }
 
 Points = list[tuple[float, float]]
-"""Places on the picture [pixels]."""
+"""Positions on the picture [pixels]."""
 
 
 _Kinds = np.ndarray[tuple[int], np.dtype[np.str_]]
-"""(l,) the colour of each lane."""
+"""(l,) colour of each lane."""
 
 
 @dataclass(frozen=True, slots=True)
 class _View:
-    """From the map to the picture: north is up."""
+    """The transformation from the map to the picture; north is up."""
 
     west: float
     north: float
     scale: float  # [pixels/m]
 
     def place(self, points: FloatArray) -> Points:
-        """Where (k, 2) or (k, 3) points of the map are."""
+        """Return the positions on the picture of (k, 2) or (k, 3) points of the map [m]."""
         x = PICTURE_MARGIN * FINE + (points[:, 0] - self.west) * self.scale
         y = PICTURE_MARGIN * FINE + (self.north - points[:, 1]) * self.scale
         return list(zip(x.tolist(), y.tolist(), strict=True))
 
 
 def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> None:
-    """Write a picture of a map; the file's name says in which format: `.png`, `.jpg` or `.jpeg`.
+    """Write a picture of a map. The suffix of the file's name selects the format: `.png`, `.jpg` or `.jpeg`.
 
     Args:
-        road_map: what is drawn.
+        road_map: the map.
         path: the file.
-        agents: who is drawn on it; nobody who has no place yet.
+        agents: entities to draw; each must have a position.
 
     Raises:
         DocumentError: it cannot be written.
@@ -108,7 +110,7 @@ def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> Non
         raise DocumentError(f"--picture: expected a file such as MAP.png or MAP.jpg; got {str(path)!r}")
     image = _draw(road_map, [agent for agent in agents if agent.is_placed])
     try:
-        image.save(path, form, quality=QUALITY)  # which PNG does not know
+        image.save(path, form, quality=QUALITY)  # PNG ignores the quality
     except OSError as error:
         raise DocumentError(f"{path}: cannot be written: {error.strerror or error}") from None
 
@@ -122,7 +124,7 @@ def _draw(road_map: RoadMap, agents: Sequence[Spawn]) -> Image.Image:
     kinds = _kinds(road_map)
     legend = [*_legend(road_map, set(kinds.tolist())), *_legend_of_agents(agents)]
     places = _lay_legend(legend, width, _legend_start(view))
-    # The margin below has room for two lines; more need paper of their own.
+    # The lower margin has room for two lines; the picture grows for more.
     num_lines = 1 + max((line for _, line in places), default=0)
     image = Image.new("RGB", (width, height + max(0, num_lines - 2) * LEGEND_LINE * FINE), PAPER)
     pen = ImageDraw.Draw(image)
@@ -144,7 +146,7 @@ def _draw_ground(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap, kinds
         for lane in np.flatnonzero(kinds == kind).tolist():
             _draw_lane(pen, view, roads, lane, kind)
     for lane in range(len(roads)):
-        if kinds[lane] != INSIDE:  # there they would cross everything
+        if kinds[lane] != INSIDE:  # inside an intersection edges would cross everything
             _draw_edges(pen, view, roads, lane)
     for crosswalk in road_map.crosswalks:
         for outline in crosswalk.outlines:
@@ -157,7 +159,7 @@ def _draw_ground(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap, kinds
 
 
 def _extent(roads: Roads, agents: Sequence[Spawn]) -> tuple[FloatArray, FloatArray]:
-    """The south-west and the north-east corner of what is shown: the roads, and who is not far from them [m]."""
+    """Return the south-west and the north-east corner of the picture: the roads, and entities near them [m]."""
     places = np.array([(agent.x, agent.y) for agent in agents]).reshape(-1, 2)
     if len(roads):
         points = roads.points[:, :2]
@@ -169,7 +171,7 @@ def _extent(roads: Roads, agents: Sequence[Spawn]) -> tuple[FloatArray, FloatArr
 
 
 def _kinds(road_map: RoadMap) -> _Kinds:
-    """What each lane is: a plain one, one within an intersection, a dead end."""
+    """Return the kind of each lane: ordinary, inside an intersection, or dead end."""
     roads = road_map.roads
     led_to_from_stop = np.zeros(len(roads), dtype=bool)
     for lane in np.flatnonzero(roads.is_stop).tolist():
@@ -181,7 +183,7 @@ def _kinds(road_map: RoadMap) -> _Kinds:
     return kinds
 
 
-# What lies on the ground
+# Roads
 
 
 def _line_of(roads: Roads, lane: int) -> FloatArray:
@@ -189,7 +191,7 @@ def _line_of(roads: Roads, lane: int) -> FloatArray:
 
 
 def _sides(roads: Roads, lane: int) -> tuple[FloatArray, FloatArray]:
-    """(k, 2) the left and the right edge of a lane [m]."""
+    """Return the left and the right edge of a lane, (k, 2) each [m]."""
     line = _line_of(roads, lane)[:, :2]
     border = roads.border[roads.first[lane] : roads.first[lane + 1]]
     step = np.gradient(line, axis=0)
@@ -212,7 +214,7 @@ def _draw_edges(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: int) 
 
 
 def _draw_stripes(pen: ImageDraw.ImageDraw, view: _View, outline: FloatArray) -> None:
-    """A crosswalk: its outline, and stripes along the way of the cars if it has four corners."""
+    """Draw a crosswalk: its outline, and stripes along the driving direction if it has four corners."""
     corners = outline[:, :2]
     pen.polygon(view.place(corners), outline=STRIPES, width=FINE)
     if len(corners) > 1 and (corners[0] == corners[-1]).all():
@@ -222,7 +224,7 @@ def _draw_stripes(pen: ImageDraw.ImageDraw, view: _View, outline: FloatArray) ->
     sides = np.hypot(*(np.roll(corners, -1, axis=0) - corners).T)
     if sides[0] + sides[2] < sides[1] + sides[3]:
         corners = np.roll(corners, -1, axis=0)
-    a, b, c, d = corners  # people walk from a to b, beside from d to c
+    a, b, c, d = corners  # people walk from a to b, and in parallel from d to c
     num = max(1, round(float(np.hypot(*(b - a)))))
     for i in range(num):
         first, last = (i + 0.15) / num, (i + 0.65) / num
@@ -231,9 +233,10 @@ def _draw_stripes(pen: ImageDraw.ImageDraw, view: _View, outline: FloatArray) ->
 
 
 def _draw_arrows(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: int, *, is_inside: bool) -> None:
-    """The way of a lane: an arrow in its middle, and along a long one more of them.
+    """Draw the direction of a lane: an arrow in its middle, and more along a long lane.
 
-    Where lanes are thin, one arrow stands for all that lie side by side; within an intersection they would hide it.
+    If lanes are thin on the picture, one arrow stands for several parallel lanes. Inside an intersection there are few,
+    because they would hide it.
     """
     length, width = float(roads.length[lane]), float(roads.width[lane])
     is_thin = width * view.scale < 3.0 * NARROW * FINE
@@ -242,7 +245,7 @@ def _draw_arrows(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: int,
     size = min(9.0 * FINE / view.scale if is_thin else 0.5 * width, 12.0, 0.4 * length)
     apart = max(60.0, 90.0 * FINE / view.scale)
     num = max(1, int(length / apart))
-    # Before the middle, so that those of two opposite lanes do not meet.
+    # Before the middle, so that the arrows of two opposite lanes do not overlap.
     points, yaws = roads.at([lane] * num, [(i + 0.42) * length / num for i in range(num)])
     for point, yaw in zip(points, yaws.tolist(), strict=True):
         pen.polygon(view.place(_shape(point, yaw, size, _ARROW)), fill=ARROW)
@@ -253,7 +256,7 @@ _LIGHT: Final = ((-0.3, 0.5), (0.7, 0.0), (-0.3, -0.5))
 
 
 def _shape(point: FloatArray, yaw: float, size: float, outline: Sequence[tuple[float, float]]) -> FloatArray:
-    """(k, 2) an outline that is turned and put somewhere on the map [m]."""
+    """Return an outline, (k, 2), turned by `yaw` and moved to a point of the map [m]."""
     turn = complex(math.cos(yaw), math.sin(yaw)) * size
     corners = [complex(point[0], point[1]) + turn * complex(x, y) for x, y in outline]
     return np.array([(corner.real, corner.imag) for corner in corners])
@@ -266,8 +269,8 @@ def _draw_stop_line(pen: ImageDraw.ImageDraw, view: _View, roads: Roads, lane: i
 
 
 def _draw_lights(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap) -> None:
-    """Each light points to where it looks, a line ties it to the lanes that it serves."""
-    size = min(max(1.6, 8.0 * FINE / view.scale), 6.0)  # to be seen, but not to hide the crossing
+    """Draw each light with its direction, and a line to the lanes that it controls."""
+    size = min(max(1.6, 8.0 * FINE / view.scale), 6.0)  # visible, but does not hide the crossing
     roads = road_map.roads
     for light in road_map.plan.lights if road_map.plan else ():
         colour = WALK_LIGHT if light.is_pedestrian else WARNING_LIGHT if light.is_warning else CAR_LIGHT
@@ -278,7 +281,7 @@ def _draw_lights(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap) -> No
         pen.polygon(view.place(_shape(at, light.yaw, size, _LIGHT)), fill=colour, outline=INK)
 
 
-# Who is there
+# Entities
 
 
 def _draw_path(pen: ImageDraw.ImageDraw, view: _View, agent: Spawn) -> None:
@@ -290,7 +293,7 @@ def _draw_path(pen: ImageDraw.ImageDraw, view: _View, agent: Spawn) -> None:
 
 def _draw_agent(pen: ImageDraw.ImageDraw, view: _View, agent: Spawn) -> None:
     body = agent.model.body
-    # Larger than life where he would be too small to see.
+    # Drawn larger than its true size if it would be too small to see.
     size = max(1.0, 5.0 * FINE / (view.scale * max(body.length, body.width)))
     tail, nose, side = -body.rear_overhang, body.length - body.rear_overhang, 0.5 * body.width
     tip = max(tail, nose - side)
@@ -304,11 +307,11 @@ def _legend_of_agents(agents: Sequence[Spawn]) -> Iterator[tuple[str, str]]:
     yield from (look for kind, look in AGENTS.items() if kind in kinds)
 
 
-# Around it
+# Frame and legend
 
 
 def _draw_frame(pen: ImageDraw.ImageDraw, size: tuple[int, int], road_map: RoadMap) -> None:
-    """The map's name above, the north at the top right."""
+    """Draw the map's name at the top, and the north arrow at the top right."""
     font, large = ImageFont.load_default(17 * FINE), ImageFont.load_default(26 * FINE)
     roads = road_map.roads
     pen.text((PICTURE_MARGIN * FINE // 2, 20 * FINE), road_map.name, fill=INK, font=large)
@@ -321,7 +324,7 @@ def _draw_frame(pen: ImageDraw.ImageDraw, size: tuple[int, int], road_map: RoadM
 
 
 def _scale_text(view: _View) -> tuple[float, str]:
-    """The length of the scale [pixels], and what stands beside it."""
+    """Return the length of the scale [pixels] and its label."""
     metres = _round_length(180.0 * FINE / view.scale)
     text = f"{metres / 1000:g} km" if metres >= 1000 else f"{metres:g} m"  # noqa: PLR2004 - a kilometre
     return metres * view.scale, text
@@ -340,13 +343,13 @@ def _legend_font() -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
 
 
 def _legend_start(view: _View) -> float:
-    """Left edge of the legend, beside the scale [pixels]."""
+    """Return the left edge of the legend, beside the scale [pixels]."""
     length, text = _scale_text(view)
     return PICTURE_MARGIN * FINE / 2 + length + 30 * FINE + _legend_font().getlength(text)
 
 
 def _lay_legend(legend: Sequence[tuple[str, str]], width: int, start: float) -> list[tuple[float, int]]:
-    """Return for each entry where it begins [pixels], and on which line; an entry that is too long goes to the next."""
+    """Return the start [pixels] and the line of each entry; an entry that does not fit goes to the next line."""
     font = _legend_font()
     places = []
     x, line = start, 0
@@ -362,7 +365,7 @@ def _lay_legend(legend: Sequence[tuple[str, str]], width: int, start: float) -> 
 def _draw_legend(
     pen: ImageDraw.ImageDraw, legend: Sequence[tuple[str, str]], places: Sequence[tuple[float, int]], top: float
 ) -> None:
-    """Legend: the meaning of each colour."""
+    """Draw the legend with the meaning of each colour."""
     for (colour, what), (x, line) in zip(legend, places, strict=True):
         y = top + line * LEGEND_LINE * FINE
         pen.rectangle((x, y - 4 * FINE, x + 16 * FINE, y + 12 * FINE), fill=colour, outline=INK)
@@ -370,13 +373,13 @@ def _draw_legend(
 
 
 def _round_length(about: float) -> float:
-    """A length of one figure, 1, 2 or 5, that is not longer [m]."""
+    """Return the next length with the single digit 1, 2 or 5 that is not longer [m]."""
     power = 10.0 ** math.floor(math.log10(about))
     return next(digit * power for digit in (5.0, 2.0, 1.0) if digit * power <= about * (1.0 + 1e-9))
 
 
 def _legend(road_map: RoadMap, kinds: set[str]) -> Iterator[tuple[str, str]]:
-    names = {LANE: "lane", INSIDE: "within an intersection", DEAD_END: "leads nowhere"}
+    names = {LANE: "lane", INSIDE: "within an intersection", DEAD_END: "dead end"}
     yield from ((colour, name) for colour, name in names.items() if colour in kinds)
     if road_map.roads.is_stop.any():
         yield STOP, "stop line"

@@ -1,8 +1,8 @@
-"""The server's token masked in what clients write.
+"""Removal of the server's token from clients' texts.
 
-Our own lines never hold a token. But a client that has the token may write it into an op that is refused, or into a
-`status` such as "connected to ws://sim:9090/?token=...", and these words are logged and told on `/sim/refusals`. So
-the token is masked there, wherever it stands. A wrong token cannot be known in such words.
+The server's own lines never contain a token. But a client that knows the token may write it into an op that is refused,
+or into a `status` such as "connected to ws://sim:9090/?token=...". These texts go to the log and to `/sim/refusals`, so
+the token is masked there. A wrong token cannot be recognised in a text.
 """
 
 from __future__ import annotations
@@ -14,14 +14,18 @@ from urllib.parse import quote
 __all__ = ["MIN_MASKED", "Mask", "mask_of"]
 
 MIN_MASKED: Final = 4
-"""Characters of a token from which on it is masked. The gaps in a log would tell a shorter one, such as `a`."""
+"""Shortest token that is masked [characters]. For a shorter one, such as `a`, the gaps in a log would show it."""
 
 Mask = Callable[[str], str]
-"""Gives a text without the token."""
+"""Returns a text without the token."""
 
 
 def mask_of(token: str | None) -> Mask:
-    """Return what masks a token, as it is and as it stands in a URL; without a token, every text stays as it is."""
+    """Return a function that masks a token, both plain and in its URL spelling; without a token it changes nothing.
+
+    Args:
+        token: the token; None if there is none.
+    """
     if token is None or len(token) < MIN_MASKED:
         return _keep
     spellings = sorted({token, quote(token), quote(token, safe="")}, key=len, reverse=True)

@@ -1,11 +1,10 @@
-"""Counters of a running simulator as Prometheus reads them, for `/metrics`.
+"""Counters of a running simulator in Prometheus's format, for `/metrics`.
 
-Nothing is counted for a scrape alone: the objects that know have plain integers, and they are read when somebody asks.
-The one exception is the CPU time of frames. Its clock costs half a microsecond for each frame, so it starts with the
-first scrape. `prometheus_client` writes the format; it is imported then, too, because it takes 20 ms.
-
-Names follow Prometheus's rules: base units, which are seconds and bytes, and `_total` behind what never goes back. No
-label has values that clients choose, so a scrape has a bounded length.
+Nothing is counted only for `/metrics`: other objects have plain integer counters, which are read at each scrape. The
+one exception is the CPU time of frames. Its clock costs half a microsecond per frame, so it starts at the first scrape.
+`prometheus_client` writes the format; it is imported at the first scrape, too, because that takes 20 ms.
+Names follow Prometheus's rules: base units (seconds, bytes), and the suffix `_total` for values that never go down. No
+label has values from clients, so the length of a scrape is limited.
 """
 
 from __future__ import annotations
@@ -32,23 +31,24 @@ if TYPE_CHECKING:
 __all__ = ["FRAME_BOUNDS", "FrameHistogram", "Metrics"]
 
 FRAME_BOUNDS: Final = (0.0001, 0.00025, 0.0005, 0.001, 0.0025, 0.005, 0.01, 0.02, 0.05, 0.1)
-"""Upper bounds of the histogram [s]: from an empty scene (0.1 ms) beyond what real time leaves for a frame (20 ms)."""
+"""Upper bounds of the histogram [s]: from an empty scene (0.1 ms) to more than a frame may take in real time (20 ms).
+"""
 
 
 OPENMETRICS: Final = "application/openmetrics-text"
-"""The format of programs that ask for it; all others get Prometheus's older one."""
+"""Format for programs that ask for it; all others get Prometheus's older format."""
 
 
 class FrameHistogram:
-    """CPU time of frames, counted into buckets.
+    """CPU time of frames, counted in buckets.
 
     Attributes:
-        counts: frames for each of `FRAME_BOUNDS`, and at the end those beyond the last one.
-        total: of all frames [s].
+        counts: frames for each of `FRAME_BOUNDS`, and at the end those above the last one.
+        total: sum over all frames [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.thread_time) -> None:
-        """A histogram without frames.
+        """Create an empty histogram.
 
         Args:
             clock: CPU time of this thread, which computes all frames [s].
@@ -59,18 +59,18 @@ class FrameHistogram:
         self._begun_at = 0.0
 
     def begin(self) -> None:
-        """Note that a frame begins."""
+        """Start the time of a frame."""
         self._begun_at = self._clock()
 
     def end(self) -> None:
-        """Count the frame that has begun last."""
+        """Count the frame that was started last."""
         spent = self._clock() - self._begun_at
         self.total += spent
         self.counts[bisect_left(FRAME_BOUNDS, spent)] += 1
 
 
 class Metrics:
-    """Metrics of one simulator, in a registry of its own."""
+    """Metrics of one simulator, in its own registry."""
 
     def __init__(
         self,
@@ -80,14 +80,14 @@ class Metrics:
         refusals: RefusalLog,
         num_bugs: Callable[[], int],
     ) -> None:
-        """Metrics that nobody has asked for yet.
+        """Prepare the metrics; the first scrape starts them.
 
         Args:
-            loop: whose time real time follows.
-            server: whose clients are counted.
-            node: the simulator; None without a world.
-            refusals: counts what clients were refused.
-            num_bugs: tells how many faults of ours were found.
+            loop: the event loop; its clock is real time.
+            server: the server whose clients are counted.
+            node: the simulator's node; None without a world.
+            refusals: counts the refused requests of clients.
+            num_bugs: returns the number of internal errors.
         """
         self.frames = FrameHistogram()
         self._loop = loop
@@ -101,23 +101,23 @@ class Metrics:
         """Return all metrics as text, and its content type.
 
         Args:
-            accept: the formats that the asking program takes, as its `Accept` header says.
+            accept: the request's `Accept` header: the formats that the asking program accepts.
         """
         if self._registry is None:
-            # In a thread: the import takes as long as a frame.
+            # In a thread, because the import takes as long as a frame.
             await self._loop.run_in_executor(None, importlib.import_module, "prometheus_client")
         import prometheus_client as text  # noqa: PLC0415 - see the head of this file
         from prometheus_client.openmetrics import exposition as openmetrics  # noqa: PLC0415
 
         registry = self._open_registry()
-        # The library's own choice fails where a program asks for a version that is no number.
+        # The library's own choice fails if a program asks for a version that is not a number.
         if OPENMETRICS in (kind.partition(";")[0].strip().lower() for kind in accept.split(",")):
             body: bytes = openmetrics.generate_latest(registry)  # type: ignore[no-untyped-call] # it has no types
             return body, f"{OPENMETRICS}; version=1.0.0; charset=utf-8"
         return text.generate_latest(registry), "text/plain; version=0.0.4; charset=utf-8"
 
     def _open_registry(self) -> CollectorRegistry:
-        """Make the registry and start the histogram, the first time."""
+        """Create the registry and start the histogram at the first call."""
         if self._registry is None:
             from prometheus_client import CollectorRegistry, ProcessCollector  # noqa: PLC0415 - as above
 
@@ -129,16 +129,16 @@ class Metrics:
         return self._registry
 
     def describe(self) -> list[Metric]:
-        """Return no names: the registry is of this simulator alone, so none can be there twice."""
+        """Return no names. The registry belongs to this simulator alone, so no name can occur twice."""
         return []
 
     def collect(self) -> Iterator[Metric]:
-        """Read all counters. For the registry."""
+        """Yield all metrics. The registry calls this."""
         from prometheus_client.metrics_core import InfoMetricFamily  # noqa: PLC0415 - as above
 
         yield InfoMetricFamily("rosbridge_sim_build", "Version of the server.", {"version": __version__})
         yield from self._of_clients()
-        yield _counter("faults", "Faults of the server's own, each with a traceback in its log.", self._num_bugs())
+        yield _counter("faults", "Internal errors of the server, each with a traceback in its log.", self._num_bugs())
         if self._node is not None:
             yield from self._of_world(self._node)
 
@@ -149,18 +149,18 @@ class Metrics:
         traffic = server.traffic
         yield _gauge("clients", "Clients that are connected now.", len(clients))
         yield _counter("clients_connected", "Clients that have connected since the start.", traffic.num_clients)
-        yield _gauge("strangers", "Connections that have not shown the token yet.", server.num_strangers)
+        yield _gauge("strangers", "Connections that have not sent the token yet.", server.num_strangers)
         yield _counter(
             "received_bytes",
-            "Bytes that came over all connections, HTTP requests included.",
+            "Bytes received over all connections, HTTP requests included.",
             server.num_bytes_received,
         )
-        yield _counter("sent_bytes", "Bytes of messages that were handed to sockets.", traffic.num_bytes_sent)
-        yield _counter("received_frames", "WebSocket messages that came from clients.", traffic.num_frames_received)
-        yield _counter("sent_messages", "Messages of topics put into clients' queues.", traffic.num_messages_sent)
+        yield _counter("sent_bytes", "Bytes of messages given to sockets.", traffic.num_bytes_sent)
+        yield _counter("received_frames", "WebSocket messages received from clients.", traffic.num_frames_received)
+        yield _counter("sent_messages", "Topic messages put into clients' queues.", traffic.num_messages_sent)
         yield _counter(
             "dropped_messages",
-            "Messages of topics dropped from queues because their client did not read.",
+            "Topic messages dropped from queues because their client did not read.",
             traffic.num_messages_dropped,
         )
         waiting = [client.num_bytes_waiting for client in clients]
@@ -178,18 +178,16 @@ class Metrics:
     def _of_world(self, node: SimulatorNode) -> Iterator[Metric]:
         from prometheus_client.metrics_core import HistogramMetricFamily  # noqa: PLC0415 - as above
 
-        yield _gauge(
-            "world_failed", "1 once a bug of the server's has ended the world, else 0.", node.failure is not None
-        )
+        yield _gauge("world_failed", "1 after an internal error has ended the world, else 0.", node.failure is not None)
         yield _gauge("frame", "Number of the world's last frame; a reset sets it to 0.", node.world.frame)
         yield _counter("frames", "Frames of 20 ms computed since the start.", node.num_frames)
-        yield _counter("ticks", "Ticks of synchronous mode carried out.", node.num_ticks)
+        yield _counter("ticks", "Ticks of synchronous mode that were done.", node.num_ticks)
         yield _gauge("synchronous_mode", "1 while synchronous mode is on, else 0.", node.sync.is_on)
         yield _gauge("paused", "1 while the simulation is paused, else 0.", node.sync.is_paused)
         lag = node.real_time_lag(self._loop.time())
-        yield _gauge("real_time_lag_seconds", "How far the world is behind real time now.", lag)
-        yield _counter("real_time_stalls", "How often real time was given up after a stall.", node.num_stalls)
-        yield _counter("real_time_lost_seconds", "Real time that was given up by that.", node.lost_time)
+        yield _gauge("real_time_lag_seconds", "Time by which the world is behind real time now.", lag)
+        yield _counter("real_time_stalls", "Stalls after which the world skipped real time.", node.num_stalls)
+        yield _counter("real_time_lost_seconds", "Real time that was skipped after stalls.", node.lost_time)
         bounds = [*map(str, FRAME_BOUNDS), "+Inf"]
         yield HistogramMetricFamily(
             "rosbridge_sim_frame_cpu_seconds",

@@ -1,12 +1,12 @@
 """Mistakes of clients, for the authors of these clients: lines in the log, and the list behind `/sim/refusals`.
 
-A client is told of each mistake by a status or in an answer, but many client libraries show neither. So the log has a
-WARNING line for each client and reason: the first refusal at once; those of the same client and reason in the next
-ten seconds together in one line, with their number and the last text. Reasons are our own words (`errors.Reason`), so
-no client can make lines by making up texts. The limits of all log lines (`log_limits.py`) hold for these lines, too.
-
-A refusal within those ten seconds costs 2 us to 5 us: it is counted, and its text is cut but not escaped before it is
-shown.
+A client is told about each mistake by a status or an answer, but many client libraries show neither. So the log has a
+WARNING line for each client and reason. The first refusal is logged at once. Those of the same client and reason in the
+next ten seconds share one line, with their number and the last text. Reasons are fixed words of the server
+(`errors.Reason`), so no client can create lines with new texts. The limits of all log lines (`log_limits.py`) also
+apply.
+A refusal within these ten seconds costs 2 us to 5 us: it is counted, and its text is shortened but only escaped when it
+is shown.
 """
 
 from __future__ import annotations
@@ -26,22 +26,23 @@ from rosbridge_sim.shell.masking import Mask, mask_of
 __all__ = ["MAX_REFUSAL_TEXT", "Noted", "RefusalLog", "escape"]
 
 REFUSALS_PERIOD: Final = 10.0
-"""Time for which refusals of one client and reason share a line [s]: a wrong publish at 50 Hz is six lines a minute."""
+"""Time for which refusals of one client and reason share a line [s]: a wrong publish at 50 Hz gives six lines a minute.
+"""
 
 MAX_REFUSAL_TEXT: Final = 300
-"""Characters of a text that are shown; all our own texts are shorter but for what they quote."""
+"""Characters of a text that are shown; the server's own texts are longer only if they quote a long text."""
 
 MAX_REFUSED_NAME: Final = 100
 """Characters of a topic's or service's name that are shown."""
 
 MAX_KINDS: Final = 2_000
-"""Pairs of client and reason that are known at once, some 300 bytes each. The oldest is forgotten first."""
+"""Largest number of known pairs of client and reason, about 300 bytes each. The oldest is forgotten first."""
 
 MAX_CLIENTS: Final = 20
-"""Clients with refusals that are kept: more programs than a user debugs at once."""
+"""Clients whose refusals are kept: more programs than a user debugs at once."""
 
 MAX_KEPT: Final = 10
-"""Refusals kept of one client, so that a client that floods hides no other's."""
+"""Refusals that are kept of one client, so that a client with many does not hide those of others."""
 
 _log = logging.getLogger("rosbridge_sim.server")
 
@@ -51,9 +52,9 @@ class _Kind:
     """The refusals of one client for one reason in the current period.
 
     Attributes:
-        until: when the period ends [s].
-        last: the last refusal that has no line yet.
-        num_unsaid: how many have none.
+        until: end of the period [s].
+        last: the last refusal that is not logged yet.
+        num_unsaid: number of refusals that are not logged yet.
     """
 
     until: float
@@ -63,14 +64,14 @@ class _Kind:
 
 @dataclass(slots=True)
 class Noted:
-    """A refusal that is kept, and how often it came in a row.
+    """A refusal that is kept, with its number of repetitions.
 
     Attributes:
-        request: what was refused.
-        order: its place among all refusals.
-        stamp_ns: when the last one came [ns, the time of day].
-        frame: the world's at that time; -1 without a world.
-        count: how many came.
+        request: the refused request.
+        order: its position among all refusals.
+        stamp_ns: time of the last one [ns, time of day].
+        frame: frame number of the world at that time; -1 without a world.
+        count: number of equal refusals in a row.
     """
 
     request: RefusedRequest
@@ -81,12 +82,12 @@ class Noted:
 
 
 class RefusalLog:
-    """Logs and keeps what clients were refused.
+    """Logs and keeps the refused requests of clients.
 
     Attributes:
         on_change: called after each refusal.
-        total: refusals since the start.
-        counts: the same by reason.
+        total: number of refusals since the start.
+        counts: number of refusals by reason.
     """
 
     def __init__(
@@ -96,16 +97,16 @@ class RefusalLog:
         *,
         is_quiet: bool = False,
         clock: Callable[[], float] | None = None,
-        mask: Mask = mask_of(None),  # noqa: B008 - it has no state
+        mask: Mask = mask_of(None),  # noqa: B008 - the default has no state
     ) -> None:
-        """A log without refusals.
+        """Create a log without refusals.
 
         Args:
-            loop: has the timer that ends the periods.
-            frame: gives the world's frame.
+            loop: runs the timer that ends the periods.
+            frame: returns the frame number of the world.
             is_quiet: keep refusals, but write no lines.
-            clock: monotonic time [s]; None for that of the loop.
-            mask: takes the token out of what clients wrote.
+            clock: monotonic time [s]; None means that of the loop.
+            mask: removes the token from clients' texts.
         """
         self.on_change: Callable[[], None] = lambda: None
         self.total = 0
@@ -120,30 +121,38 @@ class RefusalLog:
         self._timer: asyncio.TimerHandle | None = None
 
     def stop(self) -> None:
-        """Write the lines that are owed, and no more at a later time."""
+        """Write the lines that are left, and none later."""
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         self.flush(float("inf"))
 
     def note(self, request: RefusedRequest) -> None:
-        """Take note of a refusal."""
+        """Record a refusal.
+
+        Args:
+            request: the refused request.
+        """
         self.total += 1
         self.counts[request.reason] += 1
         if request.text != (text := self._mask(request.text)) or request.subject != self._mask(request.subject):
             request = request._replace(text=text, subject=self._mask(request.subject))
-        request = _shorten(request)  # before it is compared: a long text that comes again is the same one
+        request = _shorten(request)  # before the comparison, so that a repeated long text counts as equal
         self._keep(request)
         if not self._is_quiet:
             self._say_or_count(request)
         self.on_change()
 
     def kept(self) -> list[Noted]:
-        """Return the refusals that are kept, oldest first."""
+        """Return the kept refusals, oldest first."""
         return sorted((noted for each in self._kept.values() for noted in each), key=lambda noted: noted.order)
 
     def flush(self, now: float) -> None:
-        """Write a line for each period that has ended by now [s] and has refusals without one."""
+        """Write a line for each ended period that has refusals without a line.
+
+        Args:
+            now: monotonic time [s].
+        """
         for key, kind in list(self._kinds.items()):
             if kind.until > now:
                 continue
@@ -170,7 +179,7 @@ class RefusalLog:
             kept.append(Noted(request, self.total, stamp_ns, frame))
 
     def _say_or_count(self, request: RefusedRequest) -> None:
-        """Write a line now, or count the refusal for a line at the end of the period."""
+        """Write a line now, or count the refusal for the line at the end of the period."""
         now = self._clock()
         key = (request.client, request.reason)
         kind = self._kinds.get(key)
@@ -195,7 +204,12 @@ class RefusalLog:
 
 
 def cut(text: str, max_length: int = MAX_REFUSAL_TEXT) -> str:
-    """Return both ends of a text that is too long [characters]: an error's advice stands at its end."""
+    """Return a text, or both ends of a text that is too long, because the advice of an error is at its end.
+
+    Args:
+        text: the text.
+        max_length: longest result [characters].
+    """
     if len(text) <= max_length:
         return text
     end = max_length // 3
@@ -203,20 +217,25 @@ def cut(text: str, max_length: int = MAX_REFUSAL_TEXT) -> str:
 
 
 def escape(text: str, max_length: int = MAX_REFUSAL_TEXT) -> str:
-    """Return a client's text in one printable line, cut to a length [characters]."""
+    """Return a client's text as one printable line.
+
+    Args:
+        text: the text.
+        max_length: longest result [characters].
+    """
     shown = cut(text, max_length)
     return shown if shown.isprintable() else "".join(c if c.isprintable() else repr(c)[1:-1] for c in shown)
 
 
 def _line(request: RefusedRequest) -> str:
-    """Return op, subject and text; many texts begin with the subject themselves."""
+    """Return op, subject and text; a text that begins with the subject does not repeat it."""
     text = request.text.removeprefix(f"{request.subject}: ")
     what = f"{request.op} {escape(request.subject, MAX_REFUSED_NAME)}".strip()
     return f"{what}: {escape(text)}" if what else escape(text)
 
 
 def _shorten(request: RefusedRequest) -> RefusedRequest:
-    """Return the same with texts of which no more is held than is shown."""
+    """Return the same refusal with texts that are only as long as they are shown."""
     if len(request.text) <= MAX_REFUSAL_TEXT and len(request.subject) <= MAX_REFUSED_NAME:
         return request
     return request._replace(text=cut(request.text), subject=cut(request.subject, MAX_REFUSED_NAME))

@@ -1,10 +1,9 @@
-"""The scheduler of a running simulator: one timer, set for what is due next.
+"""The scheduler of a running simulator: one timer for the next event.
 
-That is the world's next frame, the bus's next time-out or another part's turn. It is looked at anew after each frame
-that a client sends, since that may have changed what is due.
-
-An internal error in the world ends the simulator, because one that stands still and answers is worse than none. The
-error is logged with its traceback, and `failure` ends with it.
+Events are the world's next frame, the bus's next time-out, and the turns of other parts. After each frame from a client
+the next event is computed again, because it may have changed.
+An internal error in the world ends the simulator, because a world that stands still and answers is worse than none. The
+error is logged with its traceback, and `failure` gets it.
 """
 
 from __future__ import annotations
@@ -22,42 +21,54 @@ __all__ = ["Clock", "Scheduler", "WorldFailedError"]
 _log = logging.getLogger("rosbridge_sim.app")
 
 SHORTEST_WAIT = 0.001
-"""The timer's grain [s]: uvloop counts whole milliseconds, and would spin through a shorter wait."""
+"""Resolution of the timer [s]: uvloop counts whole milliseconds, and would loop without pause for a shorter wait."""
 
 
 class WorldFailedError(RosbridgeSimError):
-    """An internal error has stopped the world; its cause is the exception that was raised."""
+    """An internal error has stopped the world; its cause is the original exception."""
 
 
 class Clock(Protocol):
     """A part of the simulator that has work at certain times."""
 
     def next_due(self, now: float) -> float | None:
-        """Return when `advance` has something to do next [s]; None while that depends on other parts."""
+        """Return when `advance` has something to do next [s]; None while that depends on other parts.
+
+        Args:
+            now: monotonic time [s].
+        """
 
     def advance(self, now: float) -> None:
-        """Do what is due by now [s]; nothing if it is too early."""
+        """Do everything that is due; nothing if it is too early.
+
+        Args:
+            now: monotonic time [s].
+        """
 
 
 @runtime_checkable
 class Endable(Protocol):
-    """A clock that the rest of the simulator can do without."""
+    """A clock that the rest of the simulator does not need."""
 
     def end(self, error: Exception) -> None:
-        """End for good, because of a failure. From then on `next_due` is None, and `advance` does nothing."""
+        """End for ever because of a failure. After this, `next_due` returns None, and `advance` does nothing.
+
+        Args:
+            error: the failure.
+        """
 
 
 class Scheduler:
-    """Calls what is due on a bus, in the world and in other clocks.
+    """Calls the bus, the world and other clocks when they are due.
 
     Attributes:
-        failure: ends with WorldFailedError if the world fails, and never otherwise.
+        failure: gets WorldFailedError if the world fails; otherwise it is never done.
     """
 
     def __init__(
         self, loop: asyncio.AbstractEventLoop, bus: Bus, clocks: Sequence[Clock], on_failure: Callable[[], None]
     ) -> None:
-        """Set no timer before the first `look`.
+        """Create a scheduler; the first `look` sets the timer.
 
         Args:
             loop: has the time and the timer.
@@ -81,28 +92,32 @@ class Scheduler:
         return self.failure.done()
 
     def add(self, clock: Clock) -> None:
-        """Add a clock."""
+        """Add a clock.
+
+        Args:
+            clock: the clock.
+        """
         self._clocks += (clock,)
 
     def look(self) -> None:
-        """Check what is due, once for all that changes in this turn of the loop."""
+        """Compute the next event in the next turn of the loop, once for all changes in this turn."""
         if not self._is_looking:
             self._is_looking = True
             self._loop.call_soon(self._turn)
 
     def turn(self) -> None:
-        """Check what is due now, at the end of a pass of the loop, unless `look` was called already."""
+        """Compute the next event now, at the end of a pass of the loop, unless `look` was called already."""
         if not self._is_looking:
             self._turn()
 
     def stop(self) -> None:
-        """Call nothing more."""
+        """Stop all calls."""
         self._is_stopped = True
         if self._timer is not None:
             self._timer.cancel()
 
     def _turn(self) -> None:
-        """Do what is due, then arm the timer for what is due next."""
+        """Do everything that is due, then set the timer for the next event."""
         self._is_looking = False
         if self._is_stopped:
             return
@@ -114,7 +129,7 @@ class Scheduler:
                 for clock in self._clocks:
                     self._advance(clock, now)
                 due = self._next_due(now)
-        except Exception as error:  # noqa: BLE001 - our own bug, whatever it is
+        except Exception as error:  # noqa: BLE001 - any internal error
             self._fail(error)
         else:
             self._arm(now, due)
@@ -123,14 +138,14 @@ class Scheduler:
         """Give a clock its turn."""
         try:
             clock.advance(now)
-        except Exception as error:  # noqa: BLE001 - our own bug
+        except Exception as error:  # noqa: BLE001 - an internal error
             self._blame(clock, error)
 
     def _blame(self, clock: Clock, error: Exception) -> None:
-        """End a clock that has failed, if it can end alone.
+        """End a clock that has failed, if it can be ended alone.
 
         Raises:
-            Exception: `error`, where it cannot: it is the world.
+            Exception: `error`, if it cannot be ended alone, because it is the world.
         """
         guard = self._bus.guard
         if isinstance(clock, Endable):
@@ -144,7 +159,7 @@ class Scheduler:
         for clock in self._clocks:
             try:
                 other = clock.next_due(now)
-            except Exception as error:  # noqa: BLE001 - our own bug
+            except Exception as error:  # noqa: BLE001 - an internal error
                 self._blame(clock, error)
                 continue
             if due is None or (other is not None and other < due):
@@ -152,7 +167,7 @@ class Scheduler:
         return due
 
     def _arm(self, now: float, due: float | None) -> None:
-        if due is not None and due <= now:  # more is owed than one turn may do: the others first
+        if due is not None and due <= now:  # more is due than one turn may do: others come first
             self.look()
             return
         wanted = float("inf") if due is None else max(due, now + SHORTEST_WAIT)
@@ -174,5 +189,5 @@ class Scheduler:
         failed = WorldFailedError(f"the world has failed: {error!r}")
         failed.__cause__ = error
         self.failure.set_exception(failed)
-        self.failure.exception()  # so that asyncio does not log it where nothing waits for it
+        self.failure.exception()  # so that asyncio does not log it if no task waits for it
         self._on_failure()

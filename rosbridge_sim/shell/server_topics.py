@@ -1,12 +1,12 @@
-"""Topics about the server itself: its clients, what they leave unread, and its log.
+"""Topics about the server itself: its clients, their unread messages, and its log.
 
-    /client_count        how many clients are connected; latched, at each change
+    /client_count        number of connected clients; latched, at each change
     /connected_clients   their addresses and times of connection; latched, at each change
-    /sim/clients         what each has sent, was given and leaves unread; once a second while it has a subscriber
+    /sim/clients         traffic and unread bytes of each client; once a second while it has a subscriber
     /sim/refusals        the last mistakes of clients, with reasons; latched, at changes, at most ten times a second
-    /rosout              the log lines of this process, from level info on; clients may write there too
+    /rosout              log lines of this process from level info on; clients may publish there, too
 
-The first two are rosbridge_suite's. The server is the node `/rosbridge_websocket` here, as its clients are.
+The first two are rosbridge_suite's. The server publishes as the node `/rosbridge_websocket`, like its clients.
 """
 
 from __future__ import annotations
@@ -29,35 +29,35 @@ from rosbridge_sim.shell.websocket.server import Server
 __all__ = ["TOPICS", "WHO_IS_CONNECTED", "ServerTopics"]
 
 TOPICS = ("/client_count", "/connected_clients", "/sim/clients", "/rosout", "/sim/refusals")
-"""The names of all of these."""
+"""Names of all these topics."""
 
 WHO_IS_CONNECTED = PolicyEffect("learn who is connected", tuple(Way(Use.SUBSCRIBE, name) for name in TOPICS))
-"""Other topics that stay open if clients may not listen to one of these."""
+"""The other topics that show the same, if clients may not subscribe to one of these."""
 
 REPORT_PERIOD = 1.0
-"""Between two messages on /sim/clients [s]."""
+"""Time between two messages on /sim/clients [s]."""
 
 REFUSALS_INTERVAL = 0.1
-"""Shortest time between two messages on /sim/refusals [s]: a full one takes half a millisecond to make."""
+"""Shortest time between two messages on /sim/refusals [s]: making a full one takes half a millisecond."""
 
 MAX_COUNT = 2**32 - 1
-"""Greatest number of refusals in a row that its field holds."""
+"""Largest number that the field for equal refusals in a row can hold."""
 
 _LOG_TYPES = {1: "rosgraph_msgs/Log", 2: "rcl_interfaces/Log"}
-"""The type of `/rosout` in each ROS generation; Lichtblick tells the two apart by it."""
+"""Type of `/rosout` in each ROS generation; Lichtblick detects the generation by it."""
 
 _LEVELS = {
     1: ((logging.CRITICAL, 16), (logging.ERROR, 8), (logging.WARNING, 4), (logging.INFO, 2)),
     2: ((logging.CRITICAL, 50), (logging.ERROR, 40), (logging.WARNING, 30), (logging.INFO, 20)),
 }
-"""Our levels, from the gravest on, as each of the two counts them."""
+"""Python's log levels and their numbers in each of the two types, most severe first."""
 
 
 class ServerTopics:
-    """The topics on which a server speaks of itself.
+    """The topics on which a server reports about itself.
 
     Attributes:
-        bus: where they are.
+        bus: the bus of the topics.
     """
 
     name = WEBSOCKET_NODE_NAME
@@ -68,10 +68,10 @@ class ServerTopics:
         """Advertise the topics and follow the server's clients and this process's log, until `stop`.
 
         Args:
-            bus: where the topics are.
-            server: has the clients that are reported.
-            loop: has the timers.
-            refusals: what clients were refused; None for a log of its own.
+            bus: the bus of the topics.
+            server: the server with the clients.
+            loop: runs the timers.
+            refusals: the refused requests of clients; None creates a new list.
         """
         self.bus = bus
         self._server = server
@@ -85,7 +85,7 @@ class ServerTopics:
         self._refused = self._advertise(refused, "rosbridge_sim_msgs/Refusals", depth=1, is_exclusive=True)
         self._refusals = RefusalLog(loop) if refusals is None else refusals
         self._refusals.on_change = self._tell_refusals_soon
-        self._refusals_at = float("-inf")  # when they were told last [s]
+        self._refusals_at = float("-inf")  # time of the last message on /sim/refusals [s]
         self._refusals_timer: asyncio.TimerHandle | None = None
         bus.on_refusal = self._refusals.note
         self._entries: dict[Client, Struct] = {}
@@ -96,7 +96,7 @@ class ServerTopics:
         self._tell_refusals()
 
     def stop(self) -> None:
-        """Say nothing more."""
+        """Stop all messages."""
         self._timer.cancel()
         if self._refusals_timer is not None:
             self._refusals_timer.cancel()
@@ -107,14 +107,24 @@ class ServerTopics:
         logging.getLogger("rosbridge_sim").removeHandler(self._log)
 
     def notify(self, level: str, text: str) -> None:
-        """Ignore a message of the bus: this participant asks for nothing."""
+        """Ignore a notice of the bus: this participant makes no requests.
+
+        Args:
+            level: not used.
+            text: not used.
+        """
 
     def publish(self, topic: Topic, **fields: JsonValue) -> None:
-        """Send a message made from its fields."""
+        """Publish a message.
+
+        Args:
+            topic: one of the topics.
+            fields: fields of the message.
+        """
         self.bus.announce(self, topic, Message(topic.type, self._struct(topic)(**fields)), self._loop.time())
 
     def tell_clients_soon(self) -> None:
-        """Publish the clients in the next turn of the loop: once, however many come and go in this one."""
+        """Publish the clients in the next turn of the loop, once for all changes in this one."""
         if self._soon is None:
             self._soon = self._loop.call_soon(self._tell_clients)
 
@@ -131,7 +141,7 @@ class ServerTopics:
         self.publish(self._connected, clients=list(self._entries.values()))
 
     def _tell_refusals_soon(self) -> None:
-        """Tell what was refused: at the end of this turn, or a while after the last time."""
+        """Publish the refusals at the end of this turn, or later if the last message is too recent."""
         if self._refusals_timer is None:
             due = max(self._refusals_at + REFUSALS_INTERVAL, self._loop.time())
             self._refusals_timer = self._loop.call_at(due, self._tell_refusals)
@@ -157,7 +167,7 @@ class ServerTopics:
         self.publish(self._refused, header=self.stamp(), total=self._refusals.total, refusals=refusals)
 
     def stamp(self) -> Struct:
-        """A header with the time of day: these topics are about this process, not about the world in it."""
+        """Return a header with the time of day, because these topics are about the process, not about the world."""
         store = self.bus.store
         return store.message("std_msgs/Header").struct_type(stamp=store.time_value(time.time_ns()))
 
@@ -176,11 +186,11 @@ class ServerTopics:
     def _tell_statuses(self) -> None:
         statuses = []
         for client in tuple(self._server.clients):
-            if client.has_failed:  # counted and told already; its closing may take a second
+            if client.has_failed:  # already counted and logged; its closing may take a second
                 continue
             try:
                 statuses.append(self._status(client))
-            except Exception as error:  # noqa: BLE001 - a bug of ours in what is that client's alone
+            except Exception as error:  # noqa: BLE001 - an internal error in this client's own state
                 self.bus.guard.blame(client.peer, error)
         self.publish(self._clients, header=self.stamp(), clients=statuses)
 
@@ -216,7 +226,7 @@ class _LogTopic(logging.Handler):
         self._is_sending = False
 
     def emit(self, record: logging.LogRecord) -> None:
-        # what sending itself logs would never come to an end; another thread must not touch the bus
+        # skip lines logged by this very call, to avoid a loop, and lines of other threads, which must not use the bus
         if self._is_sending or not self._topic.has_listener or not self._is_here():
             return
         self._is_sending = True

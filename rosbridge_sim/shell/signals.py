@@ -1,12 +1,12 @@
-"""Signals that end a program: the first one in good order, a second one at once, but not without closing recordings.
+"""Signals that end a program: the first one in good order, a second one at once, but with closed recordings.
 
 SIGHUP, which a closing terminal sends, is one of them, unless it is ignored at the start, as under `nohup`. A second
-signal is for a program that does not come to its end: files are closed by what the caller gives for that, and one
-second later the process is gone whatever that does. The exit code is then 128 + the signal's number, as a shell has it.
-A SIGHUP is never a second signal: one closing terminal may send it twice, and service managers send it after SIGTERM.
-
-Windows has no SIGHUP. It has SIGBREAK: Ctrl-Break, a console that closes, and the end that one program asks of another
-(`CTRL_BREAK_EVENT`). The event loops there handle no signals, so Python's own handlers hand them to the loop.
+signal is for a program that does not end: a function of the caller closes files, and at most one second later the
+process ends in any case. The exit code is then 128 + the signal's number, as in a shell. A SIGHUP never counts as a
+second signal: one closing terminal may send it twice, and service managers send it after SIGTERM.
+Windows has no SIGHUP. It has SIGBREAK: for Ctrl-Break, for a console that closes, and when a program asks another one
+to end (`CTRL_BREAK_EVENT`). Event loops on Windows do not handle signals, so Python's own handlers pass them to the
+loop.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Final
 __all__ = ["on_stop_signals", "stop_signals"]
 
 HURRY: Final = 1.0
-"""Time that a second signal leaves for closing files [s]; the index of a recording of hours takes a tenth of that."""
+"""Time for closing files after a second signal [s]; writing the index of a recording of hours takes a tenth of that."""
 
 _NAMES: Final = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 """Signals that end a program; each system has some of them."""
@@ -32,18 +32,18 @@ _NEVER_SECOND: Final = "SIGHUP"
 
 
 def stop_signals() -> tuple[signal.Signals, ...]:
-    """Return the signals that end a program, as things are when it starts."""
+    """Return the signals that end this program. Call it at the start, because SIGHUP may be ignored then."""
     there = [signal.Signals[name] for name in _NAMES if hasattr(signal, name)]
     return tuple(one for one in there if one.name != "SIGHUP" or signal.getsignal(one) is not signal.SIG_IGN)
 
 
 @contextmanager
 def on_stop_signals(stop: Callable[[signal.Signals], None], hurry: Callable[[], None]) -> Iterator[None]:
-    """Have signals end a program that the running loop runs; nothing happens beside the main thread.
+    """Handle signals that end the program of the running loop; do nothing outside the main thread.
 
     Args:
-        stop: called with the first signal, by the loop.
-        hurry: closes files; called by the loop after a second signal. Then, or `HURRY` later, the process ends.
+        stop: the loop calls it with the first signal.
+        hurry: closes files; the loop calls it after a second signal. Then, or `HURRY` later, the process ends.
     """
     loop = asyncio.get_running_loop()
     numbers = stop_signals()
@@ -62,14 +62,14 @@ def on_stop_signals(stop: Callable[[signal.Signals], None], hurry: Callable[[], 
 
 
 def _remove(loop: asyncio.AbstractEventLoop, number: signal.Signals) -> bool:
-    """Take a handler of the loop's away; return whether it had one."""
-    with suppress(NotImplementedError):  # the loops of Windows have none
+    """Remove a handler of the loop; return True if there was one."""
+    with suppress(NotImplementedError):  # the loops of Windows have no handlers
         return loop.remove_signal_handler(number)
     return False
 
 
 class _Ending:
-    """A program's end: not begun, begun, or in a hurry."""
+    """The end of a program: not begun, begun, or in a hurry."""
 
     def __init__(
         self,
@@ -85,7 +85,7 @@ class _Ending:
         self._has_begun = False
 
     def listen(self) -> None:
-        """Have the signals call `begin`.
+        """Let the signals call `begin`.
 
         Raises:
             RuntimeError, ValueError: this is not the main thread.
@@ -97,23 +97,23 @@ class _Ending:
                 signal.signal(number, self._take)
 
     def _take(self, number: int, _frame: FrameType | None) -> None:
-        """Hand a signal to the loop, from wherever the program is."""
+        """Pass a signal to the loop, wherever the program is."""
         with suppress(RuntimeError):  # the loop is closed: all is done
             self._loop.call_soon_threadsafe(self.begin, signal.Signals(number))
 
     def begin(self, number: signal.Signals) -> None:
-        """Take the first signal, within the loop."""
-        if self._has_begun:  # two came in one turn of the loop
+        """Handle the first signal, within the loop."""
+        if self._has_begun:  # two signals came in one turn of the loop
             self._end_soon(number, None)
             return
         self._has_begun = True
-        for other in self._numbers:  # from now on without the loop's help: it may be what does not come to its end
+        for other in self._numbers:  # from now on without the loop, which may be the part that does not end
             _remove(self._loop, other)
             signal.signal(other, self._end_soon)
         self._stop(number)
 
     def _end_soon(self, number: int, _frame: FrameType | None) -> None:
-        """Take a second signal, wherever the program is."""
+        """Handle a second signal, wherever the program is."""
         if signal.Signals(number).name == _NEVER_SECOND:
             return
         timer = threading.Timer(HURRY, os._exit, (128 + number,))

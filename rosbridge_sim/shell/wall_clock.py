@@ -1,8 +1,8 @@
-"""The time of day for stamps: read once for each frame, and never going back.
+"""The time of day for stamps: read once per frame, and never going back.
 
-The system's clock may be set back, by a user or by NTP. Programs that compare two stamps of one topic then see time run
-backwards: tf2 clears its buffers, filters divide by zero. So the stamps go on, at half the pace of real time, until the
-system's clock has caught up: a step of 0.1 s is made good within 0.2 s.
+A user or NTP may set the system's clock back. Programs that compare two stamps of one topic would then see time run
+backwards: tf2 clears its buffers, filters divide by zero. So after such a step the stamps go on at half the speed of
+real time, until the system's clock has caught up: a step of 0.1 s is corrected within 0.2 s.
 """
 
 from __future__ import annotations
@@ -14,16 +14,16 @@ __all__ = ["WallClock"]
 
 
 class WallClock:
-    """The system's clock without its steps back; each reading is later than the one before."""
+    """The system's clock without steps back; each reading is later than the one before."""
 
     def __init__(
         self, read_wall_ns: Callable[[], int] = time.time_ns, read_steady_ns: Callable[[], int] = time.monotonic_ns
     ) -> None:
-        """A clock that was not read yet.
+        """Create a clock without readings.
 
         Args:
-            read_wall_ns: the system's time of day [ns].
-            read_steady_ns: a time that is never set, from any origin [ns].
+            read_wall_ns: returns the system's time of day [ns].
+            read_steady_ns: returns a monotonic time [ns].
         """
         self._read_wall_ns = read_wall_ns
         self._read_steady_ns = read_steady_ns
@@ -31,7 +31,7 @@ class WallClock:
         self._steady_ns = read_steady_ns()
 
     def read_ns(self) -> int:
-        """The time of day [ns since 1970], at least 1 ns after the last reading."""
+        """Return the time of day [ns since 1970], at least 1 ns after the last reading."""
         steady_ns = self._read_steady_ns()
         passed_ns, self._steady_ns = steady_ns - self._steady_ns, steady_ns
         self._last_ns = max(self._read_wall_ns(), self._last_ns + max(1, passed_ns // 2))

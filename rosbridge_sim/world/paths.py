@@ -220,10 +220,22 @@ class Paths:
         num, num_live: segments in the store, with and without the holes.
     """
 
-    __slots__ = ("_digest", "_keys", "_next_base", "_segments", "_spans", "keys", "num", "num_live", "segments")
+    __slots__ = (
+        "_digest",
+        "_keys",
+        "_next_base",
+        "_segments",
+        "_snapshot",
+        "_spans",
+        "keys",
+        "num",
+        "num_live",
+        "segments",
+    )
 
     def __init__(self) -> None:
         self._digest: bytes | None = None  # of the present content
+        self._snapshot: PathsSnapshot | None = None  # the same
         self.clear()
 
     def clear(self) -> None:
@@ -267,7 +279,7 @@ class Paths:
             True when the store was compacted, so that every `base` must be read again.
         """
         _, count = self._spans.pop(path)
-        self._digest = None
+        self._digest = self._snapshot = None
         self.num_live -= count
         if 2 * self.num_live >= self.num and self._next_base < MAX_KEY // 2:
             return False
@@ -293,8 +305,10 @@ class Paths:
         return self._digest
 
     def snapshot(self) -> PathsSnapshot:
-        """Return a copy for `restore`."""
-        return PathsSnapshot(self.segments.copy(), self.keys.copy(), dict(self._spans), self._next_base)
+        """Return a copy for `restore`, the same one until the store changes: it is most of a world."""
+        if self._snapshot is None:
+            self._snapshot = PathsSnapshot(self.segments.copy(), self.keys.copy(), dict(self._spans), self._next_base)
+        return self._snapshot
 
     def restore(self, saved: PathsSnapshot) -> None:
         """Become what a snapshot holds; the snapshot can be used again."""
@@ -306,6 +320,7 @@ class Paths:
         self._next_base = saved.next_base
         self.num_live = sum(count for _, count in self._spans.values())
         self._bind(num)
+        self._snapshot = saved
 
     def _reserve(self, capacity: int) -> None:
         capacity = max(MIN_SEGMENTS, capacity)
@@ -323,6 +338,6 @@ class Paths:
             self.add(path, segments)
 
     def _bind(self, num: int) -> None:
-        self._digest = None
+        self._digest = self._snapshot = None
         self.num = num
         self.segments, self.keys = self._segments[:num], self._keys[:num]

@@ -83,7 +83,8 @@ def _first_touch(apart: ComplexArray, towards: ComplexArray, heading: ComplexArr
     # Half the width of the four strips: (along, across) the one box, then the other.
     strip = half + half[::-1] * cos + half[::-1, ..., ::-1] * sin - TOUCHING
     place, speed = _parts(apart * into), _parts(towards * into)
-    with np.errstate(divide="ignore", invalid="ignore"):  # no motion across a strip: in it for ever, or never
+    # Without motion across a strip: in it for ever, or never.
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         one, other = (-strip - place) / speed, (strip - place) / speed
     enters, leaves = np.minimum(one, other).max(axis=(0, 2)), np.maximum(one, other).min(axis=(0, 2))
     return np.where((enters <= leaves) & (leaves >= 0.0), np.maximum(enters, 0.0), np.inf)

@@ -1,11 +1,11 @@
-"""What it costs to stand behind a bridge: ticks of an attached simulator beside those of one that serves by itself.
+"""Cost of a bridge: ticks of an attached simulator, compared with a simulator that serves by itself.
 
-`serve`, and `attach` with our own server without a world as its bridge, run at the same time, all pinned to the same
-core, and are asked for ticks in turn (A B A B ...). One call is in flight. Each figure is the median of the rounds,
-with the lowest and the highest; the ratio is the median of the rounds' own ratios.
+`serve`, and `attach` with our own server without a world as its bridge, run at the same time, pinned to one core. Ticks
+are requested from them in turn (A B A B ...), one at a time. Each figure is the median of the rounds, with the lowest
+and the highest; the ratio is the median of the rounds' ratios.
 
-An attached simulator cannot know what is listened to on the far side, so it publishes everything. The second row is
-the fair one: there the client of either listens to everything, too.
+An attached simulator cannot know the subscribers behind the bridge, so it publishes everything. The second row is the
+fair comparison: there the client of each subscribes to everything too.
 
     ./.venv/bin/python scripts/bench/attach.py [--rounds N] [--quick]
 """
@@ -29,20 +29,23 @@ from scripts.bench.program import SERVER, Program, attached, machine, running
 __all__: list[str] = []
 
 MASTER = "bench"
-PATIENT = ("--ping-interval", "none")  # our clients answer no pings, and stay
+PATIENT = ("--ping-interval", "none")  # our clients answer no pings and must stay connected
 EGO = ("/Ego_topic",)
 
 ANSWER = b'"service_response"'
 
 
 class Master:
-    """A client that ticks, and listens to some topics; it stays connected, or else the next one would have to wait."""
+    """A master that ticks and subscribes to topics.
+
+    It stays connected, so that the next one need not wait for its lease.
+    """
 
     def __init__(self, place: Sequence[Program]) -> None:
-        """Take the mode.
+        """Start synchronous mode.
 
         Args:
-            place: where clients connect, and who else works for it.
+            place: the program that clients connect to, then the programs behind it.
         """
         self._place = place
         (self._socket,) = connect_many(place[0].port, 1)
@@ -53,13 +56,25 @@ class Master:
         self._tick = {"op": "call_service", "service": "/SyncModeWaitForTick", "id": "t", "args": {"request": request}}
 
     def topics(self) -> list[str]:
-        """The topics of the simulator."""
+        """Return the topics of the simulator.
+
+        Returns:
+            Their names.
+        """
         found = _ask(self._socket, "/rosapi/topics", {})["topics"]
         assert isinstance(found, list)
         return [name for name in found if name not in {"/rosout", "/client_count", "/connected_clients"}]
 
     def measure(self, topics: Sequence[str], seconds: float) -> tuple[float, float]:
-        """Ticks a second, and CPU time of a tick in all processes of the place [us], while it listens to topics."""
+        """Measure ticks while the client subscribes to topics.
+
+        Args:
+            topics: their names.
+            seconds: duration [s].
+
+        Returns:
+            Ticks a second, and CPU time of a tick in all processes [us].
+        """
         for topic in topics:
             self._socket.tell(op="subscribe", topic=topic)
         frame = masked(orjson.dumps(self._tick))
@@ -70,7 +85,7 @@ class Master:
         cpu = sum(program.cpu() for program in self._place) - cpu
         for topic in topics:
             self._socket.tell(op="unsubscribe", topic=topic)
-        _ask(self._socket, "/rosapi/get_time", {})  # nothing of it comes any more
+        _ask(self._socket, "/rosapi/get_time", {})  # after this answer no message of these topics arrives
         return result.num / result.seconds, cpu / result.num * 1e6
 
 

@@ -1,4 +1,4 @@
-"""Messages of the sizes that are measured: complete, in their types' order, with the digits that real ones have."""
+"""Message bodies for the benchmarks: complete, with fields in the types' order, and with realistic digits."""
 
 from __future__ import annotations
 
@@ -25,12 +25,20 @@ def _header(frame_id: str) -> Json:
 
 
 def text() -> Json:
-    """A std_msgs/String that makes a publish frame of 94 bytes on the topic `/bench`."""
+    """Return a std_msgs/String that makes a publish frame of 94 bytes on the topic `/bench`.
+
+    Returns:
+        The body.
+    """
     return {"data": "The quick brown fox jumps over the lazy dog"}
 
 
 def control() -> Json:
-    """A morai_msgs/CtrlCmd."""
+    """Return a morai_msgs/CtrlCmd.
+
+    Returns:
+        The body.
+    """
     return {
         "longlCmdType": 1,
         "accel": 0.4251,
@@ -42,7 +50,11 @@ def control() -> Json:
 
 
 def ego() -> Json:
-    """A morai_msgs/EgoVehicleStatus of 22.R2."""
+    """Return a morai_msgs/EgoVehicleStatus of 22.R2.
+
+    Returns:
+        The body.
+    """
     return {
         "header": _header("Ego"),
         "unique_id": 1,
@@ -57,7 +69,14 @@ def ego() -> Json:
 
 
 def objects(num: int) -> Json:
-    """A morai_msgs/ObjectStatusList with so many vehicles; two make 0.9 kB, as long as an EgoVehicleStatus of 26.R1."""
+    """Return a morai_msgs/ObjectStatusList; two vehicles make 0.9 kB, as long as an EgoVehicleStatus of 26.R1.
+
+    Args:
+        num: number of vehicles.
+
+    Returns:
+        The body.
+    """
     return {
         "header": _header("map"),
         "num_of_npcs": num,
@@ -82,7 +101,11 @@ def objects(num: int) -> Json:
 
 
 def odometry() -> Json:
-    """A nav_msgs/Odometry with both covariances."""
+    """Return a nav_msgs/Odometry with both covariances.
+
+    Returns:
+        The body.
+    """
     diagonal = [0.01 if i % 7 == 0 else 0.0 for i in range(36)]
     return {
         "header": _header("odom"),
@@ -99,5 +122,9 @@ def odometry() -> Json:
 
 
 def image() -> Json:
-    """A sensor_msgs/CompressedImage whose frame is 100 kB long."""
+    """Return a sensor_msgs/CompressedImage; its frame is 100 kB long.
+
+    Returns:
+        The body.
+    """
     return {"header": _header("camera"), "format": "jpeg", "data": base64.b64encode(_rng.randbytes(74_880)).decode()}

@@ -1,8 +1,8 @@
-"""What finding contacts adds to a step: microseconds, beside the same step without.
+"""Cost of collision detection: microseconds of a step with it and without it.
 
     python scripts/bench/contacts.py [--rounds N]
 
-Both kinds of step take turns in the same world, so that a busy machine troubles both alike. Cases:
+Both kinds of step take turns in the same world, so that a busy machine affects both equally. Cases:
 
     quiet       1 ego and 20 objects, 20 m or more from each other
     queue       the same 8 m apart in a line
@@ -34,7 +34,15 @@ CAR = Body()
 
 
 def line(gap: float, speed: float) -> World:
-    """Return an ego with fifteen cars before it, and five cones beside the road."""
+    """Return an ego with fifteen cars in front of it, and five cones beside the road.
+
+    Args:
+        gap: between cars [m].
+        speed: of all [m/s].
+
+    Returns:
+        The world.
+    """
     world = World()
     row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0, speed=speed))
     command(world, row, mode=Mode.SPEED, speed=speed, steer=0.0)
@@ -46,7 +54,14 @@ def line(gap: float, speed: float) -> World:
 
 
 def streets(num: int) -> World:
-    """Return cars 30 m apart on 80 lanes, half of them east, half of them north, each at a speed of its own."""
+    """Return cars 30 m apart on 80 lanes, half of them to the east and half to the north, each at its own speed.
+
+    Args:
+        num: number of cars.
+
+    Returns:
+        The world.
+    """
     world, rng = World(), np.random.default_rng(0)
     world.spawn(Kind.EGO, CAR, name="ego", x=-50.0, y=-50.0)
     for i in range(num):
@@ -58,7 +73,11 @@ def streets(num: int) -> World:
 
 
 def without(world: World) -> None:
-    """Step a world as `step` does, but for the contacts."""
+    """Step a world as `step` does, without collision detection.
+
+    Args:
+        world: is moved.
+    """
     world.signals.advance(world.frame + 1)
     drive_lanes(world, DT)
     follow_paths(world, DT)

@@ -1,8 +1,8 @@
-"""The core alone: a tick's bytes in, its bytes out, without sockets, loop or clock.
+"""Cost of the core: bytes of a tick in, bytes out, without sockets, event loop or clock.
 
-One peer with one subscription, of `/Ego_topic`, calls `/SyncModeWaitForTick` over and over in a world of one ego and 20
-objects (the demo scene and what it takes to make 20). What is timed is all that the program does between the
-frame's arrival and the moment when the topic's message and the answer stand in the outbox, in the wire's bytes.
+One peer with one subscription, of `/Ego_topic`, repeatedly calls `/SyncModeWaitForTick` in a world of one ego and 20
+objects (the demo scene with added ones). The time is that from the arrival of the frame until the topic's message and
+the answer are in the outbox, as bytes of the wire.
 
     ./.venv/bin/python scripts/bench/core.py [--objects N] [--rounds N] [--json FILE]
 """
@@ -40,7 +40,7 @@ TICKS_PER_ROUND = 1_000
 
 
 class Core:
-    """A world in synchronous mode and one client of it, with nothing between them but the core."""
+    """A world in synchronous mode and one client, connected by the core alone."""
 
     def __init__(self, num_objects: int) -> None:
         library = DiskLibrary()
@@ -68,11 +68,15 @@ class Core:
 
     @property
     def num_objects(self) -> int:
-        """Vehicles, pedestrians and obstacles, the ego not among them."""
+        """Number of vehicles, pedestrians and obstacles, without the ego."""
         return sum(len(self.world.rows(kind)) for kind in Kind if kind is not Kind.EGO)
 
     def tick(self) -> list[bytes]:
-        """One tick: the frames that it sent."""
+        """Carry out one tick.
+
+        Returns:
+            The frames that it sent.
+        """
         self._peer.receive(self._frame, 0.0)
         return self._outbox.take(2**30)
 
@@ -81,11 +85,11 @@ class Core:
 
 
 def _ignore(_due: float) -> None:
-    """Nothing is throttled."""
+    """Ignore a due time: nothing is throttled."""
 
 
 def _nothing() -> None:
-    """No socket waits for what is in the outbox."""
+    """Do nothing: no socket waits for the outbox."""
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
-"""What it costs to write a message body in each encoding, beside the libraries that could do it instead.
+"""Cost of writing a message body in each encoding, compared with libraries that could do it instead.
 
-cbor2 gets plain objects (typed arrays as tags, made outside of the measurement); rosbags gets the dataclasses that it
-wants, made outside too, so that its figures are the least that one could have with it.
+cbor2 gets plain objects, and rosbags gets its own dataclasses. Both are made before the measurement, so their figures
+are the lowest possible.
 
     ./.venv/bin/python scripts/bench/encodings.py [--json FILE]
 """
@@ -42,14 +42,22 @@ BODIES = {
 
 REPEATS = 41
 SECONDS = 0.02
-"""Each repeat is about so long: long enough for the clock, short enough to fall between two of somebody else's."""
+"""Duration of a repeat [s]: long enough for the clock, short enough to fall between two bursts of other programs."""
 
 _TEXTS = read_definitions("22.R2")
 _STORES = Store(_TEXTS, leniency=LENIENCY), Store(_TEXTS, leniency=LENIENCY, ros=2)
 
 
 def ways(name: str, body: bodies.Json) -> dict[str, Callable[[], object]]:
-    """Value in, bytes out, by each encoding; a library only where it knows the type."""
+    """Return the encoders of a body; a library only if it knows the type.
+
+    Args:
+        name: of the type.
+        body: as JSON values.
+
+    Returns:
+        Name of the encoding -> function that returns the bytes.
+    """
     first, second = (store.message(name) for store in _STORES)
     value, value2 = first.check(body, 0), second.check(body, 0)
     raw = first.encode_raw(value)
@@ -70,7 +78,7 @@ def ways(name: str, body: bodies.Json) -> dict[str, Callable[[], object]]:
 
 
 def _microseconds(way: Callable[[], object]) -> float:
-    """Median of many short runs [us]."""
+    """Return the median of many short runs [us]."""
     num = max(1, int(SECONDS / timeit.timeit(way, number=10) * 10))
     return median(timeit.repeat(way, number=num, repeat=REPEATS)) / num * 1e6
 

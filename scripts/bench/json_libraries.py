@@ -1,8 +1,8 @@
-"""Which JSON library reads and writes message bodies: the choice, by figures.
+"""Comparison of JSON libraries that read and write message bodies, for the choice of one.
 
-Each way takes the text of a body and gives the text that goes to the listeners. msgspec goes through our own
-compiled types, so with all rules on: unknown fields refused, missing ones filled, ranges checked, float32 rounded.
-pydantic has models with the same fields and refuses unknown ones. orjson and the standard library check nothing.
+Each candidate takes the text of a body and returns the text for the subscribers. msgspec uses our compiled types, with
+all rules: unknown fields are refused, missing ones filled, ranges checked, float32 rounded. pydantic has models with
+the same fields and refuses unknown ones. orjson and the standard library check nothing.
 
     ./.venv/bin/python scripts/bench/json_libraries.py [--json FILE]
 """
@@ -41,7 +41,7 @@ BODIES = {
 
 REPEATS = 41
 SECONDS = 0.02
-"""Each repeat is about so long: long enough for the clock, short enough to fall between two of somebody else's."""
+"""Duration of a repeat [s]: long enough for the clock, short enough to fall between two bursts of other programs."""
 
 _store = Store(read_definitions("22.R2"), leniency=LENIENCY)
 
@@ -56,7 +56,7 @@ class _Stamp(BaseModel):
 
 @cache
 def _model(name: str) -> type[BaseModel]:
-    """The pydantic model of a message."""
+    """Return the pydantic model of a message."""
     fields: dict[str, Any] = {}  # pydantic's own signature
     for f in _store.message(name).definition.fields:
         kind: Any = _model(f.type) if "/" in f.type else _Stamp if f.type == "time" else _SCALARS.get(f.type, int)
@@ -69,7 +69,15 @@ def _model(name: str) -> type[BaseModel]:
 
 
 def ways(name: str, text: bytes) -> dict[str, Callable[[], object]]:
-    """Text of a body in, text out, by each library."""
+    """Return the candidates.
+
+    Args:
+        name: of the type.
+        text: of a body.
+
+    Returns:
+        Name of the library -> function that returns the new text.
+    """
     message_type: MessageType = _store.message(name)
     adapter: TypeAdapter[BaseModel] = TypeAdapter(_model(name))
     return {
@@ -81,7 +89,7 @@ def ways(name: str, text: bytes) -> dict[str, Callable[[], object]]:
 
 
 def _microseconds(way: Callable[[], object]) -> float:
-    """Median of many short runs [us]."""
+    """Return the median of many short runs [us]."""
     num = max(1, int(SECONDS / timeit.timeit(way, number=10) * 10))
     return median(timeit.repeat(way, number=num, repeat=REPEATS)) / num * 1e6
 

@@ -1,10 +1,9 @@
-"""WebSocket clients that cost next to nothing, so that what is measured is the server.
+"""WebSocket clients with very low cost, so that the figures are the server's.
 
-Frames are masked once, before the clock starts, and sent in blocks; what comes back is counted by its length,
-because every copy of one message is as long as the first. At most a window of messages is on its way at any
-time, so that nobody has a reason to drop any. Everything happens in one thread. A frame that nobody expected
-(a status frame, say) is an error, not noise. Measurements are shorter than the 20 s after which a server pings,
-so that each byte is a message's.
+Frames are masked before the clock starts, and sent in blocks. Received bytes are counted and divided by the length of
+one message, because all copies of a message have the same length. The number of messages in flight is limited, so that
+no message has to be dropped. There is one thread. An unexpected frame, such as a status, is an error. Measurements are
+shorter than the server's 20 s between pings, so every received byte belongs to a message.
 """
 
 from __future__ import annotations
@@ -36,10 +35,10 @@ __all__ = [
 ]
 
 PATIENCE = 10
-"""A server that says nothing for so long has lost something [s]."""
+"""Longest silence of a server before messages count as lost [s]."""
 
 NUM_CONNECTING = 50
-"""Handshakes under way at once: below the listening socket's backlog of 100, beyond which the kernel waits a second."""
+"""Handshakes at one time: below the listening socket's backlog of 100, beyond which the kernel waits a second."""
 
 _MASK = b"\x37\xfa\x21\x3d"
 _WATCHED = -1
@@ -52,17 +51,17 @@ _HANDSHAKE = (
 
 
 class LoadError(Exception):
-    """The server did not answer as a rosbridge should; the figure would mean nothing."""
+    """The server did not answer as a rosbridge should, so the figure would be wrong."""
 
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What a measurement saw.
+    """Result of a measurement.
 
     Attributes:
-        num: messages delivered (to each listener), or answers had.
-        seconds: from the first byte out to the last byte in.
-        latencies: of each of them where they were timed one by one [s].
+        num: messages delivered (to each listener), or answers received.
+        seconds: from the first byte sent to the last byte received.
+        latencies: of each message or answer, if they were timed one by one [s].
     """
 
     num: int
@@ -71,7 +70,14 @@ class Result:
 
 
 def masked(payload: bytes) -> bytes:
-    """A client's text frame."""
+    """Return a text frame of a client.
+
+    Args:
+        payload: UTF-8 text.
+
+    Returns:
+        The frame.
+    """
     size = len(payload)
     if size < 126:
         head = bytes((0x81, 0x80 | size))
@@ -83,12 +89,19 @@ def masked(payload: bytes) -> bytes:
 
 
 def framed_size(size: int) -> int:
-    """Length of a server's frame around a payload of that length [bytes]."""
+    """Return the length of a server's frame.
+
+    Args:
+        size: of its payload [bytes].
+
+    Returns:
+        The length [bytes].
+    """
     return size + (2 if size < 126 else 4 if size < 2**16 else 10)
 
 
 class Socket:
-    """One client's connection.
+    """Connection of one client.
 
     Attributes:
         raw: the blocking socket, with a time-out.
@@ -113,7 +126,7 @@ class Socket:
         self._kept = bytearray(rest)
 
     def close(self) -> None:
-        """Hang up."""
+        """Close the socket."""
         self.raw.close()
 
     def tell(self, **op: object) -> None:
@@ -121,14 +134,22 @@ class Socket:
         self.raw.sendall(masked(orjson.dumps(op)))
 
     def payload(self) -> bytes:
-        """The next message; waits for it."""
+        """Wait for the next message.
+
+        Returns:
+            Its payload.
+        """
         while True:
             for payload in self._parsed():
                 return payload
             self._fill()
 
     def payloads(self) -> list[bytes]:
-        """The messages that are there now; never waits."""
+        """Return the messages that have arrived; never waits.
+
+        Returns:
+            Their payloads.
+        """
         with suppress(BlockingIOError):
             self._fill(_NOW)
         return list(self._parsed())
@@ -162,7 +183,15 @@ class Socket:
 
 
 def connect_many(port: int, num: int) -> list[Socket]:
-    """So many clients, connected as fast as the server takes them."""
+    """Connect many clients, as fast as the server accepts them.
+
+    Args:
+        port: of the server.
+        num: number of clients.
+
+    Returns:
+        The connections.
+    """
     sockets: list[Socket] = []
     for i in range(num):
         sockets.append(Socket(port))
@@ -174,7 +203,7 @@ def connect_many(port: int, num: int) -> list[Socket]:
 
 
 class _Meter:
-    """Counts the messages that listeners have had, all of one length."""
+    """Counter of the messages that listeners have received, all of one length."""
 
     def __init__(self, listeners: Sequence[Socket], out_size: int, watched: Socket | None = None) -> None:
         self.unit = framed_size(out_size)
@@ -191,10 +220,14 @@ class _Meter:
         self._heard_at = time.perf_counter()
 
     def count(self, wait: float) -> list[tuple[int, int]]:
-        """Take in what has come, waiting so long for it [s].
+        """Receive what has arrived.
+
+        Args:
+            wait: longest wait for it [s].
 
         Returns:
-            (listener, whole messages it has had in all) each, and (_WATCHED, 0) where the watched socket can be read.
+            (listener, whole messages that it has received in all) each; and (_WATCHED, 0) if the watched socket can be
+            read.
         """
         seen = []
         for fileno, _ in self._poll.poll(wait):
@@ -215,7 +248,7 @@ class _Meter:
         return seen
 
     def finish(self, num: int | None = None) -> None:
-        """Every listener must have had exactly so many messages, or at least whole ones."""
+        """Check that every listener has received this number of messages, or whole messages if it is None."""
         self._poll.close()
         if any(count % self.unit or num not in {None, count // self.unit} for count in self.received):
             raise LoadError(f"the listeners got {self.received} bytes, not {num} messages of {self.unit} bytes each")
@@ -224,15 +257,18 @@ class _Meter:
 def flood(
     publisher: Socket, listeners: Sequence[Socket], frame: bytes, out_size: int, *, seconds: float, window: int
 ) -> Result:
-    """Publish one frame over and over, as fast as `window` messages on their way let us.
+    """Publish one frame repeatedly, as fast as the limit of messages in flight allows.
 
     Args:
-        publisher: sends; must hear nothing meanwhile.
+        publisher: sends; must receive nothing meanwhile.
         listeners: each must get every message.
         frame: a masked frame.
-        out_size: length of what each listener gets for it [bytes].
-        seconds: how long to send; what is on its way then is waited for.
-        window: messages sent that some listener has not had yet, at most.
+        out_size: length of the message at a listener [bytes].
+        seconds: duration of sending; then messages in flight are awaited.
+        window: largest number of messages in flight.
+
+    Returns:
+        Number and duration.
     """
     num_block = max(1, window // 4)
     block = memoryview(frame * num_block)
@@ -264,7 +300,19 @@ def flood(
 def pulse(
     publisher: Socket, listeners: Sequence[Socket], frame: bytes, out_size: int, *, seconds: float, rate: float
 ) -> Result:
-    """Publish one frame at a rate [Hz]; the latency of each delivery is until its listener's socket was read."""
+    """Publish one frame at a rate.
+
+    Args:
+        publisher: sends.
+        listeners: each must get every message.
+        frame: a masked frame.
+        out_size: length of the message at a listener [bytes].
+        seconds: duration.
+        rate: [Hz].
+
+    Returns:
+        Number, duration, and the latency of each delivery until its listener's socket was read.
+    """
     meter = _Meter(listeners, out_size)
     num_had = [0] * len(listeners)
     sent_at: list[float] = []
@@ -277,7 +325,7 @@ def pulse(
             sent_at.append(now)
             publisher.raw.sendall(frame)
             continue
-        # epoll rounds up to milliseconds: what is left below one is spun away
+        # epoll rounds up to milliseconds, so the rest below one is spent in a busy loop
         wait = due - now if len(sent_at) < num else 0.05
         seen = meter.count(max(0.0, wait - 0.001))
         now = time.perf_counter()
@@ -291,7 +339,18 @@ def pulse(
 def round_trips(
     sender: Socket, receiver: Socket, frame: bytes, is_answer: Callable[[bytes], bool], seconds: float
 ) -> Result:
-    """Send a frame, wait for what answers it, and again: one in flight."""
+    """Send a frame, wait for its answer, and repeat: one in flight.
+
+    Args:
+        sender: sends.
+        receiver: gets the answer.
+        frame: a masked frame.
+        is_answer: returns true for the payload of the answer.
+        seconds: duration.
+
+    Returns:
+        Number, duration and latencies.
+    """
     latencies = []
     start = sent_at = time.perf_counter()
     while sent_at - start < seconds:
@@ -314,7 +373,7 @@ def calls(
     values: bytes,
     seconds: float,
 ) -> Result:
-    """Call a service that a client provides, each caller as soon as it has its answer.
+    """Call a service of a client; each caller calls again when it has its answer.
 
     Args:
         callers: each has one call in flight.
@@ -322,8 +381,11 @@ def calls(
         frame: the masked call.
         out_size: length of the answer that a caller gets [bytes].
         service: its name.
-        values: the JSON text of what the provider answers.
-        seconds: how long to call.
+        values: JSON text of the provider's answer.
+        seconds: duration.
+
+    Returns:
+        Number, duration and latencies.
     """
     head = b'{"op":"service_response","service":' + orjson.dumps(service) + b',"id":"'
     tail = b'","values":' + values + b',"result":true}'

@@ -1,4 +1,4 @@
-"""Starting the programs that are measured, pinned to one core (and this process to another), and reading their cost."""
+"""Start of the measured programs, pinned to one core (and of this process to another), and their cost."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class Program:
     """A program that listens.
 
     Attributes:
-        pid: its process.
-        port: where it listens.
-        start: from its first instruction to its listening line [s].
+        pid: of its process.
+        port: that it listens on.
+        start: time from its start to its line about listening [s].
     """
 
     pid: int
@@ -36,12 +36,20 @@ class Program:
     start: float
 
     def cpu(self) -> float:
-        """CPU time of the whole process so far [s], to the nanosecond."""
+        """Return the CPU time of the whole process so far.
+
+        Returns:
+            Seconds, with a resolution of a nanosecond.
+        """
         # Linux, posix-cpu-timers: a process's own clock has the id (~pid << 3) | CPUCLOCK_SCHED
         return time.clock_gettime((~self.pid << 3) | 2)
 
     def memory(self) -> float:
-        """Resident memory now [MB]."""
+        """Return the resident memory.
+
+        Returns:
+            [MB].
+        """
         for line in Path(f"/proc/{self.pid}/status").read_text().splitlines():
             if line.startswith("VmRSS:"):
                 return int(line.split()[1]) / 1024
@@ -50,7 +58,14 @@ class Program:
 
 @contextmanager
 def running(command: Sequence[str], log: IO[bytes] | None = None) -> Iterator[Program]:
-    """Run a program that listens, from its start to the end of the block.
+    """Run a program that listens, until the end of the block.
+
+    Args:
+        command: its words.
+        log: gets its stderr; None discards it.
+
+    Yields:
+        The program.
 
     Raises:
         RuntimeError: it ended before it listened.
@@ -61,7 +76,14 @@ def running(command: Sequence[str], log: IO[bytes] | None = None) -> Iterator[Pr
 
 @contextmanager
 def attached(bridge: Program, *flags: str) -> Iterator[Program]:
-    """Run a simulator that has dialled a bridge: a program without a port, to be met at the bridge's.
+    """Run a simulator attached to a bridge, until the end of the block; clients connect to the bridge's port.
+
+    Args:
+        bridge: a running server.
+        flags: of `attach`.
+
+    Yields:
+        The simulator, with the bridge's port.
 
     Raises:
         RuntimeError: it ended before everything was announced.
@@ -73,8 +95,8 @@ def attached(bridge: Program, *flags: str) -> Iterator[Program]:
 
 @contextmanager
 def _started(command: Sequence[str], ready: str, log: IO[bytes] | None) -> Iterator[tuple[int, str, float]]:
-    """The process, the first line, and how long that took [s]."""
-    # what is started inherits the core; preexec_fn would cost a fork of this process in full
+    """Yield the process id, its first line, and the time until that line [s]."""
+    # the child inherits the core; preexec_fn would need a full fork of this process
     os.sched_setaffinity(0, {_CORES[0]})
     begun = time.perf_counter()
     process = subprocess.Popen(  # noqa: S603 - our own programs
@@ -101,7 +123,11 @@ def _started(command: Sequence[str], ready: str, log: IO[bytes] | None) -> Itera
 
 
 def machine() -> str:
-    """What the figures were measured on, in one line."""
+    """Return a line about the machine, for the figures.
+
+    Returns:
+        Processor, cores and Python version.
+    """
     model = next(
         (
             line.split(":", 1)[1].strip()

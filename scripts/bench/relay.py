@@ -1,9 +1,8 @@
-"""The relay floor: the least that a Python rosbridge relay can do with the WebSocket and JSON libraries we use.
+"""Lower bound of a Python rosbridge relay, with the same WebSocket and JSON libraries as ours.
 
-Each frame is parsed once by orjson, to know its op and its topic. Its bytes are forwarded as they came, by the
-`websockets` library's own `broadcast`; no type is known, nothing is checked or filled in, nothing is bounded. Calls
-are passed to the provider with an id of ours, because two callers may use the same one. `echo` answers with a
-frame of the size that was asked for, beside which `wire.py` holds a tick of the world.
+Each frame is parsed once by orjson, for its op and its topic. Its bytes are forwarded unchanged by the `websockets`
+library's own `broadcast`. There are no types, no checks, no defaults and no limits. Calls get a new id, because two
+callers may use the same one. `echo` answers with a frame of the requested size; `wire.py` compares it with a tick.
 
     ./.venv/bin/python scripts/bench/relay.py [--port N]
 """
@@ -22,7 +21,7 @@ __all__ = ["Relay"]
 
 
 class Relay:
-    """Who listens to which topic, who provides which service, and who waits for which answer."""
+    """Subscribers of topics, providers of services, and callers that wait for answers."""
 
     def __init__(self) -> None:
         self.listeners: dict[str, dict[ServerConnection, None]] = {}
@@ -31,7 +30,11 @@ class Relay:
         self.num_calls = 0
 
     async def serve(self, socket: ServerConnection) -> None:
-        """Read one client's frames until it leaves."""
+        """Read the frames of one client until it leaves.
+
+        Args:
+            socket: of the client.
+        """
         try:
             while True:
                 self.carry(socket, await socket.recv(decode=False))
@@ -43,7 +46,12 @@ class Relay:
             self.providers = {name: s for name, s in self.providers.items() if s is not socket}
 
     def carry(self, socket: ServerConnection, frame: bytes) -> None:
-        """Do what a frame asks."""
+        """Carry out one frame.
+
+        Args:
+            socket: of its client.
+            frame: JSON text.
+        """
         op: dict[str, Any] = orjson.loads(frame)
         kind = op["op"]
         if kind == "publish":

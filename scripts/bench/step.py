@@ -1,10 +1,10 @@
-"""What one step of the world costs: microseconds, and vehicle-steps a second, beside a plain floor.
+"""Cost of one step of the world: microseconds, and vehicle-steps a second, compared with a lower bound.
 
     python scripts/bench/step.py [--rounds N] [--sizes 10,100,1000,10000]
 
-The floor is the least that a vectorised single track can be: five lines of numpy on whole arrays (Euler, no limits, no
-gears, no pedals, no drag, nobody comes or goes). All cases take turns within one run, so that a busy machine troubles
-all of them alike: compare the ratios. Cases:
+The floor is the smallest vectorised single-track model: five lines of numpy on whole arrays (Euler, no limits, gears,
+pedals or drag, a fixed population). All cases take turns within one run, so that a busy machine affects all of them
+equally: compare the ratios. Cases:
 
     driven      egos in speed mode, all steering: the whole vehicle model
     mixed       egos, one in two with gaps between their rows, modes and pedals at random
@@ -40,19 +40,33 @@ from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
 CAR = Body()
-CARS_IN_TOWN = 250  # one to 49 m of lanes: busy, not jammed
+CARS_IN_TOWN = 250  # one on 49 m of lanes: busy, not jammed
 TOWN_SIZE = 700.0  # from one copy to the next [m]
-TARGET_SECONDS = 0.004  # for one turn of a case: long against the clock, short against the noise
+TARGET_SECONDS = 0.004  # of one turn of a case: long for the clock, short for the noise
 
 
 def circle(radius: float) -> FloatArray:
-    """Return waypoints half a metre apart."""
+    """Return waypoints half a metre apart.
+
+    Args:
+        radius: [m].
+
+    Returns:
+        (m, 2) points [m].
+    """
     angles = np.linspace(0.0, 2.0 * math.pi, int(4.0 * math.pi * radius), endpoint=False)
     return np.column_stack([radius * np.cos(angles), radius * np.sin(angles)])
 
 
 def floor(num: int) -> Callable[[], None]:
-    """Return the plain step."""
+    """Return the step of the floor.
+
+    Args:
+        num: number of vehicles.
+
+    Returns:
+        A function that moves them by one step.
+    """
     rng = np.random.default_rng(0)
     x, y, yaw, speed = np.zeros((4, num))
     accel, steer = rng.uniform(0.0, 0.01, num), rng.uniform(-0.3, 0.3, num)
@@ -117,13 +131,20 @@ def town(num: int) -> World:
     for lane, s in places[:num]:
         uid = world.spawn(Kind.VEHICLE, CAR, name="npc", x=0.0, y=0.0, speed=5.0)
         keep_lane(world, world.row(uid), int(lane), float(s))
-    for _ in range(1000):  # until they stand before the lights and move between them
+    for _ in range(1000):  # until some stand at lights and others move
         step(world)
     return world
 
 
 def towns(copies: int) -> tuple[Roads, SignalPlan]:
-    """The built-in town so many times, side by side."""
+    """Return copies of the built-in town, side by side.
+
+    Args:
+        copies: number of copies.
+
+    Returns:
+        The roads and the signal plan.
+    """
     one = DiskLibrary().map("town")
     assert one.plan is not None
     roads, plan, size = one.roads, one.plan, len(one.roads)
@@ -168,7 +189,14 @@ def demo(_: int) -> World:
 
 
 def stepper(world: World) -> tuple[Callable[[], None], int]:
-    """Return a call that steps a world, and how often: with drivers in it from one of their decisions to the next."""
+    """Return a function that steps a world, and its number of steps.
+
+    Args:
+        world: with drivers, the function steps from one decision of a driver to the next.
+
+    Returns:
+        The function and the number.
+    """
     if not world.has_lane.any():
         return lambda: step(world), 1
 
@@ -180,7 +208,15 @@ def stepper(world: World) -> tuple[Callable[[], None], int]:
 
 
 def measure(cases: dict[str, tuple[Callable[[], None], int]], rounds: int) -> dict[str, FloatArray]:
-    """Return the microseconds a step of each case took in each round; a case is a call and how many steps it makes."""
+    """Measure all cases in turn.
+
+    Args:
+        cases: name -> a function and its number of steps.
+        rounds: measurements of each case.
+
+    Returns:
+        Name -> (rounds,) microseconds of a step.
+    """
     times: dict[str, list[float]] = {name: [] for name in cases}
     counts = {}
     for name, (call, _) in cases.items():

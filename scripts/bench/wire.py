@@ -1,14 +1,14 @@
-"""What the server costs on the wire, beside the least that a Python relay could cost (`relay.py`).
+"""Cost of the server on the wire, compared with the lower bound of a Python relay (`relay.py`).
 
-Server and floor run at the same time, pinned to the same core, and are loaded in turn (A B A B ...), so that
-a slow minute of the machine hits both. Each figure is the median of the rounds, with the lowest and the
-highest; the ratio to the floor is the median of the rounds' own ratios, and above 1 the server is the better
-one. Of all figures the CPU time of a delivered message is the one that noise touches least.
+Server and relay (the floor) run at the same time, pinned to the same core, and are loaded in turn (A B A B ...), so
+that a slow minute of the machine affects both. Each figure is the median of the rounds, with the lowest and the
+highest. The ratio to the floor is the median of the rounds' ratios; above 1 the server is better. The CPU time of a
+delivered message is the figure with the least noise.
 
     ./.venv/bin/python scripts/bench/wire.py [--rounds N] [--quick] [--only NAME]... [--against PROGRAM] [--json FILE]
         [--websocket-io direct|library]
 
-`--websocket-io library --against .venv/bin/rosbridge-sim` tells what our own reading of frames gains.
+`--websocket-io library --against .venv/bin/rosbridge-sim` measures the gain of our own reading of frames.
 """
 
 from __future__ import annotations
@@ -36,10 +36,11 @@ __all__ = ["ROWS", "Row"]
 TOPIC = "/bench"
 SERVICE = "/bench_service"
 SETTLE = 0.05
-"""A subscription on one socket is in force before a publish on another one [s]; rosbridge has no word for it."""
+"""Time after which a subscription on one socket holds for a publish on another [s]; rosbridge has no reply to
+subscribe."""
 
 WINDOW_BYTES = 128 * 2**10
-"""On the way at once; what two loopback socket buffers hold without either side standing still."""
+"""Bytes in flight; two loopback socket buffers hold them without a pause of either side."""
 
 Figures = dict[str, float]
 
@@ -51,10 +52,10 @@ class Row:
     """One kind of work.
 
     Attributes:
-        name: what it is.
-        server, floor: do it, for about so many seconds, and say what it cost.
-        wanted: figure -> the ratio to the floor that is wanted at least.
-        is_world: the server runs with its world; without it, it is a bare gateway.
+        name: for the table.
+        server, floor: do it for about the given seconds, and return its cost.
+        wanted: figure -> smallest acceptable ratio to the floor.
+        is_world: the server runs with its world; otherwise it is only a gateway.
         is_fresh: a new process for each round.
     """
 
@@ -76,7 +77,7 @@ def _percentiles(result: Result) -> Figures:
 
 
 class _Topic:
-    """One publisher, some listeners, one message; the first copy is looked at, and its length taken."""
+    """One publisher, some listeners, one message. The first copy is checked, and its length is taken."""
 
     def __init__(self, program: Program, type_name: str, body: bodies.Json, num_listeners: int) -> None:
         self.publisher, *self.listeners = self.sockets = _connect(program, 1 + num_listeners)
@@ -98,7 +99,7 @@ class _Topic:
 
 
 def _flood(type_name: str, body: bodies.Json, num_listeners: int) -> Callable[[Program, float], Figures]:
-    """As many messages as go through."""
+    """Return the work: as many messages as possible."""
 
     def run(program: Program, seconds: float) -> Figures:
         topic = _Topic(program, type_name, body, num_listeners)
@@ -116,7 +117,7 @@ def _flood(type_name: str, body: bodies.Json, num_listeners: int) -> Callable[[P
 
 
 def _ping_pong(type_name: str, body: bodies.Json) -> Callable[[Program, float], Figures]:
-    """One message in flight."""
+    """Return the work: one message in flight."""
 
     def run(program: Program, seconds: float) -> Figures:
         topic = _Topic(program, type_name, body, 1)
@@ -132,7 +133,7 @@ def _ping_pong(type_name: str, body: bodies.Json) -> Callable[[Program, float], 
 
 
 def _calls(num_callers: int) -> Callable[[Program, float], Figures]:
-    """A client provides a service, others call it."""
+    """Return the work: calls to a service of a client."""
 
     def run(program: Program, seconds: float) -> Figures:
         sockets = _connect(program, 1 + num_callers)
@@ -161,7 +162,7 @@ def _calls(num_callers: int) -> Callable[[Program, float], Figures]:
 
 
 def _pulse(num_listeners: int, rate: float) -> Callable[[Program, float], Figures]:
-    """Many listeners at a steady rate [Hz]."""
+    """Return the work: many listeners at a steady rate [Hz]."""
 
     def run(program: Program, seconds: float) -> Figures:
         topic = _Topic(program, "nav_msgs/Odometry", bodies.odometry(), num_listeners)
@@ -177,10 +178,10 @@ def _pulse(num_listeners: int, rate: float) -> Callable[[Program, float], Figure
 
 
 def _connections(num: int) -> Callable[[Program, float], Figures]:
-    """Many clients connect at once and stay."""
+    """Return the work: many clients connect at once and stay."""
 
     def run(program: Program, _seconds: float) -> Figures:
-        for one in _connect(program, 10):  # what the first connection loads is not a connection's cost
+        for one in _connect(program, 10):  # so that the imports of the first connection are not counted
             one.close()
         time.sleep(0.2)
         memory = program.memory()
@@ -197,7 +198,7 @@ def _connections(num: int) -> Callable[[Program, float], Figures]:
 
 
 def _idle(num_clients: int) -> Callable[[Program, float], Figures]:
-    """From the start of a new process to its listening line, and what it keeps when some clients are there."""
+    """Return the work: start of a new process, and its memory with some clients."""
 
     def run(program: Program, _seconds: float) -> Figures:
         time.sleep(0.5)
@@ -213,7 +214,7 @@ def _idle(num_clients: int) -> Callable[[Program, float], Figures]:
 
 
 class _Tick:
-    """One step of the world for each call, while one client listens to the ego; all on one socket, as clients do."""
+    """One step of the world for each call, while one client subscribes to the ego; all on one socket, as clients do."""
 
     def __init__(self) -> None:
         self._call = {
@@ -225,7 +226,7 @@ class _Tick:
         self._answer_size = 0
 
     def on_server(self, program: Program, seconds: float) -> Figures:
-        """The tick."""
+        """Measure ticks of the server."""
         (client,) = _connect(program, 1)
         start = {"user_id": "bench", "start_sync_mode": True, "time_step": 20}
         client.tell(op="call_service", service="/SyncModeCmd", id="start", args={"request": start})
@@ -242,7 +243,7 @@ class _Tick:
         return self._measure(program, client, frame, b'"service_response"', seconds)
 
     def on_floor(self, program: Program, seconds: float) -> Figures:
-        """The bare echo."""
+        """Measure echoes of the floor, as long as the answer of a tick."""
         (client,) = _connect(program, 1)
         frame = masked(orjson.dumps(self._call | {"op": "echo", "size": self._answer_size}))
         return self._measure(program, client, frame, b"    ", seconds)
@@ -286,18 +287,21 @@ ROWS = (
 def _measure(
     rows: Sequence[Row], rounds: int, seconds: float, against: str | None, flags: Sequence[str]
 ) -> dict[str, list[tuple[Figures, Figures]]]:
-    """Row -> (server's figures, floor's figures) of each round.
+    """Measure all rows.
 
     Args:
-        rows: to be measured.
+        rows: the work.
         rounds: of each row.
         seconds: of each measurement.
-        against: another server in place of the floor.
-        flags: of the server, which the other one does not get.
+        against: another server instead of the floor.
+        flags: of our server; the other one does not get them.
+
+    Returns:
+        Row -> (server's figures, floor's figures) of each round.
     """
     worldless = (*SERVER, "--no-world")
     measured: dict[str, list[tuple[Figures, Figures]]] = {}
-    with running((*worldless, *flags)):  # so that no measured start is the first one
+    with running((*worldless, *flags)):  # so that the first, slower start is not measured
         pass
     for row in rows:
         command = SERVER if row.is_world else worldless
@@ -325,7 +329,7 @@ def _measure(
 
 
 def _summary(rows: Sequence[Row], measured: dict[str, list[tuple[Figures, Figures]]]) -> list[dict[str, object]]:
-    """One entry for each figure of each row."""
+    """Return one entry for each figure of each row."""
     entries: list[dict[str, object]] = []
     for row in rows:
         for name in measured[row.name][0][0]:

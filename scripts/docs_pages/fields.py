@@ -47,10 +47,11 @@ SERVER_TOPICS: Final = {
 """Topics of the server, beside those of the simulator: type, rate and meaning. `test_docs` compares the names."""
 
 FRAMES: Final = (
+    ("WGS 84", ("WGS 84",)),
     ("map", ("map's frame", "east", "north", "counter-clockwise [deg]", "up [m]")),
-    ("vehicle", ("vehicle's frame", "its own frame", "rear axle", "front wheels", "to the left")),
+    ("vehicle", ("vehicle's frame", "its own frame", "middle of the rear axle", "front wheels")),
     ("object", ("object's frame",)),
-    ("sensor", ("sensor's frame",)),
+    ("sensor", ("sensor's frame", "unit's own frame")),
     ("lane", ("of the lane", "from the path")),
 )
 """Frame -> phrases of a comment that mean it; the first frame that fits counts."""
@@ -89,7 +90,7 @@ def _row_of(match: re.Match[str]) -> FieldRow:
     remark = UNIT.sub("", comment)
     is_placed = not PLAIN.match(match["type"]) or match["type"].startswith("float")
     frame = next((name for name, words in FRAMES if any(word in comment for word in words)), "") if is_placed else ""
-    if any(phrase in comment for phrase in ("of the map's origin", "as the map counts")):
+    if "of the map's origin" in comment:
         frame = "projection"
     return FieldRow(match["name"], match["type"], unit, frame, remark)
 
@@ -116,7 +117,7 @@ def write_fields(release: Release) -> str:
         "",
         "- *Frame* **map** is east, north, up in metres from the map's origin. **vehicle** and **object** are",
         "  x forward, y left, z up at the reference point: the middle of the rear axle of a vehicle, else the centre.",
-        "  **projection** is the map's projection. A dash means that a frame has no meaning there.",
+        "  **projection** is the map's projection, **WGS 84** the earth. A dash: no frame.",
         "- Headings are degrees, 0 is east, counter-clockwise is positive.",
         "- *Rate* is the default in real time; `--rate TOPIC=HZ` sets another one. In synchronous mode, state topics",
         "  come with every frame, and sensors keep their rate in simulated time.",

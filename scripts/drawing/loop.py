@@ -1,4 +1,4 @@
-"""The motorway: three lanes one way round a winding loop, and the scene `loop` on it."""
+"""The motorway map `loop`: three one-way lanes on a winding loop, and the scenario `loop` on it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,13 @@ LIMIT = 100  # [km/h]
 
 
 def loop() -> list[Section]:
-    """The middle lane, 5.1 km. 100 km/h are 2.2 m/s^2 to the side on a radius of 350 m."""
+    """Return the sections of the middle lane, 5.1 km.
+
+    At 100 km/h the lateral acceleration on a radius of 350 m is 2.2 m/s^2.
+
+    Returns:
+        The sections, in order.
+    """
     way = [
         straight(1000, LIMIT),  # 0 start
         bend(400, 90, LIMIT),
@@ -34,7 +40,11 @@ def loop() -> list[Section]:
 
 
 def loop_files() -> dict[str, bytes]:
-    """The map as MGeo files."""
+    """Return the map.
+
+    Returns:
+        File name -> content, in MGeo format.
+    """
     sections = loop()
     files = MapFiles(350000.0, 4140000.0)
     for i, section in enumerate(sections):
@@ -84,7 +94,11 @@ NPCS: tuple[tuple[str, int, int, float, int | None], ...] = (  # model, lane, se
 
 
 def loop_scenario() -> bytes:
-    """The scene: the ego on the right lane, faster traffic to its left, trucks before and behind."""
+    """Return the scenario: the ego on the right lane, faster traffic to its left, trucks in front and behind.
+
+    Returns:
+        The document.
+    """
     sections = loop()
     vehicles: list[dict[str, Any]] = []
     for uid, (model, lane, i, part, speed) in enumerate(NPCS, start=1):

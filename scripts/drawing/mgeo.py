@@ -1,4 +1,4 @@
-"""MGeo and scenario files, written down: the parts that every map of ours has in common."""
+"""Writer of MGeo and scenario files: the parts that all our maps share."""
 
 from __future__ import annotations
 
@@ -16,12 +16,27 @@ Point = tuple[float, float]
 
 
 def mm(value: float) -> float:
-    """A coordinate to the millimetre."""
+    """Return a coordinate rounded to the millimetre.
+
+    Args:
+        value: [m].
+
+    Returns:
+        [m].
+    """
     return round(value, 3) + 0.0  # no -0.0
 
 
 def info(east: float, north: float) -> dict[str, Any]:
-    """`global_info.json` of a map whose origin is there, in zone 52."""
+    """Return the `global_info.json` of a map in UTM zone 52.
+
+    Args:
+        east: of the map's origin [m].
+        north: of the map's origin [m].
+
+    Returns:
+        The JSON object.
+    """
     return {
         "maj_ver": 2,
         "min_ver": 9,
@@ -48,7 +63,7 @@ _BORDERS = {
 
 @dataclass
 class MapFiles:
-    """The sets of a map while it is drawn."""
+    """The entries of a map's files while it is drawn."""
 
     east: float
     north: float
@@ -64,12 +79,33 @@ class MapFiles:
     stripes: list[dict[str, Any]] = field(default_factory=list)
 
     def node(self, idx: str, at: Point, *, is_stop: bool = False) -> str:
-        """A place where links meet."""
+        """Add a node, where links meet.
+
+        Args:
+            idx: its id.
+            at: east, north [m].
+            is_stop: a stop line is there.
+
+        Returns:
+            The id.
+        """
         self.nodes[idx] = _node(idx, at, is_stop=is_stop)
         return idx
 
     def link(self, idx: str, start: str, end: str, points: Iterable[Point], max_speed: int, **more: Any) -> str:  # noqa: ANN401
-        """A lane; `more` are its further keys, or others for the usual ones."""
+        """Add a lane.
+
+        Args:
+            idx: its id.
+            start: id of its first node.
+            end: id of its last node.
+            points: its line [m].
+            max_speed: [km/h].
+            more: additional keys, or other values for the default ones.
+
+        Returns:
+            The id.
+        """
         usual = {
             "idx": idx,
             "from_node_idx": start,
@@ -101,7 +137,16 @@ class MapFiles:
         return idx
 
     def border(self, idx: str, kind: str, points: Sequence[Point]) -> str:
-        """An edge of lanes, or a stop line."""
+        """Add an edge of lanes, or a stop line.
+
+        Args:
+            idx: its id.
+            kind: a key of `_BORDERS`.
+            points: its line [m].
+
+        Returns:
+            The id.
+        """
         lane_type, colour, shape, width, paint, gap = _BORDERS[kind]
         for end, at in (("A", points[0]), ("B", points[-1])):
             self.border_nodes.append(_node(f"{idx}{end}", at))
@@ -125,7 +170,18 @@ class MapFiles:
         return idx
 
     def light(self, idx: str, links: Sequence[str], at: Point, heading: float, lamps: Sequence[str] | None) -> str:
-        """A traffic light that looks to `heading` [deg]; one for people without lamps."""
+        """Add a traffic light.
+
+        Args:
+            idx: its id.
+            links: ids of the links that it is for.
+            at: east, north [m].
+            heading: direction that it faces [deg].
+            lamps: `sub_type`; None for a pedestrian light.
+
+        Returns:
+            The id.
+        """
         self.lights.append(
             {
                 "idx": idx,
@@ -143,7 +199,12 @@ class MapFiles:
         return idx
 
     def group(self, controller: str, lights: Sequence[str]) -> None:
-        """Lights that change together."""
+        """Add a group of lights that change together.
+
+        Args:
+            controller: id of its intersection controller.
+            lights: ids of the lights.
+        """
         mine = [light for light in self.lights if light["idx"] in lights]
         self.synced.append(
             {
@@ -156,7 +217,13 @@ class MapFiles:
         )
 
     def crosswalk(self, idx: str, corners: Sequence[Point], lights: Sequence[str]) -> None:
-        """A place to cross, of one piece."""
+        """Add a crosswalk of one part.
+
+        Args:
+            idx: its id.
+            corners: its outline [m].
+            lights: ids of its lights.
+        """
         for light in self.lights:
             if light["idx"] in lights:
                 light["ref_crosswalk_id"] = idx
@@ -166,7 +233,11 @@ class MapFiles:
         self.stripes.append({"idx": f"S{idx}", "points": points, "sign_type": "5", "ref_crosswalk_id": idx})
 
     def files(self) -> dict[str, bytes]:
-        """All sets that have something in them, by file name."""
+        """Return all files that have entries.
+
+        Returns:
+            File name -> content.
+        """
         sets: dict[str, Any] = {
             "node_set.json": list(self.nodes.values()),
             "link_set.json": self.links,
@@ -192,7 +263,14 @@ _compact = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False).encode
 
 
 def json_lines(value: dict[str, Any] | list[Any]) -> bytes:
-    """JSON with one entry a line: small, and a change shows as the lines that it changes."""
+    """Return JSON with one entry a line, so that a change of an entry is a change of one line.
+
+    Args:
+        value: the document.
+
+    Returns:
+        UTF-8 text.
+    """
     if isinstance(value, list):
         return f"{_rows(value)}\n".encode()
     entries = [f"{_compact(key)}:{_rows(item) if _is_table(item) else _compact(item)}" for key, item in value.items()]
@@ -211,7 +289,16 @@ def _rows(items: list[Any]) -> str:
 
 
 def pose(x: float, y: float, yaw: float) -> dict[str, Any]:
-    """A place and a heading [deg]."""
+    """Return a position and a heading of a scenario.
+
+    Args:
+        x: east [m].
+        y: north [m].
+        yaw: [deg].
+
+    Returns:
+        The keys `pos` and `rot`.
+    """
     return {
         "pos": {"x": mm(x), "y": mm(y), "z": 0.0},
         "rot": {"roll": "0", "pitch": "0", "yaw": f"{mm(yaw):g}"},
@@ -219,11 +306,27 @@ def pose(x: float, y: float, yaw: float) -> dict[str, Any]:
 
 
 def init(x: float, y: float, yaw: float) -> dict[str, Any]:
-    """The same as the start of a vehicle."""
+    """Return a pose as the start of a vehicle.
+
+    Args:
+        x: east [m].
+        y: north [m].
+        yaw: [deg].
+
+    Returns:
+        The value of `initPosition`.
+    """
     return {"initPositionMode": "Absolute", **pose(x, y, yaw)}
 
 
 def engine_waypoints(line: Iterable[Point]) -> Iterator[dict[str, Any]]:
-    """Waypoints in the axes of MORAI's engine: (-east, up, -north)."""
+    """Yield waypoints in the axes of MORAI's engine: (-east, up, -north).
+
+    Args:
+        line: points of the path, east and north [m].
+
+    Yields:
+        Each waypoint.
+    """
     for x, y in line:
         yield {"pos": {"x": mm(-x), "y": 0.0, "z": mm(-y)}}

@@ -11,7 +11,7 @@ __all__ = ["Section", "bend", "lay", "straight"]
 
 @dataclass(frozen=True)
 class Section:
-    """A piece of the reference line: a straight or an arc, with the pose at its start."""
+    """A section of the reference line: a straight or an arc, with the pose at its start."""
 
     length: float  # of the reference line [m]
     curvature: float  # left positive [1/m]
@@ -21,7 +21,15 @@ class Section:
     yaw: float = 0.0
 
     def at(self, s: float, offset: float = 0.0) -> tuple[float, float]:
-        """The point `s` metres along the reference line and `offset` metres to the left of it."""
+        """Return a point beside the reference line.
+
+        Args:
+            s: arc length from the section's start [m].
+            offset: to the left of the line [m].
+
+        Returns:
+            East and north [m].
+        """
         yaw = self.yaw + self.curvature * s
         if self.curvature == 0.0:
             x, y = self.x + s * math.cos(yaw), self.y + s * math.sin(yaw)
@@ -31,26 +39,59 @@ class Section:
         return x - offset * math.sin(yaw), y + offset * math.cos(yaw)
 
     def points(self, offset: float, step: float) -> list[tuple[float, float]]:
-        """Its line at `offset`, in equal steps of at most `step` metres, both ends included."""
+        """Return points of a line beside the reference line, with both ends.
+
+        Args:
+            offset: to the left of the reference line [m].
+            step: largest distance between points [m].
+
+        Returns:
+            Points at equal distances, east and north [m].
+        """
         num = max(1, math.ceil(self.length * (1.0 - offset * self.curvature) / step - 1e-9))
         return [self.at(self.length * i / num, offset) for i in range(num + 1)]
 
 
 def bend(radius: float, degrees: float, max_speed_kmh: int) -> Section:
-    """An arc, left for positive degrees."""
+    """Return an arc.
+
+    Args:
+        radius: [m].
+        degrees: its angle; left is positive.
+        max_speed_kmh: [km/h].
+
+    Returns:
+        The section, at the origin.
+    """
     turn = math.radians(degrees)
     return Section(radius * abs(turn), math.copysign(1.0 / radius, turn), max_speed_kmh)
 
 
 def straight(length: float, max_speed_kmh: int) -> Section:
-    """A straight."""
+    """Return a straight.
+
+    Args:
+        length: [m].
+        max_speed_kmh: [km/h].
+
+    Returns:
+        The section, at the origin.
+    """
     return Section(length, 0.0, max_speed_kmh)
 
 
 def lay(way: Sequence[Section], to_west: int, to_south: int) -> list[Section]:
-    """A closed loop, counter-clockwise from (0, 0) to the east.
+    """Join sections to a closed loop, counter-clockwise, from (0, 0) to the east.
 
-    Two lengths follow from the loop being closed: those of the straights `to_west` and `to_south`, given as 0.
+    The lengths of two straights follow from the loop being closed; they are given as 0.
+
+    Args:
+        way: the sections.
+        to_west: index of the straight to the west.
+        to_south: index of the straight to the south.
+
+    Returns:
+        The sections with their poses.
     """
     way = list(way)
     x, y = _end(way)

@@ -1,10 +1,10 @@
-"""The town: four by four blocks, two-way streets, two avenues that cross in its middle, lights and crosswalks.
+"""The map `town`: four by four blocks, two-way streets, two avenues that cross in the middle, lights and crosswalks.
 
-Streets have a lane each way. The avenues have two: the inner one turns left at the next crossing and has an arrow of
-its own, the outer one goes straight on and turns right. Nobody changes lanes.
+Streets have one lane in each direction. Avenues have two: the inner one turns left at the next crossing and has its own
+arrow; the outer one goes straight on or turns right. Vehicles do not change lanes.
 
-A crossing is named by its column and row, `22` is the middle; its legs by where they lead: E, N, W, S. Whoever comes
-from the leg E drives west. Lanes of a leg count from the middle, as MORAI's `ego_lane` does.
+A crossing is named by its column and row; `22` is the middle. Its legs are named by their direction: E, N, W, S. A
+vehicle that comes from the leg E drives west. Lanes of a leg count from the middle, as MORAI's `ego_lane` does.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ WARNING = ("yellow", "yellow", "yellow")
 
 @dataclass(frozen=True)
 class Crossing:
-    """Where two streets meet."""
+    """A crossing of two streets."""
 
     column: int
     row: int
@@ -51,30 +51,39 @@ class Crossing:
 
     @property
     def legs(self) -> str:
-        """Those that it has."""
+        """Its legs, counter-clockwise from the east."""
         return "".join(leg for leg in ORDER if {self.neighbour(leg).column, self.neighbour(leg).row} <= set(range(NUM)))
 
     @property
     def is_lit(self) -> bool:
-        """Whether it has lights; a bend has none."""
+        """True if it has traffic lights; a bend has none."""
         return len(self.legs) > len(("in", "out"))
 
     def neighbour(self, leg: str) -> Crossing:
-        """The crossing at the other end of a leg."""
+        """Return the crossing at the other end of a leg."""
         return Crossing(self.column + LEGS[leg][0], self.row + LEGS[leg][1])
 
     def at(self, leg: str, away: float, left: float) -> Point:
-        """The point so far out on a leg, and to the left of its middle line as one looks outwards."""
+        """Return a point on a leg.
+
+        Args:
+            leg: the leg.
+            away: distance from the crossing's middle [m].
+            left: distance from the leg's middle line, to the left when looking away from the crossing [m].
+
+        Returns:
+            East and north [m].
+        """
         dx, dy = LEGS[leg]
         x, y = (self.column - AVENUE) * PITCH, (self.row - AVENUE) * PITCH
         return x + dx * away - dy * left, y + dy * away + dx * left
 
     def is_avenue(self, leg: str) -> bool:
-        """Whether that leg is part of an avenue."""
+        """Return whether a leg is part of an avenue."""
         return (self.row if leg in "EW" else self.column) == AVENUE
 
     def num_lanes(self, leg: str) -> int:
-        """Lanes of a leg each way."""
+        """Return the number of a leg's lanes in each direction."""
         return 2 if self.is_avenue(leg) else 1
 
 
@@ -82,17 +91,25 @@ CROSSINGS = [Crossing(column, row) for row in range(NUM) for column in range(NUM
 
 
 def _offset(lane: int) -> float:
-    """How far a lane's line is from the middle line of its street [m]."""
+    """Return the distance of a lane's line from the middle line of its street [m]."""
     return (lane - 0.5) * LANE
 
 
 def opposite(leg: str) -> str:
-    """The leg on the other side."""
+    """Return the leg on the other side of a crossing."""
     return ORDER[(ORDER.index(leg) + 2) % 4]
 
 
 def turn_of(leg: str, to: str) -> str:
-    """What one does who comes from one leg and leaves by another."""
+    """Return the movement from one leg to another.
+
+    Args:
+        leg: the leg that the vehicle comes from.
+        to: the leg that it leaves by.
+
+    Returns:
+        "left", "straight" or "right".
+    """
     return {1: "right", 2: "straight", 3: "left"}[(ORDER.index(to) - ORDER.index(leg)) % 4]
 
 
@@ -106,7 +123,7 @@ def _line(start: Point, end: Point, step: float) -> list[Point]:
 
 
 def _corner(start: Point, middle: Point, end: Point) -> list[Point]:
-    """A right-angled turn: straight, an arc as wide as there is room for, straight."""
+    """Return a right-angled turn: a straight, an arc as wide as possible, a straight."""
     before, after = math.dist(start, middle), math.dist(middle, end)
     radius = min(before, after)
     into = ((middle[0] - start[0]) / before, (middle[1] - start[1]) / before)
@@ -125,7 +142,11 @@ def _corner(start: Point, middle: Point, end: Point) -> list[Point]:
 
 
 def town_files() -> dict[str, bytes]:
-    """The map as MGeo files."""
+    """Return the map.
+
+    Returns:
+        File name -> content, in MGeo format.
+    """
     files = MapFiles(340000.0, 4130000.0)
     arms = [(crossing, leg) for crossing in CROSSINGS for leg in crossing.legs]
     for crossing, leg in arms:
@@ -140,19 +161,19 @@ def town_files() -> dict[str, bytes]:
         _turns(files, crossing, leg)
     for i, crossing in enumerate(crossing for crossing in CROSSINGS if crossing.is_lit):
         _lights(files, crossing, f"IntTL{i}")
-    corner = CROSSINGS[-1]  # the bend in the north-east has a warning before it
+    corner = CROSSINGS[-1]  # the bend in the north-east has a warning light
     for leg in corner.legs:
         _light(files, corner, leg, WARNING)
     return files.files()
 
 
 def _node(crossing: Crossing, leg: str, way: str, lane: int) -> str:
-    """Where a lane comes in (I) or goes out (O)."""
+    """Return the id of the node where a lane comes in (I) or goes out (O)."""
     return f"N{crossing.name}{leg}{way}{lane}"
 
 
 def _road(crossing: Crossing, leg: str, lane: int) -> str:
-    """The link that leaves a crossing by a leg."""
+    """Return the id of the link that leaves a crossing by a leg."""
     return f"R{crossing.name}{crossing.neighbour(leg).name}L{lane}"
 
 
@@ -161,7 +182,7 @@ def _turn(crossing: Crossing, leg: str, lane: int, to: str) -> str:
 
 
 def _street(files: MapFiles, crossing: Crossing, leg: str) -> None:
-    """Both directions of the street that leaves a crossing by a leg, and what is painted on it."""
+    """Add both directions of the street that leaves a crossing by a leg, with its markings."""
     other, back = crossing.neighbour(leg), opposite(leg)
     num = crossing.num_lanes(leg)
     name = f"{crossing.name}{other.name}"
@@ -196,7 +217,7 @@ def _street(files: MapFiles, crossing: Crossing, leg: str) -> None:
 
 
 def _ways(crossing: Crossing, leg: str) -> Iterator[tuple[int, str, int, str]]:
-    """(lane, leg out, lane there, movement) of all that one may do who comes from a leg."""
+    """Yield (lane, leg out, lane there, movement) of each movement for vehicles that come from a leg."""
     num = crossing.num_lanes(leg)
     for to in crossing.legs:
         if to == leg:
@@ -210,7 +231,7 @@ def _ways(crossing: Crossing, leg: str) -> Iterator[tuple[int, str, int, str]]:
 
 
 def _turns(files: MapFiles, crossing: Crossing, leg: str) -> None:
-    """The links inside a crossing that come from a leg."""
+    """Add the links inside a crossing that come from a leg."""
     for lane, to, lane_out, movement in _ways(crossing, leg):
         start, end = crossing.at(leg, BOX, _offset(lane)), crossing.at(to, BOX, -_offset(lane_out))
         if movement == "straight":
@@ -234,7 +255,7 @@ def _turns(files: MapFiles, crossing: Crossing, leg: str) -> None:
 
 
 def _light(files: MapFiles, crossing: Crossing, leg: str, lamps: tuple[str, ...]) -> str:
-    """A light for those who come from a leg: on the far side, above their lane."""
+    """Add a light for vehicles that come from a leg: on the far side, above their lane."""
     wanted = {"left"} if lamps is ARROW else {"straight", "right"} if lamps is CAR else {"straight", "right", "left"}
     links = [_turn(crossing, leg, lane, to) for lane, to, _, movement in _ways(crossing, leg) if movement in wanted]
     name = f"TL{crossing.name}{leg}" + ("L" if lamps is ARROW else "")
@@ -244,8 +265,8 @@ def _light(files: MapFiles, crossing: Crossing, leg: str, lamps: tuple[str, ...]
 
 
 def _lights(files: MapFiles, crossing: Crossing, controller: str) -> None:
-    """Lights, crosswalks and the schedule of a crossing."""
-    groups: list[tuple[str, str]] = []  # the leg, and what it is: both, through, arrow, walk
+    """Add the lights, crosswalks and the schedule of a crossing."""
+    groups: list[tuple[str, str]] = []  # leg and kind: both, through, arrow, walk
     names: list[list[str]] = []
     for leg in crossing.legs:
         movements = {movement for *_, movement in _ways(crossing, leg)}
@@ -266,7 +287,7 @@ def _lights(files: MapFiles, crossing: Crossing, controller: str) -> None:
 
 
 def _crosswalk(files: MapFiles, crossing: Crossing, leg: str) -> list[str]:
-    """The crosswalk over a leg and the lights on both its ends; each looks over the street."""
+    """Add the crosswalk over a leg and the lights at its two ends; each faces the street."""
     edge = crossing.num_lanes(leg) * LANE
     near, away = WALK
     dx, dy = LEGS[leg]
@@ -281,12 +302,12 @@ def _crosswalk(files: MapFiles, crossing: Crossing, leg: str) -> list[str]:
 
 
 def _schedule(crossing: Crossing, groups: list[tuple[str, str]]) -> dict[str, Any]:
-    """One leg after the other; but opposite legs of an avenue together, straight on first and then to the left.
+    """Return the schedule: one leg after the other; opposite legs of an avenue together, first straight on, then left.
 
-    People walk beside the traffic that is not turning left over their crosswalk: over the leg on the right of those
-    who have green, and over both legs beside an avenue.
+    Pedestrians walk while no vehicle turns left over their crosswalk: over the leg on the right of the green leg, and
+    over both legs beside an avenue.
     """
-    phases: list[tuple[int, dict[tuple[str, str], str], str]] = []  # seconds, colours, legs that people cross
+    phases: list[tuple[int, dict[tuple[str, str], str], str]] = []  # seconds, colours, legs with walking pedestrians
     done: set[str] = set()
     for leg in crossing.legs:
         if leg in done:
@@ -317,7 +338,7 @@ MODELS = (
     *("2015_Kia_K5", "2016_Kia_Niro(HEV)", "Van", "2021_VW_Golf_GTI", "Hyundai_Ioniq_5", "2016_Genesis_DH", "Truck"),
     *("2014_Kia_K7", "2016_Hyundai_Ioniq", "Bus"),
 )
-STARTS: tuple[tuple[int, int, str, int], ...] = (  # column, row and leg by which they have left, lane
+STARTS: tuple[tuple[int, int, str, int], ...] = (  # column, row and leg of the crossing that they left, lane
     *((0, 0, "E", 1), (0, 0, "N", 1), (1, 0, "N", 1), (2, 0, "W", 1), (3, 0, "E", 1), (4, 0, "N", 1)),
     *((0, 1, "E", 1), (1, 1, "W", 1), (2, 1, "N", 1), (2, 1, "N", 2), (3, 1, "S", 1), (4, 1, "W", 1)),
     *((0, 2, "E", 1), (0, 2, "E", 2), (1, 2, "N", 1), (3, 2, "W", 2), (3, 2, "E", 1), (4, 2, "S", 1)),
@@ -332,7 +353,11 @@ WALKS = (  # model, km/h, from, to: on the pavements
 
 
 def town_scenario() -> bytes:
-    """The scene: the ego on the avenue, traffic everywhere, people on the pavements."""
+    """Return the scenario: the ego on the avenue, traffic on all streets, pedestrians on the pavements.
+
+    Returns:
+        The document.
+    """
     ids = iter(range(1, 1000))
     vehicles = []
     for i, (column, row, leg, lane) in enumerate(STARTS):
@@ -357,7 +382,7 @@ def town_scenario() -> bytes:
 
 
 def _npc(i: int, crossing: Crossing, leg: str, lane: int) -> dict[str, Any]:
-    """A car that keeps to the lanes, somewhere on a street."""
+    """Return a vehicle that follows the lanes, on a street."""
     part = mm(0.15 + 0.1 * (i * 7 % 6))
     x, y = crossing.at(leg, BOX + part * (PITCH - 2 * BOX), -_offset(lane))
     dx, dy = LEGS[leg]

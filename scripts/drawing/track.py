@@ -1,4 +1,4 @@
-"""The test track: a closed loop of two lanes, and the scene `demo` on it."""
+"""The test track map `track`: a closed loop of two lanes, and the scenario `demo` on it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,11 @@ PATH_STEP = 2.0  # between waypoints in a bend [m]; by 13 mm
 
 
 def track() -> list[Section]:
-    """The loop, 1.19 km. 40 km/h are 3 m/s^2 to the side on a radius of 40 m."""
+    """Return the sections of the loop, 1.19 km. At 40 km/h the lateral acceleration on a radius of 40 m is 3 m/s^2.
+
+    Returns:
+        The sections, in order.
+    """
     way = [
         straight(300, 60),  # 0 start
         bend(60, 90, 40),
@@ -34,9 +38,13 @@ def track() -> list[Section]:
 
 
 def track_files() -> dict[str, bytes]:
-    """The map as MGeo files."""
+    """Return the map.
+
+    Returns:
+        File name -> content, in MGeo format.
+    """
     sections = track()
-    files = MapFiles(330000.0, 4120000.0)  # somewhere in zone 52, chosen for its round numbers
+    files = MapFiles(330000.0, 4120000.0)  # a place in zone 52 with round numbers
     for lane, offset in enumerate((INNER, OUTER), start=1):
         for i, section in enumerate(sections):
             files.node(_node(lane, i), section.at(0.0, offset))
@@ -59,7 +67,7 @@ def _node(lane: int, i: int) -> str:
     return f"N{lane}_{i:02}"
 
 
-SPEED_KMH = 30  # of all NPCs: on one path and with one speed they never meet
+SPEED_KMH = 30  # of all NPCs: on one path and at one speed they never collide
 NPCS = (  # model, metres along the inner lane
     ("2015_Kia_K5", 75.0),
     ("Van", 300.0),
@@ -84,7 +92,11 @@ THINGS = (  # model, x, y, heading: none on a lane, whose edges lie at -3.5 and 
 
 
 def demo_scenario() -> bytes:
-    """The scene: an ego in the outer lane with a free road, traffic in the inner one, people and things beside."""
+    """Return the scenario: an ego in the free outer lane, traffic in the inner one, pedestrians and things beside it.
+
+    Returns:
+        The document.
+    """
     sections = track()
     ids = iter(range(1, 1000))
     vehicles = []
@@ -132,7 +144,7 @@ def demo_scenario() -> bytes:
 
 
 def _along(sections: list[Section], s: float, offset: float) -> tuple[tuple[float, float], float]:
-    """The point `s` metres along a lane, and its heading [deg]."""
+    """Return the point at an arc length along a lane, and its heading [deg]."""
     for section in sections:
         scale = 1.0 - offset * section.curvature
         if s <= section.length * scale:

@@ -1,26 +1,24 @@
 #!/usr/bin/env python3
-"""Drive the car along a path in synchronous mode, and say how far it strayed.
+"""Drive the car along a path in synchronous mode, and print the largest error.
 
     ./scripts/serve                                                                      # in one terminal
     python scripts/examples/drive_sync.py --path scripts/examples/course.txt --from-car  # in another
 
 In synchronous mode the world stands still until its master asks for a tick. So each round of the loop is
 
-    1. SyncModeCtrlCmd       what the car shall do from the next frame on
-    2. SyncModeWaitForTick   compute one time step; the answer says where the car is then
+    1. SyncModeCtrlCmd       command for the car from the next frame on
+    2. SyncModeWaitForTick   compute one time step; the answer has the car's new position
 
-and the drive is the same on a slow machine as on a fast one. The car steers by pure pursuit: it looks for the
-point of the path that lies a few metres ahead and takes the circle that leads there. The reference point of a
-vehicle is the middle of its rear axle; that is what the position in its status means, what pure pursuit
-works with, and what the error is measured at.
+and the drive is the same on a slow machine as on a fast one. The car steers by pure pursuit: it chooses the point
+of the path a few metres ahead, and drives on the circle that leads there. The reference point of a vehicle is the
+middle of its rear axle: the position in its status, pure pursuit and the error all use this point.
 
-A path file holds a point a line, `x y z` in metres, blanks or tabs between; what follows a `#` is left out.
-Points are in the map's frame; with `--from-car` they are relative to where the car stands, x ahead of it and y to
-its left.
+A path file holds one point a line, `x y z` in metres, separated by blanks or tabs; text after a `#` is ignored.
+Points are in the map's frame; with `--from-car` they are relative to the car, x ahead of it and y to its left.
 
-Needs nothing but roslibpy. Exit codes: 0 driven, 1 refused, the server is gone or roslibpy is not there, 2 a mistake
-in an argument, 130 interrupted. However it ends, the car brakes and synchronous mode is off, as far as the server
-still listens.
+It needs roslibpy only. Exit codes: 0 success; 1 refused, server lost or roslibpy missing; 2 a mistake in an argument;
+130 interrupted. At the end the car brakes and synchronous mode is turned off, in all cases, if the server can still be
+reached.
 """
 
 from __future__ import annotations
@@ -38,20 +36,20 @@ from typing import Any, Self
 try:
     import roslibpy
 except ModuleNotFoundError:
-    sys.exit("drive_sync: needs roslibpy, which is not here: python -m pip install roslibpy")
+    sys.exit("drive_sync: needs roslibpy; install it: python -m pip install roslibpy")
 
 DRIVE = 4  # a gear, as SyncModeSetGear counts them: 1 P, 2 R, 3 N, 4 D
-PEDALS, SPEED = 1, 2  # longlCmdType: what of a CtrlCmd counts
+PEDALS, SPEED = 1, 2  # longlCmdType: the fields of a CtrlCmd that are used
 
-TIMEOUT = 5.0  # how long an answer is waited for [s]
-LOOK_AHEAD = 2.0  # the least distance to the point that the car aims at [m] ...
-LOOK_AHEAD_TIME = 0.2  # ... and how it grows with speed [s]: longer is smoother, shorter cuts corners less
+TIMEOUT = 5.0  # longest wait for an answer [s]
+LOOK_AHEAD = 2.0  # smallest distance to the point that the car aims at [m] ...
+LOOK_AHEAD_TIME = 0.2  # ... and its growth with speed [s]: longer is smoother, shorter cuts corners less
 FAR_FROM_PATH = 10.0  # a car further away than this does not start [m]
-STUCK_AFTER = 5.0  # simulated time in which a car that is told to drive must have moved [s]
+STUCK_AFTER = 5.0  # simulated time in which the car must have moved after a command to drive [s]
 
 
 class DriveError(Exception):
-    """The drive cannot go on; the text says why."""
+    """The drive cannot go on; the text gives the reason."""
 
 
 # The path
@@ -59,33 +57,41 @@ class DriveError(Exception):
 
 @dataclass(frozen=True)
 class Pose:
-    """Where the car is: the middle of its rear axle [m], its heading [rad, counter-clockwise from east]."""
+    """Pose of the car: middle of its rear axle [m], heading [rad, counter-clockwise from east]."""
 
     x: float
     y: float
     yaw: float
 
     def to_map(self, ahead: float, left: float) -> tuple[float, float]:
-        """The map point that lies so far ahead of the pose and so far to its left."""
+        """Return a point given relative to the pose, in the map.
+
+        Args:
+            ahead: distance ahead of the pose [m].
+            left: distance to its left [m].
+
+        Returns:
+            x, y in the map [m].
+        """
         sin, cos = math.sin(self.yaw), math.cos(self.yaw)
         return self.x + ahead * cos - left * sin, self.y + ahead * sin + left * cos
 
 
 class Track:
-    """A path as a line of straight pieces, with the place that was reached on it.
+    """A path of straight pieces, with the position that was reached on it.
 
     Attributes:
-        length: of the whole [m].
-        reached: how far along the path the car is [m].
-        error: how far beside the path it is [m]; None before the path's start.
+        length: of the whole path [m].
+        reached: distance of the car along the path [m].
+        error: distance of the car from the path [m]; None before the path's start.
     """
 
     def __init__(self, points: list[tuple[float, float]]) -> None:
-        """A track at its start; two points that are the same count as one."""
+        """Begin at the start of the path; successive equal points count as one."""
         self._points = points[:1] + [b for a, b in pairwise(points) if math.dist(a, b) > 1e-6]
         if len(self._points) < 2:
             raise DriveError("the points of the path are all the same")
-        self._starts = [0.0]  # how far along the path each point lies
+        self._starts = [0.0]  # distance of each point along the path
         for a, b in pairwise(self._points):
             self._starts.append(self._starts[-1] + math.dist(a, b))
         self.length = self._starts[-1]
@@ -93,9 +99,16 @@ class Track:
         self.error: float | None = None
 
     def follow(self, x: float, y: float) -> bool:
-        """Note that the car is at (x, y) now. Whether it is still on its way, and not past the end.
+        """Note the car's position.
 
         Only the next few metres are searched, so a path may cross itself or come back.
+
+        Args:
+            x: of the car in the map [m].
+            y: of the car in the map [m].
+
+        Returns:
+            True until the car has passed the end.
         """
         nearest, place, is_before, is_past = math.inf, 0.0, False, False
         first = self._piece_at(self.reached - 5.0)
@@ -115,19 +128,36 @@ class Track:
         return not is_past
 
     def point(self, distance: float) -> tuple[float, float]:
-        """The point so far along the path [m]; before its start and beyond its end it goes straight on."""
+        """Return a point of the path; before its start and beyond its end the path is extended straight on.
+
+        Args:
+            distance: along the path [m].
+
+        Returns:
+            x, y in the map [m].
+        """
         i = self._piece_at(distance)
         (ax, ay), (bx, by) = self._points[i], self._points[i + 1]
         part = (distance - self._starts[i]) / (self._starts[i + 1] - self._starts[i])
         return ax + (bx - ax) * part, ay + (by - ay) * part
 
     def _piece_at(self, distance: float) -> int:
-        """The straight piece that holds the place so far along the path."""
+        """Return the index of the straight piece at a distance along the path."""
         return min(max(bisect_right(self._starts, distance) - 1, 0), len(self._points) - 2)
 
 
 def read_points(file: Path) -> list[tuple[float, float]]:
-    """The points of a path file; heights are left out, the road carries the car."""
+    """Read a path file; heights are ignored, because the road gives the height.
+
+    Args:
+        file: the file.
+
+    Returns:
+        x, y of each point [m].
+
+    Raises:
+        DriveError: a line is not a point, or there are fewer than two points.
+    """
     points = []
     for number, line in enumerate(file.read_text().splitlines(), 1):
         words = line.partition("#")[0].replace(",", " ").split()
@@ -144,11 +174,19 @@ def read_points(file: Path) -> list[tuple[float, float]]:
 
 
 def steer_towards(goal: tuple[float, float], pose: Pose, wheelbase: float) -> float:
-    """The front wheel angle [rad, left positive] of the circle that leads from the pose to the goal (pure pursuit).
+    """Return the front wheel angle for the circle from a pose to a goal (pure pursuit).
 
-    A circle that is tangent to the heading at the rear axle and goes through a point at distance d, seen at
-    the angle a from the heading, has the curvature 2 sin(a) / d; a car of that wheelbase drives curvature k with its
-    wheels at atan(wheelbase * k).
+    The circle is tangent to the heading at the rear axle. Through a point at distance d, seen at angle a from the
+    heading, its curvature is 2 sin(a) / d. A car with this wheelbase drives curvature k with its wheels at
+    atan(wheelbase * k).
+
+    Args:
+        goal: x, y in the map [m].
+        pose: of the car.
+        wheelbase: [m].
+
+    Returns:
+        The angle, left positive [rad].
     """
     dx, dy = goal[0] - pose.x, goal[1] - pose.y
     distance = math.hypot(dx, dy)
@@ -160,16 +198,16 @@ def steer_towards(goal: tuple[float, float], pose: Pose, wheelbase: float) -> fl
 
 
 class SyncMode:
-    """Synchronous mode with us as its master: on inside a `with`, off after it, however it is left.
+    """Synchronous mode with this program as its master: on inside a `with` block, off after it in all cases.
 
     Attributes:
-        frame: the simulator's frame count after the last tick.
-        step: how far one tick moves the world [s].
+        frame: the simulator's frame after the last tick.
+        step: simulated time of one tick [s].
         pose, speed: of the car after the last tick; [m/s].
     """
 
     def __init__(self, ros: roslibpy.Ros, user_id: str, step_ms: int) -> None:
-        """Nothing happens yet."""
+        """Prepare; nothing is sent yet."""
         self._ros = ros
         self._user_id = user_id
         self._step_ms = step_ms
@@ -179,9 +217,20 @@ class SyncMode:
         self.speed = 0.0
 
     def ask(self, service: str, **request: object) -> dict[str, Any]:
-        """One call. Every service of the simulator wraps one message, named `request` and `response`."""
+        """Call a service of the simulator; every one wraps one message, named `request` and `response`.
+
+        Args:
+            service: its name.
+            request: fields of the request.
+
+        Returns:
+            Fields of the response.
+
+        Raises:
+            DriveError: the connection is lost.
+        """
         if not self._ros.is_connected:
-            raise DriveError("the server is gone")
+            raise DriveError("the connection to the server is lost")
         call = roslibpy.Service(self._ros, service, "")  # the server knows the type
         values = call.call(roslibpy.ServiceRequest({"request": request}), timeout=TIMEOUT)
         response: dict[str, Any] = values["response"]
@@ -190,36 +239,51 @@ class SyncMode:
     def __enter__(self) -> Self:
         """Become the master."""
         answer = self.ask("/SyncModeCmd", user_id=self._user_id, start_sync_mode=True, time_step=self._step_ms)
-        if not answer["result"]:  # the answer then holds who the master is, if there is one
+        if not answer["result"]:  # the answer then has the current master's id, if there is one
             master = answer["user_id"]
-            why = f"{master!r} is its master" if master else f"a tick of {self._step_ms} ms cannot be had"
+            why = f"{master!r} is its master" if master else f"a tick of {self._step_ms} ms is not possible"
             raise DriveError(f"synchronous mode was refused: {why}")
-        self._user_id = answer["user_id"]  # made up by the simulator if ours was empty
+        self._user_id = answer["user_id"]  # chosen by the simulator if ours was empty
         self.frame = answer["frame"]
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Leave the car with its foot on the brake and give the world back its own clock."""
+        """Brake the car and return to real time."""
         try:
             self.command(longlCmdType=PEDALS, brake=1.0)
             self.tick()
         except (DriveError, roslibpy.core.RosTimeoutError):
-            pass  # paused, or gone; what matters is that the mode ends
+            pass  # paused, or lost; the mode must still be ended
         finally:
             self.ask("/SyncModeCmd", user_id=self._user_id, start_sync_mode=False, time_step=self._step_ms)
 
     def command(self, **command: float) -> None:
-        """What the car shall do from the next frame on: fields of a CtrlCmd."""
+        """Command the car from the next frame on.
+
+        Args:
+            command: fields of a CtrlCmd.
+
+        Raises:
+            DriveError: the command was refused.
+        """
         answer = self.ask("/SyncModeCtrlCmd", frame=self.frame + 1, command=command, sensor_capture=False)
         if not answer["result"]:
             raise DriveError("a command was refused: synchronous mode is off")
 
     def shift(self, gear: int) -> None:
-        """Change gear with the next frame; the car must stand."""
+        """Change gear at the next frame; the car must stand still.
+
+        Args:
+            gear: 1 P, 2 R, 3 N, 4 D.
+        """
         self.ask("/SyncModeSetGear", gear=gear, frame=self.frame + 1)
 
     def tick(self) -> None:
-        """Move the world by one time step, and read where the car is then."""
+        """Move the world by one time step, and read the car's new pose and speed.
+
+        Raises:
+            DriveError: the tick was refused.
+        """
         answer = self.ask("/SyncModeWaitForTick", user_id=self._user_id, frame=self.frame + 1)
         if not answer["tick_status"]:
             why = "the simulation is paused" if answer["pause_status"] else "we are no longer the master"
@@ -231,14 +295,24 @@ class SyncMode:
 
 
 def drive(sync: SyncMode, points: list[tuple[float, float]], speed_kmh: float, *, is_from_car: bool) -> None:
-    """Drive along the points to their end, stop there, and report."""
+    """Drive along a path to its end, stop there, and print a report.
+
+    Args:
+        sync: synchronous mode, on.
+        points: of the path [m].
+        speed_kmh: [km/h].
+        is_from_car: the points are relative to the car.
+
+    Raises:
+        DriveError: the path is too far away, or the car does not move.
+    """
     wheelbase = sync.ask("/Service_MoraiVehicleSpec", unique_id=0)["wheel_base"]
     sync.shift(DRIVE)
-    sync.tick()  # now we know where the car is
+    sync.tick()  # gives the position of the car
     track = Track([sync.pose.to_map(*point) for point in points] if is_from_car else points)
     gap = math.dist(track.point(0.0), (sync.pose.x, sync.pose.y))
     if gap > FAR_FROM_PATH:
-        raise DriveError(f"the path starts {gap:.0f} m away from the car; --from-car would lay it there")
+        raise DriveError(f"the path starts {gap:.0f} m away from the car; --from-car starts it at the car")
     print(f"path of {track.length:.1f} m from ({sync.pose.x:.1f}, {sync.pose.y:.1f}), frame {sync.frame}", flush=True)
 
     began = time.perf_counter()
@@ -278,7 +352,11 @@ def drive(sync: SyncMode, points: list[tuple[float, float]], speed_kmh: float, *
 
 
 def main() -> int:
-    """Read the command line, drive, and turn whatever goes wrong into one line."""
+    """Read the command line and drive; an error is one line.
+
+    Returns:
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description="Drive along a path in synchronous mode.")
     parser.add_argument("--host", default="127.0.0.1")
     parser.add_argument("--port", type=int, default=9090)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""A client that does no harm, in a process of its own, and measures how long the server keeps it waiting.
+"""A harmless client in its own process that measures how long the server lets it wait.
 
     python scripts/soak/bystander.py URL
 
@@ -19,16 +19,20 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 PAUSE = 0.01
-"""Between two calls [s]: a stall of 20 ms is seen whenever it begins, and the server has 1 % of a core to do."""
+"""Pause between two calls [s]: a stall of 20 ms is always seen, and the calls use 1 % of a core of the server."""
 
 PATIENCE = 60.0
-"""A server that gives no answer for so long is lost [s]."""
+"""Longest wait for an answer before the server counts as lost [s]."""
 
 _CALL = json.dumps({"op": "call_service", "service": "/rosapi/get_time", "id": "bystander"})
 
 
 def main() -> int:
-    """Measure until stdin ends."""
+    """Measure until stdin ends.
+
+    Returns:
+        The exit code.
+    """
     waits: list[float] = []
     with connect(sys.argv[1], compression=None, ping_interval=None, proxy=None) as socket:
         while True:
@@ -47,4 +51,4 @@ if __name__ == "__main__":
     try:
         sys.exit(main())
     except ConnectionClosed as error:
-        sys.exit(f"bystander: the server has gone: {error}")
+        sys.exit(f"bystander: the connection is lost: {error}")

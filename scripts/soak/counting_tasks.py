@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""`rosbridge-sim` that says how many tasks its event loop and how many objects its memory has, whenever it is asked.
+"""`rosbridge-sim` that reports the number of tasks of its event loop and of objects in its memory on request.
 
     python scripts/soak/counting_tasks.py DESCRIPTOR serve --port 0
 
-Nothing outside a process can count them. The descriptor is a socket: for each byte that comes there, a line with both
-numbers goes back; for a `!`, garbage is collected first. Everything else is the command line as it is.
+These numbers cannot be counted from outside a process. The descriptor is a socket: for each byte received there, a line
+with both numbers is sent back; for a `!`, garbage is collected first. The other arguments are those of `rosbridge-sim`.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from rosbridge_sim.shell import app
 
 
 class _Counting(app.Simulator):
-    """A simulator whose loop also listens to the descriptor."""
+    """A simulator whose event loop also reads the descriptor."""
 
     channel: socket.socket
 
     async def start(self) -> None:
-        """Start, and answer from now on."""
+        """Start, and answer requests from now on."""
         await super().start()
         asyncio.get_running_loop().add_reader(self.channel, self._answer)
 
@@ -38,7 +38,7 @@ class _Counting(app.Simulator):
             if asked == b"!":
                 gc.collect()
             self.channel.send(b"%d %d\n" % (len(asyncio.all_tasks()), sys.getallocatedblocks()))
-        else:  # the other end is gone, and would be readable for ever
+        else:  # the other end is closed; the socket would stay readable for ever
             asyncio.get_running_loop().remove_reader(self.channel)
 
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Break the line, the disk and the machine under a server, case by case, and say what the user sees.
+"""Break the connection, the disk and the machine of a server, case by case, and print what the user sees.
 
     python scripts/soak/faults.py [--short] [--only NAME]... [--seed 0]
 
-A bad line is a proxy that splits, delays, resets and ends one way. A bad disk is a file that may not grow (as a full
-one), a file in place of a folder, a link to /dev/full. A bad machine has no descriptors or no memory left, or kills the
-server while it records, loads or saves. Each case starts servers of its own; Linux only.
+A bad connection is a proxy that splits, delays, resets or closes one direction. A bad disk is a file that may not grow
+(as on a full disk), a file instead of a folder, or a link to /dev/full. A bad machine has no descriptors or no memory
+left, or kills the server while it records, loads or saves. Each case starts its own servers. Linux only.
 """
 
 from __future__ import annotations
@@ -52,35 +52,35 @@ from tests.broken_proxy import BrokenProxy, Fate  # noqa: E402
 __all__ = ["CASES", "LONG", "SHORT", "Case", "Scale", "Verdict", "run_case"]
 
 BURST = 10
-"""Ticks that are asked for without waiting, so that a proxy has something to join."""
+"""Ticks that are requested without waiting, so that a proxy can join their frames."""
 
 FRAME = 0.02
 """Simulated time of a frame [s]."""
 
 LONGEST = 12_000
-"""Bytes after which the last of the lines breaks: a session is some 4,000 bytes there, and as many and more back."""
+"""Bytes after which the last of the connections breaks: a session has about 4,000 bytes in each direction, or more."""
 
 MAX_LOST = 1.5
-"""Simulated time that a recording may miss at the end after a kill [s]: a second between two flushes, and delay."""
+"""Simulated time that a recording may lack at its end after a kill [s]: a second between two flushes, and delay."""
 
 MAX_IDLE_CPU = 0.5
-"""CPU time for each second that a server may use which has no descriptors left: it must not spin on its listener."""
+"""CPU time a second of a server without free descriptors: it must not spin on its listening socket."""
 
 LEFT_MEMORY = (25, 40, 60, 100)
-"""Memory that is left to a server [MB]: a message of 16 MB then fails while it is received, read, or not at all."""
+"""Free memory of a server [MB]: a message of 16 MB then fails while it is received or read, or does not fail."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scale:
-    """How much is done.
+    """Size of a run.
 
     Attributes:
         num_ticks: of each drive through a proxy.
         num_resets: connections that are reset.
         num_kills: of a server, in each case that kills.
-        seconds: that a recording lasts before the kill.
-        is_long: all variants of a case, and not only some.
-        seed: of all chance.
+        seconds: length of a recording before the kill.
+        is_long: all variants of a case, not only some.
+        seed: random seed.
     """
 
     num_ticks: int
@@ -97,24 +97,29 @@ SHORT = Scale(num_ticks=20, num_resets=20, num_kills=2, seconds=1.3, is_long=Fal
 
 @dataclass(slots=True)
 class Verdict:
-    """What a case has shown.
+    """Result of a case.
 
     Attributes:
         seen: what the user saw, a line each.
-        faults: what should not be so; empty is good.
+        faults: what is wrong; empty is good.
     """
 
     seen: list[str] = field(default_factory=list)
     faults: list[str] = field(default_factory=list)
 
     def expect(self, is_so: bool, fault: str) -> None:  # noqa: FBT001 - as an assert reads
-        """Note a fault, unless it is as it should be."""
+        """Note a fault unless a condition holds.
+
+        Args:
+            is_so: the condition.
+            fault: the text.
+        """
         if not is_so:
             self.faults.append(fault)
 
 
 async def _check_server(server: WatchedServer, verdict: Verdict, *, is_traceback_fine: bool = False) -> None:
-    """Have it serve somebody who comes now, and end as it should."""
+    """Check that the server serves a new client, and that it stops without an error."""
     try:
         async with await Client.open(server.url) as client:
             await client.call("/rosapi/topics")
@@ -129,17 +134,17 @@ async def _check_server(server: WatchedServer, verdict: Verdict, *, is_traceback
 
 
 def _lines(log: str, *words: str) -> list[str]:
-    """Lines of a log that hold one of these words, without their time."""
+    """Return the lines of a log that contain one of these words, without their time."""
     return [line.partition(" ")[2] for line in log.splitlines() if any(word in line for word in words)]
 
 
 def _serve_refused(verdict: Verdict, *flags: str) -> None:
-    """Start a server that cannot; it must say why in one line, with code 2."""
+    """Start a server that cannot start; it must give the reason in one line, with code 2."""
     _run_refused(verdict, "serve", "--port", "0", *flags)
 
 
 def _run_refused(verdict: Verdict, *words: str, stdout: int = subprocess.PIPE) -> None:
-    """Run a command that cannot; it must say why in one line, with code 2."""
+    """Run a command that cannot run; it must give the reason in one line, with code 2."""
     done = subprocess.run(  # noqa: S603 - our own program
         [sys.executable, "-m", "rosbridge_sim", *words],
         cwd=ROOT,
@@ -161,7 +166,7 @@ def _run_refused(verdict: Verdict, *words: str, stdout: int = subprocess.PIPE) -
 
 
 async def _drive(url: str, num_ticks: int) -> list[str]:
-    """A drive in synchronous mode, from a reset on: all frames that came."""
+    """Drive in synchronous mode, from a reset on, and return all received frames."""
     topics = ("/Ego_topic", "/Object_topic", "/CollisionData", "/clock", "/tf", "/gps", "/imu", "/IntscnTL_topic")
 
     def call(service: str, mark: str, **request: object) -> str:
@@ -196,7 +201,7 @@ async def _drive(url: str, num_ticks: int) -> list[str]:
 
 
 async def bad_line_same_bytes(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """A drive through a line that splits at every byte, delays, or joins: the same bytes as without."""
+    """Drive through a connection that splits at every byte, delays, or joins: the bytes are the same as without it."""
     fates = {
         "split at every byte": Fate(piece=1),
         "split anywhere up to 100 bytes, with pauses": Fate(piece=100, pause=0.0005, seed=scale.seed),
@@ -254,11 +259,11 @@ _SESSION: tuple[dict[str, Any], ...] = (
     {"op": "call_service", "service": "/SyncModeWaitForTick", "args": {"request": {"user_id": "reset", "frame": 0}}},
     {"op": "call_service", "service": "/rosapi/get_time", "id": "last"},
 )
-"""A client that holds one of everything."""
+"""A session that uses one of everything."""
 
 
 async def _live_through(proxy: BrokenProxy) -> int:
-    """Play the session for as long as the line holds; how many answers came."""
+    """Play the session as long as the connection holds, and return the number of answers."""
     num = 0
     try:
         async with asyncio.timeout(PATIENCE), connect(proxy.url, ping_interval=None, proxy=None) as socket:
@@ -274,7 +279,7 @@ async def _live_through(proxy: BrokenProxy) -> int:
 
 
 async def resets_leave_no_trace(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """Connections that hold one of everything are reset (RST) after any number of bytes, in the handshake as well."""
+    """Reset connections that hold one of everything (RST) after any number of bytes, in the handshake too."""
     chance = random.Random(scale.seed)  # noqa: S311 - to be repeated, no secret
     fates = [
         Fate(reset_at=chance.randrange(LONGEST), piece=chance.choice((1, 50, 1 << 16))) for _ in range(scale.num_resets)
@@ -283,7 +288,7 @@ async def resets_leave_no_trace(folder: Path, scale: Scale, verdict: Verdict) ->
 
 
 async def half_closes_leave_no_trace(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """The end of what a client says comes after any number of bytes, and it would still listen."""
+    """End the client's sending direction after any number of bytes, while it would still receive."""
     chance = random.Random(scale.seed)  # noqa: S311 - the same
     fates = [
         Fate(finish_at=chance.randrange(LONGEST), piece=chance.choice((1, 50, 1 << 16)))
@@ -313,7 +318,7 @@ async def _break_lines(folder: Path, fates: Sequence[Fate], verdict: Verdict) ->
             verdict.faults += differences(before, await census(client))
             await client.send("subscribe", topic="/sim/clients")
             num = len((await client.next_message("/sim/clients"))["clients"])
-            verdict.expect(num == 1, f"/sim/clients: expected the one who asks, got {num}")
+            verdict.expect(num == 1, f"/sim/clients: expected only this client, got {num}")
         verdict.seen.append(f"afterwards the bus is as before, {after.descriptors} descriptors, {after.tasks} tasks")
         await _check_server(server, verdict)
 
@@ -322,7 +327,7 @@ async def _break_lines(folder: Path, fates: Sequence[Fate], verdict: Verdict) ->
 
 
 async def recording_on_a_full_disk(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """The file of a recording may not grow any more: the recording ends, the world does not, repair reads the rest."""
+    """Stop the growth of a recording's file: the recording ends, the world goes on, and repair reads the rest."""
     del scale
     for name in ("drive.bag", "drive.mcap"):
         path = folder / name
@@ -336,7 +341,7 @@ async def recording_on_a_full_disk(folder: Path, scale: Scale, verdict: Verdict)
 
 
 async def recording_into_dev_full(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """The recording's name is a link to /dev/full."""
+    """Record into a link to /dev/full."""
     del scale
     for name in ("drive.bag", "drive.mcap"):
         (folder / name).symlink_to("/dev/full")
@@ -344,7 +349,7 @@ async def recording_into_dev_full(folder: Path, scale: Scale, verdict: Verdict) 
 
 
 async def captures_on_a_full_disk(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """No file may grow: a capture is refused, the client told why, and no half file stays."""
+    """Save captures while no file may grow: the capture is refused with a reason, and no partial file stays."""
     del scale
     data = folder / "data"
     with WatchedServer(folder / "log", f"--data-dir={data}", is_log_piped=True) as server:
@@ -372,12 +377,12 @@ async def _capture(client: Client, name: str) -> None:
 
 
 def _files(folder: Path) -> list[Path]:
-    """The files under their final names; a hidden one is a part that was being written."""
+    """Return the files under their final names; a hidden file is one that is being written."""
     return sorted(path for path in folder.rglob("*") if path.is_file() and not path.name.startswith("."))
 
 
 async def file_in_place_of_a_folder(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """A file stands where a folder should be."""
+    """Put a file where a folder should be."""
     del scale
     file = folder / "file"
     file.write_text("precious")
@@ -407,7 +412,7 @@ async def file_in_place_of_a_folder(folder: Path, scale: Scale, verdict: Verdict
 
 
 async def output_nowhere(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """Stdout is full: a tool says so and ends; stderr is full: a server does without its log."""
+    """Use a full stdout: a tool reports it and ends. Use a full stderr: a server goes on without its log."""
     del scale
     full = os.open("/dev/full", os.O_WRONLY)
     _run_refused(verdict, "schema", "show", "std_msgs/String", stdout=full)
@@ -428,7 +433,7 @@ async def output_nowhere(folder: Path, scale: Scale, verdict: Verdict) -> None:
 
 
 async def no_descriptors_left(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """All descriptors are taken by clients: those who are there are served, others wait or are refused, files fail."""
+    """Let clients use all descriptors: connected clients are served, new ones wait or are refused, and files fail."""
     del scale
     scenes = folder / "scenes"
     scenes.mkdir()
@@ -460,7 +465,7 @@ async def no_descriptors_left(folder: Path, scale: Scale, verdict: Verdict) -> N
 
 
 async def _use_what_is_left(server: WatchedServer, client: Client, verdict: Verdict) -> None:
-    """Have a client that is there do what needs a file, and what needs none."""
+    """Let a connected client use services that need a file, and others that need none."""
     begun = server.figures()
     for topic in ("/clock", "/gps"):  # the first position needs a library and its database
         await client.send("subscribe", topic=topic)
@@ -476,7 +481,7 @@ async def _use_what_is_left(server: WatchedServer, client: Client, verdict: Verd
 
 
 async def no_memory_left(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """Messages of 16 MB where only some memory is left: their sender is told or closed, others go on."""
+    """Send messages of 16 MB with little memory left: the sender gets a status or is closed, and others go on."""
     start = '{"op":"publish","topic":"/soak/big","type":"soak_msgs/Own","msg":{"a":['
     bodies = {
         "text": '{"op":"publish","topic":"/soak/text","type":"std_msgs/String","msg":{"data":"%s"}}'
@@ -503,7 +508,7 @@ async def no_memory_left(folder: Path, scale: Scale, verdict: Verdict) -> None:
 
 
 async def _send_large(url: str, body: str) -> str:
-    """Send a message three times; what the sender saw."""
+    """Send a message three times, and return what the sender saw."""
     client = await Client.open(url)
     try:
         for _ in range(3):
@@ -517,7 +522,7 @@ async def _send_large(url: str, body: str) -> str:
 
 
 async def killed_while_recording(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """Kill -9 in the middle of a recording: repair gives back all but the last second, in every format."""
+    """Kill -9 during a recording: repair restores all but the last second, in every format."""
     for name in ("drive.bag", "drive.mcap", "drive"):
         path = folder / name
         with WatchedServer(folder / f"log-{name}", f"--record={path}") as server:
@@ -539,7 +544,7 @@ async def killed_while_recording(folder: Path, scale: Scale, verdict: Verdict) -
 
 
 async def _repair(path: Path, verdict: Verdict) -> int:
-    """Run `rosbridge-sim bag repair`; how many messages it found."""
+    """Run `rosbridge-sim bag repair`, and return the number of messages that it found."""
     done = await asyncio.to_thread(
         subprocess.run,
         [sys.executable, "-m", "rosbridge_sim", "bag", "repair", str(path), "--json"],
@@ -563,7 +568,7 @@ def _stamps(path: Path, topic: str) -> list[int]:
 
 
 async def killed_while_loading(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """Kill -9 while scenarios are loaded: the next server starts on the same folders and loads the same scenarios."""
+    """Kill -9 while scenarios are loaded: the next server starts with the same folders and loads the same scenarios."""
     chance = random.Random(scale.seed)  # noqa: S311 - to be repeated, no secret
     scenes, data = folder / "scenes", folder / "data"
     scenes.mkdir()
@@ -591,7 +596,7 @@ async def killed_while_loading(folder: Path, scale: Scale, verdict: Verdict) -> 
 
 
 async def killed_while_saving(folder: Path, scale: Scale, verdict: Verdict) -> None:
-    """Kill -9 while captures are saved: of all files, none is cut off under its final name."""
+    """Kill -9 while captures are saved: no file under its final name is incomplete."""
     chance = random.Random(scale.seed)  # noqa: S311 - the same
     num_files = 0
     halves: list[str] = []
@@ -619,9 +624,9 @@ async def killed_while_saving(folder: Path, scale: Scale, verdict: Verdict) -> N
 
 
 def _is_whole(path: Path) -> bool:
-    """Whether a file of a capture has its end."""
+    """Return whether a file of a capture is complete."""
     if path.suffix not in {".csv", ".txt"}:
-        return True  # a file under a name for what is not whole yet
+        return True  # a temporary file, under a hidden name
     text = path.read_text()
     return text.endswith("\n") and (path.suffix != ".csv" or text.count("\n") == 2)
 
@@ -646,7 +651,16 @@ CASES: tuple[Case, ...] = (
 
 
 async def run_case(case: Case, folder: Path, scale: Scale) -> Verdict:
-    """What a case shows, in an empty folder of its own."""
+    """Run a case in an empty folder.
+
+    Args:
+        case: the case.
+        folder: the folder.
+        scale: size of the run.
+
+    Returns:
+        Its result.
+    """
     verdict = Verdict()
     try:
         await case(folder, scale, verdict)
@@ -656,7 +670,11 @@ async def run_case(case: Case, folder: Path, scale: Scale) -> Verdict:
 
 
 def main() -> int:
-    """Run the cases, with what each has shown."""
+    """Run the cases and print the result of each.
+
+    Returns:
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--short", action="store_true", help="with the numbers of the tests")
     parser.add_argument("--only", action="append", metavar="NAME", help="only cases whose name holds this")

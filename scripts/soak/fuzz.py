@@ -1,19 +1,19 @@
 #!/usr/bin/env python3
-"""Send random ops of every kind to a live server for minutes, and see that an honest client beside it notices nothing.
+"""Send random ops of every kind to a live server for minutes, and check that an honest client is not disturbed.
 
     python scripts/soak/fuzz.py [--minutes 10] [--seed 0] [--clients 4] [--only NAME]
     python scripts/soak/fuzz.py --replay FILE
     python scripts/soak/fuzz.py --decoders 20
 
-Several clients at once send what `fuzz_frames.py` makes: right and wrong ops in every encoding, values by the
-definitions, damaged frames; some leave in the middle of one. Each asks one honest question before it goes. The server
+Several clients at once send frames from `fuzz_frames.py`: right and wrong ops in every encoding, values by the
+definitions, damaged frames; some leave in the middle of one. Each makes one honest call before it leaves. The server
 runs in one configuration after the other: with and without a world, both releases, both generations of ROS, other
 maps, synchronous from the start, recording, compressing.
 
-A failure is: a traceback in the log, the end of the process or a bad end of it, a question without an answer, a
-connection closed with 1011, memory beyond the bound, a world that cannot be reset at the end, and whatever the honest
-client (`innocent.py`) says. Then the frames since the server's start are in a file, and `--replay` sends them again.
-`--decoders` runs the tests that spoil valid documents, with so many times as many of them as usual.
+A failure is: a traceback in the log, an early or bad end of the process, a call without an answer, a connection closed
+with 1011, memory beyond the bound, a world that cannot be reset at the end, or a failure of the honest client
+(`innocent.py`). Then the frames since the server's start are in a file, and `--replay` sends them again.
+`--decoders N` runs the tests that damage valid documents, with N times the usual number of documents.
 """
 
 from __future__ import annotations
@@ -59,13 +59,13 @@ from scripts.soak.fuzz_tape import Tape  # noqa: E402
 __all__ = ["Report", "fuzz"]
 
 PATIENCE = 20.0
-"""A question without an answer for so long has lost it [s]."""
+"""Longest wait for an answer before it counts as lost [s]."""
 
 ROUND = 40.0
 """Seconds in one configuration; then a new server starts in the next one."""
 
 MAX_GROWTH = 400.0
-"""Memory above that of the idle server [MB]: the outboxes of a few clients that read late, and what they hold."""
+"""Memory above that of the idle server [MB]: outboxes of a few clients that read slowly, and their state."""
 
 DECODER_TESTS = (
     "tests/protocol/test_any_frame.py",
@@ -75,20 +75,20 @@ DECODER_TESTS = (
     "tests/shell/bags/test_any_file.py",
     "tests/cli/test_any_tool.py",
 )
-"""Those that use `tests/mutations.py`."""
+"""Tests that use `tests/mutations.py`."""
 
 ACTS = (5, 20, 100, 300)
-"""How much one client does before it leaves."""
+"""Number of acts of one client before it leaves."""
 
 
 @dataclass(slots=True)
 class Report:
-    """What has happened.
+    """Counts of a run.
 
     Attributes:
-        num: counts of acts, visits, closings and frames that came.
+        num: counts of acts, visits, closed connections and received frames.
         memory: idle, greatest and last memory of each server [MB].
-        innocent: what the honest client says at its end, per server.
+        innocent: last line of the honest client, per server.
     """
 
     num: Counter[str] = field(default_factory=Counter)
@@ -100,7 +100,7 @@ class Report:
 
 
 class Visitor:
-    """One client that means no good: comes, acts, asks one honest question and leaves."""
+    """One malicious client: it connects, acts, makes one honest call and leaves."""
 
     def __init__(self, number: int, tape: Tape, report: Report, maker: FrameMaker | None) -> None:
         self._number = number
@@ -111,7 +111,15 @@ class Visitor:
         self._answered = asyncio.Event()
 
     async def visit(self, url: str, acts: Iterable[Act]) -> None:
-        """Carry out all acts on a connection of its own."""
+        """Carry out all acts on a new connection.
+
+        Args:
+            url: of the server.
+            acts: in order.
+
+        Raises:
+            FuzzError: the server did something wrong.
+        """
         acts = iter(acts)
         first = next(acts)
         if first.form == "raw":
@@ -134,7 +142,7 @@ class Visitor:
             await self._ask(socket)
             await socket.close()
             self._report.num["closed by the client"] += 1
-        except (ConnectionClosed, AttributeError):  # the second one is the library's own, of a transport that is gone
+        except (ConnectionClosed, AttributeError):  # AttributeError is the library's own, of a closed transport
             code = socket.close_code
             self._report.num[f"closed with {code}"] += 1
             if code not in {1002, 1007, 1008, 1009}:
@@ -146,7 +154,12 @@ class Visitor:
                 await reading
 
     async def act(self, socket: ClientConnection, act: Act) -> None:
-        """Do one thing."""
+        """Carry out one act.
+
+        Args:
+            socket: the connection.
+            act: the act.
+        """
         match act.form:
             case "text":
                 await socket.send(act.data.decode())
@@ -166,7 +179,7 @@ class Visitor:
                 socket.transport.abort()
 
     async def _ask(self, socket: ClientConnection) -> None:
-        """One question at the end: whatever the client did, it is answered."""
+        """Make one call at the end; it must be answered, whatever the client did."""
         call = {"op": "call_service", "service": "/rosapi/get_time", "id": self._mark}
         await socket.send(json.dumps(call))
         waiting = [asyncio.create_task(self._answered.wait()), asyncio.create_task(socket.wait_closed())]
@@ -177,7 +190,11 @@ class Visitor:
             raise FuzzError(f"client {self._number} was not answered within {PATIENCE:g} s")
 
     async def read(self, socket: ClientConnection) -> None:
-        """Read all that comes, and answer what asks for it, in some way or other."""
+        """Read all frames, and answer calls and goals in some way.
+
+        Args:
+            socket: the connection.
+        """
         with suppress(ConnectionClosed):
             async for data in socket:
                 self._report.num["frames that came"] += 1
@@ -200,7 +217,7 @@ async def _connect(url: str, *, offers_deflate: bool) -> ClientConnection:
 
 
 async def _send_raw(url: str, data: bytes) -> None:
-    """Send bytes to the port, read a little and be gone."""
+    """Send bytes to the port, read a little and close."""
     host, port = url.removeprefix("ws://").rstrip("/").split(":")
     reader, writer = await asyncio.open_connection(host, int(port))
     with suppress(OSError, TimeoutError):
@@ -212,7 +229,7 @@ async def _send_raw(url: str, data: bytes) -> None:
 
 
 async def _interface(url: str, configuration: Configuration) -> Interface:
-    """What the server offers, as it says itself."""
+    """Return the server's topics and services, as rosapi lists them."""
     store = Store(read_definitions(configuration.release), leniency=LENIENCY, ros=configuration.ros)
     interface = Interface(store)
     async with connect(url, compression=None, max_size=None, proxy=None) as socket:
@@ -232,7 +249,16 @@ async def _interface(url: str, configuration: Configuration) -> Interface:
 async def fuzz(
     server: Server, tape: Tape, report: Report, *, seed: str, num_clients: int, seconds: float = 0.0, visits: int = 0
 ) -> None:
-    """Have clients come and go, for a time or for so many visits of each.
+    """Let clients come and go, for a time or for a number of visits of each.
+
+    Args:
+        server: running.
+        tape: keeps the acts.
+        report: counts.
+        seed: random seed.
+        num_clients: at one time.
+        seconds: duration, or 0.
+        visits: of each client, or 0.
 
     Raises:
         FuzzError: the server did something wrong.
@@ -272,7 +298,7 @@ async def fuzz(
 
 
 class _Watch:
-    """Looks at programs again and again.
+    """Watcher of the programs.
 
     Attributes:
         most: greatest memory of the first of them [MB].
@@ -284,16 +310,16 @@ class _Watch:
         self._innocent = innocent
 
     async def run(self) -> None:
-        """Look for ever."""
+        """Check the programs again and again."""
         while True:
             self.look()
             await asyncio.sleep(0.2)
 
     def look(self) -> None:
-        """See that all is well.
+        """Check that all programs run, without faults and within the memory bound.
 
         Raises:
-            FuzzError: it is not.
+            FuzzError: they do not.
         """
         for server, idle in self._servers:
             server.check()
@@ -306,7 +332,7 @@ class _Watch:
 
 
 async def _farewell(innocent: subprocess.Popen[str]) -> dict[str, Any]:
-    """End the honest client; its figures."""
+    """End the honest client, and return its figures."""
     assert innocent.stdin is not None
     innocent.stdin.close()
     words = await asyncio.to_thread(_last_words, innocent)
@@ -317,7 +343,7 @@ async def _farewell(innocent: subprocess.Popen[str]) -> dict[str, Any]:
 
 @asynccontextmanager
 async def _attached(configuration: Configuration, folder: Path, bridge: str) -> AsyncIterator[Server]:
-    """Run a simulator behind a bridge in this event loop, to the end of the block."""
+    """Run a simulator behind a bridge in this event loop, until the end of the block."""
     attached = await asyncio.to_thread(Server, configuration, folder, bridge)
     try:
         yield attached
@@ -327,10 +353,10 @@ async def _attached(configuration: Configuration, folder: Path, bridge: str) -> 
 
 
 async def _begin_anew(url: str) -> None:
-    """After all that was done to it, the world can be reset, and moves.
+    """Check that the world can still be reset and moved.
 
     Raises:
-        FuzzError: it cannot, or does not.
+        FuzzError: it cannot.
     """
     async with asyncio.timeout(PATIENCE), await _connect(url, offers_deflate=False) as socket:
 
@@ -347,7 +373,7 @@ async def _begin_anew(url: str) -> None:
         request = {"user_id": "honest", "start_sync_mode": True, "time_step": 20}
         answer = (await ask("/SyncModeCmd", request=request))["response"]
         if not answer["result"]:
-            raise FuzzError(f"synchronous mode cannot be had at the end: {answer}")
+            raise FuzzError(f"synchronous mode is refused at the end: {answer}")
         frame = answer["frame"] + 1
         answer = (await ask("/SyncModeWaitForTick", request={"user_id": "honest", "frame": frame}))["response"]
         if not answer["tick_status"] or answer["frame"] != frame:
@@ -355,7 +381,7 @@ async def _begin_anew(url: str) -> None:
 
 
 async def _together(clients: Sequence[Any], watching: Any) -> None:  # noqa: ANN401 - coroutines
-    """Run all clients to their end; the first failure of any, or of the watch, ends all."""
+    """Run all clients to their end; the first failure of a client or of the watch ends all."""
     watch = asyncio.create_task(watching)
     tasks = [asyncio.create_task(client) for client in clients]
     try:
@@ -372,7 +398,13 @@ async def _together(clients: Sequence[Any], watching: Any) -> None:  # noqa: ANN
 
 
 async def replay(server: Server, tape: Tape, report: Report) -> None:
-    """Send what is on a tape again, each client's acts on a connection of its own, in the same order."""
+    """Send the acts of a tape again, each client's on its own connection, in the same order.
+
+    Args:
+        server: running.
+        tape: the acts.
+        report: counts.
+    """
     sockets: dict[int, ClientConnection] = {}
     reading: list[asyncio.Task[None]] = []
     last = {client: i for i, (client, _) in enumerate(tape.acts)}
@@ -417,7 +449,11 @@ def _last_words(process: subprocess.Popen[str]) -> str:
 
 
 def main() -> int:
-    """Run it, with a line for each configuration."""
+    """Run it, with a line for each configuration.
+
+    Returns:
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=0)
@@ -453,7 +489,7 @@ def _replay(path: Path, data: Path) -> int:
 
 
 def _fuzz_all(options: argparse.Namespace, data: Path, report: Report) -> int:
-    """Go through the configurations until the time is over; how many rounds have failed."""
+    """Use one configuration after the other until the time is over, and return the number of failed rounds."""
     chosen = [one for one in CONFIGURATIONS if options.only in {None, one.name}]
     end = time.monotonic() + options.minutes * 60.0
     count = num_failed = 0

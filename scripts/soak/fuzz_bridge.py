@@ -1,8 +1,8 @@
-"""A simulator behind a bridge that cannot be trusted: what passes between the two is spoiled now and then.
+"""A simulator behind a bridge that damages frames now and then.
 
-The simulator attaches to a proxy, and the proxy to a gateway of ours. Frames are lost, doubled, exchanged, bent and
-added, in either direction, and connections are cut. So the simulator meets wrong answers, calls that nobody should
-make, and messages on its own topics, but is attached all the same, most of the time.
+The simulator attaches to a proxy, and the proxy connects to a gateway of ours. The proxy drops, doubles, swaps, changes
+and adds frames in both directions, and it cuts connections. So the simulator meets wrong answers, unexpected calls and
+messages on its own topics. Most of the time it stays attached.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from scripts.soak.fuzz_frames import FrameMaker, Interface
 __all__ = ["SpoilingProxy", "spoiling"]
 
 SHARE = 0.1
-"""Of frames that are spoiled: most of what a simulator asks when it attaches again must come through."""
+"""Share of damaged frames: most requests of a simulator that attaches again must pass."""
 
 CUT_SHARE = 0.002
-"""Of frames after which the connection is cut: it attaches for a second, then."""
+"""Share of frames after which the connection is cut: the simulator is then attached for about a second."""
 
 
 class SpoilingProxy:
     """The proxy.
 
     Attributes:
-        url: where the simulator dials.
-        is_spoiling: whether it does any harm yet.
-        num_spoiled, num_cut: frames, and connections.
+        url: address for the simulator.
+        is_spoiling: damage frames.
+        num_spoiled, num_cut: numbers of damaged frames and of cut connections.
     """
 
     def __init__(self, target: str, seed: str, interface: Interface) -> None:
-        """A proxy that does not listen yet.
+        """Prepare; the proxy does not listen yet.
 
         Args:
-            target: the gateway.
-            seed: of all chance.
-            interface: what frames that are added are about.
+            target: URL of the gateway.
+            seed: random seed.
+            interface: topics and services for added frames.
         """
         self.url = ""
         self.is_spoiling = False
@@ -51,7 +51,11 @@ class SpoilingProxy:
         self._maker = FrameMaker(seed, interface)
 
     async def handle(self, near: ServerConnection) -> None:
-        """Carry the frames of one connection both ways, to the end of either."""
+        """Forward the frames of one connection in both directions, until either side ends.
+
+        Args:
+            near: the connection of the simulator.
+        """
         with suppress(OSError, WebSocketException):
             async with connect(self._target, compression=None, max_size=None, ping_interval=None, proxy=None) as far:
                 tasks = [asyncio.create_task(self._carry(*ends)) for ends in ((near, far), (far, near))]
@@ -78,7 +82,16 @@ class SpoilingProxy:
 
 @asynccontextmanager
 async def spoiling(target: str, seed: str, interface: Interface) -> AsyncIterator[SpoilingProxy]:
-    """Run a proxy to a gateway, to the end of the block."""
+    """Run a proxy to a gateway, until the end of the block.
+
+    Args:
+        target: URL of the gateway.
+        seed: random seed.
+        interface: topics and services for added frames.
+
+    Yields:
+        The proxy.
+    """
     proxy = SpoilingProxy(target, seed, interface)
     async with serve(
         proxy.handle, "127.0.0.1", 0, compression=None, max_size=None, ping_interval=None, close_timeout=1.0

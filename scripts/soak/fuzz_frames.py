@@ -1,7 +1,7 @@
 """Frames for the fuzzer: ops of every kind, right and wrong, in every encoding, whole and damaged.
 
-All is drawn from one generator, so a seed gives the same acts again. Values are grown from the definitions of the
-server's own types: a new topic or service is fuzzed without another line here.
+One random generator makes everything, so a seed gives the same acts again. Values are made from the definitions of the
+server's types, so a new topic or service needs no change here.
 """
 
 from __future__ import annotations
@@ -46,13 +46,14 @@ Form = Literal["text", "binary", "pieces", "part", "wait", "deaf", "raw"]
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """One thing that a client does.
+    """One act of a client.
 
     Attributes:
-        form: a `text` or `binary` frame; a text frame in `pieces` of the WebSocket's own; `part` of one, after which
-            the socket is cut; a `wait` before the next act; a time in which it reads nothing (`deaf`); or, in place of
-            a WebSocket, `raw` bytes for the port.
-        data: the payload; of a wait and of deafness, the milliseconds as text.
+        form: a `text` or `binary` frame; a text frame in several WebSocket `pieces`; a `part` of a frame, after which
+            the
+            socket is closed; a `wait` before the next act; a time without reading (`deaf`); or `raw` bytes for the port
+            instead of a WebSocket.
+        data: the payload; for `wait` and `deaf`, the milliseconds as text.
     """
 
     form: Form
@@ -78,7 +79,7 @@ _TAGS: Final = {"u1": 64, "<u2": 69, "<u4": 70, ">f4": 81, "<f4": 85, "<f8": 86,
 
 
 class FrameMaker:
-    """Makes the acts of one client after the other."""
+    """Maker of the acts of clients."""
 
     def __init__(self, seed: str, interface: Interface) -> None:
         self.chance = random.Random(seed)  # noqa: S311 - to be repeated, not to be secret
@@ -96,7 +97,14 @@ class FrameMaker:
         self._weights = [weight for weight, _ in self._makers]
 
     def acts(self, num: int) -> Iterator[Act]:
-        """So many acts of one client; the last one may be a part of a frame, and the only one raw bytes."""
+        """Yield the acts of one client; the last one may be a part of a frame, or the only one raw bytes.
+
+        Args:
+            num: number of acts.
+
+        Yields:
+            Each act.
+        """
         if self.chance.random() < 0.03:
             yield Act("raw", raw_bytes(self.chance, _text(self.op())))
             return
@@ -110,7 +118,14 @@ class FrameMaker:
             yield Act("part", part_of_frame(self.chance, _text(self.op())))
 
     def answer(self, frame: Op) -> Act | None:
-        """What to say to a call or goal that came from the server; None for nothing."""
+        """Return an answer to a call or goal from the server.
+
+        Args:
+            frame: from the server.
+
+        Returns:
+            The act; None for no answer.
+        """
         if self.chance.random() < 0.3:
             return None
         if frame.get("op") == "call_service":
@@ -128,7 +143,14 @@ class FrameMaker:
         return Act("text", _text(op))
 
     def spoil(self, data: str | bytes) -> list[str | bytes]:
-        """What is sent in place of a frame of somebody's: nothing, twice the same, something else, something more."""
+        """Return frames that replace one: none, two copies, another one, or an added one.
+
+        Args:
+            data: the frame.
+
+        Returns:
+            The frames to send.
+        """
         how = self.chance.randrange(6)
         if how == 0:
             return []
@@ -142,7 +164,11 @@ class FrameMaker:
         return [data, *(_plainly(act) for act in self._frames(self.op()))]
 
     def op(self) -> Op:
-        """Any op, as its documentation has it or with something wrong in it."""
+        """Return any op, correct or with a mistake.
+
+        Returns:
+            The op.
+        """
         (_, make) = self.chance.choices(self._makers, self._weights)[0]
         op = make()
         for _ in range(self.chance.choice((0, 0, 0, 0, 1, 1, 3))):
@@ -323,7 +349,7 @@ class FrameMaker:
     # Messages
 
     def _care(self) -> float:
-        """How plausible a message is to be: the chance that a value in it is."""
+        """Return the chance that a value in a message is plausible."""
         return self.chance.choice((1.0, 1.0, 0.95, 0.8, 0.0))
 
     def _message(self, type_name: str) -> object:
@@ -378,7 +404,7 @@ class FrameMaker:
     # Damage
 
     def _spoilt(self, value: JsonValue) -> JsonValue:
-        """The value with one thing in it changed, somewhere."""
+        """Return the value with one change in it, at a random place."""
         if isinstance(value, dict) and value and self.chance.random() < 0.9:
             key = self.chance.choice(list(value))
             how = self.chance.randrange(5)
@@ -398,7 +424,7 @@ class FrameMaker:
         return self.chance.choice(ODD)
 
     def _frames(self, op: Op) -> Iterator[Act]:
-        """What carries an op: mostly one frame of JSON text."""
+        """Yield the frames of an op: mostly one frame of JSON text."""
         text = _text(op, ensure_ascii=self.chance.random() < 0.8)
         how = self.chance.random()
         if how < 0.60:
@@ -424,7 +450,7 @@ class FrameMaker:
             yield self._damaged(text)
 
     def _long(self, op: Op, text: bytes) -> Iterator[Act]:
-        """The op with so much else in the frame that a server will not decode it just so."""
+        """Yield the op in a frame with so much other data that the server decodes it in slices."""
         op = op if isinstance(op, dict) else {"op": op}  # it may have been spoilt as a whole
         num = self.chance.choice((1_000, 40_000, 70_000))
         pads: tuple[Any, ...] = ("x" * num, [1] * num, [0.5] * num, ["a"] * num, [[]] * (num // 4), [{}] * (num // 4))
@@ -472,7 +498,7 @@ class FrameMaker:
         return bytes(data)
 
     def _for_cbor(self, value: JsonValue) -> JsonValue:
-        """The value with some lists of numbers as typed arrays, and some texts as bytes."""
+        """Return the value with some lists of numbers as typed arrays, and some texts as bytes."""
         if isinstance(value, dict):
             return {key: self._for_cbor(inner) for key, inner in value.items()}
         if isinstance(value, list):
@@ -486,7 +512,7 @@ class FrameMaker:
         return value
 
     def _in_fragments(self, text: bytes) -> Iterator[Act]:
-        """Pieces in any order, of which one may be lost, or come twice."""
+        """Yield fragments in any order; one of them may be lost or doubled."""
         whole = text.decode()
         total = self.chance.choice((1, 2, 3, 10))
         size = len(whole) // total + 1
@@ -505,7 +531,7 @@ class FrameMaker:
 
 
 def _picture(frame: bytes, mode: str = "RGB") -> bytes:
-    """A PNG that holds a frame as rosbridge_suite has it; in another mode it holds something else."""
+    """Return a PNG that holds a frame in rosbridge_suite's form; in another mode its content is wrong."""
     width = max(1, math.isqrt(len(frame) // 3))
     height = max(1, math.ceil(len(frame) / 3 / width))
     image = Image.frombytes("RGB", (width, height), frame.ljust(width * height * 3, b"\n"))
@@ -519,12 +545,12 @@ def _text(op: Op, *, ensure_ascii: bool = True) -> bytes:
 
 
 def _plainly(act: Act) -> str | bytes:
-    """An act as one frame."""
+    """Return an act as one frame."""
     return act.data if act.form == "binary" else act.data.decode()
 
 
 def _whole(data: bytes) -> Act:
-    """A text frame; bytes that are no UTF-8 go in a binary one, as the WebSocket itself would end over them."""
+    """Return a text frame, or a binary one for bytes that are not UTF-8: a text frame with them ends the WebSocket."""
     try:
         data.decode()
     except UnicodeDecodeError:

@@ -1,4 +1,4 @@
-"""Bytes of a socket that end in the middle of a frame, break the WebSocket's rules, or are none of its own."""
+"""Bytes for a socket: incomplete frames, frames against the WebSocket's rules, and bytes of other protocols."""
 
 from __future__ import annotations
 
@@ -8,7 +8,15 @@ __all__ = ["part_of_frame", "raw_bytes"]
 
 
 def raw_bytes(chance: random.Random, text: bytes) -> bytes:
-    """What comes to a port that is no WebSocket's handshake, or none that is right."""
+    """Return bytes for a port that are not a correct WebSocket handshake.
+
+    Args:
+        chance: the random generator.
+        text: bytes to use in them.
+
+    Returns:
+        The bytes.
+    """
     line = chance.choice(
         (
             *(
@@ -36,7 +44,15 @@ def raw_bytes(chance: random.Random, text: bytes) -> bytes:
 
 
 def part_of_frame(chance: random.Random, text: bytes) -> bytes:
-    """Bytes of the WebSocket that end in the middle of a frame, or break its rules."""
+    """Return WebSocket bytes that end in the middle of a frame, or break the rules.
+
+    Args:
+        chance: the random generator.
+        text: payload to use in them.
+
+    Returns:
+        The bytes.
+    """
     text = text[:100]
     frame = bytes([0x81, 0x80 | len(text)]) + b"\0\0\0\0" + text
     return chance.choice(
@@ -46,7 +62,7 @@ def part_of_frame(chance: random.Random, text: bytes) -> bytes:
             b"\x01" + frame[1:],  # the first of several, and no other comes
             b"\x81\xfe\xff\xff\0\0\0\0" + text,  # claims 65,535 bytes
             b"\x81\xff\0\0\0\0\x7f\xff\xff\xff\0\0\0\0",  # claims 2 GB
-            b"\xf1" + frame[1:],  # bits that nobody has agreed on
+            b"\xf1" + frame[1:],  # bits of an extension that was not negotiated
             b"\x81" + bytes([len(text)]) + text,  # not masked
             b"\x80\x80\0\0\0\0",  # goes on with nothing
             b"\x89\xfe\x01\x00\0\0\0\0" + b"x" * 256,  # too long a ping

@@ -1,4 +1,4 @@
-"""The servers that are fuzzed: in which configurations, with which files, and what is a bad end of one."""
+"""Servers for the fuzzer: their configurations, their files, and the detection of a bad end."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ __all__ = ["CONFIGURATIONS", "Configuration", "FuzzError", "Server", "make_data"
 ROOT = Path(__file__).resolve().parents[2]
 
 PATIENCE = 20.0
-"""A server that does not end within this time hangs [s]."""
+"""Longest time for the end of a server [s]; after that it hangs."""
 
 _BAD_WORDS = ("Traceback", "internal error", "bug of ours")
 
 
 class FuzzError(Exception):
-    """The server did something else than it should have."""
+    """The server did something wrong."""
 
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """How the server is started.
+    """Start options of a server.
 
     Attributes:
         name: of this configuration.
         flags: of `serve`.
         release, ros: as in the flags.
-        is_attached: a simulator brings the world, from behind a proxy that spoils what passes.
+        is_attached: a simulator brings the world, from behind a proxy that damages frames.
     """
 
     name: str
@@ -50,12 +50,12 @@ class Configuration:
 
     @property
     def has_world(self) -> bool:
-        """Whether the server itself moves a world."""
+        """True if the server itself moves a world."""
         return "--no-world" not in self.flags
 
     @property
     def all_flags(self) -> list[str]:
-        """All flags but those of folders."""
+        """All flags except those of folders."""
         return [f"--release={self.release}", f"--ros={self.ros}", *self.flags]
 
 
@@ -73,16 +73,16 @@ CONFIGURATIONS = (
 
 
 class Server:
-    """A running program of ours, in a folder of its own.
+    """A running program of ours, in its own folder.
 
     Attributes:
-        folder: where its files are.
+        folder: of its files.
         process: the program.
-        url: where it listens, or what it is attached to.
+        url: its address, or that of the bridge it is attached to.
     """
 
     def __init__(self, configuration: Configuration, folder: Path, bridge: str | None = None) -> None:
-        """Start it and wait until it is ready; with the URL of a bridge it attaches to that, in place of listening."""
+        """Start it and wait until it is ready. With the URL of a bridge it attaches to that instead of listening."""
         self.folder = folder
         self._log = folder / ("log.txt" if bridge is None else "attached.txt")
         self._seen = 0
@@ -104,10 +104,10 @@ class Server:
         self.url = line.rsplit(" ", 1)[1].strip()
 
     def check(self) -> None:
-        """See that it lives and has logged no fault of ours.
+        """Check that it runs and has logged no fault of ours.
 
         Raises:
-            FuzzError: it does not, or has.
+            FuzzError: it has ended, or its log has a fault.
         """
         self._check_log()
         if self.process.poll() is not None:
@@ -124,17 +124,21 @@ class Server:
                 raise FuzzError(f"the log says:\n{text[at : at + 4000]}")
 
     def memory(self) -> float:
-        """Resident memory [MB]."""
+        """Return its resident memory.
+
+        Returns:
+            [MB].
+        """
         for line in Path(f"/proc/{self.process.pid}/status").read_text().splitlines():
             if line.startswith("VmRSS:"):
                 return int(line.split()[1]) / 1024
         raise FuzzError("the server has ended")
 
     def stop(self) -> None:
-        """Stop it, and insist on a good end.
+        """Stop it, and check that it ends well.
 
         Raises:
-            FuzzError: it ends with another code than 0, or not.
+            FuzzError: its code is not 0, or it does not end.
         """
         self.process.send_signal(signal.SIGTERM)
         try:
@@ -156,7 +160,15 @@ class Server:
 
 @contextmanager
 def serving(configuration: Configuration, data: Path) -> Iterator[Server]:
-    """Run a server with a copy of the data, to the end of the block; one that has not failed is stopped in order."""
+    """Run a server with a copy of the data, until the end of the block; without a failure it is stopped in order.
+
+    Args:
+        configuration: start options.
+        data: from `make_data`.
+
+    Yields:
+        The server.
+    """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         shutil.copytree(data, folder, dirs_exist_ok=True)
@@ -169,7 +181,13 @@ def serving(configuration: Configuration, data: Path) -> Iterator[Server]:
 
 
 def make_data(folder: Path, seed: int, *, has_recordings: bool = True) -> None:
-    """Scenarios and network settings good and bad, recordings whole and broken, for servers to be asked for."""
+    """Write correct and wrong scenarios and network settings, and whole and broken recordings.
+
+    Args:
+        folder: where to.
+        seed: random seed.
+        has_recordings: write recordings too.
+    """
     (folder / "scenarios").mkdir(parents=True)
     write_scenes(folder / "scenarios")
     write_networks(folder / "data")

@@ -1,4 +1,4 @@
-"""What was sent to a server, kept so that it can be sent again."""
+"""Record of the acts that were sent to a server, so that they can be sent again."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from scripts.soak.fuzz_server import CONFIGURATIONS, Configuration
 __all__ = ["Tape"]
 
 MAX_KEPT = 256 * 2**20
-"""Bytes of acts that are kept for a replay; earlier ones are forgotten."""
+"""Largest size of the kept acts [bytes]; earlier ones are dropped."""
 
 
 @dataclass(slots=True)
 class Tape:
-    """What was sent in one round, for a replay.
+    """Acts of one round, for a replay.
 
     Attributes:
         configuration: of the server.
         acts: number of the client and its act, in order of time.
-        num_bytes: in all of them.
+        num_bytes: of all acts.
     """
 
     configuration: Configuration
@@ -31,7 +31,12 @@ class Tape:
     num_bytes: int = 0
 
     def add(self, client: int, act: Act) -> None:
-        """Keep one more; half of them are forgotten when there are too many."""
+        """Keep one more act; if there are too many, drop half of them.
+
+        Args:
+            client: its number.
+            act: the act.
+        """
         self.acts.append((client, act))
         self.num_bytes += len(act.data)
         if self.num_bytes > MAX_KEPT:
@@ -39,7 +44,11 @@ class Tape:
             self.num_bytes = sum(len(act.data) for _, act in self.acts)
 
     def write(self, path: Path) -> None:
-        """Write it as JSON lines."""
+        """Write the tape as JSON lines.
+
+        Args:
+            path: of the file.
+        """
         lines = [json.dumps({"configuration": self.configuration.name})]
         lines += [
             json.dumps({"client": client, "form": act.form, "data": base64.b64encode(act.data).decode()})
@@ -49,7 +58,14 @@ class Tape:
 
     @classmethod
     def read(cls, path: Path) -> Tape:
-        """Read what `write` has written."""
+        """Read a tape that `write` has written.
+
+        Args:
+            path: of the file.
+
+        Returns:
+            The tape.
+        """
         head, *lines = map(json.loads, path.read_text().splitlines())
         (configuration,) = (one for one in CONFIGURATIONS if one.name == head["configuration"])
         tape = cls(configuration)

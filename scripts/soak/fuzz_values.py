@@ -1,4 +1,4 @@
-"""What the fuzzer puts into fields: names, types and values that are plausible, and those that fit nowhere."""
+"""Values for the fuzzer: plausible names, types and values, and some that fit nowhere."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ __all__ = [
 OWN_TOPICS: Final = ("/f0", "/f1", "f2", "/f3/deep/er", "/tf", "/odom", "/image")
 OWN_SERVICES: Final = ("/s0", "/s1", "s2", "/f0")
 OWN_ACTIONS: Final = ("/a0", "a1", "/fibonacci")
-"""Names that all fuzzing clients share, so that they meet."""
+"""Names that all fuzzing clients share, so that they affect each other."""
 
 ODD_NAMES: Final = (
     *("", " ", "/", "//", "~", "~x", "/a//b", "/a/", "a b", "/\x00", "/\u00e9", "/\ud55c\uad6d\uc5b4", "/\U0001f697"),
@@ -41,7 +41,7 @@ ODD: Final[tuple[Any, ...]] = (
     *([], [[]], [None], [0] * 300, [1e308] * 3, ["x"] * 9, {}, {"request": None}, {"": {"": {}}}),
     {"x": {}, "secs": -1},
 )  # fmt: skip
-"""Values that fit nowhere, or everywhere but for their size."""
+"""Values that fit nowhere, or that are too large."""
 
 ODD_TEXTS: Final = (
     *("", " ", "{", "}", "{}", "[]", "null", "NaN", '"op"', "{{}}", '{"op":}', '{"op":"publish"', '{"receiver":"/x"}'),
@@ -126,6 +126,6 @@ PLAUSIBLE: Final[Mapping[str, tuple[Any, ...]]] = {
     "custom_file_name": ("a", "run/1", "../x", "", "/etc/x"),
     "file_dir": ("a", "", "../x", "SaveFile/b"),
 }
-"""Values by the names of fields: what makes the simulator do something, mostly."""
+"""Values by the names of fields: mostly values that have an effect on the simulator."""
 
 ENCODINGS: Final = ("none", "none", "cbor", "cbor-raw", "png", "zip", "")

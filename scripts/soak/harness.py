@@ -1,4 +1,4 @@
-"""The parts that the long runs of this folder share: a watched server process, a client, a bystander, some figures."""
+"""Shared parts of the long runs in this folder: a watched server process, a client, a bystander, some figures."""
 
 from __future__ import annotations
 
@@ -49,18 +49,18 @@ __all__ = [
 ROOT = Path(__file__).resolve().parents[2]
 
 PATIENCE = 30.0
-"""How long an answer or an end is waited for [s]: never reached by a server that works, on however busy a machine."""
+"""Longest wait for an answer or an end [s]; a working server never needs it, even on a busy machine."""
 
 Frame = dict[str, Any]
-"""A frame as the JSON object that it holds: its values are whatever the server says."""
+"""A frame as a JSON object; its values are any JSON values from the server."""
 
 
 class SoakError(Exception):
-    """The server did something else than it should have."""
+    """The server did something wrong."""
 
 
 class GoneError(SoakError):
-    """The server closed a connection, or never opened it."""
+    """The server closed a connection, or never accepted it."""
 
 
 class RefusedError(Exception):
@@ -72,7 +72,7 @@ class RefusedError(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What a server costs now.
+    """Current cost of a server.
 
     Attributes:
         memory: resident [MB].
@@ -91,11 +91,11 @@ class Figures:
 
 
 class WatchedServer:
-    """A `rosbridge-sim serve` in a process of its own, on a free port of loopback.
+    """A `rosbridge-sim serve` in its own process, on a free loopback port.
 
     Attributes:
         pid: of the process.
-        url, port: where it listens.
+        url, port: its address.
         code: exit code, once it has ended.
     """
 
@@ -108,9 +108,9 @@ class WatchedServer:
         """Start it and wait until it listens.
 
         Args:
-            log: where its stderr goes.
+            log: file for its stderr.
             flags: after `serve --port 0`.
-            is_log_piped: carry its stderr to the file ourselves, so that no limit on files counts it.
+            is_log_piped: copy its stderr to the file in this process, so that a limit on its files does not apply.
 
         Raises:
             SoakError: it ended before it listened; the text is its log.
@@ -153,22 +153,25 @@ class WatchedServer:
 
     @property
     def is_alive(self) -> bool:
-        """Whether it still runs."""
+        """True while it runs."""
         return self._process.poll() is None
 
     @property
     def code(self) -> int | None:
-        """The exit code; None while it runs."""
+        """Its exit code; None while it runs."""
         return self._process.poll()
 
     def figures(self, *, is_collected: bool = False) -> Figures:
-        """What it costs now.
+        """Return its current cost.
 
         Args:
-            is_collected: collect garbage first, which holds the server up for some ten milliseconds.
+            is_collected: collect garbage first, which stalls the server for about ten milliseconds.
+
+        Returns:
+            The figures.
 
         Raises:
-            SoakError: it runs no longer.
+            SoakError: it has ended.
         """
         if not self.is_alive:
             raise self._ending()
@@ -185,11 +188,19 @@ class WatchedServer:
         )
 
     def address_space(self) -> int:
-        """What RLIMIT_AS counts [bytes]."""
+        """Return the size that RLIMIT_AS limits.
+
+        Returns:
+            [bytes].
+        """
         return int(self._status()["VmSize"].split()[0]) * 1024
 
     def open_files(self) -> Counter[str]:
-        """What its descriptors lead to, sockets and pipes without their numbers."""
+        """Return the targets of its descriptors; sockets and pipes without their numbers.
+
+        Returns:
+            Target -> number.
+        """
         found = Counter[str]()
         for path in Path(f"/proc/{self.pid}/fd").iterdir():
             with suppress(OSError):
@@ -197,12 +208,20 @@ class WatchedServer:
         return found
 
     def limit(self, kind: int, value: int) -> None:
-        """Set a resource limit (`resource.RLIMIT_...`) of the running process; -1 takes it away again."""
+        """Set a resource limit of the running process.
+
+        Args:
+            kind: `resource.RLIMIT_...`.
+            value: the limit; -1 removes it.
+        """
         hard = resource.prlimit(self.pid, kind)[1]
         resource.prlimit(self.pid, kind, (value if value >= 0 else hard, hard))
 
     def stop(self) -> int:
-        """Ask it to stop, and wait; the exit code.
+        """Stop it with SIGTERM, and wait.
+
+        Returns:
+            Its exit code.
 
         Raises:
             SoakError: it does not end.
@@ -216,7 +235,7 @@ class WatchedServer:
             self.kill()
 
     def kill(self) -> None:
-        """End it with SIGKILL if it still runs, and let go of its pipes; twice is no error."""
+        """Kill it if it still runs, and close its pipes; a second call is no error."""
         if self.is_alive:
             self._process.kill()
         self._process.wait()
@@ -265,7 +284,7 @@ def _carry(pipe: IO[bytes], log: Path) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Waits:
-    """How long a bystander waited for its answers [ms]."""
+    """Times that a bystander waited for its answers [ms]."""
 
     num: int
     median: float
@@ -286,15 +305,18 @@ class Bystander:
         )
 
     async def waits(self) -> Waits:
-        """The figures since the last time.
+        """Return the figures since the last call.
+
+        Returns:
+            The waits.
 
         Raises:
-            SoakError: it has ended, or waits for its own answer.
+            SoakError: it has ended, or waits for an answer itself.
         """
         return await asyncio.to_thread(self._ask)
 
     def stop(self) -> None:
-        """Have it leave."""
+        """End it."""
         with self._process as process:
             if process.stdin is not None:
                 with suppress(BrokenPipeError):
@@ -313,7 +335,7 @@ class Bystander:
         is_ready, _, _ = select.select([self._process.stdout], [], [], 2 * PATIENCE)
         line = self._process.stdout.readline() if is_ready else ""
         if not line:
-            raise SoakError("the bystander was given no answer, or thrown out")
+            raise SoakError("the bystander got no answer, or was disconnected")
         return Waits(**json.loads(line))
 
 
@@ -327,9 +349,9 @@ class Client:
         socket: the WebSocket.
         num_heard: messages by topic.
         told: texts of status frames of level error.
-        on_op: what is done with a frame of an op, beside what the client does itself.
-        is_leaving: the end of the connection is what we want.
-        num_calls: so far; the id of the next is `call-N` with the number after it.
+        on_op: additional functions for frames, by op.
+        is_leaving: the end of the connection is expected.
+        num_calls: calls so far; the id of the next one is `call-N`, with the next number.
     """
 
     def __init__(self, connection: ClientConnection) -> None:
@@ -345,10 +367,16 @@ class Client:
 
     @classmethod
     async def open(cls, url: str) -> Client:
-        """A client that is connected to `url`.
+        """Connect a client.
+
+        Args:
+            url: of the server.
+
+        Returns:
+            The client.
 
         Raises:
-            GoneError: the server does not let it in.
+            GoneError: the server does not accept it.
         """
         try:
             async with asyncio.timeout(PATIENCE):
@@ -367,13 +395,20 @@ class Client:
     async def send(self, op: str, **fields: object) -> None:
         """Send an op.
 
+        Args:
+            op: its name.
+            fields: of the op.
+
         Raises:
             GoneError: the connection is closed.
         """
         await self.send_raw(orjson.dumps({"op": op, **fields}).decode())
 
     async def send_raw(self, frame: str | bytes) -> None:
-        """Send a frame as it is: text, or bytes for a binary one.
+        """Send a frame as it is.
+
+        Args:
+            frame: text, or bytes for a binary one.
 
         Raises:
             GoneError: the connection is closed.
@@ -384,7 +419,14 @@ class Client:
             raise GoneError(f"the server closed the connection: {error}") from None
 
     async def answer(self, op: str, **fields: object) -> Frame:
-        """The frame that answers an op: the one with its id.
+        """Send an op with an id, and wait for the frame with this id.
+
+        Args:
+            op: its name.
+            fields: of the op.
+
+        Returns:
+            The frame.
 
         Raises:
             GoneError: the connection is closed.
@@ -404,7 +446,15 @@ class Client:
             self._waiting.pop(mark, None)
 
     async def call(self, service: str, args: object = None, **fields: object) -> Frame:
-        """The values that a service gives.
+        """Call a service.
+
+        Args:
+            service: its name.
+            args: of the call.
+            fields: further fields of the op.
+
+        Returns:
+            The values of the answer.
 
         Raises:
             RefusedError: it was refused.
@@ -417,7 +467,14 @@ class Client:
         return values
 
     async def request(self, service: str, **request: object) -> Frame:
-        """The response of a simulator's service, which wraps it.
+        """Call a service of the simulator, which wraps its request and its response.
+
+        Args:
+            service: its name.
+            request: fields of the request.
+
+        Returns:
+            Fields of the response.
 
         Raises:
             RefusedError: it was refused.
@@ -428,7 +485,13 @@ class Client:
         return response
 
     async def next_message(self, topic: str) -> Frame:
-        """The next message of a topic that is subscribed to already.
+        """Wait for the next message of a topic that is subscribed to already.
+
+        Args:
+            topic: its name.
+
+        Returns:
+            The message.
 
         Raises:
             GoneError: the connection is closed.
@@ -444,13 +507,17 @@ class Client:
             raise SoakError(f"no message on {topic} within {PATIENCE:.0f} s") from None
 
     async def close(self) -> None:
-        """Leave in order."""
+        """Close the connection in order."""
         self.is_leaving = True
         await self.socket.close()
         await self._reading
 
     async def cut(self, *, is_reset: bool = False) -> None:
-        """Be gone at once, as after a crash (FIN), or a reset (RST)."""
+        """Cut the connection.
+
+        Args:
+            is_reset: by a reset (RST), else as after a crash (FIN).
+        """
         self.is_leaving = True
         if is_reset:
             reset(self.socket.transport)
@@ -472,7 +539,7 @@ class Client:
             for future in [*self._waiting.values(), *self._wanted.values()]:
                 if not future.done():
                     future.set_exception(gone)
-                    future.exception()  # it is no mistake that some are not waited for any more
+                    future.exception()  # an answer that no code waits for is not a mistake
 
     def _take(self, data: str | bytes) -> None:
         if isinstance(data, bytes):
@@ -501,7 +568,11 @@ class Client:
 
 
 def handshake() -> bytes:
-    """The request that opens a WebSocket."""
+    """Return the request that opens a WebSocket.
+
+    Returns:
+        The bytes.
+    """
     return (
         b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
         b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
@@ -511,15 +582,18 @@ def handshake() -> bytes:
 async def open_raw(
     port: int, *, is_greeting: bool = True, buffer: int = 1 << 16
 ) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-    """A bare socket: it neither answers pings nor reads by itself beyond its buffer.
+    """Open a bare socket, which answers no pings and reads nothing beyond its buffer.
 
     Args:
         port: of the server.
-        is_greeting: shake hands first.
-        buffer: what it takes unread [bytes].
+        is_greeting: do the handshake.
+        buffer: size of its receive buffer [bytes].
+
+    Returns:
+        Its reader and writer.
 
     Raises:
-        GoneError: the server does not let it in.
+        GoneError: the server does not accept it.
     """
     plain = socket.socket()
     plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
@@ -541,7 +615,15 @@ async def open_raw(
 
 
 def masked(payload: bytes, first: int = 0x81) -> bytes:
-    """A client's WebSocket frame with this payload, masked with zeros; `first` is its first byte."""
+    """Return a WebSocket frame of a client, masked with zeros.
+
+    Args:
+        payload: its content.
+        first: its first byte.
+
+    Returns:
+        The bytes.
+    """
     size = len(payload)
     if size < 126:
         head = bytes((first, 0x80 | size))
@@ -553,7 +635,11 @@ def masked(payload: bytes, first: int = 0x81) -> bytes:
 
 
 def reset(transport: asyncio.BaseTransport) -> None:
-    """Have the end of a connection be a reset (RST) and no orderly end."""
+    """End a connection with a reset (RST).
+
+    Args:
+        transport: of the connection.
+    """
     plain = transport.get_extra_info("socket")
     if plain is not None:
         with suppress(OSError):
@@ -564,7 +650,14 @@ def reset(transport: asyncio.BaseTransport) -> None:
 
 
 async def census(client: Client) -> dict[str, list[str]]:
-    """The names on the bus, as rosapi lists them."""
+    """Return the names on the bus, as rosapi lists them.
+
+    Args:
+        client: asks.
+
+    Returns:
+        Kind -> names.
+    """
     return {
         "topics": sorted((await client.call("/rosapi/topics"))["topics"]),
         "services": sorted((await client.call("/rosapi/services"))["services"]),
@@ -574,7 +667,15 @@ async def census(client: Client) -> dict[str, list[str]]:
 
 
 def differences(before: Mapping[str, Sequence[str]], after: Mapping[str, Sequence[str]]) -> list[str]:
-    """One line for each list that is not as it was."""
+    """Return one line for each list that has changed.
+
+    Args:
+        before: kind -> names.
+        after: kind -> names.
+
+    Returns:
+        The lines.
+    """
     lines = []
     for name, names in before.items():
         gone, new = sorted(set(names) - set(after[name])), sorted(set(after[name]) - set(names))
@@ -584,7 +685,15 @@ def differences(before: Mapping[str, Sequence[str]], after: Mapping[str, Sequenc
 
 
 async def until(question: Callable[[], bool] | Callable[[], Awaitable[bool]], patience: float = PATIENCE) -> bool:
-    """Ask until the answer is yes; whether it was, before patience ended [s]."""
+    """Repeat a question until the answer is yes.
+
+    Args:
+        question: returns the answer.
+        patience: longest wait [s].
+
+    Returns:
+        False if the answer was never yes.
+    """
     loop = asyncio.get_running_loop()
     end = loop.time() + patience
     while True:
@@ -597,7 +706,14 @@ async def until(question: Callable[[], bool] | Callable[[], Awaitable[bool]], pa
 
 
 def slope_per_hour(samples: Sequence[tuple[float, float]]) -> float:
-    """The slope of the line through samples of (time [s], value) by least squares, for an hour."""
+    """Return the slope of the regression line through samples.
+
+    Args:
+        samples: (time [s], value) each.
+
+    Returns:
+        Change of the value in an hour.
+    """
     if len(samples) < 2:
         return 0.0
     mean_time = sum(time for time, _ in samples) / len(samples)

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""One frame of one client, made to hold up everybody else: how long an innocent client waits, and what memory it costs.
+"""Single hostile frames: the wait that they cause for an innocent client, and the memory that they cost.
 
     python scripts/soak/hostile.py [--rows PATTERN]... [--runs 3] [--repeats 20]
 
-Each row is an attack on a server of its own. A bystander in its own process measures its round trips before (idle) and
-during the attack. Then the attack is repeated, and the memory is looked at again. Exit code 1 where a bound fails:
+Each row is an attack on a new server. A bystander in its own process measures its round trips before (idle) and during
+the attack. Then the attack is repeated, and the memory is measured again. The exit code is 1 if a bound fails:
 
     the bystander's longest wait    at most the idle one and 50 ms (150 ms more for an honest message of 16 MB)
     memory at its peak              at most that of the idle server and 7 times the largest frame
@@ -46,28 +46,28 @@ from scripts.soak.harness import (
 
 MB = 2**20
 LARGEST = 16 * MB
-"""The server's default bound of a frame."""
+"""The server's default limit for a frame."""
 
 PAUSE_MS, HONEST_MS = 50.0, 150.0
-"""What the bystander may wait longer than when nothing goes on; and longer still for an honest message of 16 MB [ms].
-A frame of the world is 20 ms, and two are not missed by anybody."""
+"""Longest wait of the bystander above idle; and the addition for an honest message of 16 MB [ms].
+A frame of the world is 20 ms, and a loss of two does no harm."""
 
 PEAK, SETTLED = 7.0, 1.5
 """Memory above idle, in sizes of the largest frame: a frame, its text, its values and three encodings; then what an
 allocator keeps."""
 
 NOISE_MB = 8.0
-"""What a server grows by in its first minute without any attack [MB]: caches, compiled types."""
+"""Memory growth of a server in its first minute without any attack [MB]: caches, compiled types."""
 
 SETTLING = 10.0
-"""How long after an attack memory is looked at again [s]."""
+"""Time between an attack and the next measurement of memory [s]."""
 
 DONE = b'"id":"the last one"'
 PATIENCE = 120.0
 
 
 class Attacker:
-    """A connection that sends what it likes and throws away what it hears."""
+    """A connection that sends frames and ignores all answers."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._writer = writer
@@ -76,29 +76,44 @@ class Attacker:
 
     @classmethod
     async def open(cls, port: int) -> Attacker:
-        """Connect."""
+        """Connect.
+
+        Args:
+            port: of the server.
+
+        Returns:
+            The connection.
+        """
         return cls(*await open_raw(port))
 
     async def send(self, *frames: bytes) -> None:
-        """Send whole WebSocket frames."""
+        """Send whole WebSocket frames.
+
+        Args:
+            frames: the frames.
+        """
         for frame in frames:
             self._writer.write(frame)
         with suppress(ConnectionError):
             await self._writer.drain()
 
     async def say(self, **op: object) -> None:
-        """Send an op."""
+        """Send an op.
+
+        Args:
+            op: its fields.
+        """
         await self.send(masked(orjson.dumps(op)))
 
     async def settle(self) -> None:
-        """Wait until all that was sent is done, or the server has closed the connection."""
+        """Wait until the server has handled everything, or has closed the connection."""
         self._heard.clear()
         await self.send(masked(b'{"op":"call_service","service":"/rosapi/get_time",' + DONE + b"}"))
         async with asyncio.timeout(PATIENCE):
             await self._heard.wait()
 
     async def close(self) -> None:
-        """Be gone."""
+        """Close the connection."""
         self._writer.transport.abort()
         await self._reading
 
@@ -113,7 +128,7 @@ class Attacker:
 
 
 class CompressingAttacker(Attacker):
-    """One whose frames are compressed: they are texts, and the library makes them small."""
+    """An attacker with compressed frames: it sends texts, and the library compresses them."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self._connection = connection
@@ -122,17 +137,28 @@ class CompressingAttacker(Attacker):
 
     @classmethod
     async def open(cls, port: int) -> CompressingAttacker:
-        """Connect, and agree on permessage-deflate."""
+        """Connect, with permessage-deflate.
+
+        Args:
+            port: of the server.
+
+        Returns:
+            The connection.
+        """
         return cls(await connect(f"ws://127.0.0.1:{port}", max_size=None, ping_interval=None, proxy=None))
 
     async def send(self, *frames: bytes) -> None:
-        """Send WebSocket frames' texts."""
+        """Send the texts of WebSocket frames.
+
+        Args:
+            frames: the frames.
+        """
         for frame in frames:
             with suppress(ConnectionClosed):
                 await self._connection.send(unmasked(frame), text=True)
 
     async def close(self) -> None:
-        """Be gone."""
+        """Close the connection."""
         self._connection.transport.abort()
         await self._reading
 
@@ -145,7 +171,14 @@ class CompressingAttacker(Attacker):
 
 
 def unmasked(frame: bytes) -> bytes:
-    """The payload of a frame that `masked` has made."""
+    """Return the payload of a frame that `masked` has made.
+
+    Args:
+        frame: the frame.
+
+    Returns:
+        The payload.
+    """
     size = frame[1] & 0x7F
     return frame[2 + {126: 2, 127: 8}.get(size, 0) + 4 :]
 
@@ -156,12 +189,12 @@ class Row:
 
     Attributes:
         name: for the table.
-        frames: what the attacker sends, whole WebSocket frames; made before the clock starts.
-        before, listeners: ops that go before: of the attacker, and of a listener each.
+        frames: the attacker's whole WebSocket frames; made before the clock starts.
+        before, listeners: ops that are sent first: by the attacker, and by a listener each.
         flags: of the server.
-        is_compressing: the attacker's messages are compressed, and the listeners' too.
-        allowed_ms: for the bystander, above idle.
-        kept_mb: what it rightly makes the server keep [MB].
+        is_compressing: messages of the attacker and of the listeners are compressed.
+        allowed_ms: longest wait of the bystander above idle.
+        kept_mb: memory that the server keeps for good reason [MB].
     """
 
     name: str
@@ -175,18 +208,40 @@ class Row:
 
 
 def glued(op: bytes, size: int = LARGEST) -> bytes:
-    """As many of an op as fit."""
+    """Return as many copies of an op as fit into a frame.
+
+    Args:
+        op: JSON text.
+        size: of the frame [bytes].
+
+    Returns:
+        The payload.
+    """
     return op * (size // len(op))
 
 
 def op(**fields: object) -> bytes:
-    """An op as a client writes it."""
+    """Return the JSON text of an op.
+
+    Args:
+        fields: of the op.
+
+    Returns:
+        The text.
+    """
     frame: bytes = orjson.dumps(fields)
     return frame
 
 
 def png(text: bytes) -> bytes:
-    """A picture that holds a text, as small as it can be."""
+    """Return a png op whose picture holds a text, as small as possible.
+
+    Args:
+        text: the text.
+
+    Returns:
+        JSON text of the op.
+    """
     width = 2048
     height = -(-len(text) // (3 * width))
     lines = text.ljust(3 * width * height, b"\n")
@@ -203,19 +258,36 @@ def png(text: bytes) -> bytes:
 
 
 def list_of(topic: str, message_type: str, name: str) -> bytes:
-    """A publish of five million empty elements."""
+    """Return a publish of five million empty elements.
+
+    Args:
+        topic: the topic.
+        message_type: its type.
+        name: of the list's field.
+
+    Returns:
+        JSON text of the op.
+    """
     head = b'{"op":"publish","topic":"' + topic.encode() + b'","type":"' + message_type.encode() + b'","msg":{"'
     return head + name.encode() + b'":[' + b"{}," * 5_000_000 + b"{}]}}"
 
 
 def cbor_floats() -> bytes:
-    """Two million float64 of a type that is not known."""
+    """Return two million float64 for an unknown type.
+
+    Returns:
+        A frame.
+    """
     msg = {"data": cbor2.CBORTag(86, bytes(16 * 10**6 - 1_000))}
     return masked(cbor2.dumps({"op": "publish", "topic": "/mine", "type": "mine/Mine", "msg": msg}), 0x82)
 
 
 def ghosts() -> bytes:
-    """19,000 vehicles on one spot."""
+    """Return 19,000 vehicles at one place.
+
+    Returns:
+        A frame.
+    """
     one = {"unique_id": 0, "name": "2016_Hyundai_Ioniq", "position": {"x": 30.0, "y": 30.0, "z": 0.0}}
     cars = [{**one, "unique_id": 100 + i} for i in range(19_000)]
     return masked(op(op="publish", topic="/NpcGhost_Cmd", type="morai_msgs/NpcGhostCmd", msg={"npc_list": cars}))
@@ -228,24 +300,45 @@ LISTEN = {"op": "subscribe", "topic": "/s", "type": "std_msgs/String"}
 
 
 def string() -> bytes:
-    """A String that is nearly as long as a frame may be."""
+    """Return a String nearly as long as a frame may be.
+
+    Returns:
+        JSON text of the op.
+    """
     return masked(op(op="publish", topic="/s", msg={"data": "x" * (LARGEST - 1_000)}))
 
 
 def image() -> bytes:
-    """A camera's picture of 16 MB, as an honest client sends it."""
+    """Return a camera picture of 16 MB, as an honest client sends it.
+
+    Returns:
+        A frame.
+    """
     data = base64.b64encode(bytes(range(256)) * (12 * MB // 256 - 100)).decode()
     fields = {"height": 2_000, "width": 2_000, "encoding": "rgb8", "step": 6_000, "data": data}
     return masked(op(op="publish", topic="/s", type="sensor_msgs/Image", msg=fields))
 
 
 def calls(service: str, num: int, args: dict[str, Any] | None = None) -> bytes:
-    """Calls of a service, glued into one frame."""
+    """Return calls of a service, glued into one frame.
+
+    Args:
+        service: its name.
+        num: number of calls.
+        args: of each call.
+
+    Returns:
+        A frame.
+    """
     return masked(op(op="call_service", service=service, args=args or {}) * num)
 
 
 def parameters() -> list[bytes]:
-    """A hundred thousand parameters in frames of a thousand, then one question about all of them."""
+    """Return frames that set a hundred thousand parameters, a thousand each, and a call about all of them.
+
+    Returns:
+        The frames.
+    """
     frames = []
     for i in range(100):
         ops = [
@@ -257,25 +350,44 @@ def parameters() -> list[bytes]:
 
 
 def floats(number: bytes) -> bytes:
-    """A list of 16 MB of one number."""
+    """Return a list of 16 MB that repeats one number.
+
+    Args:
+        number: JSON text.
+
+    Returns:
+        A frame.
+    """
     head = b'{"op":"publish","topic":"/f","type":"std_msgs/Float64MultiArray","msg":{"data":['
     return masked(head + (number + b",") * ((LARGEST - 1_000) // (len(number) + 1)) + b"1]}}")
 
 
 def noise() -> bytes:
-    """A String of 14 MB that hardly gets shorter when it is compressed."""
+    """Return a String of 14 MB that hardly compresses.
+
+    Returns:
+        A frame.
+    """
     text = base64.b64encode(random.Random(0).randbytes(10 * MB)).decode()  # noqa: S311 - the same each time
     return masked(op(op="publish", topic="/s", msg={"data": text}))
 
 
 def pieces() -> bytes:
-    """Pieces of 64 messages of which none becomes whole."""
+    """Return fragments of 64 messages that are never complete.
+
+    Returns:
+        A frame.
+    """
     parts = (op(op="fragment", id=f"f{i % 64}", num=i // 64, total=9_999, data="x" * 200) for i in range(9_999))
     return masked(b"".join(parts))
 
 
 def many_topics() -> bytes:
-    """Advertisements of as many topics as one client may hold, of a type with a long definition."""
+    """Return advertisements of as many topics as one client may have, of a type with a long definition.
+
+    Returns:
+        A frame.
+    """
     kind = "visualization_msgs/MarkerArray"
     return masked(b"".join(op(op="advertise", topic=f"/many/{i}", type=kind) for i in range(9_900)))
 
@@ -394,7 +506,15 @@ class Scene:
 
 @asynccontextmanager
 async def scene(row: Row, folder: Path) -> AsyncIterator[Scene]:
-    """Start all that a row needs."""
+    """Start the server, bystander, attacker and listeners of a row.
+
+    Args:
+        row: the attack.
+        folder: for the server's files.
+
+    Yields:
+        All of them.
+    """
     log = folder / "server.log"
     log.unlink(missing_ok=True)
     with WatchedServer(log, "--data-dir", str(folder / "data"), *row.flags) as server:
@@ -421,7 +541,7 @@ async def scene(row: Row, folder: Path) -> AsyncIterator[Scene]:
 
 @dataclass(slots=True)
 class Seen:
-    """What a row cost: waits of the bystander [ms], memory above idle [MB], seconds of the attack."""
+    """Result of a row: waits of the bystander [ms], memory above idle [MB], duration of the attack [s]."""
 
     idle_ms: float
     longest_ms: float
@@ -433,14 +553,17 @@ class Seen:
 
 
 async def play(row: Row, folder: Path, repeats: int, settling: float, *, idle: float = 2.0) -> Seen:
-    """Do a row once, look, and do it again a number of times.
+    """Carry out an attack once, measure, and repeat it.
 
     Args:
         row: the attack.
         folder: for the server's files.
         repeats: further attacks.
-        settling: before memory is looked at [s].
-        idle: how long the bystander measures before the attack [s].
+        settling: time before memory is measured [s].
+        idle: time of the bystander before the attack [s].
+
+    Returns:
+        The result.
 
     Raises:
         SoakError: the server has ended.
@@ -456,7 +579,7 @@ async def play(row: Row, folder: Path, repeats: int, settling: float, *, idle: f
         begun = loop.time()
         await _attack(there, frames)
         seconds = loop.time() - begun
-        await asyncio.sleep(0.5)  # what the attack left to be done, at each step of the world for example
+        await asyncio.sleep(0.5)  # for work that the attack causes later, for example at each step of the world
         longest_ms = (await there.bystander.waits()).longest
         peak_mb = _peak(server.pid) - idle_mb
         await asyncio.sleep(settling)
@@ -492,7 +615,7 @@ async def _attack(there: Scene, frames: Sequence[bytes]) -> None:
 
 
 def _forget_peak(pid: int) -> None:
-    """Have the kernel count the peak of memory anew (proc(5): clear_refs)."""
+    """Reset the kernel's count of the memory peak (proc(5): clear_refs)."""
     Path(f"/proc/{pid}/clear_refs").write_text("5")
 
 
@@ -504,7 +627,18 @@ def _peak(pid: int) -> float:
 
 
 async def run(patterns: Sequence[str], runs: int, repeats: int, settling: float, out: Callable[[str], None]) -> int:
-    """Play the rows that match; how many failed."""
+    """Play the rows that match.
+
+    Args:
+        patterns: of names; none means all.
+        runs: of each row.
+        repeats: further attacks.
+        settling: time before memory is measured [s].
+        out: prints a line.
+
+    Returns:
+        Number of failed rows.
+    """
     failed = 0
     out(f"{'row':50}{'idle':>7}{'longest':>9}{'took':>8}{'peak':>8}{'later':>8}{'again':>8}")
     out(f"{'':50}{'ms':>7}{'ms':>9}{'s':>8}{'MB':>8}{'MB':>8}{'MB':>8}")
@@ -530,7 +664,11 @@ async def run(patterns: Sequence[str], runs: int, repeats: int, settling: float,
 
 
 def main() -> int:
-    """Parse the command line and run."""
+    """Parse the command line and run.
+
+    Returns:
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", action="append", default=[], metavar="PATTERN", help="rows whose name matches [all]")
     parser.add_argument("--runs", type=int, default=3, help="how often each row is played [3]")

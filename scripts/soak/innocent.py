@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""An honest client beside those that do harm: it does the same few things over and over, and checks what comes back.
+"""An honest client beside malicious ones: it repeats a few calls and messages, and checks the answers.
 
     python scripts/soak/innocent.py ws://127.0.0.1:9090 [/Ego_topic]
 
-It offers a service and calls it, publishes and listens to its own messages, asks rosapi, and reads the topic that is
-named, in which every number must be one. It runs until its stdin ends and then prints its figures as one line of JSON;
-at the first wrong answer, lost connection or long silence it says what was wrong and exits with 1.
+It offers a service and calls it, publishes and receives its own messages, calls rosapi, and reads the given topic. All
+numbers of that topic must be finite. It runs until its stdin ends, and then prints its figures as one line of JSON. At
+the first wrong answer, lost connection or long silence it prints the reason and exits with 1.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ from websockets.exceptions import ConnectionClosed
 __all__ = ["PREFIX", "Innocent", "InnocentError"]
 
 PREFIX = "/innocent"
-"""What its own topics and services begin with; those that do harm leave these alone."""
+"""Prefix of its own topics and services, which the malicious clients do not use."""
 
 PATIENCE = 20.0
-"""Silence for so long is a failure [s]: a long stall is measured elsewhere, here nothing may be lost."""
+"""Longest silence before a failure [s]; short stalls are measured elsewhere, here nothing may be lost."""
 
 PAUSE = 0.005
-"""Between two rounds [s]."""
+"""Pause between two rounds [s]."""
 
 Frame = dict[str, Any]
 
 
 class InnocentError(Exception):
-    """The server did something else than it should have."""
+    """The server did something wrong."""
 
 
 class Innocent:
     """The client.
 
     Attributes:
-        num: how often it has seen what.
-        longest: the longest time that an answer took [s].
+        num: counts of what it has seen.
+        longest: longest wait for an answer [s].
     """
 
     def __init__(self, socket: ClientConnection, topic: str | None = None) -> None:
@@ -57,6 +57,9 @@ class Innocent:
 
     async def run(self, is_over: asyncio.Event) -> None:
         """Do everything in turn until the event is set.
+
+        Args:
+            is_over: the event.
 
         Raises:
             InnocentError: something was wrong.
@@ -124,7 +127,7 @@ class Innocent:
         await self._socket.send(json.dumps({"op": op, **fields}))
 
     async def _read(self) -> None:
-        """Read all that comes, for as long as the connection is there."""
+        """Read all frames while the connection lasts."""
         try:
             async for data in self._socket:
                 if isinstance(data, bytes):
@@ -149,17 +152,17 @@ class Innocent:
             case "service_response":
                 self._settle(frame["id"], frame)
             case _:
-                raise InnocentError(f"nobody asked for {str(frame)[:300]}")
+                raise InnocentError(f"unexpected frame: {str(frame)[:300]}")
 
     def _settle(self, mark: str, frame: Frame) -> None:
         future = self._waiting.pop(mark, None)
         if future is None:
-            raise InnocentError(f"nobody waits for {str(frame)[:300]}")
+            raise InnocentError(f"unexpected answer: {str(frame)[:300]}")
         future.set_result(frame)
 
 
 def _check_numbers(value: object, where: str) -> None:
-    """See that every number in a message is one."""
+    """Check that every number in a message is finite."""
     if isinstance(value, dict):
         for key, inner in value.items():
             _check_numbers(inner, f"{where}.{key}")

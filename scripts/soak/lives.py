@@ -1,7 +1,7 @@
 """Eight kinds of clients of the mixed soak: each function is one life, from connecting to leaving.
 
-A life does what such programs do, checks what it can know while others do their own things to the same world, and
-leaves: in order, by a crash, by a reset. Each raises `SoakError` for an answer that is wrong or does not come.
+A life behaves as such programs do. It checks everything that it can know while others change the same world. It leaves
+in order, by a crash, or by a reset. Each raises `SoakError` for an answer that is wrong or missing.
 """
 
 from __future__ import annotations
@@ -55,21 +55,21 @@ ACTIONS = ("/soak/fibonacci_0", "/soak/fibonacci_1")
 MASTERS = ("soak master 0", "soak master 1")
 
 SERVICE_TIMEOUT = 5.0
-"""How long some callers wait for a service that may be silent [s]."""
+"""Longest wait of some callers for a service that may be silent [s]."""
 
 LAST_NUMBERS = 20
-"""Numbers of a Fibonacci sequence that are worth a goal."""
+"""Largest length of a requested Fibonacci sequence."""
 
 
 @dataclass
 class Place:
-    """What all lives share.
+    """Shared data of all lives.
 
     Attributes:
         url, port: of the server.
-        end: on the loop's clock, when nothing new is begun [s].
+        end: time on the loop's clock after which no life begins [s].
         longest_life: of a client [s].
-        num: what was done, by name.
+        num: counts of acts, by name.
     """
 
     url: str
@@ -79,12 +79,23 @@ class Place:
     num: Counter[str] = field(default_factory=Counter)
 
     def until(self, chance: random.Random) -> float:
-        """When a life that begins now should end, on the loop's clock [s]."""
+        """Return the end of a life that begins now.
+
+        Args:
+            chance: the random generator.
+
+        Returns:
+            Time on the loop's clock [s].
+        """
         return min(self.end, asyncio.get_running_loop().time() + chance.uniform(0.1, self.longest_life))
 
     @asynccontextmanager
     async def client(self) -> AsyncIterator[Client]:
-        """A client that is gone at the end of the block, however that ends."""
+        """Connect a client for a block; its connection is closed at the block's end in all cases.
+
+        Yields:
+            The client.
+        """
         client = await Client.open(self.url)
         try:
             yield client
@@ -92,7 +103,12 @@ class Place:
             await client.cut()
 
     async def leave(self, client: Client, chance: random.Random) -> None:
-        """End a connection in one of the ways in which programs do."""
+        """End a connection in one of the ways of real programs.
+
+        Args:
+            client: the client.
+            chance: the random generator.
+        """
         way = chance.random()
         if way < 0.6:
             await client.close()
@@ -108,11 +124,11 @@ async def _wait(end: float) -> None:
     await asyncio.sleep(max(0.0, end - asyncio.get_running_loop().time()))
 
 
-# 1 and 2: those who listen
+# 1 and 2: subscribers
 
 
 async def subscriber(place: Place, chance: random.Random) -> None:
-    """A dashboard: all topics of state, throttled, with a queue, as roslibpy subscribes."""
+    """Live as a dashboard: all state topics, throttled, with a queue, as roslibpy subscribes."""
     async with place.client() as client:
         end = place.until(chance)
         for i, topic in enumerate(STATE_TOPICS):
@@ -140,7 +156,7 @@ async def subscriber(place: Place, chance: random.Random) -> None:
 
 
 async def cbor_subscriber(place: Place, chance: random.Random) -> None:
-    """A recorder that asks for CBOR, and reads each message."""
+    """Live as a recorder that requests CBOR and reads each message."""
     async with place.client() as client:
         end = place.until(chance)
         wrong: list[str] = []
@@ -164,11 +180,11 @@ async def cbor_subscriber(place: Place, chance: random.Random) -> None:
         await place.leave(client, chance)
 
 
-# 3 and 4: those who drive
+# 3 and 4: drivers
 
 
 async def planner(place: Place, chance: random.Random) -> None:
-    """A planner: hears the ego, and commands it fifty times a second."""
+    """Live as a planner: read the ego's state, and command it fifty times a second."""
     async with place.client() as client:
         end = place.until(chance)
         await client.send("advertise", topic="/ctrl_cmd", type="morai_msgs/CtrlCmd")
@@ -188,7 +204,7 @@ async def planner(place: Place, chance: random.Random) -> None:
 
 
 async def master(place: Place, chance: random.Random) -> None:
-    """A test bench: takes the world into synchronous mode, ticks it, and gives it back, or dies as master."""
+    """Live as a test bench: start synchronous mode, tick, and stop it, or crash as master."""
     async with place.client() as client:
         end = place.until(chance)
         name = chance.choice(MASTERS)
@@ -209,7 +225,7 @@ async def master(place: Place, chance: random.Random) -> None:
 
 
 async def provider(place: Place, chance: random.Random) -> None:
-    """A node with a service: answers at once, late, with a failure, or never, and may leave with calls unanswered."""
+    """Live as a node with a service: answer at once, late, with a failure, or never; perhaps leave with open calls."""
     async with place.client() as client:
         end = place.until(chance)
         service = chance.choice(SERVICES)
@@ -239,7 +255,7 @@ async def provider(place: Place, chance: random.Random) -> None:
 
 
 async def caller(place: Place, chance: random.Random) -> None:
-    """A program that calls such services, and may leave in the middle of a call."""
+    """Live as a program that calls such services, and perhaps leaves during a call."""
     async with place.client() as client:
         end = place.until(chance)
         while _is_before(end):
@@ -265,7 +281,7 @@ async def caller(place: Place, chance: random.Random) -> None:
 
 
 async def action_server(place: Place, chance: random.Random) -> None:
-    """A node with an action: feedback, results, cancels that it obeys, and goals that it leaves behind."""
+    """Live as a node with an action: feedback, results, obeyed cancels, and goals that it leaves behind."""
     async with place.client() as client:
         end = place.until(chance)
         action = chance.choice(ACTIONS)
@@ -301,7 +317,7 @@ async def action_server(place: Place, chance: random.Random) -> None:
 
 
 async def goal_sender(place: Place, chance: random.Random) -> None:
-    """A program that sends such goals, cancels some, and may leave in the middle of one."""
+    """Live as a program that sends such goals, cancels some, and perhaps leaves during one."""
     async with place.client() as client:
         end = place.until(chance)
         kind = "example_interfaces/Fibonacci"
@@ -327,11 +343,11 @@ async def goal_sender(place: Place, chance: random.Random) -> None:
         await place.leave(client, chance)
 
 
-# 7: those who change the scene
+# 7: clients that change the scene
 
 
 async def director(place: Place, chance: random.Random) -> None:
-    """A scenario runner: loads, resets, pauses, brings and removes objects, and saves what sensors see."""
+    """Live as a scenario runner: load, reset, pause, add and remove objects, and save sensor data."""
     async with place.client() as client:
         end = place.until(chance)
         while _is_before(end):
@@ -404,13 +420,13 @@ async def _capture(client: Client, _chance: random.Random) -> None:
     await client.call("/rosapi/get_time")
 
 
-# 8: rude ones
+# 8: rude clients
 
 
 async def rude(place: Place, chance: random.Random) -> None:
-    """A client that breaks off, breaks rules, does not read, or sends rubbish."""
+    """Live as a rude client: break off, break rules, do not read, or send rubbish."""
     act = chance.choice((_break_handshake, _break_frame, _break_rules, _read_slowly, _send_rubbish, _send_pieces))
-    with suppress(OSError, EOFError):  # the server may throw such a client out
+    with suppress(OSError, EOFError):  # the server may disconnect such a client
         await act(place, chance)
     place.num[act.__name__.strip("_")] += 1
 
@@ -441,7 +457,7 @@ async def _break_rules(place: Place, chance: random.Random) -> None:
         masked(b"{}", first=0xF1),  # bits of an extension that there is not
         masked(b"p" * 200, first=0x89),  # a ping that is too long
         masked(b"{}", first=0x80),  # the rest of a message that has not begun
-        b"\x81\xff" + (2**40).to_bytes(8, "big") + bytes(4),  # longer than any limit
+        b"\x81\xff" + (2**40).to_bytes(8, "big") + bytes(4),  # a length above any limit
     )
     breach = chance.choice(breaches)
     writer.write(breach)
@@ -450,7 +466,7 @@ async def _break_rules(place: Place, chance: random.Random) -> None:
             while await reader.read(1 << 16):
                 pass
     except TimeoutError:
-        raise SoakError(f"what breaks WebSocket's own rules was not closed: {breach[:20]!r}") from None
+        raise SoakError(f"a connection that broke WebSocket's rules was not closed: {breach[:20]!r}") from None
     _break_off(writer, chance)
 
 
@@ -464,7 +480,7 @@ async def _read_slowly(place: Place, chance: random.Random) -> None:
 
 
 async def _send_rubbish(place: Place, chance: random.Random) -> None:
-    """Frames that are no ops; each is answered, and the connection goes on."""
+    """Send frames that are not ops; each is answered, and the connection goes on."""
     async with place.client() as client:
         rubbish: tuple[str | bytes, ...] = (
             *("", "{", "[]", "null", "NaN", '{"op":1}', '{"op":"zzz"}', "[" * 2000, '{"op":"publish"}', "{} {} {"),
@@ -474,12 +490,12 @@ async def _send_rubbish(place: Place, chance: random.Random) -> None:
             await client.send_raw(chance.choice(rubbish))
         await client.call("/rosapi/get_time")
         if not client.told:
-            raise SoakError("thirty frames of rubbish were answered by no status")
+            raise SoakError("thirty frames of rubbish got no status")
         await place.leave(client, chance)
 
 
 async def _send_pieces(place: Place, chance: random.Random) -> None:
-    """Ops in fragments and in pictures, whole and broken."""
+    """Send ops in fragments and in pictures, whole and broken."""
     async with place.client() as client:
         op = orjson.dumps({"op": "call_service", "service": "/rosapi/get_time", "id": "call-1"}).decode()
         cuts = [op[i : i + 20] for i in range(0, len(op), 20)]
@@ -501,7 +517,7 @@ async def _send_pieces(place: Place, chance: random.Random) -> None:
 
 
 def _draw(text: bytes) -> str:
-    """The picture that holds a text as RGB bytes, about square, as rosbridge_suite draws it."""
+    """Return the picture that holds a text as RGB bytes, about square, as rosbridge_suite draws it."""
     width = math.ceil(math.sqrt(len(text) / 3))
     height = math.ceil(len(text) / 3 / width)
     file = BytesIO()
@@ -517,7 +533,7 @@ def _break_off(writer: asyncio.StreamWriter, chance: random.Random) -> None:
 
 def _expect_no_complaint(client: Client) -> None:
     if client.told:
-        raise SoakError(f"a client that makes no mistake was told: {client.told[0]}")
+        raise SoakError(f"a client without a mistake got an error: {client.told[0]}")
 
 
 KINDS: dict[Callable[[Place, random.Random], Awaitable[None]], int] = {
@@ -532,4 +548,4 @@ KINDS: dict[Callable[[Place, random.Random], Awaitable[None]], int] = {
     director: 1,
     rude: 4,
 }
-"""How many of each are there at a time: enough for them to meet, and few enough for one core to play them all."""
+"""Number of clients of each kind at one time: enough to affect each other, and few enough for one core."""

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Load scenarios ten thousand times over a real socket, and see whether the server stays as it was.
+"""Load scenarios ten thousand times over a real socket, and check that the server does not grow.
 
     python scripts/soak/loads.py [--loads 10000] [--seed 0]
 
-Loads of all kinds in any order: good files and bad ones, with and without `delete_all`, single parts, other maps, other
-network settings, by services and by the topic, in synchronous mode and out of it, with a pause; all the while a client
-listens, others come and go, and so do objects and egos. After each load the objects that are told must be those that
-belong there: after a bad one those of before. At the end memory must be what it was after the first tenth, and so must
-the numbers of topics, services and clients.
+Loads of all kinds follow in random order: good and bad files, with and without `delete_all`, single parts, other maps,
+other network settings, by service and by topic, with and without synchronous mode, with a pause. Meanwhile a client is
+subscribed, other clients come and go, and objects and egos are added. After each load the published objects must be
+the right ones; after a bad load they must be the same as before. At the end memory, and the numbers of topics, services
+and clients, must be as after the first tenth.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ from scripts.bench.program import SERVER, machine, running  # noqa: E402
 from scripts.soak.scenes import BAD, BAD_NETWORK, BUILT_IN, GOOD, MISSING, write_networks, write_scenes  # noqa: E402
 
 PATIENCE = 30.0
-"""A server that says nothing for so long has lost something [s]."""
+"""Longest silence of a server before a message counts as lost [s]."""
 
 MAX_GROWTH = 8.0
-"""Memory that may be more at the end than after the first tenth [MB]: the allocator keeps what odd orders leave."""
+"""Largest growth of memory from the first tenth to the end [MB]: the allocator keeps unused blocks."""
 
 PARTS = ("load_surrounding_vehicle_data", "load_pedestrian_data", "load_obstacle_data")
 
 LISTS = ("npc_list", "pedestrian_list", "obstacle_list")
 
 EGO_TYPE = -1
-"""Of a further ego in the list of vehicles: it is none of a scenario's."""
+"""Type of a further ego in the list of vehicles: it does not belong to a scenario."""
 
 Frame = dict[str, Any]
 
 
 class SoakError(Exception):
-    """The server did something else than it should have."""
+    """The server did something wrong."""
 
 
 class Listener:
-    """A client that hears of all objects, and calls.
+    """A client that subscribes to all objects, and makes calls.
 
     Attributes:
         ids: the last list of objects: unique_ids of vehicles, pedestrians, obstacles.
@@ -71,11 +71,27 @@ class Listener:
         self.num_told: Counter[str] = Counter()
 
     def send(self, op: str, **fields: object) -> None:
-        """Send an op."""
+        """Send an op.
+
+        Args:
+            op: its name.
+            fields: of the op.
+        """
         self._socket.send(json.dumps({"op": op, **fields}))
 
     def ask(self, service: str, **args: object) -> Frame:
-        """The values of an answer."""
+        """Call a service.
+
+        Args:
+            service: its name.
+            args: of the call.
+
+        Returns:
+            The values of the answer.
+
+        Raises:
+            SoakError: it was refused.
+        """
         self._num += 1
         mark = f"call:{self._num}"
         self.send("call_service", service=service, args=args, id=mark)
@@ -88,18 +104,30 @@ class Listener:
                 return values
 
     def request(self, service: str, **request: object) -> Frame:
-        """The response to a simulator's service."""
+        """Call a service of the simulator.
+
+        Args:
+            service: its name.
+            request: fields of the request.
+
+        Returns:
+            Fields of the response.
+        """
         response: Frame = self.ask(service, request=request)["response"]
         return response
 
     def next_objects(self) -> list[list[int]]:
-        """What the next message about objects lists."""
+        """Wait for the next message about objects.
+
+        Returns:
+            The unique_ids of vehicles, pedestrians and obstacles.
+        """
         while self._read().get("topic") != "/Object_topic":
             pass
         return self.ids
 
     def close(self) -> None:
-        """Leave."""
+        """Close the connection."""
         self._open.close()
 
     def _read(self) -> Frame:
@@ -115,11 +143,11 @@ class Listener:
 
 
 class Soak:
-    """One long run: what is done next is decided by chance, which the seed decides."""
+    """One long run; its seed decides all random choices."""
 
     def __init__(self, url: str, folder: Path, seed: int) -> None:
         self._url = url
-        self._random = random.Random(seed)  # noqa: S311 - nobody is to be kept from guessing it
+        self._random = random.Random(seed)  # noqa: S311 - it is not a secret
         library = DiskLibrary([folder])
         scenes = {name: library.scenario(name) for name in (*GOOD, *BUILT_IN)}
         self._counts = {
@@ -138,7 +166,11 @@ class Soak:
         self._look()
 
     def census(self) -> dict[str, int]:
-        """How many topics, services and clients there are."""
+        """Return the numbers of topics, services and clients.
+
+        Returns:
+            Kind -> number.
+        """
         ask = self._listener.ask
         return {
             "topics": len(ask("/rosapi/topics")["topics"]),
@@ -147,14 +179,14 @@ class Soak:
         }
 
     def settle(self) -> None:
-        """Come back to the opening scene and its network settings, out of synchronous mode."""
+        """Load the opening scene and its network settings, outside synchronous mode."""
         self._leave_sync()
         self._listener.request("/Service_MoraiSL", file_name="demo", load_network_connection_data=True)
         self._listener.ask("/sim/reset", seed=-1)
         self._look()  # a load at the last frame may have left a pause
 
     def turn(self) -> None:
-        """One load, and now and then something else before it."""
+        """Load once, and sometimes do something else before."""
         chance = self._random.random
         if chance() < 0.05:
             self._switch_mode()
@@ -205,13 +237,13 @@ class Soak:
             if list(map(len, after)) != wanted:
                 raise SoakError(f"{name!r}: expected {wanted} objects, got {list(map(len, after))}")
         elif after != before:
-            raise SoakError(f"{name!r}: a refused load has changed who is there")
+            raise SoakError(f"{name!r}: a refused load has changed the objects")
         self.num["good" if is_good else "bad"] += 1
         self.num[f"by {service}"] += 1
         self.num["in synchronous mode" if self._frame is not None else "in real time"] += 1
 
     def _look(self) -> list[list[int]]:
-        """Who is there now; a pause ends with it."""
+        """Return the present objects; this ends a pause."""
         self._listener.request("/Service_MoraiEventCmd", option=8, set_pause=False)
         if self._frame is None:
             return self._listener.next_objects()
@@ -235,7 +267,7 @@ class Soak:
             self._frame = None
 
     def _visit(self) -> None:
-        """Somebody comes, listens to a few things and leaves, in order or not."""
+        """Let a client connect, subscribe to a few topics and leave, in order or not."""
         visitor = Listener(self._url)
         for topic in ("/Object_topic", "/Ego-2/Ego_topic", "/tf", "/IntscnTL_topic"):
             visitor.send("subscribe", topic=topic, throttle_rate=self._random.choice((0, 100)))
@@ -245,7 +277,7 @@ class Soak:
         self.num["visitors"] += 1
 
     def _add_somebody(self) -> None:
-        """A further ego, and a box; both go with the next clearance."""
+        """Add a further ego and a box; the next load with `delete_all` removes both."""
         numbers = ("global_position_x", "global_position_y", "global_position_z")
         lists = (*numbers, "global_roll", "global_pitch", "global_yaw", "velocity")
         setting: Frame = {"number_of_ego_vehicle": 1, "ego_index": [2], "gear": [4], "ctrl_mode": [16]}
@@ -259,7 +291,11 @@ class Soak:
 
 
 def main() -> int:
-    """Run it, with a line of progress for each tenth."""
+    """Run it, with a line of progress for each tenth.
+
+    Returns:
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--loads", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)

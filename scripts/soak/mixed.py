@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Have eight kinds of clients come and go for an hour, and see whether the server stays as it was.
+"""Let eight kinds of clients come and go for an hour, and check that the server leaks nothing.
 
     python scripts/soak/mixed.py [--minutes 60 | --seconds N] [--seed 0]
 
-Those who listen (in JSON and in CBOR), a planner, masters of synchronous mode, services with their callers, actions
-with their goals, a director who loads, resets, spawns and saves, and rude ones: all at once on one `rosbridge-sim
-serve`, each reconnecting for as long as it lasts. Each minute says what the server costs and how long a bystander in a
-process of its own had to wait; so does a second bystander, of an idle server beside it: what both feel is the machine.
-At the end all leave, and what they had must be gone.
+The kinds are: subscribers (JSON and CBOR), a planner, masters of synchronous mode, services with their callers, actions
+with their goals, a director that loads, resets, adds and saves, and rude clients. All run at once on one `rosbridge-sim
+serve`, and reconnect during the whole run. Each minute the script prints the server's cost and the waits of a bystander
+in its own process. A second bystander measures an idle server; waits of both are caused by the machine. At the end all
+clients leave, and everything that they had must be removed.
 """
 
 from __future__ import annotations
@@ -46,29 +46,29 @@ from scripts.soak.scenes import BUILT_IN, write_scenes  # noqa: E402
 __all__ = ["Report", "soak"]
 
 WARM_UP = 0.25
-"""Part of the run that comes first and is not judged: all maps, message types and kinds of clients are there once."""
+"""First part of the run, which is not judged: all maps, message types and kinds of clients are used once in it."""
 
 MIN_SECONDS = 300.0
-"""A run from here on is judged by its memory [s]: in a shorter one nothing has been there often enough."""
+"""Shortest run whose memory is judged [s]; in a shorter one nothing has been used often enough."""
 
 MAX_SLOPE = 30.0
-"""Memory that may come in an hour, by the line through all samples after the warm-up [MB]: half of an idle server."""
+"""Largest growth of memory in an hour, by the regression line after the warm-up [MB]: half of an idle server."""
 
 MAX_OBJECTS = 5_000
-"""Small objects that may come with a run of any length: a rare message type is some hundreds of them, made once."""
+"""Small objects that may be added in a run of any length: a rare message type has some hundreds of them, made once."""
 
 MAX_OBJECTS_EACH = 0.5
-"""Small objects that may stay for each life of a client: a leak of one object a life shows."""
+"""Small objects that may stay for each life of a client: a leak of one object a life is found."""
 
 MAX_THREADS = 6
-"""Threads that may stay, since they wait for the next file: the loop's own executor on two cores has so many."""
+"""Threads that may stay and wait for the next file: the size of the loop's own executor on two cores."""
 
 MAX_STALL = 150.0
-"""What the bystander may wait longer than the one at the idle server [ms]: 50 is the bound for one hostile frame;
-the clients of this script, on the same cores as the servers, take what the machine has left."""
+"""Longest wait of the bystander above that of the one at the idle server [ms]: 50 is the bound for one hostile frame;
+the clients of this script use the rest of the machine, on the same cores as the servers."""
 
 IDLE_TASKS = 2
-"""Tasks of a server without clients: one that runs it, and one that waits for its failure."""
+"""Tasks of a server without clients: one runs it, and one waits for its failure."""
 
 SAMPLES = 600
 """Samples of memory in the whole run."""
@@ -76,13 +76,13 @@ SAMPLES = 600
 
 @dataclass(slots=True)
 class Report:
-    """What a run has found.
+    """Result of a run.
 
     Attributes:
-        faults: one line for each bound that failed; empty is good.
-        num: what was done, by name.
+        faults: one line for each failed bound; empty is good.
+        num: counts of acts, by name.
         slope: of memory [MB/hour].
-        longest: what the bystanders waited at worst, here and at the idle server [ms].
+        longest: longest waits of the bystanders, here and at the idle server [ms].
     """
 
     faults: list[str]
@@ -107,9 +107,16 @@ class Mixed:
         self._num_warm = 0
 
     async def run(self, seconds: float, num_lines: int) -> Report:
-        """Let them come and go in two rounds; then see what the second one has left.
+        """Let clients come and go in two rounds, and check what the second round has left behind.
 
-        The first one brings what is made once: maps, message types, buffers of the allocator.
+        The first round creates everything that is made once: maps, message types, buffers of the allocator.
+
+        Args:
+            seconds: duration of both rounds.
+            num_lines: lines of figures.
+
+        Returns:
+            The report.
         """
         try:
             for scene in BUILT_IN:
@@ -133,10 +140,10 @@ class Mixed:
         )
 
     async def _play(self, name: str, seconds: float, num_lines: int) -> None:
-        """Let them come and go for so long, until the last one has left.
+        """Let clients come and go for a time, until the last one has left.
 
         Raises:
-            SoakError: the server is gone, or gives a bystander no answer.
+            SoakError: the server has ended, or gives a bystander no answer.
         """
         loop = asyncio.get_running_loop()
         bystanders = Bystander(self._server.url), Bystander(self._idle.url)
@@ -161,7 +168,7 @@ class Mixed:
                 bystander.stop()
 
     async def _live(self, kind: Callable[[Place, random.Random], Awaitable[None]], seed: str) -> None:
-        """Life after life, until the end."""
+        """Live one life after the other, until the end."""
         chance = random.Random(f"{kind.__name__} {seed}")  # noqa: S311 - to be repeated, no secret
         loop = asyncio.get_running_loop()
         while loop.time() < self._place.end:
@@ -181,20 +188,22 @@ class Mixed:
             self._memory.append((loop.time() - begun, (await self._figures()).memory))
 
     async def _figures(self) -> Figures:
-        return await asyncio.to_thread(self._server.figures)  # a server that stalls is not to stall its clients
+        return await asyncio.to_thread(
+            self._server.figures
+        )  # in a thread, so that a stalled server does not stall its clients
 
     async def _settle(self, scene: str = "demo") -> None:
-        """Bring back the opening scene, or another one, in real time."""
+        """Load the opening scene, or another one, in real time."""
         async with await Client.open(self._server.url) as client:
             await client.request("/Service_MoraiEventCmd", option=8, set_pause=False)
             await client.request("/Service_MoraiSL", file_name=scene, delete_all=True, load_ego_vehicle_data=True)
             await client.call("/sim/reset", {"seed": 0})
-            # the first position opens the database of map projections, and that stays open
+            # the first position opens the database of map projections, which stays open
             await client.send("subscribe", topic="/gps")
             await client.next_message("/gps")
 
     async def _rest(self, before: Figures | None = None) -> Figures:
-        """What the server costs once it has noticed that everybody has left, without garbage."""
+        """Return the server's cost without garbage, after it has noticed that all clients have left."""
 
         async def is_at_rest() -> bool:
             now = await self._figures()
@@ -218,7 +227,7 @@ class Mixed:
         return slope_per_hour(self._memory)
 
     async def _judge(self, before: Figures, after: Figures, names: dict[str, list[str]], files: Counter[str]) -> None:
-        """Note all that has stayed, though everybody has left."""
+        """Note everything that has stayed although all clients have left."""
         num_lives = self._num_lives - self._num_warm
         for what, num, now in (
             ("descriptors", before.descriptors, after.descriptors),
@@ -236,10 +245,10 @@ class Mixed:
             await client.send("subscribe", topic="/sim/clients")
             there = (await client.next_message("/sim/clients"))["clients"]
             if len(there) != 1:
-                self._faults[f"/sim/clients: expected the one who asks, got {len(there)}"] += 1
+                self._faults[f"/sim/clients: expected only this client, got {len(there)}"] += 1
 
     def _judge_figures(self, seconds: float) -> None:
-        """Note the bounds that memory, waits and the log have not kept; the server ends with that."""
+        """Note the failed bounds of memory, waits and the log; this stops the server."""
         if seconds >= MIN_SECONDS and self._slope > MAX_SLOPE:
             self._faults[f"memory: {self._slope:+.1f} MB/hour"] += 1
         if self._max_stall is not None and self._longest[0] > self._longest[1] + self._max_stall:
@@ -270,15 +279,18 @@ async def soak(
     longest_life: float = 5.0,
     max_stall: float | None = MAX_STALL,
 ) -> Report:
-    """Run it in a folder of its own.
+    """Run the soak in a folder.
 
     Args:
-        seconds: for how long clients come and go.
-        seed: of all that they decide.
-        folder: for scenarios, what clients save, and logs.
-        num_lines: of figures.
+        seconds: duration.
+        seed: random seed of the clients.
+        folder: for scenarios, saved files and logs.
+        num_lines: lines of figures.
         longest_life: of a client [s].
-        max_stall: what a bystander may wait longer than at an idle server [ms]; None judges no time.
+        max_stall: longest wait of a bystander above that at an idle server [ms]; None judges no time.
+
+    Returns:
+        The report.
     """
     scenes = folder / "scenes"
     scenes.mkdir()
@@ -290,7 +302,11 @@ async def soak(
 
 
 def main() -> int:
-    """Run it, with a line for each minute."""
+    """Run it, with a line for each minute.
+
+    Returns:
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--seconds", type=float, help="in place of --minutes")

@@ -1,4 +1,4 @@
-"""The scenarios that the soak loads: good ones of every kind, and all ways in which one can be bad."""
+"""Scenarios for the soak: good ones of every kind, and bad ones of every kind."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["BAD", "BAD_NETWORK", "BUILT_IN", "GOOD", "MISSING", "NETWORKS", "wri
 BUILT_IN = ("demo", "town", "loop")
 
 MISSING = ("nowhere", "../secret", "a/b/c", "", "x" * 1_000, "nul\0byte")
-"""Names that lead to no file."""
+"""Names without a file."""
 
 
 def _place(x: float, y: float, yaw: float = 0.0) -> dict[str, Any]:
@@ -23,7 +23,7 @@ def _on(link: str, ratio: float = 0.5) -> dict[str, Any]:
 
 
 def _path(name: str, *points: tuple[float, float]) -> dict[str, Any]:
-    """Waypoints in the engine's axes."""
+    """Return a path with waypoints in the engine's axes."""
     return {"pathName": name, "waypointData": [{"pos": {"x": -x, "y": 0.0, "z": -y}} for x, y in points]}
 
 
@@ -42,7 +42,7 @@ GOOD: dict[str, dict[str, Any]] = {
         "objectList": [{"UNIQUEID": 500 + i, "DataID": 40100005, "pos": {"x": i, "y": -40.0}} for i in range(40)],
         "waypointDataList": [_path(f"ObstaclePath - {10 + i}", (9.0 * i, 50.0), (9.0 * i, 150.0)) for i in range(60)],
     },
-    "saved": {  # as MORAI writes: numbers twice, paths without waypoints, keys that nobody reads
+    "saved": {  # as MORAI writes: numbers twice, paths without waypoints, keys that are not read
         "version": "1.0",
         "egoVehicle": {
             **_EGO,
@@ -104,21 +104,29 @@ NETWORKS: dict[str, str] = {
     "things": "[publishers]\n",  # all as at the start
     "demo": "[publishers]\n",
 }
-"""Network settings that belong to some of the scenarios; those that the soak itself lives by stay as they are."""
+"""Network settings of some scenarios; the settings that the soak itself needs do not change."""
 
 BAD_NETWORK = "junction"
 """A scenario whose network settings have a mistake, so that it cannot be loaded with them."""
 
 
 def write_networks(folder: Path) -> None:
-    """Put all of them where `--data-dir` leads to."""
+    """Write all network settings.
+
+    Args:
+        folder: of `--data-dir`.
+    """
     (folder / "Network").mkdir(parents=True)
     for name, text in {**NETWORKS, BAD_NETWORK: "[publishers]\n'/Ego_topic' = { rate = 0 }\n"}.items():
         (folder / "Network" / f"{name}.toml").write_text(text, encoding="utf-8")
 
 
 def write_scenes(folder: Path) -> None:
-    """Put all of them into a folder for `--scenario-path`."""
+    """Write all scenarios.
+
+    Args:
+        folder: for `--scenario-path`.
+    """
     for name, document in GOOD.items():
         (folder / f"{name}.json").write_text(json.dumps(document), encoding="utf-8")
     for name, text in BAD.items():

@@ -235,6 +235,17 @@ async def test_drive_in_synchronous_mode(client: AsyncClient) -> None:
     assert (await client.tick(250)).ego["velocity"]["x"] * 3.6 == pytest.approx(30.0, abs=1.0)
 
 
+async def test_scores_of_the_egos_count_from_the_first_call(client: AsyncClient) -> None:
+    await client.start_sync()
+    assert [(score["unique_id"], score["since_frame"]) for score in await client.score()] == [(0, 0)]
+    await client.publish("/ctrl_cmd", {"longlCmdType": 2, "velocity": 30.0}, "morai_msgs/CtrlCmd")
+    async with await client.subscribe("/sim/score") as scores:
+        await client.tick(25)
+        told = (await scores.wait_for(lambda msg: msg["header"]["seq"] == 25))["scores"]
+    assert await client.score(reset=True) == told
+    assert (await client.score())[0]["since_frame"] == 25
+
+
 async def test_refused_ticks_have_the_reason_of_the_server(sim: Simulator, client: AsyncClient) -> None:
     with pytest.raises(ClientError, match=r"call start_sync\(\) first"):
         await client.tick()

@@ -118,7 +118,7 @@ async def test_script_names_the_present_master(simulate: Simulate, connect: Conn
 def test_script_reports_a_refused_time_step(simulate: Simulate, tmp_path: Path) -> None:
     path = write([(0.0, 0.0), (9.0, 0.0)], tmp_path / "path.txt")
     code, _, err = run(simulate(), "--path", str(path), "--step-ms", "30")
-    assert (code, err) == (1, "drive_sync: synchronous mode was refused: a tick of 30 ms cannot be had\n")
+    assert (code, err) == (1, "drive_sync: synchronous mode was refused: a tick of 30 ms is not possible\n")
 
 
 def test_script_reports_a_lost_server(serve: Serve, tmp_path: Path) -> None:
@@ -130,7 +130,8 @@ def test_script_reports_a_lost_server(serve: Serve, tmp_path: Path) -> None:
         _, err = example.communicate(timeout=2 * PATIENCE)
     assert example.returncode == 1
     last = err.splitlines()[-1]  # roslibpy may have a word of its own about the lost socket
-    assert re.fullmatch(r"drive_sync: (no answer from 127.0.0.1:\d+; is the server running\?|the server is gone)", last)
+    no_answer = r"no answer from 127.0.0.1:\d+; is the server running\?"
+    assert re.fullmatch(rf"drive_sync: ({no_answer}|the connection to the server is lost)", last)
 
 
 @pytest.mark.parametrize(
@@ -151,7 +152,7 @@ def test_unreadable_path_file_gives_one_error_line(server: ServerProcess, tmp_pa
 def test_a_path_far_away_is_refused(simulator: Place, tmp_path: Path) -> None:
     code, _, err = run(simulator, "--path", str(write([(5e5, 5e5), (6e5, 6e5)], tmp_path / "path.txt")))
     assert code == 1
-    assert re.fullmatch(r"drive_sync: the path starts \d+ m away from the car; --from-car would lay it there\n", err)
+    assert re.fullmatch(r"drive_sync: the path starts \d+ m away from the car; --from-car starts it at the car\n", err)
 
 
 def test_script_without_its_library_says_what_to_install(tmp_path: Path) -> None:
@@ -165,4 +166,4 @@ def test_script_without_its_library_says_what_to_install(tmp_path: Path) -> None
         check=False,
     )
     assert done.returncode == 1
-    assert done.stderr == "drive_sync: needs roslibpy, which is not here: python -m pip install roslibpy\n"
+    assert done.stderr == "drive_sync: needs roslibpy; install it: python -m pip install roslibpy\n"

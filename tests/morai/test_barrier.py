@@ -201,10 +201,10 @@ ASKED: dict[BarrierEvent, Callable[[Model], BarrierOutcome]] = {
     BarrierEvent.TICK_SHARED: lambda m: m.tick("b", holder="a"),
     BarrierEvent.TICK_TOO_MANY: eager,
     BarrierEvent.TICK_BY_OTHER: lambda m: m.tick("c"),
-    BarrierEvent.STEP_TOGETHER: lambda m: m.barrier.ask_step("a", 0.0),
-    BarrierEvent.STEP_BY_OTHER: lambda m: m.barrier.ask_step("c", 0.0),
-    BarrierEvent.RESTORE_BY_MEMBER: lambda m: m.barrier.ask_restore("a", 0.0),
-    BarrierEvent.RESTORE_BY_OTHER: lambda m: m.barrier.ask_restore("c", 0.0),
+    BarrierEvent.STEP_TOGETHER: lambda m: m.barrier.ask_step("a"),
+    BarrierEvent.STEP_BY_OTHER: lambda m: m.barrier.ask_step("c"),
+    BarrierEvent.RESTORE_BY_MEMBER: lambda m: m.barrier.ask_restore("a"),
+    BarrierEvent.RESTORE_BY_OTHER: lambda m: m.barrier.ask_restore("c"),
 }
 """The requests whose outcome is the row, and which no other event follows."""
 
@@ -271,17 +271,17 @@ def test_stop_by_anyone_ends_the_barrier_in_each_state() -> None:
 
 def test_step_is_for_the_only_member() -> None:
     model = a_model(BarrierState.RESTING)
-    outcome = model.barrier.ask_step("a", 0.0)
+    outcome = model.barrier.ask_step("a")
     assert not outcome.is_accepted
     assert "other members" in model.barrier.why(outcome)
-    assert alone(model).barrier.ask_step("a", 0.0).is_accepted
+    assert alone(model).barrier.ask_step("a").is_accepted
 
 
 def test_step_of_the_only_member_waits_for_no_tick_under_way() -> None:
     model = Model(is_slow=True)
     model.join("a")
     model.tick("a")
-    assert model.barrier.ask_step("a", 0.0).why == "a tick of the barrier is under way"
+    assert model.barrier.ask_step("a").why == "a tick of the barrier is under way"
 
 
 def test_strict_frames_take_only_the_frame_that_the_tick_ends_on() -> None:
@@ -601,7 +601,7 @@ def test_restore_refuses_the_ticks_that_wait_and_keeps_the_late_counts() -> None
     model.tick("a")
     model.wait(2.0)
     model.tick("a")
-    assert model.barrier.ask_restore("b", 0.0).is_accepted
+    assert model.barrier.ask_restore("b").is_accepted
     model.barrier.restored(0.0)
     assert model.answers() == ["", "a snapshot was restored while the tick waited for the other members"]
     assert model.barrier.status().late_counts == [0, 1]

@@ -86,7 +86,7 @@ def test_vehicle_without_waypoints_follows_the_lane_it_stands_on() -> None:
 def test_vehicle_off_or_across_the_lanes_goes_straight_ahead(where: dict[str, Any]) -> None:
     scenario = placed(initPosition=where, isWaypointMode=False, constantVelocity=36)
     assert (scenario.vehicles[0].driver, scenario.vehicles[0].speed) == (None, 10.0)
-    assert scenario.notes == ("vehicleList[0]: no lane leads there; it goes straight ahead",)
+    assert scenario.notes == ("vehicleList[0]: it stands on no lane; it goes straight ahead",)
 
 
 def test_unknown_link_is_replaced_by_the_lane_at_the_position() -> None:

@@ -340,7 +340,7 @@ def test_scenario_that_replaces_the_ego_removes_further_egos_and_their_names() -
     for _ in range(6):
         client.tick()
     assert client.messages("/Ego-2/Ego_topic") == []
-    assert any("ego 2 is gone" in text for _, text in client.told)
+    assert any("ego 2 has been removed" in text for _, text in client.told)
     put(client, 2)
     client.tick()
     assert len(client.messages("/Ego-2/Ego_topic")) == 1

@@ -6,12 +6,14 @@ import json
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.world.score import read_score
 from tests.morai.sim_harness import Client
 from tests.morai.town import Crossroads, Driver, RouteLine, StopLineObserver
 from tests.world.traffic_observers import RedRuns, Waits
@@ -74,8 +76,10 @@ class Rounds:
         self._tick = self.town.client.tick()
 
 
-def drive_round(*, heeds_lights: bool) -> Rounds:
+def drive_round(*, heeds_lights: bool, is_scoring: bool = False) -> Rounds:
     rounds = Rounds(heeds_lights=heeds_lights)
+    if is_scoring:
+        rounds.town.world.start_scoring()
     while not rounds.driver.is_done and rounds.town.world.frame < 25_000:
         rounds.go_on()
     assert rounds.driver.is_done
@@ -97,6 +101,35 @@ def test_client_that_ignores_the_lights_is_detected() -> None:
     judge = drive_round(heeds_lights=False).judge
     assert [name for name, _ in judge.passed] == LIGHTS
     assert len(judge.red) >= 2, judge.passed
+
+
+@pytest.mark.parametrize("heeds_lights", [True, False])
+def test_score_agrees_with_the_observer_and_drives_lanes_without_invasion(*, heeds_lights: bool) -> None:
+    rounds = drive_round(heeds_lights=heeds_lights, is_scoring=True)
+    judge, world = rounds.judge, rounds.town.world
+    score = read_score(world, world.row(0))
+    assert score.num_stop_lines == len(judge.passed) == 4
+    assert score.num_red_lights == len(judge.red)
+    assert (score.num_collisions, score.num_lane_invasions, score.off_road_time) == (0, 0, 0.0)
+    assert score.distance > 400.0
+    assert score.max_lane_offset < 0.5
+    assert score.min_time_to_collision > 0.0
+
+
+def test_score_of_the_self_driving_ego_agrees_with_the_observer_of_drivers() -> None:
+    town = Crossroads.built_in("town")
+    town.client.start(time_step=100)
+    town.client.ask("/Service_MoraiEventCmd", option=1, ctrl_mode=6)
+    world = town.world
+    world.start_scoring()
+    judge = RedRuns(world, np.array([0]))
+    town.node.context.hooks.after_frame.append(lambda _now: judge.watch())
+    for _ in range(10 * 180):
+        town.client.tick()
+    score = read_score(world, 0)
+    assert score.num_stop_lines >= judge.num_passed >= 3
+    assert (score.num_red_lights, judge.num) == (0, 0)
+    assert (score.num_lane_invasions, score.off_road_time) == (0, 0.0)
 
 
 def test_town_traffic_runs_no_red_light_and_never_gets_stuck_in_ten_minutes() -> None:

@@ -211,7 +211,7 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         (
             "--deny-publish /ctrl_cmd leaves these ways open to move an ego: publishing /ghost_ctrl_cmd, /ego_setting,"
             " calling /SyncModeCtrlCmd, /sim/step, /Service_MoraiEventCmd, publishing /ReplayInfo_topic,"
-            " calling /Morai_SimProc, publishing /ScenarioLoad, and 3 more"
+            " calling /Morai_SimProc, publishing /ScenarioLoad, and 4 more"
         ),
     ),
     (
@@ -219,7 +219,7 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         {"publish": "/SetTrafficLight"},
         (
             "--deny-publish /SetTrafficLight leaves these ways open to set traffic lights: publishing /phase,"
-            " /ScenarioLoad, calling /Service_MoraiSL, /SyncModeScenarioLoad, /sim/reset"
+            " /ScenarioLoad, calling /Service_MoraiSL, /SyncModeScenarioLoad, /sim/reset, /sim/restore"
         ),
     ),
     (

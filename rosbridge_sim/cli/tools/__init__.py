@@ -1,1 +1,1 @@
-"""The tools for people without ROS: what `rostopic`, `rosservice` and `rosmsg` are to others, over a rosbridge."""
+"""The tools for users without ROS: over a rosbridge, they do what `rostopic`, `rosservice` and `rosmsg` do."""

@@ -1,4 +1,4 @@
-"""`bag repair`: a bag without an end, made readable."""
+"""`bag repair`: make a bag without an end readable."""
 
 from __future__ import annotations
 
@@ -12,7 +12,19 @@ __all__ = ["repair_bag"]
 
 
 def repair_bag(path: str, output: str | None, *, is_json: bool) -> int:
-    """Write what is whole of a bag into a new one, and say what it was."""
+    """Write the complete parts of a bag into a new one, and print what was found.
+
+    Args:
+        path: the broken bag.
+        output: the new bag; None uses the default name.
+        is_json: print JSON for programs.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        DocumentError: the bag cannot be read, or the new one cannot be written.
+    """
     target = repaired_name(Path(path)) if output is None else Path(output)
     found = repair(Path(path), target)
     if is_json:
@@ -36,11 +48,11 @@ def repair_bag(path: str, output: str | None, *, is_json: bool) -> int:
 def _account(found: Recovered) -> str:
     parts = [f"{found.num_messages:,} messages from {found.start_ns / 1e9:.2f} s to {found.end_ns / 1e9:.2f} s"]
     if found.num_damaged:
-        parts.append(f"{found.num_damaged:,} damaged chunks passed over")
+        parts.append(f"{found.num_damaged:,} damaged chunks skipped")
     if found.lost_topics:
         parts.append(f"without a readable definition: {', '.join(map(safe, found.lost_topics))}")
     if found.num_lost_bytes:
-        parts.append(f"{found.num_lost_bytes:,} bytes at the end were no whole chunk")
+        parts.append(f"{found.num_lost_bytes:,} bytes at the end were not a complete chunk")
     if found.is_complete and len(parts) == 1:
         parts.append("nothing was missing")
     return "; ".join(parts)

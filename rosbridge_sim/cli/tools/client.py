@@ -1,8 +1,8 @@
-"""The tools' connection: a rosbridge that is asked one thing at a time, with a deadline for every answer.
+"""The connection of the tools to a rosbridge: one request at a time, with a time limit for every answer.
 
-It is made for any rosbridge and not for ours alone: for one that never sends a status frame, that has no rosapi, that
-cuts its long messages into fragments nobody asked for, or that says nothing at all. `rosbridge_sim.client` reads and
-writes the frames. Frames that answer no call wait in the inbox until a tool takes them.
+It works with any rosbridge: also with one that never sends a status frame, that has no rosapi, that cuts long messages
+into fragments without a request, or that sends nothing at all. `rosbridge_sim.client` reads and writes the frames.
+Frames that answer no call wait in the inbox until a tool takes them.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from rosbridge_sim.shell.websocket.urls import shown_url
 __all__ = ["Bridge", "Frame", "ToolAnswer", "absolute", "answer_of", "open_bridge", "words"]
 
 CALLS_AT_ONCE = 20
-"""Calls that are under way together: the reference server takes a thread for each."""
+"""Calls that run at the same time: rosbridge_suite uses a thread for each."""
 
 
 @dataclass(frozen=True, slots=True)
 class ToolAnswer:
-    """What a service said.
+    """The answer of a service.
 
     Attributes:
-        is_ok: whether it did what it was asked for.
+        is_ok: the service did what was requested.
         values: the response, or the text of the refusal.
     """
 
@@ -45,16 +45,19 @@ class ToolAnswer:
 
 @asynccontextmanager
 async def open_bridge(url: str, token: str | None, patience: float) -> AsyncIterator[Bridge]:
-    """A connection that is closed at the end.
+    """Open a connection that is closed at the end.
 
     Args:
-        url: `ws://HOST:PORT`; `HOST` or `HOST:PORT` will do.
-        token: what lets us in, where something must.
-        patience: how long an answer may take [s].
+        url: `ws://HOST:PORT`; `HOST` and `HOST:PORT` are accepted, too.
+        token: token of the server; None sends none.
+        patience: longest wait for an answer [s].
+
+    Yields:
+        The rosbridge.
 
     Raises:
-        BridgeError: it cannot be made.
-        RefusedError: it ended by itself.
+        BridgeError: the connection cannot be made.
+        RefusedError: the server has closed it.
     """
     client = _ToolClient(url, token=token, timeout=patience, status_level=None)
     try:
@@ -70,7 +73,7 @@ async def open_bridge(url: str, token: str | None, patience: float) -> AsyncIter
 
 
 class _ToolClient(AsyncClient):
-    """A client that speaks of flags, to the user of a command."""
+    """A client whose errors name flags, for users of the command line."""
 
     url_name: ClassVar[str] = "--url"
     token_name: ClassVar[str] = "--token"  # noqa: S105 - a flag, and no secret
@@ -83,10 +86,10 @@ class _ToolClient(AsyncClient):
 
 
 class Bridge:
-    """A rosbridge at the other end.
+    """A rosbridge at the other end of a connection.
 
     Attributes:
-        patience: how long an answer may take [s].
+        patience: longest wait for an answer [s].
     """
 
     def __init__(self, client: AsyncClient, patience: float) -> None:
@@ -95,41 +98,57 @@ class Bridge:
         self._inbox = client.collect_others()
 
     def now(self) -> float:
-        """The time that deadlines are measured in [s]."""
+        """Return the time of the event loop, used for time limits [s]."""
         return asyncio.get_running_loop().time()
 
     async def send(self, op: str, **fields: object) -> str:
-        """Send an op; the id that it got."""
+        """Send an op.
+
+        Args:
+            op: name of the op.
+            fields: its fields.
+
+        Returns:
+            The id of the op.
+        """
         return await self._client.send(op, **fields)
 
     async def receive(self, until: float | None = None) -> Frame | None:
-        """The next frame; None if none comes until then."""
+        """Return the next frame; None if none comes in time.
+
+        Args:
+            until: time of the event loop [s]; None means no limit.
+        """
         return await self._inbox.next(until)
 
     def take_inbox(self) -> list[Frame]:
-        """The frames that came while something else was waited for."""
+        """Return the frames that came during other waits."""
         return self._inbox.take()
 
     # Calls
 
     async def call(self, service: str, args: object, patience: float | None) -> ToolAnswer | None:
-        """What a service answers; None if it does not.
+        """Return the answer of a service; None if none comes in time.
 
         Args:
-            service: its name.
+            service: name of the service.
             args: the request, by name or by position.
-            patience: how long it may take [s]; None is for ever. The server is told, and has a moment more, so that its
-                own words win.
+            patience: longest wait [s]; None means no limit. The server gets the same time-out, and this side waits a
+                moment longer, so that the server's own error text arrives.
         """
         call = await self._client.begin_call(service, args, server_timeout=patience or 0.0)
         answers = await self._answers([call], None if patience is None else patience + _LAST_WORD)
         return answers[0] if answers else None
 
     async def ask(self, service: str, /, **args: object) -> Frame:
-        """The values of a rosapi service.
+        """Return the values of a rosapi service.
+
+        Args:
+            service: name of the service.
+            args: fields of the request.
 
         Raises:
-            RefusedError: it refuses, or is not there.
+            RefusedError: it refuses, or does not exist.
             BridgeError: there is no answer.
         """
         (answer,) = await self.ask_all([(service, args)])
@@ -140,10 +159,13 @@ class Bridge:
         return answer.values
 
     async def ask_all(self, questions: Sequence[tuple[str, Mapping[str, object]]]) -> list[ToolAnswer]:
-        """The answers of rosapi services, in order of the questions.
+        """Return the answers of rosapi services, in order of the requests.
+
+        Args:
+            questions: name and request of each service.
 
         Raises:
-            BridgeError: one of them does not come.
+            BridgeError: an answer is missing.
         """
         answers: list[ToolAnswer] = []
         for start in range(0, len(questions), CALLS_AT_ONCE):
@@ -159,11 +181,11 @@ class Bridge:
 
     @property
     def silence(self) -> str:
-        """What to say when rosapi does not answer."""
+        """Error text for the case that rosapi does not answer."""
         return f"{shown_url(self._client.url)}: no answer within {self.patience:g} s; is rosapi running there?"
 
     async def _answers(self, calls: Sequence[asyncio.Future[Frame]], patience: float | None) -> list[ToolAnswer]:
-        """Return the answers to these calls that come in time, in the order of the calls; cancel the others."""
+        """Return the answers to these calls that come in time, in order of the calls; cancel the others."""
         try:
             await asyncio.wait(calls, timeout=patience)
             return [answer_of(call.result()) for call in calls if call.done()]
@@ -173,15 +195,24 @@ class Bridge:
 
 
 _LAST_WORD = 0.5
-"""How much longer than the server we wait for its own words about a time-out [s]."""
+"""Extra time after the server's time-out to receive its error text [s]."""
 
 
 def answer_of(frame: Frame) -> ToolAnswer:
-    """What a service_response says; where it does not say whether it went well, it did."""
+    """Return the content of a service_response; a missing `result` counts as success.
+
+    Args:
+        frame: the frame.
+    """
     return ToolAnswer(frame.get("result", True) is not False, frame.get("values", {}))
 
 
 def words(values: Frame, key: str) -> list[str]:
-    """The list of names in an answer; empty where it has none."""
+    """Return the list of names in an answer; empty if there is none.
+
+    Args:
+        values: values of the answer.
+        key: field with the list.
+    """
     value = values.get(key)
     return [str(one) for one in value] if isinstance(value, list) else []

@@ -1,7 +1,7 @@
-"""Pages of the documentation that are in the package: listed, printed, or opened as a site.
+"""Documentation pages in the package: listed, printed, or opened as a site.
 
-The Markdown pages are part of the wheel, since users work in closed networks. The built site is not, because it is ten
-times as large as the pages; in a checkout it is opened where `mkdocs build` has made it.
+The Markdown pages are part of the wheel, because some users work in closed networks. The built site is not, because it
+is ten times as large. In a checkout it can be opened after `mkdocs build`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ __all__ = ["Page", "find_pages", "list_pages", "open_site", "show_page"]
 _PACKAGE: Final = Path(__file__).resolve().parents[2]
 
 FOLDERS: Final = (_PACKAGE / "docs", _PACKAGE.parent / "docs")
-"""Where the pages are: within the wheel, or beside the package in a checkout."""
+"""Folders of the pages: inside the wheel, or beside the package in a checkout."""
 
 SITE: Final = _PACKAGE.parent / "build" / "site" / "index.html"
 """First page of a site that `mkdocs build` has made in a checkout."""
@@ -31,9 +31,9 @@ class Page:
     """One page.
 
     Attributes:
-        name: path below the folder of the pages without its suffix, such as `guides/ci`.
+        name: path below the folder of the pages, without suffix, such as `guides/ci`.
         title: its first heading.
-        path: of its file.
+        path: path of its file.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Page:
 
 
 def find_pages() -> list[Page]:
-    """Return all pages in the order of their names.
+    """Return all pages, sorted by name.
 
     Raises:
         DocumentError: this installation has no pages.
@@ -63,10 +63,13 @@ def _folder() -> Path:
 
 
 def list_pages(*, is_json: bool) -> int:
-    """Print name and title of each page; the exit code.
+    """Print name and title of each page.
 
     Args:
-        is_json: for programs, one JSON value.
+        is_json: print JSON for programs.
+
+    Returns:
+        The exit code.
 
     Raises:
         DocumentError: this installation has no pages.
@@ -81,11 +84,14 @@ def list_pages(*, is_json: bool) -> int:
 
 
 def show_page(name: str, *, is_json: bool) -> int:
-    """Print one page as it is written; the exit code.
+    """Print the source of one page.
 
     Args:
-        name: of the page. The folder and the suffix may be left out where that leaves one page.
-        is_json: for programs, one JSON value.
+        name: name of the page. Folder and suffix may be left out if the name is still unique.
+        is_json: print JSON for programs.
+
+    Returns:
+        The exit code.
 
     Raises:
         DocumentError: no page has that name, or several have.
@@ -111,7 +117,11 @@ def show_page(name: str, *, is_json: bool) -> int:
 
 
 def open_site() -> int:
-    """Open the built site in a browser; the exit code: 1 where there is none, or no browser."""
+    """Open the built site in a browser.
+
+    Returns:
+        The exit code: 1 if there is no site or no browser.
+    """
     if not SITE.is_file():
         note("no site is built here. In a checkout: pip install -e '.[docs]' && mkdocs build")
         note("rosbridge-sim docs lists the pages that are in the package")

@@ -1,4 +1,4 @@
-"""`topic hz`: how often a topic's messages come here, and how evenly."""
+"""`topic hz`: rate and regularity of a topic's messages."""
 
 from __future__ import annotations
 
@@ -17,21 +17,21 @@ from rosbridge_sim.cli.tools.text import put, put_json
 __all__ = ["Rate", "Rates", "show_rate"]
 
 REPORT_INTERVAL = 1.0
-"""Between two reports [s]."""
+"""Time between two reports [s]."""
 
 MAX_WINDOW = 50_000
-"""Messages that are looked back on where nothing is said: a quarter of an hour at 50 Hz."""
+"""Default number of messages to measure over: a quarter of an hour at 50 Hz."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rate:
-    """What the last intervals between messages were like.
+    """Statistics of the last intervals between messages.
 
     Attributes:
-        rate: their mean, as a frequency [Hz].
-        shortest, longest: of them [s].
-        deviation: their standard deviation [s].
-        num_messages: messages that they lie between.
+        rate: mean rate [Hz].
+        shortest, longest: shortest and longest interval [s].
+        deviation: standard deviation of the intervals [s].
+        num_messages: number of messages in the measurement.
     """
 
     rate: float
@@ -48,24 +48,28 @@ class Rate:
 
 
 class Rates:
-    """The times of the last messages."""
+    """Arrival times of the last messages."""
 
     def __init__(self, window: int = MAX_WINDOW) -> None:
-        """No message yet.
+        """Begin without messages.
 
         Args:
-            window: how many messages are looked back on; at least 2.
+            window: number of messages to measure over; at least 2.
         """
         self._times: deque[float] = deque(maxlen=window)
 
     def add(self, now: float) -> None:
-        """A message has come."""
+        """Add a message.
+
+        Args:
+            now: its arrival time [s].
+        """
         self._times.append(now)
 
     def read(self) -> Rate | None:
-        """What they were like; None before the second message."""
+        """Return the statistics; None before the second message."""
         times = list(self._times)
-        if len(times) < 2:  # noqa: PLR2004 - an interval has two ends
+        if len(times) < 2:  # noqa: PLR2004 - an interval needs two messages
             return None
         intervals = [after - before for before, after in itertools.pairwise(times)]
         mean = (times[-1] - times[0]) / len(intervals)
@@ -84,19 +88,22 @@ async def show_rate(
     patience: float | None,
     is_json: bool,
 ) -> int:
-    """Report each second, and a last time when `count` messages have come.
+    """Print the rate each second, and once more after `count` messages.
 
     Args:
-        bridge: where.
-        name: of the topic.
-        type_name: its type; None for that of a topic that is there.
-        window: messages that are looked back on; None for many.
-        count: of messages; None for no end.
-        patience: longest wait for a message [s]; None is for ever.
-        is_json: one line of JSON for each report.
+        bridge: the rosbridge.
+        name: name of the topic.
+        type_name: its type; None means that of an existing topic.
+        window: number of messages to measure over; None means MAX_WINDOW.
+        count: number of messages; None means no end.
+        patience: longest wait for a message [s]; None means no limit.
+        is_json: print one line of JSON per report.
+
+    Returns:
+        The exit code.
 
     Raises:
-        RefusedError: the topic cannot be had, or no message came in time.
+        RefusedError: the topic does not exist, or no message came in time.
     """
     topic = absolute(name)
     listener = await Listener.open(bridge, topic, type_name)
@@ -121,7 +128,7 @@ async def show_rate(
 
 
 class _Line:
-    """Where reports go: one below the other, or one over the other on a terminal."""
+    """Output of reports: in separate lines, or in one line of a terminal that is overwritten."""
 
     def __init__(self, *, is_json: bool) -> None:
         self._is_json = is_json
@@ -136,7 +143,7 @@ class _Line:
             put("")
 
     def write(self, rate: Rate | None, *, is_new: bool) -> None:
-        """Report; `is_new` is whether a message has come since the last one."""
+        """Print a report; `is_new` is True if a message came after the last one."""
         if self._is_json:
             fields = ("rate", "min", "max", "std_dev", "window")
             values = (rate.rate, rate.shortest, rate.longest, rate.deviation, rate.num_messages) if rate else ()
@@ -144,7 +151,7 @@ class _Line:
             return
         text = "no new messages" if rate is None or not is_new else str(rate)
         if self._is_terminal:
-            sys.stdout.write(f"\r{text}\x1b[K")  # over the last one, and away with what is left of it
+            sys.stdout.write(f"\r{text}\x1b[K")  # overwrite the last report, and erase its end
             sys.stdout.flush()
             self._is_open = True
         else:

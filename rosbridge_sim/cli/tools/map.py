@@ -1,7 +1,7 @@
-"""`map info`: verdicts on maps; what a map's folder holds, what the reader makes of it; a picture if one is wanted.
+"""`map info`: checks of maps; the contents of a map's folder, the map read from it, and a picture on request.
 
-A *mistake* is what a load of the map refuses. A *remark* is about what it lacks, or what was read otherwise than it is
-written.
+A *mistake* makes loading the map fail. A *remark* is about a missing part, or about a value that is read in another way
+than it is written.
 """
 
 from __future__ import annotations
@@ -23,22 +23,25 @@ from rosbridge_sim.shell.terminal_text import safe
 __all__ = ["show_maps"]
 
 MAX_ROWS: Final = 60
-"""Intersections that are listed for a person."""
+"""Intersections that are listed for people."""
 
 WIDTH: Final = 110
-"""Of lines that hold many names, as of our help."""
+"""Width of lines with many names, as in the help texts."""
 
 _Report = dict[str, Any]  # a JSON object
 
 
 def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_strict: bool) -> int:
-    """Explain a map, or tell the verdicts on several; return the exit code, see `verdicts.exit_code`.
+    """Explain a map, or print the result of checks of several.
 
     Args:
         names: folders, folders of such folders, or names of built-in maps.
-        picture: where a picture of the only one goes.
-        is_json: for a program.
-        is_strict: remarks count as mistakes do in the exit code.
+        picture: file for a picture; allowed for a single map.
+        is_json: print JSON for programs.
+        is_strict: remarks count like mistakes in the exit code.
+
+    Returns:
+        The exit code; see `verdicts.exit_code`.
 
     Raises:
         DocumentError: there is no such folder, or the picture cannot be written.
@@ -49,7 +52,7 @@ def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_st
     if len(folders) == 1:
         account, road_map = _account(folders[0])
         if picture is not None and road_map is not None:
-            from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
+            from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
 
             draw_map(road_map, Path(picture))
         if is_json:
@@ -69,7 +72,7 @@ def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_st
 
 
 def _find_folders(name: str) -> list[Path]:
-    """Return the folder of a map; of a folder that is none, those in it that are.
+    """Return the folder of a map; for another folder, the folders of maps in it.
 
     Raises:
         DocumentError: there is no such folder.
@@ -86,7 +89,7 @@ def _find_folders(name: str) -> list[Path]:
 
 
 def _account(folder: Path) -> tuple[_Report, RoadMap | None]:
-    """The account of a map; and the map, if it can be read.
+    """Return the report on a map, and the map if it can be read.
 
     Raises:
         DocumentError: the folder cannot be read.
@@ -107,7 +110,7 @@ def _account(folder: Path) -> tuple[_Report, RoadMap | None]:
     return {**account, "is_good": not remarks, "mistakes": [], "remarks": remarks, **described}, road_map
 
 
-# For a person
+# Output for people
 
 
 def _show(account: _Report) -> None:
@@ -118,8 +121,8 @@ def _show(account: _Report) -> None:
     files = account["files"]
     named = [f"{one['name']} ({one['holds']})" if one["holds"] else one["name"] for one in files if one["is_read"]]
     _put_names("read", named)
-    _put_names("there, but not needed", [one["name"] for one in files if one["is_there"] and not one["is_read"]])
-    _put_names("not there", [one["name"] for one in files if not one["is_there"] and one["is_known"]])
+    _put_names("present, but not needed", [one["name"] for one in files if one["is_there"] and not one["is_read"]])
+    _put_names("missing", [one["name"] for one in files if not one["is_there"] and one["is_known"]])
     if not account["mistakes"]:
         _show_figures(account)
 
@@ -153,7 +156,7 @@ def _show_figures(account: _Report) -> None:
     put(f"nodes: {account['nodes']['num']:,}, {account['nodes']['on_stop_line']:,} of them on a stop line")
     put(
         f"lanes: {lanes['num']:,}, {lanes['length_km']:.2f} km; {lanes['num_with_neighbours']:,} with a lane beside "
-        f"that one may change into, {lanes['num_to_stop_lines']:,} that end at a stop line; "
+        f"it to change into, {lanes['num_to_stop_lines']:,} that end at a stop line; "
         f"{lanes['num_links_for_changes']:,} links for lane changes"
     )
     _put_lanes("speed limit [km/h]", lanes["by_speed_limit"])
@@ -175,7 +178,7 @@ def _put_lanes(title: str, kinds: Mapping[str, _Report]) -> None:
 
 
 def _counts(counts: Mapping[str, int], before: str = "") -> str:
-    """How many of each kind, behind how many there are."""
+    """Return the total, and the number of each kind."""
     return f" ({', '.join(f'{num:,} {before}{safe(name)}' for name, num in counts.items())})" if counts else ""
 
 

@@ -1,8 +1,8 @@
-"""`record`: what is published on any rosbridge, into a bag, until Ctrl-C.
+"""`record`: record topics of any rosbridge into a bag, until Ctrl-C.
 
-Stamps are the time of `/clock`, or of a clock by another name, where the server has one, as with `use_sim_time`; else
-the time of day. What that clock shows is the server's choice (`--stamps`). What comes before the first clock waits for
-it. New topics are looked for once a second, and the bag is flushed as often.
+Stamps are the time of `/clock`, or of a clock with another name, if the server has one, as with `use_sim_time`;
+otherwise the time of day. The server decides what that clock shows (`--stamps`). Messages before the first clock
+message wait for it. New topics are searched once a second, and the bag is flushed as often.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ __all__ = ["record"]
 CLOCK = "/clock"
 
 CLOCK_TYPES = {"rosgraph_msgs/Clock", "rosgraph_msgs/msg/Clock"}
-"""Of a clock that is called something else."""
+"""Types of a clock topic, which may have another name."""
 
 MAX_WAITING_MESSAGES = 10_000
-"""Messages that wait for a first clock; then they are stamped with the time 0."""
+"""Messages that wait for a first clock message; if there are more, they are stamped with time 0."""
 
 
 async def record(
@@ -51,20 +51,23 @@ async def record(
     patience: float | None,
     is_json: bool,
 ) -> int:
-    """Record until Ctrl-C, another signal to stop, the server's end, or so many messages.
+    """Record until Ctrl-C, another stop signal, the server's end, or the given number of messages.
 
     Args:
-        bridge: whose topics.
-        path: of the new bag.
-        patterns: of topics; empty for all.
-        choice: what decides which definitions are known; the generation is the bag's.
-        count: None for no end.
-        patience: longest wait for a message [s]; None is for ever.
-        is_json: tell a program on stdout how it ended, and not a person.
+        bridge: the rosbridge.
+        path: path of the new bag.
+        patterns: patterns of topics; empty means all.
+        choice: selects the known definitions; the ROS generation is that of the bag.
+        count: number of messages; None means no end.
+        patience: longest wait for a message [s]; None means no limit.
+        is_json: print the result as JSON on stdout, not as a line for people.
+
+    Returns:
+        The exit code.
 
     Raises:
-        DocumentError: the bag cannot be written, or is not there any more.
-        RefusedError: the server is gone, or no message came in time; the bag is finished all the same.
+        DocumentError: the bag cannot be written, or its file was deleted.
+        RefusedError: the connection has ended, or no message came in time; the bag is finished in any case.
     """
     ros = generation_of(Path(path))
     store = open_store(DefinitionSources(choice.release, str(ros), choice.folders))
@@ -81,7 +84,7 @@ async def record(
             note(f"recording into {path}; Ctrl-C ends it")
             await tape.run(count, patience)
         except asyncio.CancelledError:
-            pass  # a signal: that is how it ends
+            pass  # a stop signal is the usual end
         finally:
             tape.finish()
     if is_json:
@@ -92,20 +95,20 @@ async def record(
 
 
 class _RecordingSession:
-    """What has come so far, and what is asked for."""
+    """One recording: its progress and its topics."""
 
     def __init__(self, bridge: Bridge, writer: BagMessageWriter, rule: Rule) -> None:
         self.num_topics = 0
         self._bridge = bridge
         self._scribe = writer
         self._rule = rule
-        self._wanted: dict[str, bool] = {}  # name -> whether it is recorded; False for a type that is not known
-        self._clock: str | None = None  # the topic
+        self._wanted: dict[str, bool] = {}  # name -> True if it is recorded; False for an unknown type
+        self._clock: str | None = None  # name of the clock's topic
         self._clock_ns: int | None = None
         self._waiting: list[tuple[str, bytes]] = []
 
     async def run(self, count: int | None, patience: float | None) -> None:
-        """Record so many messages, or for ever; see `record`."""
+        """Record so many messages, or without an end; see `record`."""
         look_at = self._bridge.now()
         give_up_at = math.inf if patience is None else look_at + patience
         num_before = 0
@@ -131,25 +134,25 @@ class _RecordingSession:
         try:
             self._scribe.flush()
         except BagGoneError:
-            self._waiting.clear()  # there is nowhere to write it to
+            self._waiting.clear()  # they cannot be written any more
             raise
 
     def finish(self) -> None:
-        """Write what waits, and the bag's end."""
+        """Write the waiting messages, and the bag's end."""
         self._release(0)
         self._scribe.close()
         if sys.stderr.isatty():
             sys.stderr.write("\n")
 
     async def _look(self) -> None:
-        """Subscribe to what is new."""
+        """Subscribe to new topics."""
         values = await self._bridge.ask("topics")
         types = dict(zip(map(absolute, words(values, "topics")), words(values, "types"), strict=False))
         if self._clock is None:
             self._clock = _clock_of(types)
             if self._clock is not None and not self._rule.admits(self._clock):
                 await self._bridge.send("subscribe", topic=self._clock, type=types[self._clock])
-        for topic, type_name in sorted(types.items(), key=lambda one: one[0] != self._clock):  # the time comes first
+        for topic, type_name in sorted(types.items(), key=lambda one: one[0] != self._clock):  # the clock comes first
             if topic in self._wanted or not self._rule.admits(topic):
                 continue
             self._wanted[topic] = self._can(topic, type_name)
@@ -158,7 +161,7 @@ class _RecordingSession:
                 await self._bridge.send("subscribe", topic=topic, type=type_name)
 
     def _can(self, topic: str, type_name: str) -> bool:
-        """Whether a topic can be written; if not, say so."""
+        """Return True if a topic can be written; otherwise print why not."""
         try:
             self._scribe.add(topic, type_name)
         except PeerError as error:
@@ -185,7 +188,7 @@ class _RecordingSession:
                 self._write(topic, body, time.time_ns() if self._clock_ns is None else self._clock_ns)
 
     def _release(self, stamp_ns: int) -> None:
-        """Write what has waited for the time."""
+        """Write the messages that have waited for the clock."""
         waiting, self._waiting = self._waiting, []
         for topic, body in waiting:
             self._write(topic, body, stamp_ns)
@@ -195,10 +198,10 @@ class _RecordingSession:
             self._scribe.write_json(topic, body, stamp_ns)
         except PeerError as error:
             self._wanted[topic] = False
-            note(f"{topic} is recorded no longer: {error}")
+            note(f"{topic} is not recorded any more: {error}")
 
     def _show(self) -> None:
-        """How far it is, for a person who looks on."""
+        """Show the progress, for people."""
         if sys.stderr.isatty():
             at = "" if self._clock_ns is None else f"{self._clock_ns / 1e9:.1f} s, "
             size = self._scribe.num_bytes / 1e6
@@ -207,13 +210,13 @@ class _RecordingSession:
 
 
 def _clock_of(types: Mapping[str, str]) -> str | None:
-    """The topic that tells the time, of those that there are; None where there is none."""
+    """Return the clock's topic; None if there is none."""
     clocks = [topic for topic, type_name in types.items() if type_name in CLOCK_TYPES]
     return CLOCK if CLOCK in types else min(clocks, default=None)
 
 
 def _stamp_of(msg: object) -> int:
-    """The time of a rosgraph_msgs/Clock in either generation's spelling [ns]; 0 where there is none."""
+    """Return the time of a rosgraph_msgs/Clock in the spelling of either generation [ns]; 0 if there is none."""
     clock = msg.get("clock") if isinstance(msg, dict) else None
     if not isinstance(clock, dict):
         return 0

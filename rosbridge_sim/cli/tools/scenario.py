@@ -1,7 +1,7 @@
-"""`scenario check`: verdicts on scenario files, and what one holds: its items, the keys that are read, what is odd.
+"""`scenario check`: checks of scenario files, and the contents of one: its items, and the keys that are used.
 
-A *mistake* is what a load refuses. A *remark* is about something that loads and is hardly meant so, or that is read
-otherwise than it is written. A file is *good* without either.
+A *mistake* makes loading fail. A *remark* is about a value that loads but is probably not intended, or that is read in
+another way than it is written. A file without either is *good*.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from rosbridge_sim.world.state import Kind
 __all__ = ["check_scenarios", "hint_at", "open_library", "show_keys"]
 
 _VARIABLES: Final = frozenset(PREFIX + name for name in ("CONFIG", "MAP", "SCENARIO_PATH", "CATALOGUE"))
-"""Environment variables that concern scenarios and maps. Mistakes in others do not matter to this command."""
+"""Environment variables about scenarios and maps. Mistakes in others do not matter to this command."""
 
 SURE: Final = 0.9
-"""A key that is so like one that is read is a slip of the pen; MORAI's own keys are less alike."""
+"""A key with this similarity to a known key is a typing mistake; MORAI's own keys are less similar to each other."""
 
 WIDTH: Final = 110
-"""Of lines that hold many keys, as of our help."""
+"""Width of lines with many keys, as in the help texts."""
 
 _LISTS: Final = (
     *("egoVehicle", "vehicleList", "pedestrianList", "objectList", "waypointDataList", "tlList"),
@@ -57,10 +57,15 @@ _Report = dict[str, Any]  # a JSON object
 def open_library(
     own_map: str | None, folders: Sequence[str], own_models: str | None = None
 ) -> tuple[DiskLibrary, str | None]:
-    """The scenarios and maps that a server started with these settings would find, and the map that stands for all.
+    """Return the scenarios and maps of a server with these settings, and the map that replaces all others.
+
+    Args:
+        own_map: name or folder of a map; None uses the environment.
+        folders: folders of scenarios.
+        own_models: file of the user's catalogue.
 
     Raises:
-        DocumentError: a setting, a folder or a catalogue that cannot be used.
+        DocumentError: a setting, a folder or a catalogue cannot be used.
     """
     flags = [f"--scenario-path={folder}" for folder in folders]
     flags += [] if own_map is None else [f"--map={own_map}"]
@@ -78,18 +83,21 @@ def check_scenarios(
     is_json: bool,
     is_strict: bool,
 ) -> int:
-    """Explain a scenario, or tell the verdicts on several; return the exit code, see `verdicts.exit_code`.
+    """Explain a scenario, or print the results of checks of several.
 
     Args:
-        names: files, folders of them, or names of scenarios as clients and `serve --scenario` give them.
-        library: where scenarios and maps are.
-        own_map: name or folder of the map to check them on, in place of their own.
-        picture: where a picture of the only one on its map goes.
-        is_json: for a program.
-        is_strict: remarks count as mistakes do in the exit code.
+        names: files, folders of them, or names of scenarios as for clients and `serve --scenario`.
+        library: scenarios and maps.
+        own_map: name or folder of a map that replaces those of the scenarios.
+        picture: file for a picture; allowed for a single scenario.
+        is_json: print JSON for programs.
+        is_strict: remarks count like mistakes in the exit code.
+
+    Returns:
+        The exit code; see `verdicts.exit_code`.
 
     Raises:
-        DocumentError: no such file, a map that was named here cannot be used, or the picture cannot be written.
+        DocumentError: there is no such file, `own_map` cannot be used, or the picture cannot be written.
     """
     files = [file for name in names for file in _expand(name, library)]
     if files == list(names) and len(files) == 1:
@@ -116,10 +124,12 @@ def check_scenarios(
 
 
 def _expand(name: str, library: DiskLibrary) -> list[str]:
-    """Return the files of a folder, there and in the folders in it (MORAI keeps them by map); else the name itself.
+    """Return the scenario files in a folder and its subfolders; for another name, the name itself.
+
+    MORAI has a subfolder for each map.
 
     Raises:
-        DocumentError: a folder without any.
+        DocumentError: the folder has no scenarios.
     """
     folder = Path(name)
     if not folder.is_dir() or (not looks_like_path(name) and library.has_scenario(name)):
@@ -132,19 +142,19 @@ def _expand(name: str, library: DiskLibrary) -> list[str]:
 
 
 def _draw(scenario: Scenario, road_map: RoadMap | None, path: Path) -> None:
-    from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - with Pillow, for this alone
+    from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
 
     ground = road_map or RoadMap(scenario.map_name or "", Projection(is_tm=False), (0.0, 0.0, 0.0), Roads())
     draw_map(ground, path, (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles))
 
 
-# The account
+# The report
 
 
 def _account(
     text: bytes, source: str, library: DiskLibrary, own_map: str | None
 ) -> tuple[_Report, Scenario | None, RoadMap | None]:
-    """The account; and the scenario as far as it can be read, on its map if that is known."""
+    """Return the report, the scenario as far as it can be read, and its map if that is known."""
     draft = read_draft(text, source, library.catalogue)
     mistakes, remarks = list(draft.mistakes), []
     scenario = draft.scenario
@@ -179,7 +189,7 @@ def _account(
 
 
 def _phases(scenario: Scenario, road_map: RoadMap | None) -> Sequence[PhaseStart]:
-    """The phases that intersections begin in, by the controllers' ids where the map is known."""
+    """Return the first phases of intersections, by the controllers' ids if the map is known."""
     return scenario.phases if road_map is None else sort_phases(scenario, road_map.plan)[0]
 
 
@@ -195,7 +205,7 @@ def _find_map(scenario: Scenario, library: DiskLibrary, own_map: str | None) -> 
         road_map = library.map(asked or DEFAULT_MAP)
     except DocumentError as error:
         if own_map is not None:
-            raise  # it was named on the command line
+            raise  # the map was given on the command line
         return {"name": asked, "is_known": False, "checked_on": None, "why": str(error)}, None
     return {
         **account,
@@ -241,7 +251,7 @@ def _items(scenario: Scenario, document: JsonValue, catalogue: Catalogue) -> Ite
 
 
 def _is_replaced(item: Mapping[str, Any], kind: Kind, catalogue: Catalogue) -> bool:
-    """Tell whether only the class of the model that the file means is known."""
+    """Return True if the model in the file is unknown, and only its class is known."""
     try:
         data_id = int(float(str(item.get("DataID")).replace(",", "")))
     except (ValueError, OverflowError):
@@ -250,7 +260,7 @@ def _is_replaced(item: Mapping[str, Any], kind: Kind, catalogue: Catalogue) -> b
 
 
 def _way(spawn: Spawn) -> str:
-    """Describe the way of an item in a few words."""
+    """Describe the path of an item in a few words."""
     way = _way_once_it_goes(spawn)
     return f"{way}, when an ego is within {spawn.start_within:g} m" if spawn.start_within and spawn.speed else way
 
@@ -260,21 +270,21 @@ def _way_once_it_goes(spawn: Spawn) -> str:
     if spawn.kind is Kind.EGO:
         return f"driven from outside, in {spawn.gear.name.lower()}"
     if driver is not None:
-        route = f"a route of {len(driver.links)} links" if driver.links else "lanes by chance"
+        route = f"a route of {len(driver.links)} links" if driver.links else "random lanes"
         limit = (
-            "as is allowed"
+            "at the speed limit"
             if math.isinf(driver.desired_speed)
             else f"at most {driver.desired_speed * MPS_TO_KMH:.0f} km/h"
         )
-        return f"{route}{', round and round' if spawn.is_loop and driver.links else ''}, {limit}"
+        return f"{route}{', repeated' if spawn.is_loop and driver.links else ''}, {limit}"
     if spawn.path is not None:
         length = float(arc_lengths(spawn.path)[-1])
-        back = "" if not spawn.is_loop else ", round and round"
+        back = "" if not spawn.is_loop else ", repeated"
         return f"path of {len(spawn.path)} waypoints, {length:,.0f} m{back}"
     return "straight ahead" if spawn.speed else "stands"
 
 
-# For a person
+# Output for people
 
 
 def _show(account: _Report) -> None:
@@ -296,17 +306,27 @@ def _show(account: _Report) -> None:
     read, passed_over = account["read"], account["passed_over"]
     is_inner = {key: any(other.startswith((f"{key}.", f"{key}[]")) for other in read) for key in read}
     show_keys("read", {key: key for key in read if not is_inner[key]})
-    show_keys("known, without effect yet", {key: f"{key} ({n:,})" for key, n in account["without_effect"].items()})
-    show_keys("passed over", {key: f"{key} ({n:,}){hint_at(key, keys_near(key))}" for key, n in passed_over.items()})
+    show_keys("known, but without effect", {key: f"{key} ({n:,})" for key, n in account["without_effect"].items()})
+    show_keys("ignored", {key: f"{key} ({n:,}){hint_at(key, keys_near(key))}" for key, n in passed_over.items()})
 
 
 def hint_at(path: str, known: Sequence[str]) -> str:
-    """The key that somebody may have meant by one that nobody reads."""
+    """Return a suggestion for an unknown key: the known key that was probably meant.
+
+    Args:
+        path: path of the unknown key.
+        known: similar known keys.
+    """
     return hint(path.rpartition(".")[2].removesuffix("[]"), known, SURE)
 
 
 def show_keys(title: str, keys: Mapping[str, str]) -> None:
-    """Keys by their path and as they are to be shown, those of one part of a document together."""
+    """Print keys, grouped by the part of the document.
+
+    Args:
+        title: title of the list.
+        keys: path of each key -> text to print.
+    """
     if not keys:
         return
     parts: dict[str, list[str]] = {}
@@ -338,7 +358,7 @@ def _row(item: _Report) -> tuple[str, ...]:
 
 
 def _map_line(account: _Report) -> str:
-    named = safe(account["name"]) if account["name"] else "none is named; it would come onto the one in use"
+    named = safe(account["name"]) if account["name"] else "none is named; the server's current map would be used"
     on = account["checked_on"]
     checked = "" if on == account["name"] else f"; checked on {safe(on)}"
     return f"{named}{checked} ({account['lanes']:,} lanes, {account['lights']:,} lights)"

@@ -1,4 +1,4 @@
-"""`schema list` and `show`: the definitions that we know of our own and from the user's folders; no server is asked."""
+"""`schema list` and `show`: the definitions of the package and of the user's folders; no server is needed."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ Kind = Literal["msg", "srv", "action"]
 KINDS: tuple[Kind, ...] = ("msg", "srv", "action")
 
 _VARIABLES = frozenset(PREFIX + name for name in ("CONFIG", "RELEASE", "ROS", "SCHEMA_PATH"))
-"""Environment variables that concern definitions. Mistakes in others do not matter to this command."""
+"""Environment variables about definitions. Mistakes in others do not matter to this command."""
 
 
 @dataclass(frozen=True, slots=True)
 class DefinitionSources:
-    """What decides which definitions there are; None and nothing are what the environment says, or the default.
+    """The choice of definitions; None, or an empty value, uses the environment or the default.
 
     Attributes:
-        release: of `morai_msgs`.
-        ros: the generation whose standard messages are meant.
-        folders: the user's.
+        release: release of `morai_msgs`.
+        ros: ROS generation of the standard messages.
+        folders: the user's folders.
     """
 
     release: str | None = None
@@ -46,10 +46,13 @@ class DefinitionSources:
 
 
 def open_store(choice: DefinitionSources) -> Store:
-    """Everything that a server started with these settings would know.
+    """Return all types that a server with these settings knows.
+
+    Args:
+        choice: the choice of definitions.
 
     Raises:
-        DocumentError: a setting, a folder or a file that cannot be used.
+        DocumentError: a setting, a folder or a file cannot be used.
     """
     flags = [f"--{name}={value}" for name, value in (("release", choice.release), ("ros", choice.ros)) if value]
     flags += [f"--schema-path={folder}" for folder in choice.folders]
@@ -61,7 +64,20 @@ def open_store(choice: DefinitionSources) -> Store:
 
 
 def list_types(package: str | None, choice: DefinitionSources, *, is_json: bool) -> int:
-    """Every type, or those of one package, by name."""
+    """Print all types, or those of one package, sorted by name.
+
+    Args:
+        package: name of the package; None means all.
+        choice: the choice of definitions.
+        is_json: print JSON for programs.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        DocumentError: a setting, a folder or a file cannot be used.
+        RefusedError: the package is unknown.
+    """
     store = open_store(choice)
     if package is not None and package not in store.packages():
         raise RefusedError(f"no package {safe(package)} is known{hint(package, store.packages())}")
@@ -82,7 +98,21 @@ def list_types(package: str | None, choice: DefinitionSources, *, is_json: bool)
 
 
 def show_type(name: str, choice: DefinitionSources, *, is_full: bool, is_json: bool) -> int:
-    """The text of a definition; of all that have the name, where it names no package or no kind."""
+    """Print a definition; several if the name has no package or no kind and fits more than one.
+
+    Args:
+        name: `pkg/Type`, or `Type` of any package.
+        choice: the choice of definitions.
+        is_full: also print the definitions of all types in it.
+        is_json: print JSON for programs.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        DocumentError: a setting, a folder or a file cannot be used.
+        RefusedError: the type is unknown.
+    """
     store = open_store(choice)
     found = list(_find(store, name))
     if not found:
@@ -106,11 +136,11 @@ _NAME = re.compile(r"(?:(?P<package>\w+)/)?(?:(?P<kind>msg|srv|action)/)?(?P<sho
 
 
 def _find(store: Store, name: str) -> Iterator[tuple[str, Kind]]:
-    """Type and kind of each definition that a name can mean: `Type`, `pkg/Type`, `pkg/msg/Type`."""
+    """Yield type and kind of each definition that a name can mean: `Type`, `pkg/Type`, `pkg/msg/Type`."""
     match = _NAME.fullmatch(name)
     if match is None:
         return
-    wanted = store.canonical(name) if match["package"] else ""  # that knows the other names of a type
+    wanted = store.canonical(name) if match["package"] else ""  # `canonical` knows the other spellings of a type
     for kind in KINDS:
         if match["kind"] in {None, kind}:
             for one in store.names(kind):
@@ -130,7 +160,7 @@ def _why_not(store: Store, name: str) -> str:
 
 
 def _text(store: Store, name: str, kind: Kind, *, is_full: bool) -> str:
-    """The definition as it is written, its parts divided by `---`; `is_full` adds those of all types in it."""
+    """Return the source of a definition, with its parts separated by `---`; `is_full` adds those of all types in it."""
     parts = _parts(store, name, kind)
     text = "\n---\n".join(part.text.strip("\n") for part in parts)
     if not is_full:
@@ -153,7 +183,7 @@ def _parts(store: Store, name: str, kind: Kind) -> list[Definition]:
 
 
 def _collect(store: Store, definition: Definition, nested: dict[str, Definition]) -> None:
-    """Add each message within, once, depth first."""
+    """Add each message type inside a definition, once, depth first."""
     for field in definition.fields:
         if "/" in field.type and field.type not in nested:
             inner = nested[field.type] = store.message(field.type).definition

@@ -1,4 +1,4 @@
-"""`service list`, `info` and `call`: what can be asked for, in which form, and the asking itself."""
+"""`service list`, `info` and `call`: list services, show their fields, and call them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,20 @@ __all__ = ["call", "list_services", "show_service"]
 
 
 async def list_services(bridge: Bridge, *, is_verbose: bool, is_json: bool) -> int:
-    """Every service by name; with its type and the node that provides it."""
+    """Print all services, sorted by name.
+
+    Args:
+        bridge: the rosbridge.
+        is_verbose: with type and provider.
+        is_json: print JSON for programs.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        RefusedError: rosapi refuses, or does not exist.
+        BridgeError: there is no answer.
+    """
     names = sorted(words(await bridge.ask("services"), "services"))
     if not is_verbose:
         if is_json:
@@ -51,7 +64,20 @@ Fields = Sequence[tuple[str, str]]
 
 
 async def show_service(bridge: Bridge, name: str, *, is_json: bool) -> int:
-    """A service's type, who provides it, and what goes in and comes out as far as the server or we know."""
+    """Print a service's type and provider, and its request and response as far as they are known.
+
+    Args:
+        bridge: the rosbridge.
+        name: name of the service.
+        is_json: print JSON for programs.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        RefusedError: there is no such service.
+        BridgeError: there is no answer.
+    """
     service = absolute(name)
     kind = str((await bridge.ask("service_type", service=service)).get("type", ""))
     if not kind:
@@ -67,7 +93,7 @@ async def show_service(bridge: Bridge, name: str, *, is_json: bool) -> int:
         return 0
     put(f"Type: {safe(kind)}\nProvider: {safe(provider) or 'unknown'}")
     if not halves:
-        put("\nIts definition is known neither there nor here.")
+        put("\nIts definition is unknown, on the server and here.")
         return 0
     for title, lines in zip(("Request", "Response"), halves, strict=True):
         put(f"\n{title}:{'' if lines else ' (empty)'}")
@@ -77,11 +103,11 @@ async def show_service(bridge: Bridge, name: str, *, is_json: bool) -> int:
 
 
 Halves = tuple[list[str], list[str]]
-"""The outlines of a request and of a response."""
+"""Outlines of a request and of a response."""
 
 
 async def _ask_details(bridge: Bridge, kind: str) -> Halves | None:
-    """Both halves as the server has them; None where it does not say."""
+    """Return both halves from the server; None if it does not know them."""
     questions = ("service_request_details", "service_response_details")
     answers = await bridge.ask_all([(question, {"type": kind}) for question in questions])
     halves = [_read_typedefs(answer) for answer in answers]
@@ -92,7 +118,7 @@ async def _ask_details(bridge: Bridge, kind: str) -> Halves | None:
 
 
 def _read_typedefs(answer: ToolAnswer) -> Iterator[str] | None:
-    """The outline of a message from rosapi's typedefs, the first of which is the message itself."""
+    """Yield the outline of a message from rosapi's typedefs; the first typedef is the message itself."""
     typedefs = answer.values.get("typedefs") if answer.is_ok and isinstance(answer.values, dict) else None
     if not isinstance(typedefs, list) or not typedefs or not all(isinstance(one, dict) for one in typedefs):
         return None
@@ -104,7 +130,7 @@ def _read_fields(typedef: Mapping[str, object]) -> Fields:
     names, types, lengths = (typedef.get(key) for key in ("fieldnames", "fieldtypes", "fieldarraylen"))
     if not (isinstance(names, list) and isinstance(types, list) and isinstance(lengths, list)):
         return ()
-    # The reference server for ROS 2 writes Python's names of fields, with an underscore that no field begins with.
+    # rosbridge_suite for ROS 2 writes Python's names of fields, with an underscore in front.
     return [
         (f"{kind}{'' if length == -1 else f'[{length or str()}]'}", str(name).lstrip("_"))
         for kind, name, length in zip(types, names, lengths, strict=False)
@@ -112,7 +138,7 @@ def _read_fields(typedef: Mapping[str, object]) -> Fields:
 
 
 def _look_up(kind: str) -> Halves | None:
-    """Both halves as our own definitions have them; None for a type that we do not know."""
+    """Return both halves from local definitions; None for an unknown type."""
     from rosbridge_sim.cli.tools.schema import DefinitionSources, open_store  # noqa: PLC0415 - reads a hundred files
 
     try:
@@ -133,9 +159,9 @@ def _look_up(kind: str) -> Halves | None:
 
 
 def _outline(name: str, fields_of: Callable[[str], Fields], above: tuple[str, ...]) -> Iterator[str]:
-    """`type name` of each field, and indented below it the fields of a message within."""
+    """Yield `type name` of each field, with the fields of a message indented below it."""
     if name in above:
-        return  # no message contains itself, but who knows what a server says
+        return  # a message cannot contain itself, but a server may say so
     for kind, field in fields_of(name):
         yield f"{'  ' * len(above)}{kind} {field}"
         yield from _outline(kind.partition("[")[0], fields_of, (*above, name))
@@ -145,9 +171,23 @@ def _outline(name: str, fields_of: Callable[[str], Fields], above: tuple[str, ..
 
 
 async def call(bridge: Bridge, name: str, args: object, patience: float | None, *, is_json: bool) -> int:
-    """Call a service and show what it answers, and beside it what the server remarks on it."""
+    """Call a service; print its answer and the server's status messages about it.
+
+    Args:
+        bridge: the rosbridge.
+        name: name of the service.
+        args: the request, by name or by position.
+        patience: longest wait for the answer [s]; None means no limit.
+        is_json: print JSON for programs.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        RefusedError: the service refuses, does not exist, or does not answer in time.
+    """
     service = absolute(name)
-    wish = await bridge.send("set_level", level="warning")  # why a simulator says no is one
+    wish = await bridge.send("set_level", level="warning")  # a simulator gives its reasons as warnings
     answer = await bridge.call(service, args, patience)
     for frame in bridge.take_inbox():
         is_remark = frame.get("op") == "status" and frame.get("id") != wish
@@ -157,8 +197,8 @@ async def call(bridge: Bridge, name: str, args: object, patience: float | None, 
         raise RefusedError(f"{safe(service)}: no answer within {patience:g} s; --timeout waits longer")
     if not answer.is_ok:
         text = answer.values if isinstance(answer.values, str) else render(answer.values)
-        near = await _near(bridge, service) if text.endswith("does not exist") else ""  # ours names one itself
-        raise RefusedError(f"{safe(text) or f'{safe(service)} refuses, and does not say why'}{near}")
+        near = await _near(bridge, service) if text.endswith("does not exist") else ""  # our server adds it itself
+        raise RefusedError(f"{safe(text) or f'{safe(service)} refuses without a reason'}{near}")
     if is_json:
         put_json(answer.values)
     else:

@@ -1,4 +1,4 @@
-"""A subscription as a tool holds one: messages as they come, and a clear word where none can come."""
+"""The subscription of a tool: messages as they come, and a clear error if none can come."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ __all__ = ["Listener", "no_topic"]
 class Listener:
     """The messages of a topic.
 
-    A topic without a type must be there already, and a server that does not know it may stay silent about that. So
-    rosapi is asked for it at the same time; messages do not wait for the answer, and there may be none.
+    Without a given type, the topic must already exist, and a server that does not know it may not say so. So rosapi is
+    asked at the same time. Messages do not wait for that answer, which may never come.
     """
 
     def __init__(self, bridge: Bridge, topic: str) -> None:
-        """Nothing is asked for yet; `open` does that."""
+        """Prepare; `open` subscribes."""
         self._bridge = bridge
         self._topic = topic
         self._question: str | None = None
@@ -30,7 +30,17 @@ class Listener:
 
     @classmethod
     async def open(cls, bridge: Bridge, topic: str, type_name: str | None, *, throttle_ms: int = 0) -> Listener:
-        """Subscribe to a topic by its absolute name; with at least `throttle_ms` between two messages."""
+        """Subscribe to a topic.
+
+        Args:
+            bridge: the rosbridge.
+            topic: absolute name of the topic.
+            type_name: its type; None means that of an existing topic.
+            throttle_ms: least time between two messages [ms].
+
+        Returns:
+            The subscription.
+        """
         listener = cls(bridge, topic)
         rate = {"throttle_rate": throttle_ms} if throttle_ms else {}
         if type_name is not None:
@@ -45,23 +55,26 @@ class Listener:
         """Return the next message.
 
         Args:
-            patience: longest wait [s]; None is for ever.
+            patience: longest wait [s]; None means no limit.
 
         Raises:
-            RefusedError: the topic cannot be had, or none came in time; the text says why, as far as it is known.
+            RefusedError: the topic does not exist, or no message came in time; the text has the cause, if it is known.
         """
         until = None if patience is None else self._bridge.now() + patience
         msg = await self.next(until)
         if msg is None:
-            assert patience is not None, "there was no deadline"
+            assert patience is not None, "only a wait with a limit ends without a message"
             raise await why_silent(self._bridge, self._topic, patience)
         return msg
 
     async def next(self, until: float | None = None) -> Frame | None:
-        """The next message; None if none comes until then.
+        """Return the next message; None if none comes in time.
+
+        Args:
+            until: time of the event loop [s]; None means no limit.
 
         Raises:
-            RefusedError: the topic cannot be had.
+            RefusedError: the topic does not exist.
         """
         while True:
             deadlines = [at for at in (until, self._question_ends) if at is not None]
@@ -76,7 +89,7 @@ class Listener:
                 self._give_up_asking()
 
     async def _judge(self, frame: Frame) -> Frame | None:
-        """The message in a frame, if there is one."""
+        """Return the message in a frame, if there is one."""
         op = frame.get("op")
         if op == "publish" and absolute(str(frame.get("topic"))) == self._topic:
             self._num_messages += 1
@@ -93,12 +106,15 @@ class Listener:
         return None
 
     def _hear(self, level: str, text: str) -> None:
-        """What the server says. An error before the first message is about the one thing that it was asked for."""
+        """Handle a status message.
+
+        An error before the first message is about this subscription, the only request so far.
+        """
         if level != "error" or self._num_messages:
             note(f"the server says: {text}")
             return
         self._complaint = text
-        if self._question is None:  # else rosapi's answer may explain it better
+        if self._question is None:  # otherwise rosapi's answer may explain it better
             self._complain()
 
     def _give_up_asking(self) -> None:
@@ -113,6 +129,12 @@ class Listener:
 
 
 async def no_topic(bridge: Bridge, topic: str, advice: str = "") -> RefusedError:
-    """The error that a topic is not there, with the name that was perhaps meant."""
+    """Return the error for a missing topic, with a suggestion.
+
+    Args:
+        bridge: the rosbridge.
+        topic: absolute name of the topic.
+        advice: further text for the end of the error.
+    """
     names = words(await bridge.ask("topics"), "topics")
     return RefusedError(f"no topic {safe(topic)} here{hint(topic, names)}{advice}")

@@ -1,4 +1,4 @@
-"""`sync`, `tick`, `step`: see and drive synchronous mode from a shell; and why a topic is silent, often by it."""
+"""`sync`, `tick`, `step`: use synchronous mode from a shell; and the reason for a silent topic, often this mode."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ BARRIER = "/sim/barrier"
 """Latched state of the barrier, and the master's id while one leads."""
 
 PROCESS = "/sim/process/state/msg/MoraiSimProcStatus"
-"""Latched state of the simulation: running or paused, which `/SyncModeInfo` does not tell."""
+"""Latched state of the simulation, running or paused, which `/SyncModeInfo` does not contain."""
 
 _REPLAY, _PAUSED, _ENDED = 16, 16, 32
-"""Values of its `current_mode` and `current_status`."""
+"""Values of its fields `current_mode` and `current_status`."""
 
 RESUME = "rosbridge-sim service call /Service_MoraiEventCmd '{request: {option: 8}}' resumes it"
-"""Effect on a pause; bit 8 is that of `set_pause`, which is false where it is left out."""
+"""Advice for a paused simulation; option 8 is the bit of `set_pause`, which is false if it is left out."""
 
 INFO_PATIENCE = 1.0
-"""Longest wait for the latched state of synchronous mode [s]; a server that keeps it sends it at once."""
+"""Longest wait for a latched state [s]; a server that has it sends it at once."""
 
 FRAME_MS = 20
-"""One frame of MORAI SIM [ms]; ticks move by multiples of it."""
+"""Simulated time of one frame of MORAI SIM [ms]; a tick is a multiple of it."""
 
 
 # The state of synchronous mode
@@ -39,13 +39,13 @@ FRAME_MS = 20
 
 @dataclass(frozen=True, slots=True)
 class SyncInfo:
-    """State of synchronous mode, as `/SyncModeInfo` has it.
+    """State of synchronous mode, from `/SyncModeInfo`.
 
     Attributes:
-        master_id: who may tick; empty while nobody may.
-        is_on: whether synchronous mode is on.
-        frame: of the simulation.
-        can_send_tick: whether a tick of the master would be carried out.
+        master_id: user id of the master; empty if there is none.
+        is_on: synchronous mode is on.
+        frame: frame number of the simulation.
+        can_send_tick: a tick of the master would be done now.
     """
 
     master_id: str
@@ -55,9 +55,10 @@ class SyncInfo:
 
 
 async def read_sync_info(bridge: Bridge) -> SyncInfo | None:
-    """Return the state of synchronous mode; None where no simulator tells it.
+    """Return the state of synchronous mode; None without a simulator. Other frames that come meanwhile are ignored.
 
-    Frames that come meanwhile are passed over.
+    Args:
+        bridge: the rosbridge.
     """
     msg = await _read_latched(bridge, SYNC_INFO)
     if msg is None:
@@ -71,7 +72,7 @@ async def read_sync_info(bridge: Bridge) -> SyncInfo | None:
 
 
 async def _read_latched(bridge: Bridge, topic: str) -> Frame | None:
-    """Return the latched message of a topic; None where there is none. Other frames that come are passed over."""
+    """Return the latched message of a topic; None if there is none. Other frames that come meanwhile are ignored."""
     try:
         kind = str((await bridge.ask("topic_type", topic=topic)).get("type", ""))
     except (BridgeError, RefusedError):
@@ -95,12 +96,12 @@ def _whole(value: object) -> int:
 
 
 async def why_silent(bridge: Bridge, topic: str, patience: float) -> RefusedError:
-    """Return the error that no message came in time, with the cause where the server tells it.
+    """Return the error that no message came in time, with the cause if the server tells it.
 
     Args:
-        bridge: where the topic is.
-        topic: its absolute name.
-        patience: how long was waited [s].
+        bridge: the rosbridge.
+        topic: absolute name of the topic.
+        patience: time that was waited [s].
     """
     text = f"no message on {safe(topic)} within {patience:g} s"
     try:
@@ -108,12 +109,16 @@ async def why_silent(bridge: Bridge, topic: str, patience: float) -> RefusedErro
     except (BridgeError, RefusedError):
         return RefusedError(f"{text}; --timeout waits longer")
     if not publishers:
-        return RefusedError(f"{text}: nobody publishes it")
+        return RefusedError(f"{text}: it has no publisher")
     return RefusedError(f"{text}{await why_standing(bridge) or '; --timeout waits longer'}")
 
 
 async def why_standing(bridge: Bridge) -> str:
-    """Return why the world does not move, for the end of an error; nothing where that is not known."""
+    """Return why the world does not move, for the end of an error; empty if that is not known.
+
+    Args:
+        bridge: the rosbridge.
+    """
     info = await read_sync_info(bridge)
     if info is None:
         return ""
@@ -128,7 +133,7 @@ async def why_standing(bridge: Bridge) -> str:
     if status == _PAUSED or (leader and not info.can_send_tick):
         return f": the world is paused, in synchronous mode with {leader or 'no master'}; {RESUME}"
     if not leader:
-        return ": the world stands until a master ticks, and nobody is master; rosbridge-sim tick N --start moves it"
+        return ": the world stands until a master ticks, and there is no master; rosbridge-sim tick N --start moves it"
     members = "; rosbridge-sim sync shows the members of the barrier" if info.master_id == BARRIER else ""
     return f": the world stands until a master ticks; the master is {safe(info.master_id)!r}{members}"
 
@@ -160,7 +165,7 @@ async def show_sync(bridge: Bridge, *, is_json: bool) -> int:
     if info.get("status") is not True:
         put(f"synchronous mode is off, frame {frame}")
     elif not master:
-        put(f"synchronous mode is on, frame {frame}: nobody is master; rosbridge-sim tick N --start moves the world")
+        put(f"synchronous mode is on, frame {frame}: there is no master; rosbridge-sim tick N --start moves the world")
     elif barrier is None:
         put(f"synchronous mode is on, frame {frame}: the master is {safe(master)!r}")
     else:
@@ -200,21 +205,24 @@ def _list(frame: Frame, key: str) -> list[object]:
 
 
 async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_starting: bool, is_json: bool) -> int:
-    """Move the world by so many ticks, and show the frame and the ego after each.
+    """Move the world by some ticks, and print the frame and the ego after each.
 
-    With `is_starting`, synchronous mode is started first, and ended again if it was off before. Where it was on
-    without a master, the connection alone is closed, and `--sync-on-loss` of the server says what follows.
+    With `is_starting`, synchronous mode is started first, and ended afterwards if it was off before. If it was on
+    without a master, only the connection is closed, and the server's `--sync-on-loss` applies.
 
     Args:
-        bridge: to the simulator.
-        count: of ticks.
-        user_id: the master that the ticks name.
-        step_ms: length of a tick, where it is started [ms].
+        bridge: the rosbridge of the simulator.
+        count: number of ticks.
+        user_id: user id of the master.
+        step_ms: simulated time of a tick, if the mode is started here [ms].
         is_starting: start the mode.
-        is_json: show answers as they are, one a line.
+        is_json: print each answer as a line of JSON.
+
+    Returns:
+        The exit code.
 
     Raises:
-        RefusedError: the simulator says no, or there is none.
+        RefusedError: the simulator refuses, or there is none.
         BridgeError: there is no answer.
     """
     async with _leading(bridge, user_id, step_ms if is_starting else None) as first:
@@ -322,7 +330,7 @@ async def _ask(bridge: Bridge, service: str, request: Frame) -> Frame:
     """Return the response of a service; the services of MORAI wrap request and response.
 
     Raises:
-        RefusedError: it refuses, or is not there.
+        RefusedError: it refuses, or does not exist.
         BridgeError: there is no answer.
     """
     is_ours = service.startswith("/sim/")
@@ -331,7 +339,7 @@ async def _ask(bridge: Bridge, service: str, request: Frame) -> Frame:
         raise BridgeError(f"{service}: no answer within {bridge.patience:g} s; --timeout waits longer")
     if not answer.is_ok or not isinstance(answer.values, dict):
         text = safe(str(answer.values))
-        hint = "; is a simulator there?" if "not exist" in text else ""
+        hint = "; does the rosbridge have a simulator?" if "not exist" in text else ""
         raise RefusedError(f"{text}{hint}")
     response = answer.values if is_ours else answer.values.get("response")
     return response if isinstance(response, dict) else {}
@@ -354,7 +362,7 @@ async def _refusal(bridge: Bridge, what: str, user_id: str, reason: str = "") ->
     if info is None:
         return RefusedError(text)
     if not info.is_on or not info.master_id:
-        return RefusedError(f"{text}; --start starts it")
+        return RefusedError(f"{text}; --start starts the mode")
     if info.master_id == user_id:
         return RefusedError(text if info.can_send_tick else f"{text}; {RESUME}")
     if info.master_id == BARRIER:
@@ -365,7 +373,7 @@ async def _refusal(bridge: Bridge, what: str, user_id: str, reason: str = "") ->
 
 
 def _describe(response: Frame) -> str:
-    """Return a line about the frame and the ego."""
+    """Return a line about frame and ego."""
     status = response.get("vehicle_status")
     ego: Frame = status if isinstance(status, dict) else {}
     return f"frame {_whole(response.get('frame'))}  time {safe(str(response.get('time', '?')))} s  {_describe_ego(ego)}"

@@ -1,7 +1,7 @@
-"""Values as a person reads and writes them: YAML-like out, JSON or YAML in, and tables.
+"""Values in the form that people read and write: output as YAML, input as JSON or YAML, and tables.
 
-What is printed for a person is YAML that reads back as the value; every character of a stranger's that a terminal
-could take for a command is escaped in it. What is printed for a program is one JSON value a line.
+Output for people is YAML that can be read back; every character from outside that a terminal could take as a command is
+escaped. Output for programs is one JSON value per line.
 """
 
 from __future__ import annotations
@@ -21,33 +21,54 @@ from rosbridge_sim.shell.terminal_text import safe
 __all__ = ["note", "put", "put_json", "put_record", "put_table", "read_body", "render"]
 
 
-# Out
+# Output
 
 
 def put(text: str) -> None:
-    """A line, or several, on stdout: now, since whoever reads may wait for it."""
+    """Print one or more lines on stdout at once, because the reader may wait for them.
+
+    Args:
+        text: the lines.
+    """
     sys.stdout.write(f"{text}\n")
     sys.stdout.flush()
 
 
 def put_json(value: object) -> None:
-    """The value as one line of JSON."""
+    """Print a value as one line of JSON.
+
+    Args:
+        value: the value.
+    """
     put(orjson.dumps(value).decode())
 
 
 def put_record(value: object) -> None:
-    """The value as one document of a stream: YAML, and the line that ends it."""
+    """Print a value as one document of a YAML stream, with its separator line.
+
+    Args:
+        value: the value.
+    """
     put(f"{render(value)}\n---")
 
 
 def note(text: str) -> None:
-    """A line for the person at the terminal, that is not what was asked for: on stderr."""
+    """Print a line for people on stderr, separate from the results on stdout.
+
+    Args:
+        text: the line.
+    """
     sys.stderr.write(f"rosbridge-sim: {safe(text)}\n")
     sys.stderr.flush()
 
 
 def put_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Rows with aligned columns below a header."""
+    """Print rows with aligned columns below a header.
+
+    Args:
+        header: titles of the columns.
+        rows: the cells of each row.
+    """
     lines = [list(header), *([safe(cell) for cell in row] for row in rows)]
     widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
     for line in lines:
@@ -58,18 +79,22 @@ def put_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 
 def render(value: object) -> str:
-    """A JSON value as YAML: objects as blocks, lists of plain values on one line."""
+    """Return a JSON value as YAML: objects as blocks, lists of simple values on one line.
+
+    Args:
+        value: the value.
+    """
     line = _inline(value)
     return line if line is not None else "\n".join(_block(value, ""))
 
 
 def _inline(value: object) -> str | None:
-    """The value on the line of its key; None for what needs lines of its own."""
+    """Return a value as text for the line of its key; None if it needs separate lines."""
     if isinstance(value, Mapping):
         return None if value else "{}"
     if isinstance(value, list):
         parts = [None if isinstance(one, (list, Mapping)) else _scalar(one) for one in value]
-        return None if None in parts else f"[{', '.join(cast('list[str]', parts))}]"  # None was looked for
+        return None if None in parts else f"[{', '.join(cast('list[str]', parts))}]"  # there is no None in it
     return _scalar(value)
 
 
@@ -100,10 +125,10 @@ def _scalar(value: object) -> str:
 
 
 _PLAIN = re.compile(r"(?:[^\W\d]|/)(?:[\w/.+ -]*[\w/.+-])?")
-"""Text that YAML takes for text though it stands without quotes."""
+"""Text that YAML reads as text without quotes."""
 
 _WORDS = frozenset({"true", "false", "null", "yes", "no", "on", "off"})
-"""Text that one YAML or another takes for something else."""
+"""Text that some version of YAML reads as another type."""
 
 
 def _quote(text: str) -> str:
@@ -111,31 +136,31 @@ def _quote(text: str) -> str:
     return '"' + safe(quoted) + '"'
 
 
-# In
+# Input
 
 
 def read_body(text: str, where: str) -> object:
-    """The value that a person wrote, as JSON or in the laxer YAML (`{x: 1}`).
+    """Return a value that a user wrote as JSON or as YAML (`{x: 1}`).
 
     Args:
-        text: what was written.
-        where: what an error calls it.
+        text: the input.
+        where: name of the input, for errors.
 
     Raises:
-        DocumentError: it is neither, or holds what JSON cannot.
+        DocumentError: it is neither, or has a value that JSON does not have.
     """
     try:
         return orjson.loads(text)
     except orjson.JSONDecodeError:
         value = _read_yaml(text, where)
     try:
-        return orjson.loads(orjson.dumps(value))  # NaN is null on the wire, and a date is the text that it was
+        return orjson.loads(orjson.dumps(value))  # NaN becomes null, and a date becomes its text
     except TypeError as error:
         raise DocumentError(f"{where}: expected what JSON can hold: {error}") from None
 
 
 def _read_yaml(text: str, where: str) -> object:
-    from ruamel.yaml import YAML  # noqa: PLC0415 - 40 ms that most commands do without
+    from ruamel.yaml import YAML  # noqa: PLC0415 - takes 40 ms, and most commands do not need it
     from ruamel.yaml.error import YAMLError  # noqa: PLC0415
 
     try:

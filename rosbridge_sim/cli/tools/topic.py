@@ -1,4 +1,4 @@
-"""`topic list`, `info`, `echo` and `pub`: what is on the bus, what passes there, and a word of one's own."""
+"""`topic list`, `info`, `echo` and `pub`: list topics, show their state, print messages, and publish."""
 
 from __future__ import annotations
 
@@ -20,10 +20,24 @@ __all__ = ["FieldPath", "echo", "list_topics", "publish", "show_topic"]
 
 
 async def list_topics(bridge: Bridge, *, is_verbose: bool, has_types: bool, is_json: bool) -> int:
-    """Every topic by name; with its type, and with the nodes that publish it and that subscribe to it."""
+    """Print all topics, sorted by name.
+
+    Args:
+        bridge: the rosbridge.
+        is_verbose: with types, and with the nodes that publish and subscribe.
+        has_types: with types.
+        is_json: print JSON for programs.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        RefusedError: rosapi refuses, or does not exist.
+        BridgeError: there is no answer.
+    """
     values = await bridge.ask("topics")
     names, types = words(values, "topics"), words(values, "types")
-    types += ["?"] * (len(names) - len(types))  # an older rosapi gives names alone
+    types += ["?"] * (len(names) - len(types))  # an older rosapi gives only names
     topics = sorted(zip(names, types, strict=False))
     if not is_verbose:
         _put_topics(topics, has_types=has_types, is_json=is_json)
@@ -55,20 +69,20 @@ def _put_topics(topics: Sequence[tuple[str, str]], *, has_types: bool, is_json: 
 
 
 class _Names(dict[str, list[str]]):
-    """Topic -> nodes; a topic that no node names has none."""
+    """Topic -> its nodes; an unknown topic has none."""
 
     def __missing__(self, key: str) -> list[str]:
         return []
 
 
 async def _who_is_who(bridge: Bridge) -> tuple[_Names, _Names]:
-    """The nodes that publish each topic, and those that subscribe to it."""
+    """Return the nodes that publish each topic, and those that subscribe to it."""
     nodes = words(await bridge.ask("nodes"), "nodes")
     publishing, subscribing = _Names(), _Names()
     answers = await bridge.ask_all([("node_details", {"node": node}) for node in nodes])
     for node, answer in zip(nodes, answers, strict=True):
         if not answer.is_ok or not isinstance(answer.values, dict):
-            continue  # a node that has just gone
+            continue  # a node that has just left
         for table, key in ((publishing, "publishing"), (subscribing, "subscribing")):
             for topic in words(answer.values, key):
                 table.setdefault(topic, []).append(node)
@@ -80,7 +94,20 @@ def _list(names: Sequence[str]) -> str:
 
 
 async def show_topic(bridge: Bridge, name: str, *, is_json: bool) -> int:
-    """A topic's type, and who publishes it and subscribes to it."""
+    """Print a topic's type, and its publishers and subscribers.
+
+    Args:
+        bridge: the rosbridge.
+        name: name of the topic.
+        is_json: print JSON for programs.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        RefusedError: there is no such topic.
+        BridgeError: there is no answer.
+    """
     topic = absolute(name)
     kind = str((await bridge.ask("topic_type", topic=topic)).get("type", ""))
     if not kind:
@@ -111,19 +138,22 @@ async def echo(
     patience: float | None,
     is_json: bool,
 ) -> int:
-    """Show every message, or so many, each as it comes.
+    """Print each message as it comes, up to a number.
 
     Args:
-        bridge: where.
-        name: of the topic.
-        type_name: its type; None for that of a topic that is there.
-        field: a part of each message; None for all of it.
-        count: of messages; None for no end.
-        patience: longest wait for a message [s]; None is for ever.
-        is_json: one line of JSON for each.
+        bridge: the rosbridge.
+        name: name of the topic.
+        type_name: its type; None means that of an existing topic.
+        field: a part of each message; None means all of it.
+        count: number of messages; None means no end.
+        patience: longest wait for a message [s]; None means no limit.
+        is_json: print one line of JSON per message.
+
+    Returns:
+        The exit code.
 
     Raises:
-        RefusedError: the topic cannot be had, or no message came in time.
+        RefusedError: the topic does not exist, or no message came in time.
     """
     listener = await Listener.open(bridge, absolute(name), type_name)
     num_left = count
@@ -137,25 +167,31 @@ async def echo(
 
 
 class FieldPath:
-    """The way to a part of a message: `pose.position`, `npc_list[0].name`."""
+    """The path to a part of a message: `pose.position`, `npc_list[0].name`."""
 
     _FORM = re.compile(r"\w+(?:\[\d+\])*(?:\.\w+(?:\[\d+\])*)*")
 
     def __init__(self, text: str) -> None:
-        """The path that a text writes.
+        """Read a path.
+
+        Args:
+            text: the path as text.
 
         Raises:
-            ValueError: it writes none.
+            ValueError: the text is not a path.
         """
         if not self._FORM.fullmatch(text):
             raise ValueError(text)
         self._steps = re.findall(r"\w+|\[\d+\]", text)
 
     def find(self, msg: Frame) -> object:
-        """What lies there.
+        """Return the part of a message at this path.
+
+        Args:
+            msg: the message.
 
         Raises:
-            RefusedError: nothing does.
+            RefusedError: the message has no such part.
         """
         value: object = msg
         for i, step in enumerate(self._steps):
@@ -171,7 +207,7 @@ class FieldPath:
                 value = value[step]
             else:
                 names = list(value) if isinstance(value, Mapping) else []
-                there = f"; there are {', '.join(map(safe, names))}" if names else ""
+                there = f"; it has {', '.join(map(safe, names))}" if names else ""
                 raise RefusedError(f"--field: no {step}{where}{hint(step, names)}{there}")
         return value
 
@@ -190,23 +226,26 @@ async def publish(
     is_latched: bool,
     is_json: bool,
 ) -> int:
-    """Publish a message: `count` times, or until we are stopped.
+    """Publish a message `count` times, or until Ctrl-C.
 
     Args:
-        bridge: where.
-        name: the topic.
+        bridge: the rosbridge.
+        name: name of the topic.
         type_name: its type.
         msg: the message.
-        count: how often; None is for ever.
-        rate: so many a second [Hz]; None is once, and then stay for those who come later.
-        is_latched: whether those who come later get the last message.
-        is_json: whether the account of it is for a program.
+        count: number of messages; None means no end.
+        rate: messages per second [Hz]; None publishes once, and then stays for later subscribers.
+        is_latched: later subscribers get the last message.
+        is_json: print the result as JSON for programs.
+
+    Returns:
+        The exit code.
 
     Raises:
-        RefusedError: the server does not take it.
+        RefusedError: the server refuses it.
     """
     topic = absolute(name)
-    # Some is refused in a warning, as a control that the simulator ignores; servers that know no levels send all.
+    # Some refusals are warnings, such as a control that the simulator ignores; servers without levels send all.
     ignored = await bridge.send("set_level", level="warning")
     await bridge.send("advertise", topic=topic, type=type_name, latch=is_latched)
     await bridge.send("publish", topic=topic, msg=msg)
@@ -222,9 +261,9 @@ async def publish(
                 num_sent += 1
             listeners = await _check(bridge, topic, ignored)
         elif count is None:
-            note(f"published to {topic}{listeners}; kept until Ctrl-C for those who come later")
+            note(f"published to {topic}{listeners}; kept until Ctrl-C for later subscribers")
             await _wait(bridge, None, ignored)
-    except asyncio.CancelledError:  # Ctrl-C, as it is meant to be
+    except asyncio.CancelledError:  # Ctrl-C is the usual end
         _account(topic, type_name, num_sent, "", is_json=is_json)
         raise
     _account(topic, type_name, num_sent, listeners, is_json=is_json)
@@ -239,30 +278,30 @@ def _account(topic: str, type_name: str, num_sent: int, listeners: str, *, is_js
 
 
 async def _check(bridge: Bridge, topic: str, ignored: str) -> str:
-    """Come back once the server has seen all that was sent; who listens, as far as it says.
+    """Wait until the server has handled everything that was sent; return the subscribers as text, if they are known.
 
-    It sees frames in order, so the answer to a call comes after what it has to say to all before it.
+    The server handles frames in order, so the answer to a call comes after its reports about all earlier frames.
 
     Raises:
-        RefusedError: what it says is an error.
+        RefusedError: the server reports an error.
     """
     answer = await bridge.call("/rosapi/subscribers", {"topic": topic}, bridge.patience)
     for frame in bridge.take_inbox():
         _hear(frame, ignored)
     if answer is None:
-        note(f"{bridge.silence} So nobody says whether the message was taken")
+        note(f"{bridge.silence} So it is not known if the message was accepted")
         return ""
     if not answer.is_ok or not isinstance(answer.values, dict):
         return ""
     nodes = words(answer.values, "subscribers")
-    return f" (heard by {', '.join(nodes)})" if nodes else " (nobody listens)"
+    return f" (subscribers: {', '.join(nodes)})" if nodes else " (no subscribers)"
 
 
 async def _wait(bridge: Bridge, until: float | None, ignored: str) -> None:
-    """Wait, and hear what the server says meanwhile.
+    """Wait, and handle the server's status messages meanwhile.
 
     Raises:
-        RefusedError: it is an error.
+        RefusedError: the server reports an error.
     """
     while (frame := await bridge.receive(until)) is not None:
         _hear(frame, ignored)

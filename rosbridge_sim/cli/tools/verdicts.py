@@ -1,4 +1,4 @@
-"""Verdicts on files: good, with remarks, with mistakes; of one, or of many with a count at the end."""
+"""Results of checks of files (verdicts): good, with remarks, or with mistakes; for many files, with a total."""
 
 from __future__ import annotations
 
@@ -15,48 +15,65 @@ CheckReport = Mapping[str, Any]
 """A JSON object with `file`, `mistakes` and `remarks`."""
 
 MAX_LISTED: Final = 5
-"""Mistakes of a file that are shown among many files, and as many remarks: the command for one file shows all."""
+"""Mistakes and remarks of a file that are shown among many files; the command for a single file shows all."""
 
 
 def exit_code(accounts: Iterable[CheckReport], *, is_strict: bool) -> int:
-    """Return 1 if a file has mistakes, or if it has remarks and those count; else 0."""
+    """Return 1 if a file has mistakes, or has remarks and they count; else 0.
+
+    Args:
+        accounts: report on each file.
+        is_strict: remarks count.
+    """
     return int(any(one["mistakes"] or (is_strict and one["remarks"]) for one in accounts))
 
 
 def put_verdict(account: CheckReport) -> None:
-    """Show the verdict on a file, on one line."""
+    """Print the result for a file on one line.
+
+    Args:
+        account: report on the file.
+    """
     counts = [_plural(len(account[key]), key.removesuffix("s")) for key in ("mistakes", "remarks") if account[key]]
     put(f"{safe(account['file'])}: {', '.join(counts) or 'good'}")
 
 
 class Verdicts:
-    """The verdicts on many files, each shown as soon as it is known."""
+    """The results for many files, each printed as soon as it is known."""
 
     def __init__(self, command: str, num: int, *, is_json: bool) -> None:
-        """No verdict yet.
+        """Begin without results.
 
         Args:
-            command: what shows all about a single file.
-            num: how many files there will be.
-            is_json: one JSON value a line, for a program.
+            command: command that shows everything about a single file.
+            num: number of files.
+            is_json: print one JSON value per line for programs.
         """
         self._command = command
         self._num = num
         self._is_json = is_json
         self._counts = {"good": 0, "with remarks": 0, "with mistakes": 0}
         self._codes = {False: 0, True: 0}
-        # Where the verdicts go elsewhere, the terminal shows how far it is.
+        # If the results go to a file, the terminal shows the progress.
         self._has_progress = sys.stderr.isatty() and not sys.stdout.isatty()
 
     def begin(self, file: str) -> None:
-        """Take up the next file."""
+        """Begin with the next file.
+
+        Args:
+            file: name of the file.
+        """
         if self._has_progress:
             done = sum(self._counts.values())
             sys.stderr.write(f"\r\x1b[K[{done + 1:,}/{self._num:,}] {safe(file)}")
             sys.stderr.flush()
 
     def add(self, account: CheckReport) -> None:
-        """Show the verdict on the file that was taken up."""
+        """Print the result for the current file.
+
+        Args:
+            account: report on the file.
+        """
         verdict = "with mistakes" if account["mistakes"] else "with remarks" if account["remarks"] else "good"
         self._counts[verdict] += 1
         for is_strict in self._codes:
@@ -69,7 +86,14 @@ class Verdicts:
         self._put_lines("remark", account["remarks"])
 
     def end(self, *, is_strict: bool) -> int:
-        """Show the count, and return the exit code of all."""
+        """Print the totals.
+
+        Args:
+            is_strict: remarks count like mistakes.
+
+        Returns:
+            The exit code for all files.
+        """
         if self._has_progress:
             sys.stderr.write("\r\x1b[K")
             sys.stderr.flush()

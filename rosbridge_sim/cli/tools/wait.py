@@ -1,4 +1,4 @@
-"""`wait`: until a server takes clients, for scripts that start one and go on."""
+"""`wait`: wait until a server accepts clients, for scripts that start one."""
 
 from __future__ import annotations
 
@@ -11,23 +11,26 @@ from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedErro
 __all__ = ["wait_until_ready"]
 
 PAUSE = 0.1
-"""Between two attempts [s]: a start takes half a second to a second."""
+"""Time between two attempts [s]; a server starts in half a second to a second."""
 
 ATTEMPT = 2.0
-"""Longest time of one attempt [s]: a port that is open but served by nobody yet does not use up all the time."""
+"""Longest time of one attempt [s], so that an open port without a running server does not use up all the time."""
 
 
 async def wait_until_ready(url: str, token: str | None, patience: float) -> int:
-    """Come back with 0 once a WebSocket handshake has succeeded, which a simulator allows when all is loaded.
+    """Wait for a successful WebSocket handshake, which a simulator allows when everything is loaded.
 
     Args:
-        url: of the server.
-        token: what lets us in, where something must.
-        patience: how long it may take [s].
+        url: URL of the server.
+        token: token of the server; None sends none.
+        patience: longest wait [s].
+
+    Returns:
+        The exit code, 0.
 
     Raises:
-        RefusedError: it was not ready in time, or it does not let us in.
-        BridgeError: the URL is none.
+        RefusedError: it was not ready in time, or it refuses the token or the client.
+        BridgeError: the URL is not valid.
     """
     loop = asyncio.get_running_loop()
     until = loop.time() + patience
@@ -36,12 +39,12 @@ async def wait_until_ready(url: str, token: str | None, patience: float) -> int:
         try:
             async with open_bridge(url, token, min(ATTEMPT, max(left, PAUSE))):
                 return 0
-        except RefusedError as error:  # it was there, and went
+        except RefusedError as error:  # the server closed the connection again
             why: Exception = error
         except BridgeError as error:
             cause = error.__cause__
             if isinstance(cause, ConnectError) and cause.is_final:
-                if cause.status is None:  # the URL or the token is none
+                if cause.status is None:  # the URL or the token is malformed
                     raise
                 raise RefusedError(str(error)) from None
             why = error

@@ -1,17 +1,14 @@
-"""Announcements of the simulator to a far side, in their order.
+"""Announcements of the simulator to a remote bridge (the far side), in order.
 
-At the beginning of each connection: topics, with what is latched on them; subscriptions; services; then a question,
-whose answer shows that all of it was handled. Services come last since clients wait for them. Before the very first
-time it is asked which services it has already. Before all that it is asked for its `/use_sim_time`, where our stamps
-depend on it.
-
-A service of an ego that has left stays announced, and its calls are refused with the reason: rosbridge_suite takes a
-second to end a service, during which it handles nothing else.
-
-A ROS master that is restarted forgets all nodes, and a bridge that lives on does not tell it of us again. Then
-everything is announced anew. rosbridge_suite keeps a publisher for UNREGISTER_TIME after it was taken back, and
-registers nothing as long as it has one; so if topics are missing all the same, they are taken back for longer than
-that.
+A new connection begins with topics and their latched messages; then subscriptions; then services. A final question
+follows: its answer shows that everything was handled. Services come last, because clients wait for them. Before the
+first announcement of all, the far side is asked which services it already has. If our stamps depend on its
+`/use_sim_time`, it is asked for that even earlier.
+When an ego leaves, its services stay announced, and calls of them are refused with the reason. rosbridge_suite takes a
+second to end a service, and handles nothing else during that second.
+A restarted ROS master forgets all nodes, and a bridge that keeps running does not announce our items to it again. Then
+we announce everything again. rosbridge_suite keeps a publisher for UNREGISTER_TIME after it was unadvertised, and
+registers nothing while it has one. So if topics are still missing, they are unadvertised for longer than that.
 """
 
 from __future__ import annotations
@@ -30,22 +27,29 @@ from rosbridge_sim.protocol.codec import publish_head
 __all__ = ["UNREGISTER_TIME", "Announcer"]
 
 UNREGISTER_TIME: Final = 11.0
-"""Time for which a topic is taken back [s]. rosbridge_suite gives its publisher up after `unregister_timeout`, 10 s."""
+"""Time for which a topic stays unadvertised [s]. rosbridge_suite drops its publisher after `unregister_timeout`, 10 s.
+"""
 
 
 class Announcer:
-    """The announcements to one far side.
+    """The announcements to one remote bridge.
 
     Attributes:
         is_attached: everything is announced, and handled there.
-        is_time_known: the far side has said which time its programs go by.
-        return_at: when the topics that were taken back are announced again [s]; None where none are.
-        on_ready: called with monotonic time [s] when a connection has been told everything, and has handled it.
-        on_attached: called with the same, after that, when it was the last one.
+        is_time_known: the far side has told which clock its programs use.
+        return_at: when the unadvertised topics are announced again [s]; None if there are none.
+        on_ready: called with monotonic time [s] when a connection has announced everything and the far side has handled
+            it.
+        on_attached: called with monotonic time [s] after that, for the last connection.
     """
 
     def __init__(self, far_side: FarSide, registry: MirrorRegistry) -> None:
-        """Nothing is announced; what comes and goes in the registry will be."""
+        """Create an announcer that follows the registry; nothing is announced yet.
+
+        Args:
+            far_side: the remote bridge.
+            registry: the items to announce.
+        """
         self.is_attached = False
         self.is_time_known = False
         self.return_at: float | None = None
@@ -59,7 +63,7 @@ class Announcer:
     # One item
 
     def _announce_added(self, item: MirroredItem) -> None:
-        """Announce what has come, unless its connection has not got as far."""
+        """Announce a new item, unless its connection announces it later anyway."""
         if item.connection.is_open and (item.kind != "service" or item.connection.has_services):
             self._announce(item)
 
@@ -79,11 +83,15 @@ class Announcer:
             for message in held.messages() if held is not None else ():
                 try:
                     connection.offer(item.name, message.framed(head))
-                except EncodingError as error:  # that message alone: all else is announced
+                except EncodingError as error:  # only that message is lost; all others are announced
                     self._far_side.bus.guard.note_encoding(item.name, error)
 
     def withdraw(self, item: MirroredItem) -> None:
-        """Say there that an item ends. rosbridge_suite keeps a service whose provider has gone without a word."""
+        """Tell the far side that an item ends; without that, rosbridge_suite keeps a service whose provider has gone.
+
+        Args:
+            item: the item.
+        """
         connection = item.connection
         if connection.is_open:
             if item.kind == "service":
@@ -97,19 +105,28 @@ class Announcer:
     # A connection
 
     def begin(self, connection: BridgeConnection, now: float) -> None:
-        """Announce all that goes over a connection that has just got a socket."""
+        """Announce all items of a connection that has just got a socket.
+
+        Args:
+            connection: the connection.
+            now: monotonic time [s].
+        """
         stamps = self._far_side.stamps
         if stamps is not None and stamps.is_open and self._far_side.bus.store.ros == 1:
             self.ask_time(connection, now, lambda now: self._announce_all(connection, now))
             return
         if stamps is not None:
-            stamps.settle(now, is_simulated=False)  # in ROS 2 each program has a parameter of its own
+            stamps.settle(now, is_simulated=False)  # in ROS 2 each program has its own parameter
         self._announce_all(connection, now)
         if not connection.name:
             self.ask_time(connection, now)
 
     def end(self, connection: BridgeConnection) -> None:
-        """Publish nothing for a connection that has lost its socket."""
+        """Stop publishing over a connection that has lost its socket.
+
+        Args:
+            connection: the connection.
+        """
         self.is_attached = False
         for item in self._registry.items_of(connection):
             item.is_silent = False
@@ -119,7 +136,13 @@ class Announcer:
     def ask_time(
         self, connection: BridgeConnection, now: float, then: Callable[[float], None] = lambda _now: None
     ) -> None:
-        """Ask which time programs there go by. What stamps depend on is settled by the answer, or by none in time."""
+        """Ask which clock the programs there use. The answer, or a time-out, decides our stamps.
+
+        Args:
+            connection: the connection for the question.
+            now: monotonic time [s].
+            then: called with monotonic time [s] after that.
+        """
         stamps = self._far_side.stamps
         if stamps is None or self._far_side.bus.store.ros != 1:
             return
@@ -140,7 +163,7 @@ class Announcer:
         connection.ask("/rosapi/get_param", on_answer, now, name=PARAMETER, default="")
 
     def _announce_all(self, connection: BridgeConnection, now: float) -> None:
-        """Tell the far side of what goes over a connection; of services when it has said which ones it has."""
+        """Announce all items of a connection; services only when the far side has told which ones it has."""
         for item in self._registry.items_of(connection):
             if item.kind != "service":
                 self._announce(item)
@@ -161,12 +184,12 @@ class Announcer:
                 if not item.is_known and item.name in there:
                     self._far_side.diagnostics.taken_services.append(item.name)
                 self._announce(item)
-            if item.subscription is not None:  # from now on calls may come, and what they move is to be seen
+            if item.subscription is not None:  # calls may come from now on, and their effects must be visible
                 item.subscription.is_idle = False
         connection.ask(PROBE, lambda values, now: self._note_handled(connection, values, now), now)
 
     def _note_handled(self, connection: BridgeConnection, values: Values | None, now: float) -> None:
-        """All of a connection is announced, and handled if the far side answers."""
+        """Mark a connection as ready: all is announced, and the far side's answer shows that it was handled."""
         connection.is_ready = True
         self.on_ready(now)
         if not connection.name and values is not None:
@@ -179,17 +202,21 @@ class Announcer:
     # Once more
 
     def announce_anew(self) -> None:
-        """Tell the far side of everything once more, over the sockets that there are: its master has forgotten us."""
+        """Announce everything again over the open sockets, because the remote master has forgotten our node."""
         self.return_at = None
         for item in self._registry.items.values():
             item.is_silent = False
             if item.connection.has_services:
-                if item.kind != "service":  # a service that is announced twice is registered anew
+                if item.kind != "service":  # announcing a service twice registers it again
                     self.withdraw(item)
                 self._announce(item)
 
     def take_back(self, now: float) -> None:
-        """End the topics there until the bridge has forgotten that it has them."""
+        """Unadvertise the topics there until the bridge has dropped its publishers.
+
+        Args:
+            now: monotonic time [s].
+        """
         self.return_at = now + UNREGISTER_TIME
         for item in self._registry.items.values():
             if item.kind == "topic":
@@ -197,7 +224,7 @@ class Announcer:
                 item.is_silent = True
 
     def bring_back(self) -> None:
-        """Announce the topics that were taken back."""
+        """Announce the unadvertised topics again."""
         self.return_at = None
         for item in self._registry.items.values():
             if item.is_silent:

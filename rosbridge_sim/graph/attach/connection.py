@@ -1,13 +1,12 @@
-"""One connection to a rosbridge that we dial: its frames, the questions we asked there, how far it has got.
+"""One connection to a remote rosbridge: its frames, our questions to it, and its progress.
 
-A `BridgeConnection` outlives its sockets: `open` begins anew on each, `shut` forgets what was on its way over the last
-one. It knows the wire and nothing of what goes over it; that is `graph/attach/mirror.py`.
-
-An op from there may take longer than its turn: a scenario is read from a disk. Then the connection is *held*, and the
-ops that come meanwhile wait in it. Answers to our own questions do not wait: they say how far the far side has got.
-
-The far side may be any rosbridge. So no remark is ever sent (rosbridge_suite has no such op), no answer is taken for
-granted, and what waits to be sent has a bound (`Outbox`) and a brake (`FlowControl`).
+A `BridgeConnection` outlives its sockets. `open` starts fresh on each socket, and `shut` drops what was on its way over
+the last one. It knows the wire, but not the meaning of its contents; `graph/attach/mirror.py` handles that.
+An op from the far side may take longer than its turn, for example to read a scenario from disk. Then the connection is
+*held*: ops that arrive meanwhile wait in it. Answers to our own questions do not wait, because they show the far side's
+progress.
+The far side may be any rosbridge. So no status frame is ever sent (rosbridge_suite has no such op), every answer is
+checked, and the frames to send have a limit (`Outbox`) and flow control (`FlowControl`).
 """
 
 from __future__ import annotations
@@ -29,63 +28,62 @@ from rosbridge_sim.protocol.session import Session
 __all__ = ["PROBE", "BridgeConnection", "OnReply", "Values"]
 
 PROBE = "/rosapi/get_time"
-"""The call whose answer shows how far the far side has got: cheap, and harmless everywhere.
+"""A service whose answer shows the progress of the far side: cheap, and harmless everywhere.
 
-A service that nobody has would do in ROS 1; in ROS 2 rosbridge_suite looks for it for a second before it says so.
-"""
+In ROS 1 a service that does not exist would do. In ROS 2, rosbridge_suite searches a second for a missing service."""
 
 PROBE_PATIENCE = 2.0
-"""Longest wait for an answer to a question [s]; ROS 2's rosbridge looks for a service for one."""
+"""Longest wait for an answer to a question [s]; rosbridge_suite in ROS 2 searches one second for a missing service."""
 
 MAX_WAITING_BYTES = 2**20
-"""Frames whose ops may wait in a held connection before its socket is not read any more [bytes]: far more than clients
-send while a scenario is read, and little beside what one frame may have."""
+"""If more frames wait in a held connection, its socket is not read until they are done [bytes]. This is far more than
+clients send while a scenario is read, and little beside the longest frame."""
 
 _PROBE, _QUESTION = "mark:", "ask:"
-"""Beginnings of the ids of our calls: of probes, and of questions."""
+"""Prefixes of the ids of our calls: of probes, and of questions."""
 
 _NUMBER = re.compile(r"[0-9]{1,18}")
-"""Ends of the ids of probes; an id from elsewhere may have more digits than a number can be read from."""
+"""End of the id of a probe; an id from elsewhere may have more digits than Python converts."""
 
 Values = dict[str, Any]
-"""The values of an answer; the asker has to check each."""
+"""The values of an answer; they are not checked yet."""
 
 OnReply = Callable[[Values | None, float], None]
-"""Gets the values of an answer, or None where there are none, and `now`."""
+"""Gets the values of an answer, or None if there are none, and `now`."""
 
 
 def _nothing() -> None:
-    """Do nothing: there is no socket that frames could go to."""
+    """Do nothing, because there is no socket."""
 
 
 class BridgeConnection:
-    """One connection to the far side, which may have no socket.
+    """A connection to the remote bridge; it may be without a socket.
 
     Attributes:
-        name: what tells it from others to the same far side; empty for the first.
+        name: name of the connection among those to the same bridge; empty for the first.
         is_open: there is a socket.
-        is_ready: the far side has handled all that it was told at the beginning.
+        is_ready: the far side has handled the first announcements.
         has_services: services were announced on this socket.
-        session: what this socket's frames are read and written by.
-        outbox: what waits for the socket.
-        flow_control: how much may be on its way.
-        num_sent: messages of topics that went into the outbox, ever.
-        waiting: ops that have come and are not done yet, oldest first.
+        session: reads and writes the frames of this socket.
+        outbox: frames that wait for the socket.
+        flow_control: decides how much may be sent.
+        num_sent: topic messages put into the outbox since the start.
+        waiting: received ops that are not done yet, oldest first.
         on_released: called when the last hold has ended.
-        on_probe: called with whether a call of PROBE was answered or refused, and monotonic time [s]; silence is
-            neither.
+        on_probe: called when a call of PROBE was answered (True) or refused (False), with monotonic time [s]; not
+            called for a time-out.
     """
 
     def __init__(
         self, name: str, limits: OutboxLimits, max_frame_size: int, on_refused: Callable[[FrameError], None]
     ) -> None:
-        """A connection without a socket.
+        """Create a connection without a socket.
 
         Args:
-            name: see above.
-            limits: of what waits for the socket.
-            max_frame_size: longest frame that pieces may make [characters].
-            on_refused: hears of what came and is no op.
+            name: name of the connection.
+            limits: limits on frames that wait for the socket.
+            max_frame_size: longest frame that fragments may form [characters].
+            on_refused: gets the error of each invalid part of an incoming frame.
         """
         self.name = name
         self.is_open = False
@@ -105,7 +103,7 @@ class BridgeConnection:
         self.outbox = Outbox(self._limits, schedule_flush, flush)
         self.session = Session(
             self.outbox,
-            lambda _due: None,  # nothing is throttled on the way there
+            lambda _due: None,  # nothing is throttled in this direction
             max_frame_size=self._max_frame_size,
             is_talkative=False,
             on_refused=self._on_refused,
@@ -113,39 +111,54 @@ class BridgeConnection:
         self.flow_control = FlowControl()
         self.waiting: deque[ops.Op] = deque()
         self._num_waiting_bytes = 0
-        self._holds: set[object] = set()  # one of its own for each socket: a late release frees no later one
+        self._holds: set[object] = set()  # a new set for each socket, so that a late release does not affect it
         self._questions: dict[str, tuple[OnReply, float, str]] = {}
 
     def open(self, schedule_flush: Callable[[], None], flush: Callable[[], None]) -> None:
-        """There is a socket.
+        """Begin with a new socket.
 
         Args:
-            schedule_flush: called when something waits to be taken.
-            flush: called before anything is forgotten: take now, as much as the socket takes.
+            schedule_flush: called when frames wait to be taken.
+            flush: called before messages are dropped: take now as much as the socket accepts.
         """
         self._begin(schedule_flush, flush)
         self.is_open = True
 
     def shut(self) -> None:
-        """The socket is gone, and with it all that was on its way."""
+        """Drop everything that was on its way, because the socket is lost."""
         self.is_open = self.is_ready = self.has_services = False
         self._begin(_nothing, _nothing)
 
     # Out
 
     def say(self, op: str, **fields: object) -> None:
-        """Send an op without a message in it; it is never forgotten."""
+        """Send an op without a message body; it is never dropped.
+
+        Args:
+            op: name of the op.
+            fields: its fields.
+        """
         self.session.say(op, {}, None, **fields)
 
     def offer(self, topic: str, frame: bytes) -> None:
-        """Send a message of a topic, which may be forgotten if the far side does not keep up."""
+        """Send a topic message, which may be dropped if the far side is too slow.
+
+        Args:
+            topic: name of the topic.
+            frame: the message.
+        """
         self.num_sent += 1
         self.outbox.offer(topic, frame)
 
     def take(self, max_bytes: int, now: float) -> list[bytes]:
-        """The frames whose turn it is, oldest first, about so many bytes; none while the far side is behind."""
+        """Remove and return the oldest frames; none while the far side is behind.
+
+        Args:
+            max_bytes: about how much to return [bytes].
+            now: monotonic time [s].
+        """
         flow_control = self.flow_control
-        if flow_control.wants_probe:  # after an answer that proved less than was sent meanwhile
+        if flow_control.wants_probe:  # the last answer did not cover what was sent since
             return [self._make_probe(now)]
         if flow_control.is_blocked:
             return []
@@ -160,9 +173,13 @@ class BridgeConnection:
         return orjson.dumps({"op": "call_service", "service": PROBE, "id": probe, "args": {}})
 
     def ask(self, service: str, on_answer: OnReply, now: float, **args: object) -> None:
-        """Call a service there. `on_answer` gets the answer, or None for a refusal, rubbish, or none in time.
+        """Call a service there. If the socket is lost first, `on_answer` is never called.
 
-        If the socket is lost before, it is never called.
+        Args:
+            service: name of the service.
+            on_answer: gets the answer; None for a refusal, an invalid answer, or a time-out.
+            now: monotonic time [s].
+            args: fields of the request.
         """
         self._num_asked += 1
         question = f"{_QUESTION}{self._num_asked}"
@@ -172,23 +189,36 @@ class BridgeConnection:
     # In
 
     def receive(self, frame: bytes, now: float) -> Iterator[ops.Op | None]:
-        """The ops in a frame, but for the answers to our own questions, which are heard here. Never raises.
+        """Read the ops in a frame. Answers to our own questions are handled here. Never raises.
+
+        Args:
+            frame: content of a text or binary frame.
+            now: monotonic time [s].
 
         Yields:
-            An op, or None after a slice of work without one.
+            An op, or None after a slice of work.
         """
         for op in self.session.receive(frame, now):
             yield None if op is None or self._is_own_answer(op, now) else op
 
     def queue(self, frame: bytes, now: float) -> None:
-        """Have the ops in a frame wait for their turn, behind those that came before; otherwise as `receive`."""
+        """Add the ops of a frame to `waiting`; otherwise as `receive`.
+
+        Args:
+            frame: content of a text or binary frame.
+            now: monotonic time [s].
+        """
         if not self.waiting:
             self._num_waiting_bytes = 0
         self._num_waiting_bytes += len(frame)
         self.waiting += [op for op in self.receive(frame, now) if op is not None]
 
     def hold(self) -> Callable[[], None]:
-        """Have the ops wait until the returned function is called, or the socket is lost. Several holds count."""
+        """Let the ops wait until the returned function is called or the socket is lost. Several holds are counted.
+
+        Returns:
+            Ends this hold; a second call does nothing.
+        """
         holds, token = self._holds, object()
         holds.add(token)
 
@@ -202,16 +232,16 @@ class BridgeConnection:
 
     @property
     def is_held(self) -> bool:
-        """Return whether the ops that wait are not to be done now."""
+        """True if the waiting ops must not be done now."""
         return bool(self._holds)
 
     @property
     def is_full(self) -> bool:
-        """Return whether so much waits that nothing more should be read from the socket."""
+        """True if so much waits that the socket should not be read."""
         return bool(self.waiting) and self._num_waiting_bytes > MAX_WAITING_BYTES
 
     def _is_own_answer(self, op: ops.Op, now: float) -> bool:
-        """Return whether an op is the answer to a question of ours; it is handled then."""
+        """Handle the answer to one of our questions; return False for any other op."""
         if type(op) is not ops.ServiceResponse or not isinstance(op.id, str):
             return False
         number = op.id.removeprefix(_PROBE)
@@ -229,7 +259,7 @@ class BridgeConnection:
             if service == PROBE:
                 self.on_probe(bool(op.result), now)
             on_answer(_values_of(op), now)
-        return question is not None or op.id.startswith(_QUESTION)  # perhaps one that came too late
+        return question is not None or op.id.startswith(_QUESTION)  # perhaps an answer after the time-out
 
     # Time
 
@@ -242,7 +272,11 @@ class BridgeConnection:
         return min(dues, default=None)
 
     def expire(self, now: float) -> None:
-        """Give up what was not answered in time."""
+        """Give up questions without an answer in time.
+
+        Args:
+            now: monotonic time [s].
+        """
         for question, (on_answer, until, _) in list(self._questions.items()):
             if now >= until and self._questions.pop(question, None) is not None:
                 on_answer(None, now)

@@ -1,10 +1,9 @@
-"""Diagnostics of a far side, for the log: what it lacks of ours, what it says, what it does wrong.
+"""Diagnostics of a remote bridge for the log: what it lacks, what it reports, what it does wrong.
 
-rosbridge_suite answers no mistake. Whether it knows our types is seen from the lists that its rosapi gives, a while
-after everything was announced: what is missing there was refused. A server that does answer mistakes, as ours does,
-says the same in its own words; either way it is one line, said once.
-
-Lines about what comes again and again are bounded in number, whatever a far side sends.
+rosbridge_suite does not answer mistakes. Its rosapi lists show if it knows our types: we read them a while after
+everything was announced, and an item that is missing there was refused. A server that answers mistakes, such as ours,
+reports the same in its own words. Either way the log gets one line, once.
+Lines about repeated events are limited in number, whatever the bridge sends.
 """
 
 from __future__ import annotations
@@ -20,43 +19,43 @@ from rosbridge_sim.protocol.ops import Status
 __all__ = ["MAX_LINES", "PERIOD", "Diagnostics", "ItemKey", "names_of"]
 
 MAX_LINES, PERIOD = 10, 10.0
-"""Lines about what the far side sends, at most so many in so many seconds."""
+"""At most so many lines about the remote bridge's messages in so many seconds."""
 
 MAX_NAMES_SHOWN: Final = 3
-"""Names that a line gives before it only counts."""
+"""Names that a line lists before it only counts the rest."""
 
 MAX_DIAGNOSTIC: Final = 500
 """Longest line [characters]."""
 
 MAX_DIAGNOSTICS: Final = 100
-"""Lines that are said once, in all: more than there are packages, unless a far side makes names up."""
+"""Largest number of lines that are logged once: more than there are packages, unless the bridge invents names."""
 
 _UNKNOWN = re.compile(r"Unable to import ([\w-]+)\.\w+ from package")
-"""Words by which a server that answers mistakes tells of a package that it does not know."""
+"""Error text of a server for a package that it does not know."""
 
 _OWNED = re.compile(r"(?:Topic|Service) \S+ is (?:published|provided) by (\S+) alone")
-"""Words of a server of our own kind that has a simulator inside."""
+"""Error text of a rosbridge_sim server with its own simulator."""
 
 _log = logging.getLogger("rosbridge_sim.attach")
 
 ItemKey = tuple[str, str, str]
-"""Something of ours: `topic`, `input` or `service`; its name; its type as the far side is told."""
+"""Kind (`topic`, `input` or `service`), name, and type (in the remote spelling) of one of our items."""
 
 
 class Diagnostics:
-    """Findings about one far side.
+    """Findings about one remote bridge.
 
     Attributes:
-        taken_services: services of ours that it had before us, until that is said.
-        has_lost_topics: topics of ours that it listed once were missing in its last lists.
+        taken_services: services of ours that it had before; empty after they were logged.
+        has_lost_topics: topics of ours that it once listed are missing in its last lists.
     """
 
     def __init__(self, address: str, ros: Literal[1, 2]) -> None:
-        """Nothing is known yet.
+        """Begin without findings.
 
         Args:
-            address: of the far side, for people to read.
-            ros: the generation that we speak.
+            address: address of the bridge, for people.
+            ros: ROS generation of our messages.
         """
         self.taken_services: list[str] = []
         self.has_lost_topics = False
@@ -70,22 +69,37 @@ class Diagnostics:
     # Lines
 
     def log(self, level: int, text: str) -> None:
-        """A line about the far side, cut where its own words make it too long."""
+        """Log a line about the bridge, shortened if it is too long.
+
+        Args:
+            level: level of `logging`.
+            text: the line.
+        """
         _log.log(
             level, "%s: %s", self._address, text if len(text) <= MAX_DIAGNOSTIC else text[: MAX_DIAGNOSTIC - 3] + "..."
         )
 
     def log_once(self, text: str) -> None:
-        """A warning that is true until somebody changes something there."""
+        """Log a warning once. It stays true until a user changes something there.
+
+        Args:
+            text: the warning.
+        """
         if text not in self._logged and len(self._logged) < MAX_DIAGNOSTICS:
             self._logged.add(text)
             self.log(logging.WARNING, text)
 
     def log_limited(self, level: int, text: str, now: float) -> None:
-        """A line that may come again and again: some are said, the others counted."""
+        """Log a line about an event that may repeat; too many lines in a short time are only counted.
+
+        Args:
+            level: level of `logging`.
+            text: the line.
+            now: monotonic time [s].
+        """
         if now >= self._lines_until:
             if self._num_suppressed:
-                self.log(logging.WARNING, f"and {self._num_suppressed} lines more that are left out")
+                self.log(logging.WARNING, f"and {self._num_suppressed} more lines, which are left out")
             self._lines_until = now + PERIOD
             self._num_lines = self._num_suppressed = 0
         if self._num_lines < MAX_LINES:
@@ -97,7 +111,13 @@ class Diagnostics:
     # Findings
 
     def note_status(self, op: Status, ours: Collection[ItemKey], now: float) -> None:
-        """A remark of its own."""
+        """Log a status message of the bridge.
+
+        Args:
+            op: the status op.
+            ours: the announced items.
+            now: monotonic time [s].
+        """
         text = op.msg or ""
         unknown, owned = _UNKNOWN.match(text), _OWNED.match(text)
         if unknown is not None and any(_package(key) == unknown[1] for key in ours):
@@ -105,31 +125,35 @@ class Diagnostics:
         elif owned is not None:
             self.taken_services.clear()
             self.log_once(
-                f"it has a simulator of its own ({owned[1]}), whose names it keeps for it: ours is not seen there;"
-                " a bridge without a world is wanted (--no-world)"
+                f"it runs its own simulator ({owned[1]}), which owns these names, so ours is not visible there;"
+                " attach to a bridge without a world (start it with --no-world)"
             )
         else:
             about = f" of {op.id}" if op.id else ""
             self.log_limited(logging.WARNING, f"it says{about}: [{op.level}] {text}", now)
 
     def report_no_rosapi(self) -> None:
-        """Its rosapi had time enough to start, and does not answer."""
-        self.log_once("rosapi does not answer there: how far behind it is, and what of ours it lacks, is not seen")
+        """Log that rosapi there does not answer, though it had time to start."""
+        self.log_once("rosapi does not answer there, so its delay and the items that it lacks cannot be seen")
 
     def check_generation(self, values: Values) -> None:
-        """Look at the time that it told: its spelling is that of its ROS generation."""
+        """Compare the ROS generation of the bridge with ours, by the spelling of a time that it sent.
+
+        Args:
+            values: answer of `/rosapi/get_time`.
+        """
         time = values.get("time")
         ours, theirs = self._ros, 3 - self._ros
         if isinstance(time, dict) and ("sec" in time or "secs" in time) and ("secs" in time) != (ours == 1):
-            self.log_once(f"it is of ROS {theirs}, and may refuse messages as ROS {ours} has them: use --ros {theirs}")
+            self.log_once(f"it runs ROS {theirs} and may refuse messages of ROS {ours}: use --ros {theirs}")
 
     def check_stamps(self, *, is_simulated: bool, is_wall: bool, is_settled: bool) -> None:
-        """Look at the time that programs there go by.
+        """Compare the clock of the programs there with our stamps.
 
         Args:
             is_simulated: its `/use_sim_time` is true.
-            is_wall: ours goes out with the time of day.
-            is_settled: that follows from what it has just said.
+            is_wall: our stamps are the time of day.
+            is_settled: its answer has just decided our stamps.
         """
         if is_settled:
             said = "is true" if is_simulated else "is not true"
@@ -148,7 +172,11 @@ class Diagnostics:
             )
 
     def report_attached(self, ours: Collection[ItemKey]) -> None:
-        """Everything is announced there."""
+        """Log that everything is announced there.
+
+        Args:
+            ours: the announced items.
+        """
         kinds = [kind for kind, _, _ in ours]
         num_topics, num_services, num_inputs = map(kinds.count, ("topic", "service", "input"))
         self.log(
@@ -157,20 +185,20 @@ class Diagnostics:
         )
         if self.taken_services:
             names = _listed(self.taken_services)
-            self.log_once(f"it has {names} already, of another program or of one that is gone; ours take their place")
+            self.log_once(f"it already has {names}, from another or an earlier program; ours replace them")
             self.taken_services.clear()
 
     def compare_lists(self, topics: Values, services: Values, ours: Collection[ItemKey], *, is_final: bool) -> bool:
-        """Look through the lists of its rosapi.
+        """Compare the lists of its rosapi with our items.
 
         Args:
             topics: the values of `/rosapi/topics`.
             services: the values of `/rosapi/services`.
-            ours: what was announced.
-            is_final: it had time enough: what is missing will not come.
+            ours: the announced items.
+            is_final: it had enough time; a missing item will not appear later.
 
         Returns:
-            Whether nothing is missing.
+            True if nothing is missing.
         """
         types = dict(zip(names_of(topics, "topics"), names_of(topics, "types"), strict=False))
         there = {("topic", name) for name in types} | {("service", name) for name in names_of(services, "services")}
@@ -183,7 +211,7 @@ class Diagnostics:
         for kind, name, type_name in announced:
             told = types.get(name)
             if kind == "topic" and told and _plain(told) != _plain(type_name):
-                self.log_once(f"{name} is {told} there and not {type_name}: ours is not taken")
+                self.log_once(f"{name} has type {told} there, not {type_name}: ours was refused")
         return not missing
 
     def _report_missing(
@@ -196,19 +224,24 @@ class Diagnostics:
             else:
                 names = _listed([f"{name} ({type_name})" for _, name, type_name in lacking])
                 self.log_once(
-                    f"it does not have {names}: its {package} may be of another release, or its lists (globs) deny them"
+                    f"it does not have {names}: its {package} may be another release, or its globs deny these names"
                 )
 
     def _report_missing_package(self, package: str, ours: Collection[ItemKey]) -> None:
         names = _listed([key[1] for key in ours if _package(key) == package])
         self.log_once(
-            f"it does not know the package {package}, and so not {names}: build the package where it runs, and start it"
-            " again"
+            f"it does not know the package {package}, so it lacks {names}: build the package on its machine, and"
+            " restart it"
         )
 
 
 def names_of(values: Values | None, key: str) -> list[str]:
-    """A list of names in an answer; empty where there is none."""
+    """Return a list of names from an answer; empty if there is none.
+
+    Args:
+        values: values of the answer.
+        key: field with the list.
+    """
     names = None if values is None else values.get(key)
     return [name for name in names if isinstance(name, str)] if isinstance(names, list) else []
 
@@ -222,6 +255,6 @@ def _plain(type_name: str) -> str:
 
 
 def _listed(names: Sequence[str]) -> str:
-    """`/a, /b, /c and 4 more`."""
+    """Return names as text: `/a, /b, /c and 4 more`."""
     more = len(names) - MAX_NAMES_SHOWN
     return ", ".join(names[:MAX_NAMES_SHOWN]) + (f" and {more} more" if more > 0 else "")

@@ -1,10 +1,9 @@
-"""All programs on the far side of one bridge, as one participant of our bus: remarks to it and mistakes of it.
+"""All programs on the far side of one bridge, as one participant of our bus, with notices to it and its mistakes.
 
-No program there can hear what the bus tells it, so that goes into our log. What it sends and what cannot be used is a
-mistake of the bridge's, as that of any client: a line in our log, with a reason, and an entry on `/sim/refusals`. It
-has no other consequence.
-
-The parts of a `Mirror` (`registry.py`, `announcing.py`, `survey.py`) share this.
+The programs there cannot receive notices of our bus, so these go to our log. Input that cannot be used is a mistake of
+the bridge. As for any client, it gives a line in our log, with a reason, and an entry on `/sim/refusals`. It has no
+other consequence.
+The parts of a `Mirror` (`registry.py`, `announcing.py`, `survey.py`) share this class.
 """
 
 from __future__ import annotations
@@ -24,32 +23,38 @@ from rosbridge_sim.protocol import ops
 __all__ = ["FAR_SIDE_NAME", "FarSide"]
 
 FAR_SIDE_NAME: Final = "/rosbridge_far_side"
-"""All programs on the far side are one node here: from here they cannot be told apart."""
+"""Node name of all programs on the far side together, because we cannot tell them apart."""
 
 
 class FarSide:
-    """One far side, without what is mirrored there.
+    """One far side, without the mirrored items.
 
     Attributes:
-        bus: where the simulator is.
-        source: the simulator, whose topics and services are mirrored.
-        address: of the far side, for people to read.
-        diagnostics: what is found out about it.
-        on_connections_changed: called when a connection has come or gone.
-        on_attached: called each time when everything is announced.
-        on_failure: called when something done for the far side has failed by a bug of ours; raises it by itself.
-        stamps: which time goes out; None where the far side is not to be asked about it.
-        why_gone: called with the name of a service that is not here any more; returns why it is not, if it may come
-            back, or an empty text.
-        now: monotonic time of what is handled right now [s].
-        op: the op in hand; None between two ops.
-        is_gone: everything of it is off the bus, for good.
+        bus: the bus of the simulator.
+        source: the simulator; its topics and services are mirrored.
+        address: address of the bridge, for people.
+        diagnostics: findings about the bridge.
+        on_connections_changed: called when a connection was added or removed.
+        on_attached: called each time everything is announced.
+        on_failure: called with an internal error in work for the far side; by default it raises the error.
+        stamps: decides which clock our stamps use; None if the far side is not asked.
+        why_gone: called with the name of a removed service; returns the reason if the service may come back, else an
+            empty text.
+        now: monotonic time of the current event [s].
+        op: the current op; None between two ops.
+        is_gone: it has left the bus for ever.
     """
 
     name = FAR_SIDE_NAME
 
     def __init__(self, bus: Bus, source: Participant, address: str) -> None:
-        """A far side that nothing is known of."""
+        """Create a far side without findings.
+
+        Args:
+            bus: the bus of the simulator.
+            source: the simulator.
+            address: address of the bridge, for people.
+        """
         self.bus = bus
         self.source = source
         self.address = address
@@ -64,50 +69,76 @@ class FarSide:
         self.is_gone = False
 
     def notify(self, level: str, text: str) -> None:
-        """Log what would be told to a client: no program there could hear it."""
+        """Log a text that a client would be sent; no program there can receive it.
+
+        Args:
+            level: `info`, `warning` or `error`.
+            text: the text.
+        """
         self._note_notice(level, text, self.op)
 
     def explain(self, level: str, text: str, reason: Reason) -> None:
-        """See `Explaining`; the level is of no use, since no program there could hear it."""
-        assert level != "info", "that is no mistake"
+        """See `Explaining`. The level is not used, because no program there can receive the text.
+
+        Args:
+            level: `warning` or `error`.
+            text: the text.
+            reason: kind of mistake.
+        """
+        assert level != "info", "an info is not a mistake"
         self.note_mistake(reason, text, self.op)
 
     def notifier(self) -> Notify:
-        """See `Correlating`."""
+        """Return a function like `notify`; see `Correlating`."""
         op = self.op
         return lambda level, text: self._note_notice(level, text, op)
 
     def _note_notice(self, level: str, text: str, op: ops.Op | None) -> None:
-        """Note what was told without a reason, as `Peer` does."""
+        """Note a text that came without a reason, as `Peer` does."""
         if level == "info":
             self.note_now(logging.INFO, f"a program there is told: [{level}] {text}")
         else:
             self.note_mistake(Reason.REFUSED if level == "error" else Reason.NOT_NOW, text, op)
 
     def note_mistake(self, reason: Reason, text: object, op: ops.Op | None = None) -> None:
-        """Tell the log and `/sim/refusals` of a mistake of a program there.
+        """Report a mistake of a program there, in the log and on `/sim/refusals`.
 
         Args:
-            reason: the kind of mistake.
-            text: what a client would be told.
-            op: what it is about, where that is known.
+            reason: kind of mistake.
+            text: the text that a client would be sent.
+            op: the wrong op, if it is known.
         """
         refusal = refusal_of(self.address, reason, text, op)
         self.bus.guard.attempt("the account of a refusal", self.bus.on_refusal, refusal)
 
     def fail(self, error: Exception) -> None:
-        """See `Guarded`: the bridge's connections are made anew."""
+        """See `Guarded`: the connections of the bridge are opened again.
+
+        Args:
+            error: the internal error.
+        """
         self.on_failure(error)
 
     def note(self, level: int, text: str, now: float) -> None:
-        """Have a line in the log, unless there were too many of late."""
+        """Log a line, unless there were too many lately.
+
+        Args:
+            level: level of `logging`.
+            text: the line.
+            now: monotonic time [s].
+        """
         self.diagnostics.log_limited(level, text, now)
 
     def note_now(self, level: int, text: str) -> None:
-        """Do what `note` does, about what is handled right now."""
+        """Do the same as `note`, for the current event.
+
+        Args:
+            level: level of `logging`.
+            text: the line.
+        """
         self.note(level, text, self.now)
 
 
 def _raise(error: Exception) -> NoReturn:
-    """Raise a failure in the caller's hands: this far side has no connection that could be cut."""
+    """Raise a failure to the caller, because this far side has no connection to close."""
     raise error

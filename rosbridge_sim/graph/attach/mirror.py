@@ -1,15 +1,14 @@
-"""The simulator behind a rosbridge that we dial: one owner's topics, services and subscriptions, mirrored there.
+"""The mirror of the simulator on a remote rosbridge: topics, services and subscriptions of one owner, announced there.
 
-MORAI SIM is a client of a rosbridge: it advertises its topics and services there and subscribes to commands. A `Mirror`
-does the same for an owner on our bus. It is a `Participant` itself and stands for all programs on the far side: what is
-published there on an input topic is published here in its name, and so is each call. It stays on the bus while the
-connection is lost and made again: a bridge that is restarted is no client that has left.
-
-This file carries what comes from there, and ties the parts: what is mirrored (`registry.py`), what the far side is
-told of it (`announcing.py`), whether it has it (`survey.py`), and whether its rosapi is there (`rosapi_watch.py`).
-
-Many callers share a connection and cannot be told apart. Where one of them has to wait for something (`hold`), so does
-all that comes behind it on the same connection, and nothing else.
+MORAI SIM is a client of a rosbridge: it advertises its topics and services there, and subscribes to commands. A
+`Mirror` does the same for an owner on our bus. It is a `Participant` itself and represents all programs on the far
+side: their messages on input topics are published here in its name, and so are their calls. It stays on the bus while
+the connection is lost and opened again, because a restarted bridge is not a client that has left.
+This file handles the frames from the far side and connects the parts: the mirrored items (`registry.py`), their
+announcement (`announcing.py`), the check that they arrived (`survey.py`), and the state of its rosapi
+(`rosapi_watch.py`).
+Many callers share a connection and cannot be told apart. If one of them must wait (`hold`), all later ops on the same
+connection wait, too, and nothing else.
 """
 
 from __future__ import annotations
@@ -35,14 +34,14 @@ from rosbridge_sim.schema.message import Message
 __all__ = ["OPS_PER_TURN", "Mirror"]
 
 OPS_PER_TURN: Final = 64
-"""Ops of one connection that are done before others have their turn; some 2 ms of work."""
+"""Ops of one connection that are done in one turn: about 2 ms of work."""
 
 
 class Mirror(FarSide):
     """All programs on the far side of one bridge, as one participant of our bus.
 
     Attributes:
-        connections: those that it wants, by their names; the first one's is empty.
+        connections: the wanted connections by name; the name of the first is empty.
     """
 
     def __init__(
@@ -55,16 +54,17 @@ class Mirror(FarSide):
         limits: OutboxLimits | None = None,
         max_frame_size: int = 16 * 2**20,
     ) -> None:
-        """A mirror of what `source` has on `bus` now and later; no connection is open.
+        """Create a mirror of everything that `source` has on `bus`, now and later. No connection is open yet.
 
         Args:
-            bus: where `source` is.
+            bus: the bus of `source`.
             source: the simulator.
-            address: of the far side.
-            has_connection_each: a connection for each topic and service, as MORAI SIM has it, in place of one for all.
-                One keeps the order of all messages and answers; many keep a slow topic from delaying an answer.
-            limits: of what waits for one socket.
-            max_frame_size: longest frame that pieces may make [characters].
+            address: address of the far side.
+            has_connection_each: use one connection per topic and service, as MORAI SIM does, and not one for all. One
+                connection keeps the order of all messages and answers. With many, a slow topic does not delay an
+                answer.
+            limits: limits on frames that wait for one socket.
+            max_frame_size: longest frame that fragments may form [characters].
         """
         super().__init__(bus, source, address)
         self._limits = limits or OutboxLimits()
@@ -92,7 +92,11 @@ class Mirror(FarSide):
             self._registry.refresh()
 
     def leave(self, now: float) -> None:
-        """Tell the far side that all of it ends, and take everything off the bus. What still comes is passed over."""
+        """Tell the far side that everything ends, and remove it from the bus. Later input is ignored.
+
+        Args:
+            now: monotonic time [s].
+        """
         self.is_gone = True
         self.bus.on_holdings.remove(self._note_holdings)
         for item in reversed(self._registry.items.values()):
@@ -108,12 +112,12 @@ class Mirror(FarSide):
         flush: Callable[[], None],
         now: float,
     ) -> None:
-        """Announce what goes over a connection that has a socket now.
+        """Announce the items of a connection that has a socket now.
 
         Args:
             connection: one of `connections`.
             schedule_flush: as for `BridgeConnection.open`.
-            flush: the same.
+            flush: as for `BridgeConnection.open`.
             now: monotonic time [s].
         """
         self.now = now
@@ -121,10 +125,15 @@ class Mirror(FarSide):
         self._announcer.begin(connection, now)
 
     def lost(self, connection: BridgeConnection, now: float) -> None:
-        """Forget what was on its way over a socket that is lost. Its calls that are under way here are not answered."""
+        """Drop what was on its way over a lost socket. Its unfinished calls get no answer.
+
+        Args:
+            connection: one of `connections`.
+            now: monotonic time [s].
+        """
         self.now = now
         connection.shut()
-        if self.connections.get(connection.name) is not connection:  # it is not wanted any more
+        if self.connections.get(connection.name) is not connection:  # it was removed
             return
         self._announcer.end(connection)
         self._is_behind = self._is_any_late()
@@ -140,23 +149,32 @@ class Mirror(FarSide):
     def _is_any_late(self) -> bool:
         return any(each.flow_control.is_late for each in self.connections.values())
 
-    # What the far side says
+    # From the far side
 
     def receive(self, connection: BridgeConnection, frame: bytes, now: float) -> bool:
-        """Do what a frame asks, or have it wait for its turn; what is wrong with it is for the log.
+        """Do the ops of a frame, or let them wait for their turn. Mistakes go to the log.
+
+        Args:
+            connection: connection of the frame.
+            frame: content of a text or binary frame.
+            now: monotonic time [s].
 
         Returns:
-            As `go_on`.
+            True if more ops could be done at once, as for `go_on`.
         """
-        self.now = now  # for what cannot be read
+        self.now = now  # for frames that cannot be read
         connection.queue(frame, now)
         return self.go_on(connection, now)
 
     def go_on(self, connection: BridgeConnection, now: float) -> bool:
-        """Do what has come on a connection and waits, one turn's worth; after a release, or when more was left to do.
+        """Do the waiting ops of a connection, as many as one turn allows.
+
+        Args:
+            connection: one of `connections`.
+            now: monotonic time [s].
 
         Returns:
-            Whether more is left that could be done at once: call it again in the next turn.
+            True if more ops could be done at once: call again in the next turn.
         """
         self.now = now
         for _ in range(OPS_PER_TURN):
@@ -173,13 +191,17 @@ class Mirror(FarSide):
         return bool(connection.waiting) and not connection.is_held
 
     def hold(self) -> Callable[[], None]:
-        """See `Holdable`: hold the connection whose op is in hand."""
+        """Hold the connection of the current op; see `Holdable`.
+
+        Returns:
+            Ends this hold; a second call does nothing.
+        """
         let_go = (self._connection_in_hand or self._registry.first).hold()
 
         def release() -> None:
             try:
                 let_go()
-            except Exception as error:  # noqa: BLE001 - a bug of ours in this bridge's own state
+            except Exception as error:  # noqa: BLE001 - an internal error in this bridge's own state
                 self.bus.guard.blame(self, error)
 
         return release
@@ -192,12 +214,12 @@ class Mirror(FarSide):
         elif isinstance(op, ops.Status):
             self.diagnostics.note_status(op, self._registry.items, now)
         else:
-            self.note_now(logging.WARNING, f"it sent an op that means nothing here: {type(op).__name__}")
+            self.note_now(logging.WARNING, f"it sent an op that this side does not support: {type(op).__name__}")
 
     def _publish_input(self, op: ops.Publish, now: float) -> None:
         topic = self._registry.find_input(op.topic)
         if topic is None:
-            self.note_now(logging.WARNING, f"it sent a message of {op.topic}, for which nobody asked")
+            self.note_now(logging.WARNING, f"it sent a message of {op.topic}, which has no subscription here")
             return
         value = decode_body(topic.type, op.msg, self.bus.stamp_ns)
         self.bus.publish(self, topic, Message(topic.type, value), now)
@@ -210,22 +232,22 @@ class Mirror(FarSide):
             self._registry.end_call(name)
 
         def send(answer: Answer) -> None:
-            if connection.session is not session:  # another socket by now, on which ids are counted anew
+            if connection.session is not session:  # a new socket, on which ids start again
                 return
             if answer.is_ok:
                 session.answer(op.service, op.id, answer.values, is_ok=True)
                 return
-            # rosbridge_suite takes an object for the values and passes over `result`: the caller gets an empty
-            # response, which in MORAI's types says no; a bridge that knows `reason` can say why
+            # rosbridge_suite needs an object in `values` and ignores `result`: the caller gets an empty
+            # response, which means "no" in MORAI's types; a bridge that supports `reason` can tell why
             why = str(answer.values)
-            if answer.reason is None:  # the simulator cannot, and it is no mistake of the caller's
+            if answer.reason is None:  # the simulator cannot do it, and the caller made no mistake
                 self.note_now(logging.INFO, f"a call of {op.service} is refused: {why}")
             else:
                 self.note_mistake(answer.reason, why, op)
             connection.say("service_response", service=op.service, id=op.id, values={}, result=False, reason=why)
 
         if not self._registry.is_served(op.service):
-            why = self.why_gone(resolve(op.service)) or "it is not ours"
+            why = self.why_gone(resolve(op.service)) or "it is not a service of this simulator"
             send(Answer(is_ok=False, values=f"Service {op.service} is not served: {why}"))
             return
         name = resolve(op.service)
@@ -235,20 +257,20 @@ class Mirror(FarSide):
     def _note_no_op(self, error: FrameError) -> None:
         self.note_mistake(error.reason, str(error))
 
-    # Whether its rosapi is there
+    # State of its rosapi
 
     def _note_probe(self, is_answered: bool, now: float) -> None:  # noqa: FBT001 - a callback of one fact
-        """The far side has answered or refused a call of rosapi."""
+        """Handle the answer or refusal of a call of rosapi."""
         change = self._rosapi.note_reply(now, is_answered=is_answered)
         if change is RosapiChange.LOST:
-            text = "rosapi does not answer there any more: was its ROS master restarted? All is announced when it does"
+            text = "rosapi there stopped answering (ROS master restarted?); all is announced again when it answers"
             self.note_now(logging.WARNING, text)
         elif change is RosapiChange.BACK:
-            self.note_now(logging.INFO, "rosapi answers again: everything is announced anew")
+            self.note_now(logging.INFO, "rosapi answers again: everything is announced again")
             self._announce_anew(now)
 
     def _check_rosapi(self, now: float) -> None:
-        """Make a call whose answer shows whether rosapi is there, unless it is late with others."""
+        """Make a call whose answer shows if rosapi runs, unless other answers are already late."""
         first = self._registry.first
         if first.is_ready and not first.flow_control.is_late:
             first.ask(PROBE, lambda _values, _now: None, now)
@@ -264,7 +286,7 @@ class Mirror(FarSide):
         self._begin_survey(now)
 
     def _begin_survey(self, now: float) -> None:
-        """Compare lists again, unless that will come with the last connection."""
+        """Compare lists again, unless the last connection will start that."""
         if self._announcer.is_attached:
             self._survey.begin(now)
 
@@ -277,7 +299,11 @@ class Mirror(FarSide):
         return min((due for due in (*dues, *own) if due is not None), default=None)
 
     def advance(self, now: float) -> None:
-        """Give up what was not answered in time; ask what is to be asked by now."""
+        """Handle time-outs, and ask questions that are due.
+
+        Args:
+            now: monotonic time [s].
+        """
         self.now = now
         for each in list(self.connections.values()):
             each.expire(now)
@@ -285,10 +311,10 @@ class Mirror(FarSide):
         if is_behind != self._is_behind:
             self._is_behind = is_behind
             if is_behind:
-                text = "it does not keep up: topics wait, the newest are kept"
+                text = "it is too slow: topic messages wait, and only the newest are kept"
             else:
                 num_dropped = sum(each.outbox.dropped.total() for each in self.connections.values())
-                text = f"it keeps up again; {num_dropped:,} messages of topics were dropped since it is connected"
+                text = f"it is fast enough again; {num_dropped:,} topic messages were dropped since it connected"
             self.diagnostics.log(logging.WARNING, text)
         if self._rosapi.due is not None and now >= self._rosapi.due:
             self._check_rosapi(now)

@@ -1,7 +1,7 @@
-"""Registry of the mirrored things: each under its name, with its connection and its handle on our bus.
+"""Registry of the mirrored items: each one with its name, its connection and its handle on our bus.
 
-A topic of the simulator's is listened to here; an input, which the simulator listens to, is published here in the far
-side's name. What comes and goes is found by comparing with what the simulator holds.
+A topic of the simulator is subscribed to here. An input is a topic to which the simulator subscribes; it is published
+here in the far side's name. Changes are found by comparing the registry with what the simulator holds.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ __all__ = ["MirrorRegistry", "MirroredItem"]
 
 @dataclass(slots=True)
 class MirroredItem:
-    """One thing that is mirrored.
+    """One mirrored topic, input or service.
 
     Attributes:
-        connection: over which it goes.
+        connection: connection of the item.
         kind, name, type: as in its key.
-        topic: for a topic or an input, on our bus.
-        subscription: for a topic, ours to it.
-        is_known: for a service, that it was announced there before.
-        is_silent: for a topic, that nothing is published there for now.
+        topic: the topic on our bus, for a topic or an input.
+        subscription: our subscription, for a topic.
+        is_known: for a service: it was announced there before.
+        is_silent: for a topic: nothing is published there for now.
     """
 
     connection: BridgeConnection
@@ -44,24 +44,24 @@ class MirroredItem:
 
 
 class MirrorRegistry:
-    """All that is mirrored on one far side.
+    """All items that are mirrored on one far side.
 
     Attributes:
-        items: by key, in the order in which they have come.
-        connections: those that are wanted, by their names; the first one's is empty.
-        on_added: called with an item that has come.
-        on_removed: called with an item that goes; it is on the bus still.
+        items: by key, in order of arrival.
+        connections: the wanted connections by name; the name of the first is empty.
+        on_added: called with a new item.
+        on_removed: called with an item before it leaves the bus.
     """
 
     def __init__(
         self, far_side: FarSide, make_connection: Callable[[str], BridgeConnection], *, has_connection_each: bool
     ) -> None:
-        """Nothing is mirrored before the first `refresh`.
+        """Create an empty registry; `refresh` fills it.
 
         Args:
-            far_side: what is mirrored is there in its name.
-            make_connection: called with the name of one that is wanted.
-            has_connection_each: a connection for each topic and service, in place of one for all.
+            far_side: owner of the mirrored items.
+            make_connection: creates the connection with a name.
+            has_connection_each: use one connection per topic and service, and not one for all.
         """
         self.items: dict[ItemKey, MirroredItem] = {}
         self.connections = {"": make_connection("")}
@@ -72,47 +72,67 @@ class MirrorRegistry:
         self._make_connection = make_connection
         self._has_connection_each = has_connection_each
         self._inputs: dict[str, Topic] = {}
-        self._in_flight: dict[str, int] = {}  # calls of each service
+        self._in_flight: dict[str, int] = {}  # number of calls of each service
 
     @property
     def first(self) -> BridgeConnection:
-        """The connection over which our own questions go."""
+        """The connection for our own questions."""
         return self.connections[""]
 
     def find_input(self, name: str) -> Topic | None:
-        """The input of that name, relative or absolute; None if nobody asked for it."""
+        """Return an input; None if the simulator has no such subscription.
+
+        Args:
+            name: relative or absolute name.
+        """
         return self._inputs.get(name) or self._inputs.get(resolve(name))
 
     def is_served(self, name: str) -> bool:
-        """Return whether the simulator has a service of that name, relative or absolute."""
+        """Return True if the simulator has a service of this name.
+
+        Args:
+            name: relative or absolute name.
+        """
         service = self._bus.services.get(resolve(name))
         return service is not None and service.owner is self._far_side.source
 
     def items_of(self, connection: BridgeConnection) -> list[MirroredItem]:
-        """All that goes over one connection."""
+        """Return all items of one connection.
+
+        Args:
+            connection: one of `connections`.
+        """
         return [item for item in self.items.values() if item.connection is connection]
 
     # Calls in flight
 
     def begin_call(self, name: str) -> None:
-        """Have a service stay, under that absolute name, until the call has ended."""
+        """Keep a service until the call has ended.
+
+        Args:
+            name: absolute name of the service.
+        """
         self._in_flight[name] = self._in_flight.get(name, 0) + 1
 
     def end_call(self, name: str) -> None:
-        """Let a service go that was kept for its calls alone."""
+        """Release a service that was kept only for its calls.
+
+        Args:
+            name: absolute name of the service.
+        """
         left = self._in_flight.pop(name) - 1
         if left:
             self._in_flight[name] = left
         elif not self.is_served(name):
             self.refresh()
 
-    # What has come and gone
+    # Changes
 
     def refresh(self) -> None:
-        """Mirror what has come, and no longer what has gone.
+        """Add new items and remove old ones.
 
-        A service that moves to another name while it is called goes when it has answered: rosbridge_suite takes
-        no answers for a service that has ended, and its callers would hear of a failure.
+        A service that is renamed during a call is removed after its answer. rosbridge_suite accepts no answers for a
+        service that has ended, so the callers would get an error.
         """
         wanted = dict.fromkeys(self._wanted())
         names = {key[:2] for key in wanted}
@@ -129,7 +149,7 @@ class MirrorRegistry:
         for topic in held.published:
             yield "topic", topic.name, spelled(topic.type.name, "msg")
         for subscription in held.subscriptions:
-            if subscription.topic.owner is self._far_side.source:  # it hears itself, and nobody else may speak there
+            if subscription.topic.owner is self._far_side.source:  # its own topic, where no other program may publish
                 continue
             yield "input", subscription.topic.name, spelled(subscription.topic.type.name, "msg")
         for service in held.services:

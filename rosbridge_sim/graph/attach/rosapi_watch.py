@@ -1,7 +1,8 @@
-"""The state of a far side's rosapi (there, lost or back), found from what becomes of our calls to it.
+"""The state of a remote rosapi (present, lost or back), found from the answers to our calls.
 
-Silence says nothing: a far side that is slow answers late. A refusal says that nobody serves the call. A single one may
-be a time-out over there, so two in a row are a loss. Rosapi that never answered cannot be lost.
+No answer proves nothing, because a slow bridge answers late. A refusal shows that the service does not exist. A single
+refusal may be a time-out inside the bridge, so two in a row count as a loss. A rosapi that never answered cannot be
+lost.
 """
 
 from __future__ import annotations
@@ -12,17 +13,18 @@ from typing import Final
 __all__ = ["LOOK_PERIOD", "LOST_PERIOD", "RosapiChange", "RosapiWatch"]
 
 LOOK_PERIOD: Final = 5.0
-"""Between two calls that show that it is there [s]: a loss is noticed soon, and the calls are no load."""
+"""Time between two calls that check if it is there [s]: short enough to notice a loss soon, long enough to be no load.
+"""
 
 LOST_PERIOD: Final = 1.0
-"""Between two calls while it does not answer [s]."""
+"""Time between two calls while it does not answer [s]."""
 
 MAX_REFUSALS: Final = 1
-"""Refused calls in a row that are no loss."""
+"""Refused calls in a row that do not count as a loss."""
 
 
 class RosapiChange(Enum):
-    """News that an answer or a refusal brings."""
+    """Result of an answer or a refusal."""
 
     NOTHING_NEW = "nothing new"
     LOST = "lost"
@@ -30,35 +32,51 @@ class RosapiChange(Enum):
 
 
 class RosapiWatch:
-    """The state of one far side's rosapi.
+    """The state of one remote rosapi.
 
     Attributes:
-        due: when a call should show how it is [s]; None while there is no connection.
+        due: when the next call should check it [s]; None while there is no connection.
     """
 
     def __init__(self) -> None:
-        """Nothing is connected."""
+        """Begin without a connection."""
         self.due: float | None = None
         self._is_known = self._is_lost = False
         self._num_refusals = 0
 
     def start(self, now: float) -> None:
-        """There is a connection on which all is announced; a second one changes nothing."""
+        """Begin to watch, because everything is announced on a connection. A second call changes nothing.
+
+        Args:
+            now: monotonic time [s].
+        """
         if self.due is None:
             self.due = now + LOOK_PERIOD
 
     def stop(self) -> None:
-        """The connection is gone; the next one begins with nothing known."""
+        """Forget the state, because the connection is gone."""
         self.due = None
         self._is_known = self._is_lost = False
         self._num_refusals = 0
 
     def note_asked(self, now: float) -> None:
-        """A call was made, or its turn was passed over."""
+        """Note that a call was made or left out.
+
+        Args:
+            now: monotonic time [s].
+        """
         self.due = now + (LOST_PERIOD if self._is_lost else LOOK_PERIOD)
 
     def note_reply(self, now: float, *, is_answered: bool) -> RosapiChange:
-        """A call was answered or refused."""
+        """Note the answer or refusal of a call.
+
+        Args:
+            now: monotonic time [s].
+            is_answered: it was answered, not refused.
+
+        Returns:
+            The change that it shows.
+        """
         if is_answered:
             was_lost, self._is_lost = self._is_lost, False
             self._is_known, self._num_refusals = True, 0

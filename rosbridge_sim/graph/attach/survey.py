@@ -1,7 +1,7 @@
-"""Comparison of what was announced with the lists of the far side's rosapi.
+"""Comparison of the announced items with the lists of the remote rosapi.
 
-rosbridge_suite answers no mistake: a type whose package is not built there gives a line in its own log and nothing
-else. So a while after everything was announced we ask it which topics and services it has, and say what is missing.
+rosbridge_suite does not answer mistakes: a type whose package is not built there gives only a line in its own log. So a
+while after everything was announced, we ask for its topics and services, and log what is missing.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from rosbridge_sim.graph.attach.registry import MirrorRegistry
 __all__ = ["SURVEY_DELAYS", "Survey"]
 
 SURVEY_DELAYS: Final = (0.0, 1.0, 3.0)
-"""Waits before the far side is asked for its lists [s]: each after the one before. In ROS 2 topics are found one by
-one, over seconds."""
+"""Waiting times before the lists are requested [s], each counted from the request before. In ROS 2, discovery of topics
+takes seconds."""
 
 
 class Survey:
-    """The questions for lists that are asked of one far side.
+    """Requests for the lists of one remote bridge.
 
     Attributes:
-        due: when `ask` is to be called [s]; None where nothing is to be asked.
-        is_anew: all was announced once more on sockets that lived on, so what is missing may be our own doing.
-        on_topics_lost: called with monotonic time [s] when topics are missing all the same.
+        due: when `ask` should be called [s]; None if no request is planned.
+        is_anew: everything was announced again on open sockets, so we may have caused missing items ourselves.
+        on_topics_lost: called with monotonic time [s] when topics are still missing.
     """
 
     def __init__(self, diagnostics: Diagnostics, registry: MirrorRegistry) -> None:
-        """Nothing is to be asked.
+        """Create one without a planned request.
 
         Args:
             diagnostics: gets the lists.
-            registry: what was announced; its first connection is asked.
+            registry: the announced items; its first connection is asked.
         """
         self.due: float | None = None
         self.is_anew = False
@@ -44,12 +44,22 @@ class Survey:
         self._num_asked = 0
 
     def begin(self, now: float) -> None:
-        """Ask from now on, as often as `SURVEY_DELAYS` says."""
+        """Start the requests, as planned by `SURVEY_DELAYS`.
+
+        Args:
+            now: monotonic time [s].
+        """
         self._num_asked = 0
         self.due = now
 
     def ask(self, now: float) -> None:
-        """Ask it for its lists; once more later, if something is missing, or nobody answers: rosapi may start later."""
+        """Request the lists; plan another request if items are missing or no answer comes.
+
+        Rosapi may start later than the bridge.
+
+        Args:
+            now: monotonic time [s].
+        """
         self.due = None
         self._num_asked += 1
         first = self._registry.first
@@ -79,7 +89,7 @@ class Survey:
         first.ask("/rosapi/topics", on_topics, now)
 
     def _compare(self, topics: Values, services: Values, now: float, *, is_final: bool) -> bool:
-        """Look through its lists, and return whether nothing is missing."""
+        """Compare the lists; return True if nothing is missing."""
         is_whole = self._diagnostics.compare_lists(
             topics, services, self._registry.items, is_final=is_final and not self.is_anew
         )

@@ -1,1 +1,1 @@
-"""Transforms: what is known of frames, and who wants to hear of it."""
+"""Transforms: the known coordinate frames, and the clients that ask for them."""

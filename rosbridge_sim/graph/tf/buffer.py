@@ -1,11 +1,9 @@
-"""A tree of coordinate frames: transforms in, the pose of any frame in any other out.
+"""A tree of coordinate frames: it stores transforms and returns the pose of any frame in any other one.
 
-A transform says where a child frame stands in its parent; a frame has one parent, and of each transform the latest is
-kept. A pose is found by going up from both frames to the first one that they share. There is no history and nothing is
-interpolated: where the transforms on the way are of different times, each counts as it was last told, and the pose
-carries the oldest of these times.
-
-Frames that were told as static are kept apart from those that move, so that neither can push the other out.
+A transform is the pose of a child frame in its parent. A frame has one parent, and only its latest transform is kept. A
+pose is found by going up from both frames to their first common ancestor. There is no history and no interpolation: if
+the transforms on the path have different times, each is used as it is, and the pose carries the oldest of these times.
+Static frames are stored apart from moving ones, so that neither kind can displace the other.
 """
 
 from __future__ import annotations
@@ -35,25 +33,25 @@ __all__ = [
 ]
 
 MAX_TF_FRAMES = 1_000
-"""Moving frames that are kept, and as many static ones. The one that was told longest ago goes first, those of clients
-before the server's own: static ones are told once, and a client could push them out for good."""
+"""Largest number of moving frames, and of static ones. The oldest is removed first, frames of clients before the
+server's own. Static frames are sent only once, so a client could otherwise remove them for ever."""
 
 MAX_FRAME_NAME = 256
 """Longest name of a frame [characters]."""
 
 MAX_TREE_DEPTH = 100
-"""Longest way up that is followed: three times that of a humanoid's finger, and a bound for a tree made to be slow."""
+"""Longest path to an ancestor: three times that of a humanoid's finger, and a limit for trees made to be slow."""
 
 _ALMOST_UNIT = 1e-12
-"""A square of a norm this near to 1 is left as it is: dividing would change bits and better nothing."""
+"""A squared norm this near to 1 counts as 1: a division would change bits without being more exact."""
 
 
 class Transform(NamedTuple):
     """The pose of a frame in another one.
 
     Attributes:
-        x, y, z: of its origin [m].
-        qx, qy, qz, qw: its orientation, a unit quaternion.
+        x, y, z: position of its origin [m].
+        qx, qy, qz, qw: orientation, a unit quaternion.
     """
 
     x: float
@@ -70,11 +68,11 @@ IDENTITY = Transform(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Placed:
-    """A pose that was found.
+    """The result of a search for a pose.
 
     Attributes:
-        pose: of the source in the target.
-        stamp: the oldest time of all that moves on the way, a struct of `time`; None where nothing moves.
+        pose: pose of the source frame in the target frame.
+        stamp: oldest time of all moving transforms on the path, a struct of `time`; None if all are static.
     """
 
     pose: Transform
@@ -83,7 +81,7 @@ class Placed:
 
 @dataclass(frozen=True, slots=True)
 class _Edge:
-    """One transform: the way from a frame to its parent; `stamp` is None for a static one."""
+    """One transform, from a frame to its parent; `stamp` is None for a static one."""
 
     parent: str
     pose: Transform
@@ -92,21 +90,29 @@ class _Edge:
 
 
 def frame_name(given: str) -> str:
-    """The name of a frame without the slash that ROS once put before it: `/map` and `map` are one frame.
+    """Return the name of a frame without the leading slash of old ROS versions: `/map` and `map` are one frame.
+
+    Args:
+        given: the name as it came.
 
     Raises:
         GraphError: it is empty or too long.
     """
     name = given.removeprefix("/")
     if not name:
-        raise GraphError("A frame without a name is none")
+        raise GraphError("A frame needs a name; got an empty one")
     if len(name) > MAX_FRAME_NAME:
         raise GraphError(f"The name of a frame has at most {MAX_FRAME_NAME} characters")
     return name
 
 
 def compose(first: Transform, second: Transform) -> Transform:
-    """The pose in A of what has pose `second` in B, where B has pose `first` in A."""
+    """Return a pose in frame A for a pose in frame B.
+
+    Args:
+        first: pose of B in A.
+        second: pose in B.
+    """
     x, y, z, ax, ay, az, aw = first
     u, v, w, bx, by, bz, bw = second
     # p + q (u, v, w) q*, by way of t = 2 q x (u, v, w)
@@ -123,50 +129,59 @@ def compose(first: Transform, second: Transform) -> Transform:
 
 
 def invert(pose: Transform) -> Transform:
-    """The pose of A in B, where B has this pose in A."""
+    """Return the pose of A in B.
+
+    Args:
+        pose: pose of B in A.
+    """
     back = Transform(0.0, 0.0, 0.0, -pose.qx, -pose.qy, -pose.qz, pose.qw)
     return compose(back, Transform(-pose.x, -pose.y, -pose.z, 0.0, 0.0, 0.0, 1.0))
 
 
 def turn(first: Transform, second: Transform) -> float:
-    """The angle between two orientations, 0 to pi; exactly 0 for the same one [rad]."""
+    """Return the angle between two orientations, from 0 to pi [rad]; exactly 0 if they are equal.
+
+    Args:
+        first: pose with the first orientation.
+        second: pose with the second orientation.
+    """
     a, b = first[3:], second[3:]
-    if math.fsum(p * q for p, q in zip(a, b, strict=True)) < 0.0:  # q and -q are one orientation
+    if math.fsum(p * q for p, q in zip(a, b, strict=True)) < 0.0:  # q and -q are the same orientation
         b = (-b[0], -b[1], -b[2], -b[3])
     apart = math.hypot(*(p - q for p, q in zip(a, b, strict=True)))
     along = math.hypot(*(p + q for p, q in zip(a, b, strict=True)))
-    return 4.0 * math.atan2(apart, along)  # unlike acos of the product it sees small angles
+    return 4.0 * math.atan2(apart, along)  # exact for small angles, unlike acos of the product
 
 
 class TransformBuffer:
-    """All transforms that were told.
+    """All known transforms.
 
     Attributes:
-        version: rises with all that is put in.
+        version: a number that grows with each change.
     """
 
     def __init__(self) -> None:
         self.version = 0
-        self._moving: dict[str, _Edge] = {}  # in the order in which they were told
+        self._moving: dict[str, _Edge] = {}  # in order of arrival
         self._static: dict[str, _Edge] = {}
 
     def __len__(self) -> int:
         return len(self._moving) + len(self._static)
 
     def put(self, stamped: Struct, sender: Participant, *, is_static: bool) -> None:
-        """Take a transform in; it takes the place of an older one of the same child.
+        """Store a transform; it replaces the previous one of the same child frame.
 
         Args:
             stamped: a geometry_msgs/TransformStamped.
-            sender: who told it.
-            is_static: it holds until another one is told.
+            sender: the publisher.
+            is_static: it stays valid until it is replaced.
 
         Raises:
-            GraphError: it is none: a frame without a name or in itself, numbers that are none.
+            GraphError: a frame without a name or inside itself, or invalid numbers.
         """
         parent, child = frame_name(stamped.header.frame_id), frame_name(stamped.child_frame_id)
         if parent == child:
-            raise GraphError(f"Transform {parent} -> {child}: a frame cannot stand in itself")
+            raise GraphError(f"Transform {parent} -> {child}: a frame cannot be its own parent")
         pose = _read(stamped.transform, f"Transform {parent} -> {child}")
         edges, others = (self._static, self._moving) if is_static else (self._moving, self._static)
         others.pop(child, None)
@@ -178,14 +193,22 @@ class TransformBuffer:
         self.version += 1
 
     def forget(self, is_meant: Callable[[Participant], bool]) -> None:
-        """Forget the moving frames of some senders."""
+        """Remove the moving frames of some publishers.
+
+        Args:
+            is_meant: returns True for these publishers.
+        """
         self._moving = {child: edge for child, edge in self._moving.items() if not is_meant(edge.sender)}
         self.version += 1
 
     def look_up(self, target: str, source: str) -> Placed | None:
-        """Return the pose of `source` in `target`; None where the two do not hang together.
+        """Return the pose of `source` in `target`; None if no path connects them.
 
-        A frame stands in itself even if nobody ever told of it.
+        A frame has a pose in itself even if it is unknown.
+
+        Args:
+            target: the frame of the result.
+            source: the frame whose pose is wanted.
         """
         up = self._climb(source, lambda frame: frame == target)
         if target in up:
@@ -198,12 +221,12 @@ class TransformBuffer:
         return Placed(compose(invert(there.pose), here.pose), _older(here.stamp, there.stamp))
 
     def _climb(self, frame: str, is_there: Callable[[str], bool]) -> dict[str, Placed]:
-        """The pose of a frame in itself and its ancestors, in their order, up to the first that `is_there`."""
+        """Return the pose of a frame in itself and in each ancestor, in order, up to the first that `is_there`."""
         placed = Placed(IDENTITY, None)
         found = {frame: placed}
         while not is_there(frame) and len(found) <= MAX_TREE_DEPTH:
             edge = self._moving.get(frame) or self._static.get(frame)
-            if edge is None or edge.parent in found:  # the root, or a circle
+            if edge is None or edge.parent in found:  # the root, or a loop
                 break
             frame = edge.parent
             pose = edge.pose if placed.pose is IDENTITY else compose(edge.pose, placed.pose)
@@ -212,23 +235,23 @@ class TransformBuffer:
 
 
 def _read(transform: Struct, what: str) -> Transform:
-    """The pose in a geometry_msgs/Transform.
+    """Return the pose in a geometry_msgs/Transform.
 
     Raises:
-        GraphError: it has numbers that are none, or no orientation.
+        GraphError: a number is not finite, or the quaternion is not an orientation.
     """
     shift, q = transform.translation, transform.rotation
     norm2 = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w
     if not math.isfinite(shift.x + shift.y + shift.z):
-        raise GraphError(f"{what}: translation ({shift.x}, {shift.y}, {shift.z}) is no place")
+        raise GraphError(f"{what}: translation ({shift.x}, {shift.y}, {shift.z}) is not a position")
     if not 0.0 < norm2 < math.inf:
-        raise GraphError(f"{what}: rotation ({q.x}, {q.y}, {q.z}, {q.w}) is no orientation")
+        raise GraphError(f"{what}: rotation ({q.x}, {q.y}, {q.z}, {q.w}) is not an orientation")
     scale = 1.0 if abs(norm2 - 1.0) < _ALMOST_UNIT else 1.0 / math.sqrt(norm2)
     return Transform(shift.x, shift.y, shift.z, q.x * scale, q.y * scale, q.z * scale, q.w * scale)
 
 
 def _older(first: msgspec.Struct | None, second: msgspec.Struct | None) -> msgspec.Struct | None:
-    """The older of two times; None is none, as of what does not move."""
+    """Return the older of two times; None means static, which has no time."""
     if first is None or second is None:
         return second if first is None else first
     return min(first, second, key=msgspec.structs.astuple)

@@ -1,20 +1,17 @@
-"""`/tf2_web_republisher`: transforms for those who cannot keep a tree of frames themselves, as a node of the bus.
+"""`/tf2_web_republisher`: transforms for clients that cannot store a tree of frames themselves, as a node of the bus.
 
-It listens to `/tf` and `/tf_static`, and tells each client that asks where some frames stand in a frame of the
-client's choice, in one of three ways that client libraries have:
-
-    /republish_tfs            a service that answers with the name of a topic of one's own     (roslibpy, roslib)
+It subscribes to `/tf` and `/tf_static`. A client names some frames and a target frame, and gets the poses of these
+frames in the target frame. Client libraries ask in one of three ways:
+    /republish_tfs            a service; its answer names a new topic of the client            (roslibpy, roslib)
     /tf2_web_republisher/...  the five topics of a ROS 1 action, see `actionlib`               (roslib's TFClient)
     /tf2_web_republisher      a ROS 2 action                                                   (roslib's ROS2TFClient)
 
-Rates count in simulated time, whatever messages are stamped with: at R Hz second s is cut into R slots, and in each
-slot changes are looked for once, when the first transform of that slot is heard. So in synchronous mode what is told
-depends on the frames alone, and stands in the listener's hands before the answer to the tick. Whatever came too late
-for its slot is looked at in the next one, even if nothing more is heard: that takes the timer, and so does finding
-topics that nobody listens to any more.
-
-While nobody asks it only overhears: then nothing is published for its sake, as it would be for any other listener. What
-a publisher of that kind told before is old by the time when somebody asks again, and is forgotten.
+Rates are in simulated time, whatever the stamps are: at R Hz, each second has R slots. Changes are checked once in each
+slot, at its first transform. So in synchronous mode the result depends only on the frames, and the subscriber gets it
+before the answer to the tick. Transforms that come later in a slot are checked in the next slot. A timer does this if
+no further transform comes; it also finds topics without subscribers.
+With no active requests the subscription is idle: it does not start on-demand publishers. When the next request comes,
+earlier transforms of on-demand publishers are outdated and are removed.
 """
 
 from __future__ import annotations
@@ -48,40 +45,40 @@ __all__ = [
 ]
 
 DEFAULT_TIMEOUT = 10.0
-"""Time for which a topic waits for listeners where the request does not say [s]."""
+"""Time for which a topic waits for subscribers if the request does not set it [s]."""
 
 MAX_STREAMS = 1_000
 MAX_FRAME_PAIRS = 5_000
-"""Requests at work, and frames in all of them; a frame costs some 5 us each time that it is looked up."""
+"""Largest number of active requests, and of frames in all of them; looking up a frame takes about 5 us."""
 
 OWN_STREAMS = 100
 OWN_PAIRS = 500
-"""The same for one who asks."""
+"""The same limits for one client."""
 
 _LONGEST_WAIT = 3_600.0
-"""A timer for longer is none [s]."""
+"""A longer timer is not set [s]."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
 _Transforms: TypeAlias = list[Any]
-"""Structs of geometry_msgs/TransformStamped."""
+"""A list of geometry_msgs/TransformStamped structs."""
 
 
 @dataclass(eq=False, slots=True)
 class _Stream:
-    """One request at work.
+    """One active request.
 
     Attributes:
-        owner: who asked.
-        sources, target: frames, without a slash before them.
-        angle, distance: what a source must turn or move by to be told again [rad, m].
-        rate: how often it is looked at most [Hz]; 0 for each time that something is heard.
-        send: takes what is told.
-        told: what each source was told to be last.
-        slot: in which it was looked at last.
-        version: of the frames, at that time.
-        is_due_whole: the next time that it is looked at, all sources are told, moved or not.
-        is_whole: what was told last told all sources.
+        owner: the client.
+        sources, target: frame names without a leading slash.
+        angle, distance: a source must turn or move by this much to be sent again [rad, m].
+        rate: highest rate of checks [Hz]; 0 checks at each transform.
+        send: takes the transforms to send.
+        told: the pose of each source that was sent last.
+        slot: slot of the last check.
+        version: version of the frames at the last check.
+        is_due_whole: the next check sends all sources, moved or not.
+        is_whole: the last message had all sources.
     """
 
     owner: Participant
@@ -103,9 +100,9 @@ class _StreamTopic:
     """A topic that was made for a request.
 
     Attributes:
-        timeout: how long it may be without a listener [s].
-        unheard_since: when the last one went [s]; None while there is one.
-        listeners: when it was looked at last.
+        timeout: longest time without a subscriber [s].
+        unheard_since: when the last subscriber left [s]; None while there is one.
+        listeners: subscribers at the last check.
     """
 
     stream: _Stream
@@ -115,10 +112,10 @@ class _StreamTopic:
     listeners: tuple[Subscription, ...] = ()
 
     def note_listeners(self) -> None:
-        """Have everything told again if somebody has come who did not hear it.
+        """Send everything again if a new subscriber has missed it.
 
-        What is told while nobody listens is told whole, for it waits, latched, for the first who comes. Who came first
-        has heard that, and is told what has changed since: not the same once more.
+        A message without subscribers contains all sources and is latched for the first subscriber. That subscriber then
+        needs only changes, not the same message again.
         """
         before, self.listeners = self.listeners, self.topic.subscriptions
         if not self.listeners:
@@ -128,12 +125,16 @@ class _StreamTopic:
 
 
 class WebRepublisher:
-    """The owner of the three ways."""
+    """The node that serves the three ways."""
 
     name = REPUBLISHER_NAME
 
     def __init__(self, bus: Bus) -> None:
-        """Listen and offer, for good."""
+        """Subscribe to transforms, and offer the service and the actions, for the whole run.
+
+        Args:
+            bus: the bus.
+        """
         self._bus = bus
         self._frames = TransformBuffer()
         self._streams: dict[Goal | Topic, _Stream] = {}
@@ -159,42 +160,48 @@ class WebRepublisher:
         bus.on_leave.append(self._on_leave)
 
     def notify(self, level: str, text: str) -> None:
-        """Log what the bus remarks to the republisher."""
+        """Log a notice of the bus to the republisher.
+
+        Args:
+            level: `info`, `warning` or `error`.
+            text: a line of text.
+        """
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
     def end(self, error: Exception) -> None:
-        """End for good, since it cannot go on with its own timers; the clients that wait for it are told.
+        """End for ever, because its own timers have failed; the waiting clients are told.
 
-        A request or a message on which it fails is no reason: it serves all clients, and the sender alone is told then.
+        A request or message that fails is no reason to end: it serves all clients, and only the sender is told then.
+
+        Args:
+            error: the failure.
         """
         if self._has_ended:
             return
-        _log.error("the republisher of transforms has failed; it is off until a restart", exc_info=error)
+        _log.error("the transform republisher has failed; it is off until the server is restarted", exc_info=error)
         self._has_ended = True
         self._bus.leave(self, 0.0)
 
     # Time
 
     def next_due(self, _now: float) -> float | None:
-        """Return when `advance` has something to do next [s]; None while nobody asks for anything."""
+        """Return when `advance` has something to do next [s]; None without active requests."""
         if self._has_ended:
             return None
         dues = (self._alarm, self._actionlib.next_due(), self._sweep_due if self._stream_topics else None)
         return min((due for due in dues if due is not None), default=None)
 
     def advance(self, now: float) -> None:
-        """Look at what came too late for its slot, tell the goals' status, take away topics that nobody hears.
+        """Check transforms that came late in their slot, publish the status of goals, remove unused topics.
 
         Args:
             now: monotonic time [s].
-
-        Call it again at `next_due`.
         """
         if self._has_ended:
             return
         if self._alarm is not None and now >= self._alarm:
             self._alarm = None
-            if self._bus.time_ns != self._alarm_set_ns:  # a clock that stands brings no new slot
+            if self._bus.time_ns != self._alarm_set_ns:  # while simulated time stands still, no new slot comes
                 self._update_all(now)
         self._actionlib.advance(now)
         if now >= self._sweep_due:
@@ -207,7 +214,7 @@ class WebRepublisher:
                 elif now - offer.unheard_since >= offer.timeout:
                     self._withdraw(offer, now)
 
-    # What is heard
+    # Incoming transforms
 
     def _listen(self, name: str, *, is_static: bool) -> Subscription:
         def hear(_topic: Topic, message: Message, sender: Participant, now: float) -> None:
@@ -224,7 +231,7 @@ class WebRepublisher:
         return subscription
 
     def _put(self, message: Message, sender: Participant, *, is_static: bool) -> GraphError | None:
-        """Take in what is right in a message; what was wrong first."""
+        """Store the valid transforms of a message; return the first error."""
         problem = None
         if len(message.value.transforms) > MAX_TF_FRAMES:
             return GraphError(f"{message.type.name}: expected at most {MAX_TF_FRAMES} transforms, as many as are kept")
@@ -235,10 +242,10 @@ class WebRepublisher:
                 problem = problem or error
         return problem
 
-    # Who asks
+    # Requests
 
     def _serve(self, call: Call, now: float) -> None:
-        """`/republish_tfs`: a topic of one's own."""
+        """Answer `/republish_tfs` with a new topic."""
         timeout = _seconds(call.request)
         self._num_stream_topics += 1
         name = f"{REPUBLISHER_NAME}/tf_repub_{self._num_stream_topics}"
@@ -254,7 +261,7 @@ class WebRepublisher:
         call.answer(self._answer_struct(topic_name=name))
 
     def _take_goal(self, goal: Goal) -> None:
-        """A goal: by the ROS 2 action, or by the topics of ROS 1."""
+        """Start a goal, from the ROS 2 action or from the topics of ROS 1."""
 
         def send(transforms: _Transforms, _now: float) -> None:
             goal.report(self._feedback_struct(transforms=transforms))
@@ -262,21 +269,21 @@ class WebRepublisher:
         self._start(goal, self._open(goal.caller, goal.request, send), 0.0)
 
     def _cancel_goal(self, goal: Goal) -> None:
-        """A goal that is not wanted any more."""
+        """End a goal that its client has cancelled."""
         self._stop(goal)
         goal.end(GoalStatus.CANCELED, goal.action.type.result.default())
 
     def _on_leave(self, owner: Participant, now: float) -> None:
-        """Withdraw the topics that were made for an owner alone that has left."""
+        """Remove the topics of an owner that has left, unless other clients use them."""
         for offer in list(self._stream_topics.values()):
             if offer.stream.owner is owner and not offer.topic.has_listener:
                 self._withdraw(offer, now)
 
     def _open(self, owner: Participant, request: Struct, send: Callable[[_Transforms, float], None]) -> _Stream:
-        """A stream for a request, which is a struct of the service or of the action.
+        """Return a stream for a request, which is a struct of the service or of the action.
 
         Raises:
-            GraphError: the request makes no sense, or it is one too many.
+            GraphError: the request is not valid, or there are too many.
         """
         if len(request.source_frames) > MAX_FRAME_PAIRS:
             raise GraphError(f"source_frames: expected at most {MAX_FRAME_PAIRS}, got {len(request.source_frames)}")
@@ -312,10 +319,10 @@ class WebRepublisher:
         self._stop(offer.topic)
         self._bus.unadvertise(self, offer.topic.name, now)
 
-    # What is told
+    # Outgoing transforms
 
     def _update_all(self, now: float) -> None:
-        """Send what is new to all who asked; set the alarm for those whose slot it is not."""
+        """Send all changes; set the alarm for streams that wait for their next slot."""
         version = self._frames.version
         for offer in self._stream_topics.values():
             offer.note_listeners()
@@ -325,7 +332,7 @@ class WebRepublisher:
         self._alarm_set_ns = self._bus.time_ns
 
     def _update(self, stream: _Stream, now: float) -> float | None:
-        """Tell one who asked what has changed enough; before its next slot, how long it is until then [s]."""
+        """Send the changes of one stream; if it waits for its next slot, return how long [s]."""
         slot = None
         if stream.rate:
             place = self._bus.time_ns * stream.rate / 1e9
@@ -362,17 +369,17 @@ def _has_moved(stream: _Stream, told: Transform | None, pose: Transform) -> bool
 
 
 def _check_room(streams: Iterable[_Stream], num_more: int, max_streams: int, max_pairs: int, whose: str) -> None:
-    """Raise GraphError if there is no room for one more request, of so many frames."""
+    """Raise GraphError if there is no room for another request with so many frames."""
     sizes = [len(stream.sources) for stream in streams]
     if len(sizes) >= max_streams or sum(sizes) + num_more > max_pairs:
         raise GraphError(f"At most {max_streams} requests for transforms, of {max_pairs} frames, {whose} are served")
 
 
 def _amount(value: float, name: str) -> float:
-    """A number of a request; 0 for none at all.
+    """Return a number of a request; 0 if it is missing.
 
     Raises:
-        GraphError: it is negative or none.
+        GraphError: it is negative or not a number.
     """
     if not 0.0 <= value < math.inf:
         raise GraphError(f"{name}: expected 0 or more, got {value!r}")
@@ -380,13 +387,13 @@ def _amount(value: float, name: str) -> float:
 
 
 def _seconds(request: Struct) -> float:
-    """The timeout of a request [s]; 0 or less is none."""
+    """Return the timeout of a request [s]; 0 or less means the default."""
     whole, nanoseconds = msgspec.structs.astuple(request.timeout)
     return max(0.0, float(whole + nanoseconds / 1e9))
 
 
 def _transform_maker(bus: Bus) -> Callable[[str, str, Placed], msgspec.Struct]:
-    """A function that makes a TransformStamped: where a source stands in a target."""
+    """Return a function that makes a TransformStamped with the pose of a source in a target."""
     store = bus.store
     names = ("std_msgs/Header", "geometry_msgs/TransformStamped", "geometry_msgs/Transform")
     header, stamped, transform = (store.message(name).struct_type for name in names)

@@ -1,16 +1,16 @@
-"""Network settings, as MORAI's panel has them: names, switches and rates of the simulator's topics and services.
+"""Network settings, as in MORAI's panel: names, switches and rates of the simulator's topics and services.
 
-An *item* is one publisher, subscriber or service, seen from the simulator: `/Ego_topic` is published, `/ctrl_cmd`
-subscribed to. It is known by its default name, whatever it is called in the end. A `InterfaceChoice` may say a part of
-this; the rest is as usual. In a TOML file:
+An *item* is one publisher, subscriber or service of the simulator: it publishes `/Ego_topic` and subscribes to
+`/ctrl_cmd`. Its default name identifies it, even if it has another name on the bus. An `InterfaceChoice` sets some of
+its properties; the others keep their defaults. In a TOML file:
 
     [publishers]
     "/Ego_topic" = { name = "/car/state", rate = 25, on = true }
 
-The items of a further ego follow the first one's under its prefix, `/Ego-2/car/state`, unless something else is chosen
-about its own, `/Ego-2/Ego_topic`.
+The items of a further ego have the first ego's choices, with its own prefix: `/Ego-2/car/state`. A choice for its own
+item, `/Ego-2/Ego_topic`, takes precedence.
 
-Here is what can be said at all; whether there is such an item, and whether its name can be had, knows `items`.
+This module checks the form of the settings. `registry` checks that the items exist and that their names are free.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ __all__ = [
 ]
 
 MAX_RATE: Final = 120.0
-"""What MORAI allows for a publisher [Hz]."""
+"""Highest rate of a publisher that MORAI allows [Hz]."""
 
 USUAL_RATE: Final = 50.0
-"""A publisher's, if nobody says anything else: once a frame [Hz]."""
+"""Default rate of a publisher: once a frame [Hz]."""
 
 MAX_SETTINGS_NAME: Final = 200
-"""Characters of a name: a further ego's prefix goes before it, and the bus takes 256."""
+"""Longest name [characters]: the prefix of a further ego is added to it, and the bus takes 256."""
 
 _FURTHER_EGO = re.compile(r"/Ego-\d+/")
 
 Place = Callable[[tuple[str, ...]], str]
-"""A path of keys, such as ("publishers", "/clock", "rate") -> how an error calls that place."""
+"""A path of keys, such as ("publishers", "/clock", "rate") -> the text for that place in an error."""
 
 
 class InterfaceKind(Enum):
-    """What an item is; the values are the tables of the settings."""
+    """Kind of an item; the values are the tables of the settings."""
 
     PUBLISHER = "publishers"
     SUBSCRIBER = "subscribers"
@@ -62,19 +62,19 @@ class InterfaceKind(Enum):
 
     @property
     def noun(self) -> str:
-        """One of them."""
+        """The kind as a singular noun, for texts."""
         return self.value.removesuffix("s")
 
 
 @dataclass(frozen=True, slots=True)
 class InterfaceChoice:
-    """What is chosen about one item; None leaves that as it is.
+    """Choices for one item; None leaves a property as it is.
 
     Attributes:
-        name: its own, absolute.
-        is_on: whether it is there.
-        rate: publications a second [Hz]; publishers that go out with the frames have one.
-        where: who says so, for errors.
+        name: its name on the bus, absolute.
+        is_on: true if it is on the bus.
+        rate: publications a second [Hz]; only for publishers that publish with the frames.
+        where: place of the choice in a file or flag, for errors.
     """
 
     name: str | None = None
@@ -83,7 +83,14 @@ class InterfaceChoice:
     where: str = field(default="", compare=False)
 
     def over(self, base: InterfaceChoice) -> InterfaceChoice:
-        """This choice, and another one's where it leaves something open."""
+        """Return this choice, completed by another one.
+
+        Args:
+            base: gives the properties that this choice leaves open.
+
+        Returns:
+            The combined choice.
+        """
         return InterfaceChoice(
             base.name if self.name is None else self.name,
             base.is_on if self.is_on is None else self.is_on,
@@ -94,7 +101,7 @@ class InterfaceChoice:
 
 @dataclass(frozen=True, slots=True)
 class NetworkSettings:
-    """What is chosen about all items; none of these need be there.
+    """Choices for all items; none is required.
 
     Attributes:
         publishers, subscribers, services: default name -> choice.
@@ -105,17 +112,27 @@ class NetworkSettings:
     services: Mapping[str, InterfaceChoice] = field(default_factory=dict)
 
     def choices(self, kind: InterfaceKind) -> Mapping[str, InterfaceChoice]:
-        """Default name -> choice, of one kind of items."""
+        """Return the choices for one kind of items.
+
+        Args:
+            kind: the kind.
+
+        Returns:
+            Default name -> choice.
+        """
         choices: Mapping[str, InterfaceChoice] = getattr(self, kind.value)
         return choices
 
     def choice(self, kind: InterfaceKind, default: str, prefix: str = "/") -> InterfaceChoice:
-        """What holds for an item: what is chosen, else what is usual; all but the rate is said.
+        """Return the choice for an item, completed by the defaults; only the rate may be None.
 
         Args:
-            kind: which it is.
+            kind: of the item.
             default: its default name, without a prefix.
-            prefix: `/` for the world and the first ego, or a further ego's.
+            prefix: `/` for an item of the world or the first ego, else the prefix of a further ego.
+
+        Returns:
+            The choice.
         """
         choices = self.choices(kind)
         choice = choices.get(default, _NOTHING).over(InterfaceChoice(default, is_on=True))
@@ -124,13 +141,24 @@ class NetworkSettings:
         return choices.get(prefix + default[1:], _NOTHING).over(replace(choice, name=prefix + choice.name[1:]))
 
     def prefixes(self) -> list[str]:
-        """The prefixes of those that something is chosen about: `/`, then further egos'."""
+        """Return the prefixes of all items with a choice.
+
+        Returns:
+            `/`, then the prefixes of further egos.
+        """
         return list(
             dict.fromkeys(["/", *(split_prefix(name)[0] for kind in InterfaceKind for name in self.choices(kind))])
         )
 
     def over(self, base: NetworkSettings) -> NetworkSettings:
-        """These settings, and others where they leave something open."""
+        """Return these settings, completed by others.
+
+        Args:
+            base: gives the properties that these settings leave open.
+
+        Returns:
+            The combined settings.
+        """
         return NetworkSettings(**{kind.value: _over(self.choices(kind), base.choices(kind)) for kind in InterfaceKind})
 
 
@@ -148,18 +176,31 @@ def _over(choices: Mapping[str, InterfaceChoice], base: Mapping[str, InterfaceCh
 
 
 class Networks(Protocol):
-    """Where network settings that belong to a scenario come from; the shell reads them from the disk."""
+    """Source of network settings that belong to scenarios; the shell reads them from the disk."""
 
     def network(self, scenario: str) -> NetworkSettings | None:
-        """Those of the scenario that a client calls by this name; None where it has none.
+        """Return the network settings of a scenario.
+
+        Args:
+            scenario: its name, as a client gives it.
+
+        Returns:
+            The settings; None if it has none.
 
         Raises:
-            DocumentError: the name is none, or what is there cannot be used.
+            DocumentError: the name is not valid, or the settings cannot be used.
         """
 
 
 def split_prefix(name: str) -> tuple[str, str]:
-    """The prefix of an item (`/` but for further egos) and its default name without it, from both as one name."""
+    """Split the name of an item into its prefix and its default name.
+
+    Args:
+        name: for example `/Ego-2/Ego_topic`.
+
+    Returns:
+        The prefix (`/`, or that of a further ego), and the name without it, for example `/Ego-2/` and `/Ego_topic`.
+    """
     match = _FURTHER_EGO.match(name)
     prefix = match[0] if match else "/"
     return prefix, "/" + name[len(prefix) :]
@@ -169,7 +210,14 @@ def split_prefix(name: str) -> tuple[str, str]:
 
 
 def path_text(path: tuple[str, ...]) -> str:
-    """Return a path of keys as TOML writes it; of a long key, the beginning."""
+    """Return a path of keys as TOML writes it; a long key is shortened.
+
+    Args:
+        path: the keys.
+
+    Returns:
+        The text for an error.
+    """
     return ".".join(map(_key_text, path))
 
 
@@ -181,7 +229,7 @@ def _key_text(key: str) -> str:
 
 
 OnMistake = Callable[[DocumentError], None]
-"""Hears of a mistake; where it does not raise it, reading goes on with the next part."""
+"""Takes a mistake; if it does not raise the mistake, reading goes on with the next entry."""
 
 
 def _raise(error: DocumentError) -> NoReturn:
@@ -191,16 +239,19 @@ def _raise(error: DocumentError) -> NoReturn:
 def read_choices(
     kind: InterfaceKind, table: object, place: Place = path_text, on_mistake: OnMistake = _raise
 ) -> dict[str, InterfaceChoice]:
-    """The choices of one table of the settings, by the absolute default names.
+    """Read one table of the settings.
 
     Args:
-        kind: which table it is.
-        table: of a TOML file or of Python.
-        place: what errors call a place in it.
-        on_mistake: hears of each mistake, at its place; raises the first one if nothing else is said.
+        kind: the kind of items in the table.
+        table: from a TOML file or from Python.
+        place: returns the text for a place in it, for errors.
+        on_mistake: takes each mistake; by default the first one is raised.
+
+    Returns:
+        Absolute default name -> choice.
 
     Raises:
-        DocumentError: what `on_mistake` raises.
+        DocumentError: raised by `on_mistake`.
     """
     top = (kind.value,)
     if not isinstance(table, Mapping):
@@ -253,7 +304,7 @@ def _read_choice(
 
 
 def _read_own_name(name: object, kind: InterfaceKind, default: str, path: tuple[str, ...], place: Place) -> str:
-    """The name that an item is given; it may not look like another ego's."""
+    """Return the name that an item is given; it may not begin with another ego's prefix."""
     absolute = _read_name(name, kind, path, place)
     owner = split_prefix(absolute)[0]
     if owner not in ("/", split_prefix(default)[0]):

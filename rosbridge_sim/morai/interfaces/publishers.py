@@ -1,23 +1,23 @@
-"""The simulator's own topics: what goes out with a frame, how often, and in which order.
+"""Output topics of the simulator: the topics of each frame, their rates, and their order.
 
-With each frame go, in this order, `/clock` and the state topics; the node publishes `/SyncModeInfo` behind them, so
-that a client that reads it has seen the others of its frame. A message is made only if somebody listens.
+With each frame `/clock` and then the state topics are published. The node publishes `/SyncModeInfo` after them, so a
+client that gets it has received the other topics of its frame. A message is made only if its topic has subscribers.
 
-Rates count in simulated frames, so what a topic carries depends on the frame alone and not on when somebody began to
-listen: at R Hz frame i brings floor(i R / 50) - floor((i - 1) R / 50) publications. Below 50 Hz that is one or none.
-Above, the first goes with the frame and the others are the same message again, with its own stamp, spread evenly over
-the 20 ms that the frame lasts. In synchronous mode the state of every frame goes out once, at any rate: that is what a
-tick is for. What is *sampled*, as a sensor is, keeps its rate there too, and comes once a frame at most.
+Rates count in simulated frames, so the messages of a topic depend on the frame alone, and not on the time of the
+subscription: at R Hz frame i has floor(i R / 50) - floor((i - 1) R / 50) publications. Below 50 Hz that is one or none.
+Above 50 Hz the first is published with the frame; the others are the same message again, with the same stamp, spread
+evenly over the 20 ms of the frame. In synchronous mode the state of every frame is published once, at any rate, because
+a tick is made for that. *Sampled* topics, such as sensors, keep their rate there too, with at most one message a frame.
 
 Where simulated time runs faster than the clock, a topic goes out at most 120 times in a second of wall time: rates are
 lowered to that, evenly over the frames; where the world runs as fast as possible, the clock chooses the frames.
 
-While a pause stops real time nothing moves, and a client that joins would see nothing. So some topics are *shown in a
-pause*: once a second, and at once to a new subscriber, as the world stands and with the number of its last frame.
-Where the world waits for ticks they are not: there each message belongs to a tick. Recordings do not get them.
+While a pause stops real time nothing moves, and a client that joins would get no messages. So some topics are *shown in
+a pause*: once a second, and at once to a new subscriber, with the current state and the number of the last frame. While
+the world waits for ticks they are not shown, because each message there belongs to a tick. Recordings do not get them.
 
-Components speak of topics by their default names; what they are called, whether they are there and at which rate they
-go out, the network settings say.
+Components use the default names of topics; the network settings give their names on the bus, turn them on or off, and
+set their rates.
 """
 
 from __future__ import annotations
@@ -46,11 +46,11 @@ MAX_WALL_RATE: Final = 120
 """Messages of a topic in a second of wall time at most: more than a screen shows, and the highest rate in settings."""
 
 PAUSE_PERIOD: Final = 1.0
-"""Between two showings in a pause [s]: soon enough for a person who looks on, and no load."""
+"""Period of the messages in a pause [s]: short enough for a person who watches, and no load."""
 
 
 class _Publisher(Interface):
-    """A topic of the simulator's.
+    """A topic that the simulator publishes.
 
     Attributes:
         topic: on the bus; None while it is not there.
@@ -80,7 +80,7 @@ class _Publisher(Interface):
     def release(self, owner: Participant, bus: Bus, now: float, *, is_gone: bool) -> None:
         assert self.topic is not None
         bus.unadvertise(owner, self.topic.name, now)
-        if not is_gone:  # who comes late is not to find the last message of a topic that has another name
+        if not is_gone:  # a late subscriber must not get the last message of a topic that was renamed
             bus.forget_topic(self.topic.name)
         self.topic = None
 
@@ -95,7 +95,7 @@ class _Publisher(Interface):
 
 
 class PeriodicPublisher(_Publisher):
-    """One topic that goes out with the frames."""
+    """A topic that is published with the frames."""
 
     def __init__(
         self,
@@ -109,7 +109,7 @@ class PeriodicPublisher(_Publisher):
         is_shown_in_pause: bool = False,
         depth: int = 0,
     ) -> None:
-        """A topic; the arguments are those of `Publishers.add`."""
+        """Describe a topic; the arguments are those of `Publishers.add`."""
         super().__init__(name, type_name, is_exclusive=is_exclusive, rate=rate, depth=depth)
         self.make = make
         self.is_sampled = is_sampled
@@ -121,7 +121,7 @@ class PeriodicPublisher(_Publisher):
         self._real_up, self._real_down = 1, 1
 
     def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:
-        """Be on the bus under this name; what is kept there for others is there from the start."""
+        """Put the topic on the bus; a latched message is published at once. See `Interface.bind`."""
         super().bind(owner, bus, name, now)
         if self._depth:
             assert self.topic is not None
@@ -129,11 +129,15 @@ class PeriodicPublisher(_Publisher):
 
     @property
     def is_latched(self) -> bool:
-        """Return whether its last message is kept for those who come late."""
+        """True if its last messages are kept for late subscribers."""
         return bool(self._depth)
 
     def tune(self, rate: float) -> None:
-        """Go out so often [Hz]."""
+        """Set the rate.
+
+        Args:
+            rate: publications a second [Hz].
+        """
         self._rate = Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
         self._up, self._down = self._rate.numerator, self._rate.denominator
         self.limit(self._most)
@@ -145,7 +149,14 @@ class PeriodicPublisher(_Publisher):
         self._real_up, self._real_down = rate.numerator, rate.denominator
 
     def num_due(self, frame: int) -> int:
-        """How many publications this frame brings at its rate."""
+        """Return the number of publications of a frame at the topic's rate.
+
+        Args:
+            frame: the world's.
+
+        Returns:
+            0, 1 or, above 50 Hz, more.
+        """
         return frame * self._up // self._down - (frame - 1) * self._up // self._down
 
     def num_due_in_real_time(self, frame: int) -> int:
@@ -154,34 +165,34 @@ class PeriodicPublisher(_Publisher):
 
 
 class LatchedPublisher(_Publisher):
-    """One topic that goes out whenever there is news, and whose last message waits for those who come late.
+    """A topic that is published when its value changes; its last message is kept for late subscribers.
 
     Attributes:
-        value: what it says, a generated struct; None before it has said anything.
+        value: the last message, a generated struct; None before the first one.
     """
 
     def __init__(self, name: str, type_name: str, *, is_exclusive: bool = True) -> None:
-        """A topic; the arguments are those of `Publishers.keep`."""
+        """Describe a topic; the arguments are those of `Publishers.keep`."""
         super().__init__(name, type_name, is_exclusive=is_exclusive, rate=None, depth=1)
         self.value: Any = None
 
     def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:
-        """Be on the bus under this name, and say there what was said last."""
+        """Put the topic on the bus, and publish its last message there. See `Interface.bind`."""
         super().bind(owner, bus, name, now)
         if self.topic is not None and self.value is not None:
             bus.announce(owner, self.topic, Message(self.topic.type, self.value), now)
 
 
 class Publishers:
-    """The topics that `owner` publishes, most of them alone."""
+    """All topics that `owner` publishes; most of them may have no other publisher."""
 
     def __init__(self, owner: Participant, bus: Bus, items: InterfaceRegistry) -> None:
-        """No topics yet.
+        """Start without topics.
 
         Args:
             owner: the simulator.
-            bus: where they are published.
-            items: all that the owner has on the bus.
+            bus: the bus.
+            items: take the topics.
         """
         self._owner = owner
         self._bus = bus
@@ -192,7 +203,7 @@ class Publishers:
         self._repeats: list[tuple[float, int, PeriodicPublisher, Message]] = []
         self._ticket = count()
         self._factor = 1.0
-        # In a pause: when to show the world next, who has been shown it, and whether somebody has come since.
+        # In a pause: time of the next message, subscriptions that got the last one, and whether one was added since.
         self._pause_at: float | None = None
         self._shown_to: set[Subscription] = set()
         self._has_newcomer = False
@@ -211,25 +222,26 @@ class Publishers:
         is_everywhere: bool = True,
         depth: int = 0,
     ) -> PeriodicPublisher:
-        """Publish a topic with every frame, or at its rate; a further ego's at that of the first.
+        """Publish a topic with every frame, or at a rate; a further ego's topic has the rate of the first ego's.
 
         Args:
-            name: of the topic, by default.
-            type_name: its type.
-            make: the struct of the world as it stands, or None while there is nothing to say; called at most once a
-                frame.
-            is_exclusive: nobody else may publish there.
-            rate: publications a second of simulated time, unless somebody has chosen another one [Hz].
-            is_sampled: in synchronous mode, too, it goes out at its rate in simulated time and not with every frame.
-            is_shown_in_pause: it goes out while a pause stops real time, see above.
-            is_everywhere: every release has the type. Where one does not, nothing is published.
-            depth: how many messages are kept for those who come late.
+            name: default name.
+            type_name: package and type.
+            make: returns the struct of the world's current state, or None if there is nothing to publish; called at
+                most
+                once a frame.
+            is_exclusive: no other participant may publish there.
+            rate: default publications a second of simulated time [Hz]; the network settings may change it.
+            is_sampled: in synchronous mode it keeps its rate in simulated time, and is not published with every frame.
+            is_shown_in_pause: it is published while a pause stops real time; see the module's text.
+            is_everywhere: every release has the type. If false, nothing is published where a release lacks it.
+            depth: number of messages that are kept for late subscribers.
 
         Returns:
-            What goes out, for `show_now`.
+            The publisher, for `show_now`.
 
         Raises:
-            GraphError: somebody has given the topic another type.
+            GraphError: a client has given the topic another type.
         """
         publisher = PeriodicPublisher(
             name,
@@ -247,15 +259,18 @@ class Publishers:
         return publisher
 
     def keep(self, name: str, type_name: str, *, is_exclusive: bool = True) -> LatchedPublisher:
-        """Have a topic that goes out whenever there is news, and is kept for those who come late; see `update`.
+        """Create a latched topic, which is published when its value changes; see `update`.
 
         Args:
-            name: of the topic, by default.
-            type_name: its type.
-            is_exclusive: nobody else may publish there.
+            name: default name.
+            type_name: package and type.
+            is_exclusive: no other participant may publish there.
+
+        Returns:
+            The publisher, for `update`.
 
         Raises:
-            GraphError: somebody has given the topic another type.
+            GraphError: a client has given the topic another type.
         """
         publisher = LatchedPublisher(name, type_name, is_exclusive=is_exclusive)
         self._items.add(publisher)
@@ -263,13 +278,24 @@ class Publishers:
         return publisher
 
     def update(self, publisher: LatchedPublisher, value: Struct, now: float) -> None:
-        """There is news for a topic that `keep` has made."""
+        """Publish a new value of a latched topic.
+
+        Args:
+            publisher: from `keep`.
+            value: a generated struct of its type.
+            now: monotonic time [s].
+        """
         publisher.value = value
         if publisher.topic is not None:
             self._bus.announce(self._owner, publisher.topic, Message(publisher.topic.type, value), now)
 
     def remove(self, prefix: str, now: float) -> None:
-        """Publish the topics under a further ego's prefix no longer."""
+        """Stop to publish the topics of a further ego.
+
+        Args:
+            prefix: of their names.
+            now: monotonic time [s].
+        """
         gone = [publisher for publisher in self._periodic if publisher.prefix == prefix]
         self._periodic = [publisher for publisher in self._periodic if publisher.prefix != prefix]
         self._repeats = [repeat for repeat in self._repeats if repeat[2].prefix != prefix]
@@ -288,7 +314,7 @@ class Publishers:
             publisher.limit(_max_rate(factor))
 
     def show_every(self, frame: int, now: float) -> None:
-        """Publish the world as it stands on every topic that somebody listens to; what is sampled when its turn comes.
+        """Publish the world's current state on every topic with subscribers; sampled topics only if they are due.
 
         Args:
             frame: the world's.
@@ -297,7 +323,7 @@ class Publishers:
         self._num_shown += 1
         for publisher in self._periodic:
             topic = publisher.topic
-            if topic is None or not topic.subscriptions:  # most topics at each frame: no call for those
+            if topic is None or not topic.subscriptions:  # true for most topics at each frame: saves the calls
                 continue
             if not topic.has_listener or (publisher.is_sampled and not publisher.num_due(frame)):
                 continue
@@ -308,11 +334,11 @@ class Publishers:
                 self._bus.announce(self._owner, topic, message, now)
 
     def show_due(self, frame: int, shown_at: float, now: float) -> None:
-        """Publish the world as it stands on the topics whose turn it is, and put what is to be repeated on the list.
+        """Publish the world's current state on the topics that are due, and schedule their repetitions.
 
         Args:
             frame: the world's.
-            shown_at: when it was due [s].
+            shown_at: monotonic time at which the frame was due [s].
             now: monotonic time [s].
         """
         self._num_shown += 1
@@ -339,12 +365,21 @@ class Publishers:
                 )
 
     def show_now(self, publisher: PeriodicPublisher, now: float) -> None:
-        """Publish one topic between frames, since there is news; it must have something to say."""
+        """Publish one topic between frames, because its value has changed.
+
+        Args:
+            publisher: from `add`; its `make` must return a message now.
+            now: monotonic time [s].
+        """
         if publisher.topic is not None:
             self._bus.announce(self._owner, publisher.topic, Message(publisher.topic.type, publisher.make()), now)
 
     def show_latched(self, now: float) -> None:
-        """Publish anew what is kept for those who come late: it is stamped otherwise from now on."""
+        """Publish all latched topics anew, because their stamp has changed.
+
+        Args:
+            now: monotonic time [s].
+        """
         for publisher in self._periodic:
             if publisher.is_latched:
                 self.show_now(publisher, now)
@@ -380,17 +415,21 @@ class Publishers:
         return None if value is None else Message(topic.type, value)
 
     def current(self) -> Iterator[tuple[Topic, Message]]:
-        """Yield each topic that has something to say, with the message that would go out now; nothing is published."""
+        """Yield the message that each topic would publish now; nothing is published.
+
+        Yields:
+            Each topic that has a message, with the message.
+        """
         for publisher in self._periodic:
             value = None if publisher.topic is None else publisher.make()
             if publisher.topic is not None and value is not None:
                 yield publisher.topic, Message(publisher.topic.type, value)
 
     def set_paused(self, *, is_paused: bool, now: float) -> None:
-        """Begin or end to show the world in a pause; twice is no error.
+        """Start or stop the messages in a pause; a second call with the same value is no error.
 
         Args:
-            is_paused: a pause stops real time; not where the world waits for ticks.
+            is_paused: a pause stops real time; false while the world waits for ticks.
             now: monotonic time [s].
         """
         if not is_paused:
@@ -402,7 +441,14 @@ class Publishers:
             self._has_newcomer = False
 
     def pause_due(self, now: float) -> float | None:
-        """Return when `show_in_pause` has something to do next [s]."""
+        """Return the time of the next call of `show_in_pause`.
+
+        Args:
+            now: monotonic time [s].
+
+        Returns:
+            Monotonic time [s]; None if there is nothing to show.
+        """
         if self._pause_at is None:
             return None
         if self._has_newcomer:
@@ -410,7 +456,11 @@ class Publishers:
         return self._pause_at if self._listeners_in_pause() else None
 
     def show_in_pause(self, now: float) -> None:
-        """Show the world as it stands: to all if it is time to, else to those who have come since; or do nothing."""
+        """Publish the world's current state in a pause: to all subscribers once a period, and to new ones at once.
+
+        Args:
+            now: monotonic time [s].
+        """
         if self._pause_at is None:
             return
         is_time = now >= self._pause_at
@@ -432,17 +482,21 @@ class Publishers:
         return {one for publisher in self._periodic for one in _listeners_in_pause(publisher)}
 
     def _note_newcomer(self, _topic: Topic) -> None:
-        """Note that somebody has begun to listen, perhaps to a topic of these."""
+        """Note that a subscriber has joined, perhaps to one of these topics."""
         if self._pause_at is not None:
             self._has_newcomer = True
 
     @property
     def repeat_due(self) -> float | None:
-        """When `repeat` has something to do next [s]."""
+        """Time of the next call of `repeat` [s]; None if nothing is to be repeated."""
         return self._repeats[0][0] if self._repeats else None
 
     def repeat(self, now: float) -> None:
-        """Publish again what is due by now."""
+        """Publish the repetitions that are due.
+
+        Args:
+            now: monotonic time [s].
+        """
         while self._repeats and self._repeats[0][0] <= now:
             _, _, publisher, message = heapq.heappop(self._repeats)
             topic = publisher.topic
@@ -450,7 +504,7 @@ class Publishers:
                 self._bus.announce(self._owner, topic, message, now)
 
     def forget_repeats(self) -> None:
-        """Real time has stopped: nothing is repeated."""
+        """Cancel all repetitions, because real time has stopped."""
         self._repeats.clear()
 
 
@@ -460,7 +514,7 @@ def _max_rate(factor: float) -> Fraction | None:
 
 
 def _listeners_in_pause(publisher: PeriodicPublisher) -> list[Subscription]:
-    """The listeners that a topic is shown to in a pause."""
+    """Return the subscriptions that get the topic in a pause."""
     if not publisher.is_shown_in_pause or publisher.topic is None:
         return []
     return [one for one in publisher.topic.subscriptions if not one.is_idle and not one.is_recording]

@@ -1,9 +1,9 @@
-"""The simulator's items on the bus: each under the name, with the switch and at the rate that the settings say.
+"""The simulator's items on the bus, with the names, switches and rates of the network settings.
 
-A component adds an `Interface` under its default name for each topic or service. While the simulator is built these are
-collected; `open` brings them onto the bus. From then on a further ego's come and go, and `change` exchanges the
-settings while all goes on: what changes its name or its switch leaves the bus and comes back, everything else does not
-notice. A call that is in flight meanwhile is still answered, for what asks for other settings is such a call itself.
+A component adds an `Interface` under its default name for each topic or service. While the simulator is built the items
+are collected; `open` puts them on the bus. Later, items of further egos are added and removed. `change` replaces the
+settings while the server runs: items with another name or switch leave the bus and come back, and the other items are
+not touched. A call in progress is still answered, because such a call may be the one that changes the settings.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from rosbridge_sim.suggestions import hint
 __all__ = ["Interface", "InterfaceRegistry", "ListedInterface", "why_no_topic"]
 
 MAX_MISTAKES: Final = 20
-"""Mistakes in the settings of the start that are told, one a line: a screen of a terminal."""
+"""Largest number of mistakes in the settings that are reported at the start, one a line: a screen of a terminal."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -38,18 +38,18 @@ class Interface(ABC):
     """One publisher, subscriber or service of the simulator.
 
     Attributes:
-        kind: which of these.
+        kind: publisher, subscriber or service.
         default: its default name, without the prefix of a further ego.
         prefix: `/`, or that of a further ego.
         type_name: package and type.
-        rate: publications a second if nobody says anything else [Hz]; None where there is no such thing.
-        name: what it is called on the bus; None while it is not there.
+        rate: default publications a second [Hz]; None for an item without a rate.
+        name: its name on the bus; None while it is not on the bus.
     """
 
     kind: ClassVar[InterfaceKind]
 
     def __init__(self, default: str, prefix: str, type_name: str, rate: float | None = None) -> None:
-        """An item that is not on the bus yet."""
+        """Describe an item that is not on the bus yet."""
         self.default = default
         self.prefix = prefix
         self.type_name = type_name
@@ -58,30 +58,65 @@ class Interface(ABC):
 
     @abstractmethod
     def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:
-        """Be on the bus under this name (for `InterfaceRegistry` alone, and so is `release`).
+        """Put the item on the bus. Only `InterfaceRegistry` calls this and `release`.
+
+        Args:
+            owner: the simulator.
+            bus: the bus.
+            name: the item's name on it.
+            now: monotonic time [s].
 
         Raises:
-            GraphError: the name cannot be had.
+            GraphError: the name cannot be used.
         """
 
     @abstractmethod
     def release(self, owner: Participant, bus: Bus, now: float, *, is_gone: bool) -> None:
-        """Leave the bus; for good, or to come back under another name."""
+        """Remove the item from the bus.
+
+        Args:
+            owner: the simulator.
+            bus: the bus.
+            now: monotonic time [s].
+            is_gone: for good, and not to come back under another name.
+        """
 
     @abstractmethod
     def why_not(self, owner: Participant, bus: Bus, name: str) -> str | None:
-        """Why it cannot be called so, as others have something there; None where nothing is in the way."""
+        """Return the reason why the item cannot have a name: another participant uses it.
 
-    def tune(self, rate: float) -> None:  # noqa: ARG002 - those that have one use it
-        """Go out so often [Hz]."""
+        Args:
+            owner: the simulator.
+            bus: the bus.
+            name: the name.
+
+        Returns:
+            A text for an error; None if the name is free.
+        """
+
+    def tune(self, rate: float) -> None:  # noqa: ARG002 - items with a rate use it
+        """Set the rate.
+
+        Args:
+            rate: publications a second [Hz].
+        """
         raise AssertionError(f"{self.default} has no rate")
 
 
 def why_no_topic(owner: Participant, bus: Bus, name: str, type_name: str) -> str | None:
-    """Why an owner cannot have a topic of this type; one of another type that it has alone is no obstacle.
+    """Return the reason why an owner cannot have a topic of this type.
 
-    For settings are checked before anything moves, and what the owner has there will have another name by then. Clients
-    are no obstacle either: they give way.
+    Settings are checked before any item moves. So a topic of another type that only the owner uses is no obstacle: its
+    item will have another name by then. Clients are no obstacle either, because they give way.
+
+    Args:
+        owner: the simulator.
+        bus: the bus.
+        name: of the topic.
+        type_name: package and type.
+
+    Returns:
+        A text for an error; None if the topic is free.
     """
     topic = bus.find_topic(name)
     if topic is not None:
@@ -93,14 +128,14 @@ def why_no_topic(owner: Participant, bus: Bus, name: str, type_name: str) -> str
 
 @dataclass(frozen=True, slots=True)
 class ListedInterface:
-    """One of the first ego's items, or the world's, as the settings in force have it.
+    """An item of the world or the first ego, with the settings in force.
 
     Attributes:
-        kind: what it is.
+        kind: publisher, subscriber or service.
         default: its default name.
-        name: what it is called.
-        is_on: whether it is there.
-        rate: publications a second [Hz]; None where there is no such thing.
+        name: its name on the bus.
+        is_on: true if it is on the bus.
+        rate: publications a second [Hz]; None for an item without a rate.
     """
 
     kind: InterfaceKind
@@ -114,13 +149,19 @@ class InterfaceRegistry:
     """All items of one owner.
 
     Attributes:
-        settings: those in force.
-        why_closed: why services and input topics refuse everything; None while they do not.
-        on_change: called with `now` when other settings come into force, before items have the new names.
+        settings: the settings in force.
+        why_closed: the reason why services and input topics refuse everything; None while they do not.
+        on_change: called with `now` when other settings come into force, before items get their new names.
     """
 
     def __init__(self, owner: Participant, bus: Bus, settings: NetworkSettings = DEFAULTS) -> None:
-        """No items yet, and closed."""
+        """Start without items, and not open.
+
+        Args:
+            owner: the simulator.
+            bus: the bus.
+            settings: the network settings.
+        """
         self.settings = settings
         self.why_closed: str | None = None
         self.on_change: Callable[[float], None] = lambda _now: None
@@ -131,16 +172,17 @@ class InterfaceRegistry:
         self._is_open = False
 
     def add(self, item: Interface, *, is_everywhere: bool = True, now: float = 0.0) -> None:
-        """Take an item in, and onto the bus if it is open.
+        """Add an item, and put it on the bus if the registry is open.
 
         Args:
             item: a new one.
-            is_everywhere: every release has its type. Where one does not, there is no such item, and settings that
-                speak of it do no harm: one file serves for all releases.
+            is_everywhere: every release has its type. If false, the item is left out where the release lacks the type,
+                and
+                settings may still name it, so that one file serves for all releases.
             now: monotonic time [s].
 
         Raises:
-            GraphError: the name cannot be had; the item is not taken in.
+            GraphError: the name cannot be used; the item is not added.
             TypeNameError: there is no such type.
         """
         find = self._bus.store.service if item.kind is InterfaceKind.SERVICE else self._bus.store.message
@@ -156,10 +198,10 @@ class InterfaceRegistry:
         self._items.append(item)
 
     def open(self) -> None:
-        """Bring all items onto the bus.
+        """Put all items on the bus.
 
         Raises:
-            DocumentError: the settings do not fit them: all mistakes, one a line.
+            DocumentError: the settings do not fit the items: all mistakes, one a line.
         """
         mistakes = list(dict.fromkeys(map(str, self._mistakes(self.settings))))
         if mistakes:
@@ -173,13 +215,18 @@ class InterfaceRegistry:
         """Refuse a call or a message while the simulator cannot serve it.
 
         Raises:
-            GraphError: it cannot, and the text says why.
+            GraphError: with `why_closed`.
         """
         if self.why_closed is not None:
             raise GraphError(self.why_closed)
 
     def remove(self, items: Sequence[Interface], now: float) -> None:
-        """Let go of some items for good."""
+        """Remove some items for good.
+
+        Args:
+            items: the items; one that is not on the bus is no error.
+            now: monotonic time [s].
+        """
         for item in items:
             if item.name is not None:
                 item.release(self._owner, self._bus, now, is_gone=True)
@@ -187,17 +234,23 @@ class InterfaceRegistry:
         self._items = [item for item in self._items if item not in items]
 
     def check(self, settings: NetworkSettings) -> None:
-        """See whether these settings can be used now; nothing is changed.
+        """Check that these settings can be used now; nothing changes.
+
+        Args:
+            settings: the settings.
 
         Raises:
-            DocumentError: an item that there is not, a rate where there is none, or a name that cannot be had; the
-                first mistake.
+            DocumentError: the first mistake: an unknown item, a rate for an item without one, or a name that cannot be
+                used.
         """
         for mistake in self._mistakes(settings):
             raise mistake
 
     def _mistakes(self, settings: NetworkSettings) -> Iterator[DocumentError]:
-        """All that is wrong with these settings. Of a place with a mistake, what is on the bus says nothing new."""
+        """Yield all mistakes in these settings.
+
+        A conflict on the bus is left out at a place that has a mistake already.
+        """
         mistakes = [*self._wrong_items(settings), *self._wrong_names(settings)]
         yield from mistakes
         told = tuple(map(str, mistakes))
@@ -210,25 +263,43 @@ class InterfaceRegistry:
                     yield DocumentError(f"{where or f'{item.kind.noun} {item.default}'}: {why}")
 
     def change(self, settings: NetworkSettings, now: float) -> None:
-        """Have other settings from here on. They must have been checked, with nothing done on the bus since."""
+        """Replace the settings.
+
+        Args:
+            settings: they passed `check`, and nothing on the bus has changed since.
+            now: monotonic time [s].
+        """
         moving = [item for item in self._items if _wanted(item, settings) != item.name]
         for item in moving:
             if item.name is not None:
                 item.release(self._owner, self._bus, now, is_gone=False)
                 item.name = None
         self.settings = settings
-        # Before anything is said under a new name: a client that may not hear it may be listening there already.
+        # Before any message under a new name: a client that may not receive it may be subscribed to that name already.
         self._bus.guard.attempt("what follows other network settings", self.on_change, now)
         for item in self._items:
             self._place(item, settings, now)
-        _log.info("network settings: %d items have another name, or were turned on or off", len(moving))
+        _log.info("network settings changed: %d items renamed, or turned on or off", len(moving))
 
     def name_of(self, kind: InterfaceKind, default: str, prefix: str = "/") -> str:
-        """What an item is called, if it is there."""
+        """Return the name of an item on the bus.
+
+        Args:
+            kind: of the item.
+            default: its default name, without a prefix.
+            prefix: `/`, or that of a further ego.
+
+        Returns:
+            The name; empty if there is none.
+        """
         return self.settings.choice(kind, default, prefix).name or ""
 
     def listing(self) -> Iterator[ListedInterface]:
-        """The items of the world and the first ego, by kind, in the order in which they were added."""
+        """Yield the items of the world and the first ego.
+
+        Yields:
+            Each item, by kind, in the order of addition.
+        """
         for kind in InterfaceKind:
             for item in self._items:
                 if item.kind is kind and item.prefix == "/":
@@ -237,7 +308,7 @@ class InterfaceRegistry:
                     yield ListedInterface(kind, item.default, choice.name or "", bool(choice.is_on), rate)
 
     def _place(self, item: Interface, settings: NetworkSettings, now: float) -> None:
-        """Have an item where the settings want it, and at their rate."""
+        """Give an item the name, switch and rate of the settings."""
         if item.rate is not None:
             item.tune(settings.choice(item.kind, item.default, item.prefix).rate or item.rate)
         name = _wanted(item, settings)
@@ -246,7 +317,7 @@ class InterfaceRegistry:
             item.name = name
 
     def _wrong_items(self, settings: NetworkSettings) -> Iterator[DocumentError]:
-        """Items that something is chosen about and that are not there; a further ego need not be there yet."""
+        """Yield a mistake for each choice of an unknown item; a further ego need not exist yet."""
         rates = {(item.kind, item.default): item.rate for item in self._items}
         for kind in InterfaceKind:
             for name, choice in settings.choices(kind).items():
@@ -256,17 +327,20 @@ class InterfaceRegistry:
                 if (kind, default) not in rates:
                     yield DocumentError(f"{choice.where}: {self._no_such(kind, default)}")
                 elif choice.rate is not None and rates[kind, default] is None:
-                    yield DocumentError(f"{choice.where}: expected no rate: it goes out whenever there is news")
+                    yield DocumentError(f"{choice.where}: expected no rate: it is published only when it changes")
 
     def _no_such(self, kind: InterfaceKind, default: str) -> str:
-        """What to say of an item that there is not."""
+        """Return the error text for an unknown item."""
         others = [item.kind.noun for item in self._items if item.default == default]
         known = {item.default for item in self._items if item.kind is kind}
         near = f"; {default} is a {others[0]}" if others else hint(default, known)
         return f"the simulator has no such {kind.noun}{near}"
 
     def _wrong_names(self, settings: NetworkSettings) -> Iterator[DocumentError]:
-        """Names of several items. A publisher and a subscriber that share their default name may share another."""
+        """Yield a mistake for each name that two items have.
+
+        A publisher and a subscriber with the same default name may share another name.
+        """
         ours = dict.fromkeys((item.kind, item.default) for item in self._items)
         taken: dict[tuple[bool, str], tuple[InterfaceKind, str, InterfaceChoice]] = {}
         for prefix in settings.prefixes():
@@ -286,6 +360,6 @@ class InterfaceRegistry:
 
 
 def _wanted(item: Interface, settings: NetworkSettings) -> str | None:
-    """What an item is to be called; None where it is off."""
+    """Return the name that the settings give to an item; None if it is off."""
     choice = settings.choice(item.kind, item.default, item.prefix)
     return choice.name if choice.is_on else None

@@ -1,8 +1,7 @@
-"""The services and input topics of the world or of one ego, so that they can be taken away again as a whole.
+"""Services and input topics of the world or of one ego, which can be removed together.
 
-The world's own services and input topics stay as long as the simulator; those of a further ego come and go with it.
-Components speak of them by their default names; what they are called in the end, and whether they are there, the
-network settings say.
+The world's own services and input topics stay as long as the simulator. Those of a further ego are added and removed
+with it. Components use default names; the network settings give the names on the bus and turn items on or off.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from rosbridge_sim.schema.message import Message
 __all__ = ["SubscribersServices", "Take"]
 
 Take = Callable[[Any, Participant, float], None]
-"""`(message's struct, sender, now)`; a PeerError that it raises is told to the sender."""
+"""`(message's struct, sender, now)`; if it raises a PeerError, the sender gets a status."""
 
 
 class SubscribersServices:
@@ -37,13 +36,13 @@ class SubscribersServices:
         self._own: list[Interface] = []
 
     def provide(self, name: str, type_name: str, handle: Handle, *, is_everywhere: bool = True) -> None:
-        """Offer a service, here alone.
+        """Offer a service that no other participant may offer.
 
         Args:
-            name: by default, without the prefix.
+            name: default name, without the prefix.
             type_name: of `morai_msgs` if it names no package.
-            handle: what answers.
-            is_everywhere: every release has the type. Where one does not, nothing is offered.
+            handle: answers the calls.
+            is_everywhere: every release has the type. If false, nothing is offered where a release lacks it.
 
         Raises:
             TypeNameError: there is no such type.
@@ -58,16 +57,16 @@ class SubscribersServices:
         self._add(_Service(name, self.prefix, type_name, handle_while_open), is_everywhere=is_everywhere)
 
     def listen(self, name: str, type_name: str, take: Take, *, is_everywhere: bool = True) -> None:
-        """Take what is published on a topic.
+        """Subscribe to an input topic.
 
         Args:
-            name: by default, without the prefix.
+            name: default name, without the prefix.
             type_name: of `morai_msgs` if it names no package.
-            take: gets each message.
-            is_everywhere: every release has the type. Where one does not, nothing is listened to.
+            take: takes each message.
+            is_everywhere: every release has the type. If false, nothing is subscribed to where a release lacks it.
 
         Raises:
-            GraphError: somebody has given the topic another type.
+            GraphError: a client has given the topic another type.
             TypeNameError: there is no such type.
         """
         check_open = self._items.check_open
@@ -79,20 +78,38 @@ class SubscribersServices:
         self._add(_Subscriber(name, self.prefix, type_name, take_while_open), is_everywhere=is_everywhere)
 
     def service(self, name: str) -> str:
-        """What the service of that default name is called."""
+        """Return the name of a service on the bus.
+
+        Args:
+            name: default name, without the prefix.
+
+        Returns:
+            The name; empty if there is none.
+        """
         return self._items.name_of(InterfaceKind.SERVICE, "/" + name, self.prefix)
 
     def topic(self, name: str) -> str:
-        """What the input topic of that default name is called."""
+        """Return the name of an input topic on the bus.
+
+        Args:
+            name: default name, without the prefix.
+
+        Returns:
+            The name; empty if there is none.
+        """
         return self._items.name_of(InterfaceKind.SUBSCRIBER, "/" + name, self.prefix)
 
     @property
     def services(self) -> list[str]:
-        """Return the names of the services that are there."""
+        """Names of the services that are on the bus."""
         return [item.name for item in self._own if item.kind is InterfaceKind.SERVICE and item.name is not None]
 
     def release(self, now: float) -> None:
-        """Take it all away; clients that wait for an answer are told."""
+        """Remove everything; clients that wait for an answer get an error.
+
+        Args:
+            now: monotonic time [s].
+        """
         self._items.remove(self._own, now)
         self._own = []
 
@@ -102,7 +119,7 @@ class SubscribersServices:
 
 
 class _Service(Interface):
-    """A service that is here alone."""
+    """A service that only the simulator offers."""
 
     kind = InterfaceKind.SERVICE
 
@@ -125,7 +142,7 @@ class _Service(Interface):
 
 
 class _Subscriber(Interface):
-    """A topic that is listened to."""
+    """A topic that the simulator subscribes to."""
 
     kind = InterfaceKind.SUBSCRIBER
 

@@ -1,1 +1,1 @@
-"""MGeo maps: the files of a folder -> roads, lights and what is wrong with them."""
+"""MGeo maps: the files of a folder -> roads, traffic lights, and a list of mistakes."""

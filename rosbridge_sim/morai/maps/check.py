@@ -1,7 +1,7 @@
-"""What an MGeo map holds, and what it lacks, for a person who has one: `rosbridge-sim map info`.
+"""Contents of an MGeo map and its gaps, for its author: `rosbridge-sim map info`.
 
-The figures come from the files as they are written and from what the reader has made of them. A *gap* is something
-that a map refers to and lacks, or that its traffic will miss; the map is read all the same.
+The figures come from the files and from the map that was read from them. A *gap* is something that a map refers to and
+lacks, or that its traffic will miss; such a map can still be read.
 """
 
 from __future__ import annotations
@@ -36,20 +36,21 @@ UNREAD_FILES: Final = (
     "parking_space_set.json",
     "sim_build_data_traffic_light.csv",
 )
-"""What MORAI keeps beside them and nothing here needs."""
+"""Files of MORAI maps that nothing here needs."""
 
 MAX_EXAMPLES: Final = 5
+"""Largest number of examples for one kind of gap."""
 
 MAX_STEP: Final = 0.5
-"""How far apart the lines of two lanes that follow one another may be: the distance of points in MORAI's maps [m]."""
+"""Largest distance between the end of a lane and the start of the next one [m]: the point distance of MORAI's maps."""
 
 Entry = dict[str, Any]
-"""An entry of a file: a JSON object that has been checked as far as it is read."""
+"""An entry of a file: a JSON object, checked as far as it is read."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Sets:
-    """The entries of a map's files, by what they are."""
+    """The entries of a map's files, by kind."""
 
     info: Entry
     nodes: list[Entry]
@@ -86,7 +87,7 @@ def _parse(files: Mapping[str, bytes]) -> _Sets:
 
 
 def _name(entry: Entry, key: str = "idx") -> str:
-    """An id, as the reader takes it: numbers will do. What is not there is empty."""
+    """Return an id as the reader takes it: a number is accepted, and a missing one is empty."""
     value = entry.get(key)
     return "" if value is None else _id_of(value)
 
@@ -96,16 +97,19 @@ def _names(entry: Entry, key: str) -> list[str]:
 
 
 def _id_of(value: object) -> str:
-    """Return the text that the reader takes a number for: it writes 7.0 as `7`, and Python does not."""
+    """Return the text that the reader takes a number for: it writes 7.0 as `7`, unlike Python."""
     return _ID.validate_json(to_json(value)) if isinstance(value, float) else str(value)
 
 
 def list_files(files: Mapping[str, bytes], names: Iterable[str]) -> list[Entry]:
-    """What is in the folder and what could be: name, whether it is there and read, what it turned out to hold.
+    """List the files of a map's folder, and the files that it could have.
 
     Args:
-        files: contents of those of `MAP_FILES` that are there.
+        files: contents of those of `MAP_FILES` that exist.
         names: all files of the folder.
+
+    Returns:
+        For each file its name, whether it exists, is read and is known, and the kind of its entries.
     """
     roles = {name: kind for kind, (_, name) in sort_files({name: (text, name) for name, text in files.items()}).items()}
     border_file = next((name for name in BORDER_FILES if name in files), None)
@@ -121,11 +125,14 @@ def list_files(files: Mapping[str, bytes], names: Iterable[str]) -> list[Entry]:
 
 
 def describe_map(files: Mapping[str, bytes], road_map: RoadMap) -> Entry:
-    """The figures of a map, as a JSON object; lengths in km, speeds in km/h, places in metres.
+    """Return the figures of a map as a JSON object; lengths in km, speeds in km/h, positions in metres.
 
     Args:
-        files: contents of those of `MAP_FILES` that are there; the map was read from them.
-        road_map: what came of it.
+        files: contents of those of `MAP_FILES` that exist; the map was read from them.
+        road_map: the map.
+
+    Returns:
+        The object; `gaps` lists what the map lacks.
     """
     sets = _parse(files)
     roads, plan, projection = road_map.roads, road_map.plan, road_map.projection
@@ -182,7 +189,7 @@ def _count(values: Iterable[str]) -> dict[str, int]:
 
 
 def _lengths(length: Any, keys: Sequence[str]) -> dict[str, Entry]:  # noqa: ANN401 - an array (l,)
-    """Number and length of the lanes that have each key, the longest first."""
+    """Return the number and length of the lanes for each key, the longest first."""
     out: dict[str, Entry] = {}
     for key, metres in zip(keys, length.tolist(), strict=True):
         entry = out.setdefault(key, {"num": 0, "length_km": 0.0})
@@ -206,7 +213,7 @@ def _lights(sets: _Sets, plan: SignalPlan | None) -> Entry:
 
 
 def _controllers(plan: SignalPlan | None) -> Iterator[Entry]:
-    """Each intersection and how it is run [s]."""
+    """Yield each intersection with its schedule [s]."""
     for i, controller in enumerate(plan.controllers if plan else ()):
         assert plan is not None
         yield {
@@ -226,7 +233,7 @@ def _controllers(plan: SignalPlan | None) -> Iterator[Entry]:
 
 
 def _gaps(sets: _Sets, road_map: RoadMap) -> Iterator[Entry]:
-    """What the map lacks: what that is, how many times, and the first names."""
+    """Yield each kind of gap with its number and the first names."""
     for what, names in (*_gaps_of_lanes(sets, road_map), *_gaps_of_lights(sets, road_map)):
         found = list(dict.fromkeys(names))
         if found:
@@ -261,14 +268,14 @@ def _gaps_of_lanes(sets: _Sets, road_map: RoadMap) -> Iterator[tuple[str, list[s
 
 
 def _torn(roads: Roads) -> list[str]:
-    """Lanes whose last point is not the first one of a lane that follows."""
+    """Return the lanes whose last point is not the first one of a lane that follows."""
     lane = np.repeat(np.arange(len(roads)), np.diff(roads.first_successor))
     away = roads.points[roads.first[lane + 1] - 1, :2] - roads.points[roads.first[roads.successor], :2]
     return [roads.ids[row] for row in lane[np.hypot(away[:, 0], away[:, 1]) > MAX_STEP].tolist()]
 
 
 def _lacking(entries: Sequence[Entry], key: str, known: Collection[str]) -> list[str]:
-    """Those that refer to something that is not known."""
+    """Return the names of entries that refer to something unknown."""
     return [_name(entry) for entry in entries if any(name not in known for name in _names(entry, key))]
 
 

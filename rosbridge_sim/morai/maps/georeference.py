@@ -1,7 +1,7 @@
-"""Where the map's metres lie on the globe: plane coordinates -> latitude and longitude, by the map's own projection.
+"""Georeference of maps: plane coordinates -> latitude and longitude, by the map's own projection.
 
-The projection is pyproj's business, which is imported and set up when the first position is asked for: that takes a
-tenth of a second, which nobody pays who asks for none. A position is then a microsecond.
+pyproj does the projection. It is imported and set up when the first position is needed, because that takes a tenth of a
+second. After that a position takes a microsecond.
 """
 
 from __future__ import annotations
@@ -19,40 +19,45 @@ if TYPE_CHECKING:
 __all__ = ["Georeference", "proj_text"]
 
 GEOGRAPHIC: Final = "+proj=longlat +datum=WGS84 +no_defs"
-"""What satellites tell: WGS 84, whatever ellipsoid the map is drawn on."""
+"""Coordinate system of satellite positions: WGS 84, whatever ellipsoid the map is drawn on."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class Georeference:
-    """Finds positions on one map after another."""
+    """Converter of positions, for the map of its last call."""
 
     def __init__(self) -> None:
-        """Nothing is set up before it is asked for."""
+        """Set up nothing yet."""
         self._map: RoadMap | None = None
         self._transformer: Transformer | None = None
         self._has_warned = False
 
     def locate(self, road_map: RoadMap, x: float, y: float) -> tuple[float, float] | None:
-        """Latitude and longitude [deg] of a place.
+        """Return the latitude and longitude of a place.
 
         Args:
-            road_map: whose metres these are.
+            road_map: the map of the coordinates.
             x: east of the map's origin [m].
-            y: north of it [m].
+            y: north of the map's origin [m].
 
         Returns:
-            None where there are none: the place is beyond what the projection covers; or pyproj cannot use the
-            projection, which the log is told of once for a map; or pyproj cannot be read from the disk now, as when
-            the process has no file descriptors left: the next call tries again.
+            Both [deg]. None if the projection does not cover the place; or if pyproj cannot use the projection, which
+            is
+            logged once for a map; or if pyproj cannot be read from the disk now, for example because the process has no
+            file
+            descriptors left. Then the next call tries again.
         """
         if road_map is not self._map:
             try:
                 self._map, self._transformer = road_map, _find_transformer(road_map)
-            except (OSError, ImportError) as error:  # a library that is there at the start may be out of reach later
+            except (
+                OSError,
+                ImportError,
+            ) as error:  # a library that was readable at the start may not be readable later
                 if not self._has_warned:
                     self._has_warned = True
-                    _log.warning("no GPS for now, since pyproj cannot be read: %s", error)
+                    _log.warning("no GPS fix for now, because pyproj cannot be read: %s", error)
                 return None
         if self._transformer is None:
             return None
@@ -62,7 +67,14 @@ class Georeference:
 
 
 def proj_text(projection: Projection) -> str:
-    """A projection in PROJ's words: the map's own where it has any, for there may be more in them than we read."""
+    """Return a projection in PROJ's notation.
+
+    Args:
+        projection: of a map. Its own PROJ text is used if it has one, because that may hold terms that we do not read.
+
+    Returns:
+        The text.
+    """
     if "+proj=" in projection.text:
         return projection.text
     if projection.is_tm:
@@ -81,16 +93,16 @@ def _find_transformer(road_map: RoadMap) -> Transformer | None:
     try:
         return _make_transformer(proj_text(road_map.projection))
     except ProjError as error:
-        _log.warning("map %s: no GPS, since its projection cannot be used: %s", road_map.name, error)
+        _log.warning("map %s: no GPS fix, because its projection cannot be used: %s", road_map.name, error)
         return None
 
 
 @lru_cache(maxsize=16)
 def _make_transformer(text: str) -> Transformer:
-    """From a projection to the globe; scenarios may go to and fro between maps.
+    """Return a transformer from a projection to WGS 84; cached, because scenarios may alternate between maps.
 
     Raises:
-        ProjError: it is no projection.
+        ProjError: the text is not a projection.
     """
     from pyproj import CRS, Transformer  # noqa: PLC0415 - a tenth of a second
 

@@ -1,11 +1,10 @@
-"""The traffic lights of an MGeo map: lights, groups, controllers and schedules -> the world's plan.
+"""Traffic lights of an MGeo map: lights, groups, controllers and schedules -> the world's signal plan.
 
-Five sets of documents have something to say, under more names than five, and a name does not always tell what is
-inside: there are maps whose `synced_traffic_light_set.json` holds the schedule. So every file is asked what its entries
-are. Whatever a set refers to and the map lacks is passed over with a note: a map with half its lights is better than
-none.
+There are five kinds of documents, with more than five file names. A name does not always tell the kind: some maps have
+the schedule in `synced_traffic_light_set.json`. So the kind is found from the entries of each file. A reference to
+something that the map lacks is ignored with a note, because a map with half its lights is better than none.
 
-Schedules count in seconds; the world in frames.
+Schedules use seconds; the world uses frames.
 """
 
 from __future__ import annotations
@@ -53,15 +52,16 @@ LIGHT_FILES: Final = (
     "intersection_controller_data.json",
     "synced_traffic_light_state.json",
 )
-"""All of them may be missing. Of several that hold one kind of entry the first that is not empty counts."""
+"""Files with lights; all are optional. If several files hold one kind of entry, the first one that is not empty is
+used."""
 
 CROSSWALK_FILES: Final = ("singlecrosswalk_set.json", "crosswalk_set.json")
 
 DEFAULT_YELLOW: Final = 3.0
-"""Where a schedule gives a group none [s]."""
+"""Duration of yellow for a group whose schedule gives none [s]."""
 
 LEFT_TURN: Final = math.radians(40.0)
-"""A lane that turns by more than this and names no movement is a turn."""
+"""Smallest turn of a lane that is a left or right turn, if the map names no movement [rad]."""
 
 Seconds = Annotated[Number, Field(ge=0.0, le=100_000.0)]
 Names = Annotated[list[Identifier], Field(max_length=MAX_LINKS)]
@@ -89,7 +89,7 @@ class _Controller(Document):
 
 
 class _Phase(Document):
-    """A phase. Colours stand in the order of a controller's groups, or beside the groups' own names (`groups`)."""
+    """A phase. Colours are in the order of a controller's groups, or named by group (`groups`)."""
 
     duration: Seconds
     lightcolor: Names
@@ -133,11 +133,11 @@ _STRIPES: Final = TypeAdapter(Annotated[list[_Stripe], Field(max_length=MAX_LINK
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Crosswalk:
-    """Where people cross.
+    """A crosswalk.
 
     Attributes:
         name: as the map spells it.
-        outlines: (k, 3) each, the corners of its parts [m].
+        outlines: corners of its parts, (k, 3) each [m].
         lights: rows of the lights that belong to it.
     """
 
@@ -175,7 +175,14 @@ _COLOURS: Final[dict[str, int]] = {
 
 
 def colour_of(name: str) -> int | None:
-    """The sum of lamps that a schedule calls by a name (`R`, `SG`, `R_with_GLeft`) or by its number; else None."""
+    """Return the sum of lamps for a colour of a schedule.
+
+    Args:
+        name: `R`, `SG`, `R_with_GLeft` and the like, or the sum as a number.
+
+    Returns:
+        The sum of `Lamp`; None for an unknown name.
+    """
     text = name.strip().casefold()
     known = sum(int(lamp) for lamp in Lamp)
     if text.isdecimal():
@@ -190,7 +197,14 @@ def colour_of(name: str) -> int | None:
 
 
 def light_type(light: Light) -> int:
-    """`trafficLightType` on the wire: 0 red, yellow, green; 1 a left arrow for the green, 2 both; 100 all yellow."""
+    """Return the `trafficLightType` on the wire.
+
+    Args:
+        light: of the map.
+
+    Returns:
+        0 red, yellow, green; 1 a left arrow instead of green; 2 both; 100 only yellow.
+    """
     if light.is_warning:
         return 100
     if not light.lamps & Lamp.LEFT:
@@ -214,7 +228,7 @@ _SUB_TYPES: Final = {
 
 
 def _lamps(light: _Light) -> int:
-    """What a light has; where the map does not say, red, yellow and green."""
+    """Return the lamps of a light; red, yellow and green if the map does not name them."""
     words = light.sub_type if isinstance(light.sub_type, list) else re.split(r"[,_\s]+", light.sub_type or "")
     lamps = 0
     for word in words:
@@ -229,12 +243,15 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
     """Read the lights of a map.
 
     Args:
-        files: content, and what errors call it, by name; those of `LIGHT_FILES` that there are.
+        files: content and name for errors, by file name; those of `LIGHT_FILES` that exist.
         lanes: of the map.
-        notes: a line is added for each thing that was passed over.
+        notes: gets a line for each ignored entry.
+
+    Returns:
+        The plan.
 
     Raises:
-        DocumentError: one line: which file, where in it, what was expected, what came.
+        DocumentError: one line: file, place in it, expected value, actual value.
     """
     sorted_files = sort_files(files)
     entries = read_document(_LIGHTS, *sorted_files["lights"], MAX_MAP_BYTES) if "lights" in sorted_files else []
@@ -242,7 +259,7 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
     lights: list[Light] = []
     for entry in entries:
         if entry.idx in rows:
-            notes.append(f"traffic light {entry.idx!r} stands there twice; the first one counts")
+            notes.append(f"traffic light {entry.idx!r} is listed twice; the first one is used")
             continue
         rows[entry.idx] = len(lights)
         lights.append(_light(entry, lanes))
@@ -280,13 +297,20 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
 
 
 def sort_files(files: Mapping[str, tuple[bytes, str]]) -> dict[str, tuple[bytes, str]]:
-    """The files of `lights`, `synced` groups, `controllers` and `schedules`: by the key that only such an entry has."""
+    """Find the files of `lights`, `synced` groups, `controllers` and `schedules`, by a key that only such entries have.
+
+    Args:
+        files: content and name for errors, by file name.
+
+    Returns:
+        Content and name for errors, by kind.
+    """
     found: dict[str, tuple[bytes, str]] = {}
     for name in LIGHT_FILES:
         if name not in files:
             continue
         content = files[name][0]
-        # Without entries a file is asked nothing, but it must still be JSON: its name says how it is read.
+        # A file without entries gets its kind from its name; it must still be JSON.
         kind = next((kind for key, kind in _MARKS if key in content), _BY_NAME.get(name, "schedules"))
         if kind not in found or found[kind][0].strip() == b"[]":
             found[kind] = files[name]
@@ -307,7 +331,14 @@ _BY_NAME: Final = {
 
 
 def find_light_mistakes(files: Mapping[str, tuple[bytes, str]]) -> list[Mistake]:
-    """Every value in the files of lights and crosswalks that does not fit its place; they are given as above."""
+    """Return all values in the files of lights and crosswalks that do not fit.
+
+    Args:
+        files: content and name for errors, by file name.
+
+    Returns:
+        The mistakes, file by file.
+    """
     kinds: dict[str, TypeAdapter[Any]] = {
         "lights": _LIGHTS,
         "synced": _SYNCED,
@@ -328,7 +359,7 @@ def _light(entry: _Light, lanes: Lanes) -> Light:
         try:
             served.append(lanes.roads.row(name))
         except KeyError:
-            continue  # a lane-change link, or one that was cut out of the map
+            continue  # a lane-change link, or a link that was cut out of the map
     x, y, z = entry.point or (0.0, 0.0, 0.0)
     is_pedestrian = (entry.type or "").strip().casefold() == "pedestrian"
     yaw = math.radians(math.remainder(entry.heading or 0.0, 360.0))
@@ -342,7 +373,7 @@ def _known(names: Iterable[str], rows: Mapping[str, int]) -> tuple[int, ...]:
 def _controllers_of(
     synced: Sequence[_Synced], groups: Sequence[tuple[int, ...]]
 ) -> Iterator[tuple[str, list[tuple[int, ...]]]]:
-    """Controllers as the synced groups tell them, for maps without a set of their own; groups in the file's order."""
+    """Yield controllers made from the synced groups, for maps without controllers; groups in the file's order."""
     of: dict[str, list[tuple[int, ...]]] = {}
     for entry, group in zip(synced, groups, strict=True):
         if entry.intersection_controller_id:
@@ -353,9 +384,9 @@ def _controllers_of(
 def _run_by_group(schedule: _Schedule, synced: Sequence[_Synced]) -> tuple[list[str], _Schedule] | None:
     """Return the groups that a schedule without a controller runs, and the schedule with its colours in their order.
 
-    There are maps whose set of controllers is empty. Their groups are told, in this order of trust, by the controller
-    that they name; by the names beside the colours; by the schedule's own name, if it is a group's; and by the names in
-    `PSState`, if these are as many as the colours: then they stand in the order of the set. None: by nothing.
+    Some maps have an empty set of controllers. Their groups are found, in this order of trust: by the controller that a
+    group names; by the group names beside the colours; by the schedule's own name, if it is a group's; by the group
+    names in `PSState`, if there are as many as colours, in the order of the set. Otherwise the result is None.
     """
     known = [entry.idx for entry in synced]
     own = [entry.idx for entry in synced if entry.intersection_controller_id == schedule.idx]
@@ -413,7 +444,7 @@ def _controller(
 
 
 def _group_number(target: str, groups: Sequence[tuple[int, ...]], synced: Mapping[str, tuple[int, ...]]) -> int | None:
-    """Which of a controller's groups a number, or the name of a synced group, means."""
+    """Return the index of a controller's group from a number or from the name of a synced group."""
     number = re.fullmatch(r"(\d{1,4})(\.0*)?", target)
     if number:
         return int(number[1]) if int(number[1]) < len(groups) else None
@@ -426,9 +457,9 @@ def _frames(seconds: float) -> int:
 
 
 def _passes(lanes: Lanes) -> Iterator[int]:
-    """For each lane the lamps of its light that let enter it.
+    """Yield for each lane the lamps of its light that allow to enter it.
 
-    A left turn wants the arrow, unless the map says that it is not protected.
+    A left turn needs the arrow, unless the map says that it is not protected.
     """
     for signal, turn in zip(lanes.related_signal, lanes.roads.turn.tolist(), strict=True):
         movement = signal or ("left" if turn > LEFT_TURN else "right" if turn < -LEFT_TURN else "straight")
@@ -446,10 +477,17 @@ def _passes(lanes: Lanes) -> Iterator[int]:
 
 
 def read_crosswalks(files: Mapping[str, tuple[bytes, str]], plan: SignalPlan) -> tuple[Crosswalk, ...]:
-    """Read where people cross; each file is given as above, both may be missing.
+    """Read the crosswalks of a map.
+
+    Args:
+        files: content and name for errors, by file name; both of `CROSSWALK_FILES` are optional.
+        plan: of the map's lights.
+
+    Returns:
+        The crosswalks, in the order of the file.
 
     Raises:
-        DocumentError: as above.
+        DocumentError: one line: file, place in it, expected value, actual value.
     """
     stripe_file, group_file = CROSSWALK_FILES
     stripes = read_document(_STRIPES, *files[stripe_file], MAX_MAP_BYTES) if stripe_file in files else []

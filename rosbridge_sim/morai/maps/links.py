@@ -1,7 +1,7 @@
-"""The links of an MGeo map -> lanes: their lines, what they lead to, what lies beside them.
+"""The links of an MGeo map -> lanes: their lines, successors and neighbours.
 
-Lanes are the links with geometry of their own. The two-point links that MGeo keeps for lane changes (`lazy_init`) say
-that one may change, not where one drives: they tell neighbours where the links themselves do not.
+Lanes are the links with their own geometry. The two-point links that MGeo keeps for lane changes (`lazy_init`) only
+tell that a lane change is allowed. They give the neighbours of lanes whose links do not name them.
 """
 
 from __future__ import annotations
@@ -23,19 +23,19 @@ from rosbridge_sim.world.roads import Roads
 __all__ = ["MAX_LINKS", "MAX_MAP_BYTES", "Identifier", "Lanes", "find_lane_mistakes", "read_lanes", "read_line"]
 
 MAX_MAP_BYTES: Final = 1 << 28
-"""256 MiB for each file: ten times the link_set of a large city."""
+"""Largest size of a file: 256 MiB, ten times the link_set of a large city."""
 
 MAX_LINKS: Final = 100_000
 MAX_POINTS: Final = 5_000_000
 
 MAX_MAP_COORDINATE: Final = 1e7
-"""Metres from the map's own origin: no map is that large, and arc lengths stay exact to the nanometre."""
+"""Largest distance from the map's own origin [m]. No map is larger, and arc lengths stay exact to a nanometre."""
 
 LANE_WIDTH: Final = 3.5
-"""What MGeo means where no width is forced [m]."""
+"""Width of a lane that gives none, as in MGeo [m]."""
 
 MAX_BORDER: Final = 20.0
-"""An edge farther from a lane's line than this is some other lane's [m]."""
+"""Largest distance from a lane's line to its edge [m]; a farther edge belongs to another lane."""
 
 Identifier = Annotated[str, Field(max_length=1_000)]
 Identifiers = Annotated[list[Identifier], Field(max_length=MAX_LINKS)]
@@ -77,11 +77,11 @@ _BORDERS: Final = TypeAdapter(Annotated[list[_Border], Field(max_length=MAX_LINK
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lanes:
-    """The lanes of a map, and what the world's `Roads` has no word for.
+    """The lanes of a map, with data that the world's `Roads` does not hold.
 
     Attributes:
         roads: the lanes, in the order of the file.
-        related_signal: for each lane the movement that its light names ("straight", "left_unprotected", ...), or "".
+        related_signal: movement that each lane's light is for ("straight", "left_unprotected", ...), or "".
     """
 
     roads: Roads
@@ -91,16 +91,19 @@ class Lanes:
 def read_lanes(
     node_file: tuple[bytes, str], link_file: tuple[bytes, str], border_file: tuple[bytes, str] | None
 ) -> Lanes:
-    """Read the lanes of a map; each file is given as its content and what errors call it.
+    """Read the lanes of a map. Each file is given as its content and its name for errors.
 
     Args:
         node_file: `node_set.json`.
         link_file: `link_set.json`.
-        border_file: `lane_boundary_set.json`, of old `lane_marking_set.json`; a map without it has lanes whose edges
-            lie half a width from their lines.
+        border_file: `lane_boundary_set.json` or, in older maps, `lane_marking_set.json`. None puts the edges half a
+            width from the lanes' lines.
+
+    Returns:
+        The lanes.
 
     Raises:
-        DocumentError: one line: which file, where in it, what was expected, what came.
+        DocumentError: one line: file, place in it, expected value, actual value.
     """
     nodes = read_document(_NODES, *node_file, MAX_MAP_BYTES)
     links = read_document(_LINKS, *link_file, MAX_MAP_BYTES)
@@ -115,7 +118,7 @@ def read_lanes(
     lines = []
     for row, (i, link) in enumerate(lanes):
         if link.idx in rows:
-            raise DocumentError(f"{source}: [{i}].idx: {link.idx!r} stands there twice")
+            raise DocumentError(f"{source}: [{i}].idx: expected each id once, got {link.idx!r} twice")
         rows[link.idx] = row
         for key, node in (("from_node_idx", link.from_node_idx), ("to_node_idx", link.to_node_idx)):
             if node is not None and node not in stops:
@@ -142,19 +145,35 @@ def read_lanes(
 def find_lane_mistakes(
     node_file: tuple[bytes, str], link_file: tuple[bytes, str], border_file: tuple[bytes, str] | None
 ) -> list[Mistake]:
-    """Every value in these files that does not fit its place; they are given as above."""
+    """Return all values in these files that do not fit.
+
+    Args:
+        node_file: as for `read_lanes`.
+        link_file: as for `read_lanes`.
+        border_file: as for `read_lanes`.
+
+    Returns:
+        The mistakes, file by file.
+    """
     found = [*find_mistakes(_NODES, *node_file, MAX_MAP_BYTES), *find_mistakes(_LINKS, *link_file, MAX_MAP_BYTES)]
     return found if border_file is None else [*found, *find_mistakes(_BORDERS, *border_file, MAX_MAP_BYTES)]
 
 
 def read_line(points: Sequence[tuple[float, float, float]], where: str) -> FloatArray:
-    """(k, 3) a polyline with some length, without points that repeat the one before [m].
+    """Return a polyline with some length, without points that repeat the one before.
+
+    Args:
+        points: x, y, z of each [m].
+        where: place in the file, for errors.
+
+    Returns:
+        (k, 3) float64 [m].
 
     Raises:
-        DocumentError: a coordinate out of bounds, or all points in one place.
+        DocumentError: a coordinate out of range, or all points in one place.
     """
     line = np.array(points, dtype=np.float64).reshape(-1, 3)
-    # Checked here for all points at once: a city has a million of them.
+    # All points are checked at once for speed: a city has a million of them.
     wild = np.flatnonzero(~(np.abs(line) <= MAX_MAP_COORDINATE).all(axis=1))
     if len(wild):
         raise DocumentError(f"{where}[{wild[0]}]: expected coordinates within {MAX_MAP_COORDINATE:,.0f} m")
@@ -175,10 +194,10 @@ def _width(link: _Link) -> float:
 def _neighbours(
     lanes: Sequence[_Link], rows: Mapping[str, int], lines: Sequence[FloatArray], changes: Collection[_Link]
 ) -> tuple[list[int], list[int]]:
-    """For each lane the rows of those to its left and right that one may change into, or -1.
+    """Return for each lane the rows of the lanes to its left and right that a vehicle may change into, or -1.
 
-    A link names its neighbours itself. A map whose links do not may still have links for the change, whose
-    `lane_ch_link_path` runs over two lanes or more; on which side the second lies its line tells.
+    A link usually names its neighbours itself. Other maps have links for lane changes, whose `lane_ch_link_path` holds
+    two or more lanes. The line of the second lane then tells on which side it lies.
     """
     left, right = [-1] * len(lanes), [-1] * len(lanes)
     for row, link in enumerate(lanes):
@@ -200,7 +219,7 @@ def _neighbours(
 
 
 def _read_borders(border_file: tuple[bytes, str] | None) -> dict[str, FloatArray]:
-    """The edges of lanes by name; what has no length is none."""
+    """Return the edges of lanes by name; an edge without length is left out."""
     if border_file is None:
         return {}
     entries = read_document(_BORDERS, *border_file, MAX_MAP_BYTES)
@@ -216,7 +235,7 @@ def _read_borders(border_file: tuple[bytes, str] | None) -> dict[str, FloatArray
 def _distances(
     lanes: Sequence[_Link], lines: Sequence[FloatArray], borders: Mapping[str, FloatArray]
 ) -> Iterator[tuple[int, FloatArray]]:
-    """Row and (k, 2) distances to the left and right edge, for the lanes whose edges the map draws."""
+    """Yield the row and the (k, 2) distances to the left and right edge [m] of each lane whose edges the map draws."""
     for row, (link, line) in enumerate(zip(lanes, lines, strict=True)):
         marks = [
             [borders[name] for name in names or () if name in borders]
@@ -234,14 +253,14 @@ def _distances(
 
 
 def _distance(line: FloatArray, normal: FloatArray, marks: Sequence[FloatArray], otherwise: float) -> FloatArray:
-    """(k,) how far along its normal each point of a line has the nearest of some marks, or `otherwise` [m]."""
+    """Return the (k,) distance from each point of a line along its normal to the nearest mark, or `otherwise` [m]."""
     best = np.full(len(line), np.inf)
     for mark in marks:
         near = nearest_on_polyline(mark, line[:, 0], line[:, 1])
         away = np.stack((near.x, near.y), axis=-1) - line[:, :2]
         across = (away * normal).sum(axis=1)
         along = np.abs(away[:, 1] * normal[:, 0] - away[:, 0] * normal[:, 1])
-        # Only a mark that is beside the point counts, not the end of one that begins farther on.
+        # Only a mark beside the point counts, not the end of a mark that begins farther along.
         is_beside = (across > 0.0) & (along < 0.5 * across) & (across <= MAX_BORDER)
         best = np.fmin(best, np.where(is_beside, across, np.inf))
     return np.where(np.isfinite(best), best, otherwise)

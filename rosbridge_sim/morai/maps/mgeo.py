@@ -1,8 +1,8 @@
-"""MGeo maps: the JSON files of a map folder -> the figures of its projection, its lanes, lights and crosswalks.
+"""MGeo maps: the JSON files of a map folder -> projection, lanes, traffic lights and crosswalks.
 
-What is needed is `global_info.json`, `node_set.json` and `link_set.json`. The others of `MAP_FILES` are read where they
-are there: a map without them has no lights, or no crosswalks, or lanes whose edges are where their width says. Further
-files of the folder may be handed in too and are not looked at. Lanes are the business of `links`, lights of `lights`.
+`global_info.json`, `node_set.json` and `link_set.json` are required. The other files of `MAP_FILES` are optional: a map
+without them has no lights, or no crosswalks, or lane edges at half the lane's width. Other files may be passed too;
+they are ignored. `links` reads the lanes, and `lights` reads the traffic lights.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ __all__ = [
 ]
 
 FILES: Final = ("global_info.json", "node_set.json", "link_set.json")
-"""What `read_map` must be given."""
+"""Files that `read_map` requires."""
 
 BORDER_FILES: Final = ("lane_marking_set.json", "lane_boundary_set.json")
-"""The edges of lanes by their old and their new name. Where a folder has both, the old one counts."""
+"""Edges of lanes, by their old and their new name. If a folder has both, the old one is read."""
 
 MAP_FILES: Final = (*FILES, *BORDER_FILES, *LIGHT_FILES, *CROSSWALK_FILES)
-"""All that `read_map` looks at."""
+"""All files that `read_map` reads."""
 
 MapText = Annotated[str, Field(max_length=1_000)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
@@ -62,14 +62,14 @@ _GLOBAL_INFO: Final = TypeAdapter(_GlobalInfo)
 
 @dataclass(frozen=True, slots=True)
 class Projection:
-    """How the map's metres lie on the globe: what `MapSpec` tells.
+    """Position of the map's coordinates on the globe, as in `MapSpec`.
 
     Attributes:
-        is_tm: a transverse Mercator of its own (`plane_coordinate_system` 1) instead of a UTM zone (0).
+        is_tm: a transverse Mercator with its own figures (`plane_coordinate_system` 1) instead of a UTM zone (0).
         zone: UTM zone 1..60; 0 for a TM.
-        is_south: a UTM zone of the southern half (MapSpec has no place for it).
+        is_south: a UTM zone of the southern hemisphere (MapSpec has no field for it).
         ellipse: e.g. "WGS84".
-        central_latitude, central_meridian: [deg]. A UTM zone is a transverse Mercator, too, and has all these figures.
+        central_latitude, central_meridian: [deg]. A UTM zone is also a transverse Mercator and has all these figures.
         scale_factor: on the central meridian.
         false_easting, false_northing: [m].
         text: as the map has it.
@@ -96,9 +96,9 @@ class RoadMap:
         projection: of its plane coordinates.
         origin: east, north and up of the map's (0, 0, 0) in that projection [m].
         roads: its lanes, in the order of the file.
-        plan: its traffic lights; None: it has none.
-        crosswalks: where people cross.
-        notes: what was read otherwise than written, or passed over: a line each, for the log.
+        plan: its traffic lights; None if it has none.
+        crosswalks: its crosswalks.
+        notes: remarks about ignored or reinterpreted entries: a line each, for the log.
     """
 
     name: str
@@ -114,11 +114,14 @@ def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
     """Read a map.
 
     Args:
-        files: contents by file name; `FILES` must be among them, the others of `MAP_FILES` may.
+        files: contents by file name; `FILES` are required, the others of `MAP_FILES` are optional.
         source: the map's folder, for errors; its last part is the map's name.
 
+    Returns:
+        The map.
+
     Raises:
-        DocumentError: one line: which file, where in it, what was expected, what came.
+        DocumentError: one line: file, place in it, expected value, actual value.
     """
     name, known = _name_files(files, source)
     info_file, node_file, link_file = (known[file] for file in FILES)
@@ -139,7 +142,15 @@ def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
 
 
 def find_map_mistakes(files: Mapping[str, bytes], source: str) -> list[str]:
-    """A line for every mistake in a map, given as above: all those of values, or else the first of what they mean."""
+    """Return all mistakes in the values of a map; if there are none, the first mistake in their meaning.
+
+    Args:
+        files: contents by file name, as for `read_map`.
+        source: the map's folder, for errors.
+
+    Returns:
+        A line for each mistake.
+    """
     try:
         _, known = _name_files(files, source)
         info_file, node_file, link_file = (known[file] for file in FILES)
@@ -154,10 +165,10 @@ def find_map_mistakes(files: Mapping[str, bytes], source: str) -> list[str]:
 
 
 def _name_files(files: Mapping[str, bytes], source: str) -> tuple[str, dict[str, tuple[bytes, str]]]:
-    """The map's name, and of each file that is looked at the content and what errors call it.
+    """Return the map's name, and the content and the name in errors of each file that is read.
 
     Raises:
-        DocumentError: one that is needed is missing.
+        DocumentError: a required file is missing.
     """
     name = re.split(r"[\\/]", source.rstrip("\\/"))[-1]
     missing = next((file for file in FILES if file not in files), None)
@@ -171,7 +182,7 @@ def _border_file(known: Mapping[str, tuple[bytes, str]]) -> tuple[bytes, str] | 
 
 
 def _short(notes: list[str]) -> list[str]:
-    """The first few of many: a map that lacks one thing often lacks it everywhere."""
+    """Return the first few lines of many, because a map that lacks one thing often lacks it everywhere."""
     if len(notes) <= MAX_MAP_NOTES:
         return notes
     return [*notes[:MAX_MAP_NOTES], f"... and {len(notes) - MAX_MAP_NOTES} more of that kind"]
@@ -183,17 +194,24 @@ _SHORT_UTM = re.compile(r"UTM[ _-]?(?P<zone>\d{1,2})(?P<half>[NS]?)", re.IGNOREC
 
 
 def read_projection(text: str, source: str) -> Projection:
-    """The figures of a `global_coordinate_system`: proj4 text of a UTM zone or a TM, or the old "UTM52N".
+    """Read a `global_coordinate_system`: proj4 text of a UTM zone or a TM, or the old form "UTM52N".
+
+    Args:
+        text: the value.
+        source: name of its file, for errors.
+
+    Returns:
+        The projection.
 
     Raises:
-        DocumentError: another projection, or a figure that is none.
+        DocumentError: another projection, or a value that is not a number.
     """
     where = f"{source}: global_coordinate_system"
     short = _SHORT_UTM.fullmatch(text.strip())
     if short:
         return _utm(_zone(short["zone"], where), "WGS84", text, is_south=short["half"].upper() == "S")
     terms = dict(term.lstrip("+").partition("=")[::2] for term in text.split() if term.startswith("+"))
-    # A datum implies its ellipse; of those that maps use only these two have one name for both.
+    # A datum implies its ellipsoid. WGS84, the datum of published maps, has the same name as its ellipsoid.
     ellipse = terms.get("ellps") or terms.get("datum") or "WGS84"
     kind = terms.get("proj", "").casefold()
     if kind == "utm":
@@ -213,7 +231,7 @@ def read_projection(text: str, source: str) -> Projection:
 
 
 def _utm(zone: int, ellipse: str, text: str, *, is_south: bool) -> Projection:
-    """Return a UTM zone: 6 degrees wide, the first from 180 degrees west on; the other figures are all zones'."""
+    """Return a UTM zone. Zones are 6 degrees wide, from 180 degrees west on; the other figures are the same for all."""
     return Projection(
         is_tm=False,
         zone=zone,

@@ -1,1 +1,1 @@
-"""Replay: recorded drives are read and shown again."""
+"""Replay of recorded drives: recordings are read and shown in the world."""

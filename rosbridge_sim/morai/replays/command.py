@@ -38,7 +38,15 @@ _HEX_SPELLING: Final = {0x10: 2, 0x100: 4, 0x1000: 8}
 
 @dataclass(frozen=True, slots=True)
 class ReplayCommand:
-    """A MoraiSimProcHandle that has been read; None for an option that was not chosen."""
+    """A MoraiSimProcHandle that has been read; None for an option that was not chosen.
+
+    Attributes:
+        event: PLAY, PAUSE or STOP.
+        name: of the recording to load.
+        targets: entities to replay, a sum of EGO, VEHICLES and PEDESTRIANS.
+        start_ns: start position [ns].
+        speed: recorded time for each simulated time.
+    """
 
     event: ReplayEvent
     name: str | None
@@ -48,7 +56,7 @@ class ReplayCommand:
 
     @property
     def events(self) -> list[ReplayEvent]:
-        """Events that the command brings about, in this order."""
+        """Events that the command causes, in this order."""
         if self.event is ReplayEvent.STOP:
             return [ReplayEvent.STOP]
         if self.name is not None:
@@ -58,7 +66,13 @@ class ReplayCommand:
 
 
 def read_command(request: Struct) -> ReplayCommand:
-    """Read a MoraiSimProcHandle; a stop has no options, so they are ignored.
+    """Read a MoraiSimProcHandle. A stop has no options, so they are ignored.
+
+    Args:
+        request: a generated struct.
+
+    Returns:
+        The command, with the start in nanoseconds.
 
     Raises:
         FieldError: a command or option that does not exist, or a value out of range.

@@ -31,7 +31,7 @@ _log = logging.getLogger("rosbridge_sim.replay")
 
 
 class NetworkReplay:
-    """Subscriber of `/ReplayInfo_topic`: moves the world as the messages of one client say."""
+    """Subscriber of `/ReplayInfo_topic`: moves the world by the messages of one client."""
 
     def __init__(
         self,
@@ -45,8 +45,8 @@ class NetworkReplay:
         Args:
             context: of the simulator.
             process: changes its state with the messages; gets the effect IGNORE from here.
-            playback: shows what the messages say.
-            info: knows the messages that the simulator has published itself.
+            playback: shows the messages.
+            info: recognises the messages that the simulator has published itself.
         """
         self._process = process
         self._playback = playback
@@ -54,16 +54,24 @@ class NetworkReplay:
         self._context = context
         self._source: Participant | None = None
         self._ignored: Participant | None = None
-        self._ignored_at = 0  # the frame of its last message
+        self._ignored_at = 0  # frame of the ignored client's last message
         process.effects[ReplayEffect.IGNORE] = self._ignore
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """Subscribe."""
+        """Subscribe.
+
+        Args:
+            bindings: take the subscription.
+        """
         bindings.listen("ReplayInfo_topic", "ReplayInfo", self._hear)
         self._bindings = bindings
 
     def settle(self, now: float) -> None:
-        """Notice that the source has stopped to publish; called after each frame."""
+        """End the replay if the source has stopped to publish; called after each frame.
+
+        Args:
+            now: monotonic time [s].
+        """
         if self._process.state is ReplayState.FOLLOWING and not self._publishes(self._source):
             self._lose(now)
         if self._ignored is not None:
@@ -71,22 +79,37 @@ class NetworkReplay:
             self._ignored = None if is_silent or not self._publishes(self._ignored) else self._ignored
 
     def on_leave(self, owner: Participant, now: float) -> None:
-        """End the replay of a source that has left the bus."""
+        """End the replay of a source that has left the bus.
+
+        Args:
+            owner: the participant that has left.
+            now: monotonic time [s].
+        """
         if owner is self._source and self._process.state is ReplayState.FOLLOWING:
             self._lose(now)
         if owner is self._ignored:
             self._ignored = None
 
+    def resume(self) -> None:
+        """Follow the client that publishes now, because a snapshot was taken while one was followed.
+
+        The same one as before, where that is still there. With none the replay ends behind the next frame.
+        """
+        if self._publishes(self._source):
+            return
+        topic = self._context.bus.find_topic(self._bindings.topic("ReplayInfo_topic"))
+        others = [] if topic is None else [one for one in topic.publishers if one is not self._context.participant]
+        self._source = next(iter(others), None)
+
     def forget(self) -> None:
-        """Ignore no client any longer, because the world has begun anew."""
+        """Ignore no client any longer, because the world has been reset."""
         self._ignored = None
 
     def _hear(self, message: Struct, sender: Participant, now: float) -> None:
-        """Move the world as a client's message says.
+        """Move the world by a client's message.
 
         Raises:
-            FieldError: more objects than the world can hold, or a figure that is no number or beyond all bounds.
-                Nothing has changed.
+            FieldError: too many objects, or a number that is not finite or out of range. Nothing has changed.
         """
         topic, state = self._bindings.topic("ReplayInfo_topic"), self._process.state
         why = REPLAY_TABLE[state][ReplayEvent.MESSAGE].why
@@ -121,8 +144,8 @@ class NetworkReplay:
         return topic is not None and owner in topic.publishers
 
     def _lose(self, now: float) -> None:
-        assert self._source is not None
-        _log.info("%s publishes nothing of it any longer: the replay has ended", self._source.name)
+        name = "a client of the snapshot" if self._source is None else self._source.name
+        _log.info("%s publishes no ReplayInfo any longer: the replay has ended", name)
         self._source = None
         self._process.happen(ReplayEvent.LOST, now)
 

@@ -1,4 +1,4 @@
-"""Object lists decoded directly from a message's bytes, because a library takes ten times as long.
+"""Decoder of object lists that reads a message's bytes directly, because a library takes ten times as long.
 
 The bytes of an ObjectStatusList or ReplayInfo, as ROS 1 writes them or as CDR, little-endian:
 
@@ -10,7 +10,7 @@ The bytes of an ObjectStatusList or ReplayInfo, as ROS 1 writes them or as CDR, 
         13 float64               heading, then x, y, z of velocity, acceleration, size, position
 
 A string is its length and its bytes, in CDR with a zero at the end. In CDR, numbers stand at multiples of their size,
-counted from after the four bytes. The caller makes sure that the definition is this one: see `LAYOUT`.
+counted from the end of the four bytes. The caller must check that the definition is this one: see `LAYOUT`.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class DecodedObjectLists:
 
     Attributes:
         stamp_ns: the header's stamp.
-        pedals: the ego's part of a ReplayInfo, under the message's own names; None of an ObjectStatusList.
+        pedals: the ego's part of a ReplayInfo, under the message's own names; None for an ObjectStatusList.
         who: (unique_id, kind, name) of each object. Egos are left out: they have their own topics.
         figures: 13 float64 of each, as bytes.
     """
@@ -55,6 +55,14 @@ class DecodedObjectLists:
 
 def decode_object_lists(raw: bytes, *, is_cdr: bool, has_pedals: bool) -> DecodedObjectLists:
     """Read an ObjectStatusList, or with `has_pedals` a ReplayInfo.
+
+    Args:
+        raw: the bytes of one message.
+        is_cdr: the bytes are CDR; otherwise ROS 1.
+        has_pedals: the message is a ReplayInfo.
+
+    Returns:
+        The content; figures in the message's units.
 
     Raises:
         ValueError: the bytes are not a message of this type.

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from rosbridge_sim.morai.egos import EgoRegistry
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.replays.playback_actors import ALL_TARGETS, EGO, PlaybackActors
-from rosbridge_sim.morai.replays.recording import RecordedMoment, Recording
+from rosbridge_sim.morai.replays.recording import MAX_STAMP, RecordedMoment, Recording
 from rosbridge_sim.morai.scene import Scene
 from rosbridge_sim.world.state import STEP_NS, World
 
@@ -12,11 +13,11 @@ __all__ = ["Playback"]
 
 
 class Playback:
-    """A recording shown in the world, from a position on, at a speed.
+    """A recording that is shown in the world, from a position on, at a speed.
 
     Attributes:
         recording: an empty one while none moves the world.
-        targets: who is moved by it: a sum of EGO, VEHICLES and PEDESTRIANS.
+        targets: entities that it moves: a sum of EGO, VEHICLES and PEDESTRIANS.
         speed: recorded time for each simulated time.
         is_over: its last moment has been shown.
     """
@@ -38,7 +39,7 @@ class Playback:
 
         Args:
             recording: shown from now on.
-            targets: who is moved by it.
+            targets: entities that it moves.
             start_ns: first position, since the recording's first stamp [ns].
             speed: recorded time for each simulated time.
         """
@@ -48,19 +49,23 @@ class Playback:
         self.seek(start_ns)
 
     def seek(self, start_ns: int) -> None:
-        """Go on from this position [ns], and come back to it with `rewind`."""
+        """Set the position; `rewind` comes back to it.
+
+        Args:
+            start_ns: position, since the recording's first stamp [ns].
+        """
         self._start_ns = self._position_ns = start_ns
         self.is_over = False
 
     # The world; `show_frame` within a step, all others between two frames
 
     def enter(self) -> None:
-        """Have the recording move its targets; `leave` gives them back."""
+        """Let the recording move its targets; `leave` gives them back."""
         self._actors.enter(self.recording.egos, self.targets, has_objects=self.recording.objects is not None)
         self.show()
 
     def leave(self) -> None:
-        """Give the world back as it was before `enter`."""
+        """Restore the world as it was before `enter`."""
         self._actors.leave()
         self._egos.forget_statuses()
 
@@ -88,24 +93,77 @@ class Playback:
     def _moment(self) -> RecordedMoment:
         return self.recording.moment(min(self._position_ns, self.recording.duration_ns))
 
+    # Snapshots
+
+    @property
+    def is_entered(self) -> bool:
+        """Return whether a recording moves the world."""
+        return self._actors.is_entered
+
+    def save_state(self) -> PlainData:
+        """Return the position and what is moved, without the recording."""
+        return (
+            *(self.targets, self.speed, self._start_ns, self._position_ns, self.is_over),
+            self._actors.save_state(),
+        )
+
+    def load_state(self, data: PlainData, recording: Recording) -> None:
+        """Become what was saved; the world and the egos have been restored.
+
+        Args:
+            data: from `save_state`.
+            recording: the one that moved the world; an empty one for none.
+
+        Raises:
+            ValueError: it is no such data.
+            DocumentError: the same.
+        """
+        targets, speed, start_ns, position_ns, is_over, actors = data
+        numbers = (targets, speed, start_ns, position_ns)
+        if not all(type(number) is int and 0 <= number < MAX_STAMP for number in numbers) or type(is_over) is not bool:
+            raise ValueError("replay: expected targets, a speed and positions")
+        if not recording.is_empty and start_ns > recording.duration_ns:
+            raise ValueError("replay: expected a start within the recording")
+        self._actors.load_state(actors)
+        if not self._actors.indices <= set(recording.egos):
+            raise ValueError("replay: expected egos of the recording")
+        self.recording, self.targets, self.speed = recording, targets, speed
+        self._start_ns, self._position_ns, self.is_over = start_ns, position_ns, is_over
+
     # Questions before a recording is chosen
 
     def why_unusable(self, recording: Recording, targets: int) -> str:
-        """Return why a recording cannot move any of the targets; an empty text if it can."""
+        """Return the reason why a recording cannot move any of the targets.
+
+        Args:
+            recording: the recording.
+            targets: a sum of EGO, VEHICLES and PEDESTRIANS.
+
+        Returns:
+            A text for the client; empty if it can.
+        """
         if recording.is_empty:
-            return "there is nothing in it that can be replayed: no ego, no objects"
+            return "it holds no ego and no objects that can be replayed"
         has_ego = any(self._egos.find(index) is not None for index in recording.egos)
         held = (EGO if has_ego else 0) | (ALL_TARGETS & ~EGO if recording.objects is not None else 0)
-        return "" if held & targets else "it holds none of those that are to be replayed"
+        return "" if held & targets else "it holds none of the chosen targets"
 
     def notes_on(self, recording: Recording, targets: int) -> list[str]:
-        """Return what the user should know about the egos of a recording."""
+        """Return remarks for the user about the egos of a recording.
+
+        Args:
+            recording: the recording.
+            targets: a sum of EGO, VEHICLES and PEDESTRIANS.
+
+        Returns:
+            A line each; empty if there are none.
+        """
         if not targets & EGO:
             return []
         if not recording.egos:
             return ["it holds no ego: only the objects are replayed"]
         notes = [
-            f"it holds an ego {index} and the world has none: that one is left out"
+            f"it holds an ego {index}, but the world has none with this number: it is left out"
             for index in recording.egos
             if self._egos.find(index) is None
         ]

@@ -16,9 +16,18 @@ import numpy as np
 
 from rosbridge_sim.morai.catalogue import Catalogue, default_model
 from rosbridge_sim.morai.ego import Ego
-from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, OBJECT_COLUMNS, Actor, RecordedMoment
+from rosbridge_sim.morai.plain_bytes import PlainData, decode, encode
+from rosbridge_sim.morai.replays.recording import (
+    EGO_COLUMNS,
+    OBJECT_COLUMNS,
+    Actor,
+    RecordedMoment,
+    actor_from_plain,
+    actor_to_plain,
+)
 from rosbridge_sim.morai.scene import MAX_ENTITIES, Scene
 from rosbridge_sim.world.placement import place_ghost, show_ghosts
+from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state import Body, Kind, Snapshot, World
 
 __all__ = ["ALL_TARGETS", "EGO", "PEDESTRIANS", "VEHICLES", "PlaybackActors"]
@@ -27,7 +36,7 @@ EGO: Final = 1
 VEHICLES: Final = 2
 PEDESTRIANS: Final = 4
 ALL_TARGETS: Final = EGO | VEHICLES | PEDESTRIANS
-"""Targets of a replay, a sum. Obstacles belong to the vehicles, because MORAI has no bit for them."""
+"""All targets of a replay. Obstacles belong to the vehicles, because MORAI has no bit for them."""
 
 _TARGETS: Final = {Kind.VEHICLE: VEHICLES, Kind.OBSTACLE: VEHICLES, Kind.PEDESTRIAN: PEDESTRIANS}
 
@@ -50,6 +59,7 @@ class PlaybackActors:
         self._find_ego = find_ego
         self._targets = 0
         self._before: Snapshot | None = None
+        self._packed_before: bytes | None = None  # the same, once it was saved
         self._egos: dict[int, Ego] = {}
         self._uids: dict[Actor, int] = {}
         self._is_full = False
@@ -63,7 +73,7 @@ class PlaybackActors:
             has_objects: whether objects are recorded; if not, those of the world stay and go on by themselves.
         """
         world = self._world
-        self._before = world.snapshot()
+        self._before, self._packed_before = world.snapshot(), None
         self._targets = targets
         self._scene.is_replaying = True
         found = {index: self._find_ego(index) for index in egos} if targets & EGO else {}
@@ -82,7 +92,7 @@ class PlaybackActors:
         """Change the targets; the arguments are those of `enter`.
 
         An ego that is moved neither before nor after drives on. All other entities that are not moved from now on
-        return to where they were at the first `enter`.
+        return to the places that they had at the first `enter`.
         """
         if targets == self._targets:
             return
@@ -95,7 +105,11 @@ class PlaybackActors:
             world.restore_driven(uid, now)
 
     def show(self, moment: RecordedMoment) -> None:
-        """Place all entities as they are at a recorded moment; add and remove objects as needed."""
+        """Place all entities as they are at a recorded moment; add and remove objects as needed.
+
+        Args:
+            moment: the state of all replayed entities.
+        """
         world = self._world
         for index, ego in self._egos.items():
             show_ghosts(world, np.array([ego.row]), EGO_COLUMNS, moment.egos[index][:, None])
@@ -127,19 +141,79 @@ class PlaybackActors:
         for ego in self._egos.values():
             ego.is_replayed = False
         self._scene.is_replaying = False
-        self._before, self._egos, self._uids, self._is_full = None, {}, {}, False
+        self.forget()
+
+    def save_state(self) -> PlainData:
+        """Return what they are and what the world was before them; None before `enter` and after `leave`."""
+        before = self._before
+        if before is None:
+            return None
+        if self._packed_before is None:
+            self._packed_before = encode(to_plain(before))
+        uids = [(*actor_to_plain(actor), uid) for actor, uid in self._uids.items()]
+        return (self._targets, self._packed_before, list(self._egos), uids, self._is_full)
+
+    def load_state(self, data: PlainData) -> None:
+        """Become what was saved; the world and the egos have been restored.
+
+        Raises:
+            ValueError: it is no such data.
+            DocumentError: the same.
+        """
+        if data is None:
+            self.forget()
+            return
+        world = self._world
+        targets, packed, indices, uids, is_full = data
+        before = from_plain(decode(packed), world.roads, world.signals.plan)
+        egos = {index: self._find_ego(index) for index in indices}
+        found = {actor_from_plain(entry[:4]): entry[4] for entry in uids}
+        rows = [world.row(uid) for uid in found.values() if uid in world]
+        uids_before = dict(before.uids)
+        is_good = (
+            type(targets) is int
+            and 0 < targets <= ALL_TARGETS
+            and len(rows) == len(set(rows)) == len(found)
+            and not any(world.kind[row] == Kind.EGO for row in rows)
+            and all(ego.uid in uids_before for ego in egos.values() if ego is not None)
+        )
+        if not is_good or None in egos.values():
+            raise ValueError("replay: expected egos and objects of the world")
+        self._targets, self._before, self._packed_before = targets, before, packed
+        self._egos = {index: ego for index, ego in egos.items() if ego is not None}
+        self._uids, self._is_full = found, bool(is_full)
+        self._scene.is_replaying = True
+        for ego in self._egos.values():
+            ego.is_replayed = True
+
+    @property
+    def is_entered(self) -> bool:
+        """Return whether a recording moves entities: between `enter` and `leave`."""
+        return self._before is not None
+
+    @property
+    def indices(self) -> set[int]:
+        """Return the numbers of the egos that are moved."""
+        return set(self._egos)
+
+    def forget(self) -> None:
+        """Move nothing any longer, and leave the world as it is."""
+        self._before, self._packed_before = None, None
+        self._egos, self._uids, self._is_full = {}, {}, False
 
     def _add(self, actor: Actor, x: float, y: float) -> None:
         """Add an object to the world, if there is room."""
         if len(self._world) >= MAX_ENTITIES:
             if not self._is_full:
                 self._is_full = True
-                _log.warning("the world holds %d at most: some of the recording are left out", MAX_ENTITIES)
+                _log.warning(
+                    "the world is full (%d entities): some objects of the recording are left out", MAX_ENTITIES
+                )
             return
         body = _body_of(actor, self._scene.catalogue)
         uid = self._scene.add_actor(actor.uid, actor.kind, body, actor.name, x=x, y=y)
         if uid != actor.uid:
-            _log.info("%s, number %d of the recording, is %d here", actor.name, actor.uid, uid)
+            _log.info("%s: unique_id %d of the recording is in use, it gets %d", actor.name, actor.uid, uid)
         self._uids[actor] = uid
 
 

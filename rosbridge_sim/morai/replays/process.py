@@ -1,6 +1,6 @@
 """The state of a replay, and the effects of its table carried out on the playback and on the simulator's pause.
 
-`state_machine` decides what follows from an event, and says why. Nothing else changes the state.
+`state_machine` defines the effects of each event, with the reasons. Only this module changes the state.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import logging
 from collections.abc import Callable
 
 from rosbridge_sim.morai.context import SimulatorContext
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.replays.playback import Playback
 from rosbridge_sim.morai.replays.recording import Recording
 from rosbridge_sim.morai.replays.state_machine import (
@@ -29,7 +30,7 @@ class ReplayProcess:
 
     Attributes:
         state: where in the table it is.
-        effects: what carries out each effect; takes monotonic time [s]. IGNORE is to be registered.
+        effects: function for each effect; takes monotonic time [s]. `NetworkReplay` registers the one for IGNORE.
         on_event: called after each event with monotonic time [s].
     """
 
@@ -85,7 +86,11 @@ class ReplayProcess:
         return outcome
 
     def check_end(self, now: float) -> None:
-        """Pause at the end of a bag, and again whenever something has ended that pause. Called after each frame."""
+        """Pause at the end of a bag, and again if another command has ended that pause. Called after each frame.
+
+        Args:
+            now: monotonic time [s].
+        """
         if self.state is ReplayState.REPLAYING and self._playback.is_over:
             _log.info("%s: the end is reached", self._playback.recording.name)
             self.happen(ReplayEvent.RUN_OUT, now)
@@ -93,12 +98,31 @@ class ReplayProcess:
             self.happen(ReplayEvent.RUN_OUT, now)
 
     def evict(self, now: float) -> None:
-        """End the replay, because a scenario or a reset is about to change the world."""
+        """End the replay, because a scenario or a reset is about to change the world.
+
+        Args:
+            now: monotonic time [s].
+        """
         if self.state is not ReplayState.SIMULATING:
             _log.info("the replay has ended: a scenario or a reset changes the world")
         # A client that has pressed play since then wants the new scene to run.
         self._was_paused &= self._sync.is_paused
         self.happen(ReplayEvent.EVICT, now)
+
+    def save_state(self) -> PlainData:
+        """Return the state, and whether the simulator was paused before a recording moved it."""
+        return (int(self.state), self._was_paused)
+
+    def load_state(self, data: PlainData) -> None:
+        """Become what was saved, without any effect: the playback is restored by itself.
+
+        Raises:
+            ValueError: it is no such data.
+        """
+        state, was_paused = data
+        if type(state) is not int or type(was_paused) is not bool:
+            raise ValueError("replay: expected a state")
+        self.state, self._was_paused = ReplayState(state), was_paused
 
     def _enter(self, now: float) -> None:
         del now

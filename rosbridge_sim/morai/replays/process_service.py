@@ -54,14 +54,18 @@ class ProcessService:
         self._make_result = maker(context.bus.store, "morai_msgs/MoraiSrvResponse", "result")
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """Offer the service."""
+        """Offer the service.
+
+        Args:
+            bindings: take the service.
+        """
         bindings.provide("Morai_SimProc", "MoraiSimProcSrv", self._command)
 
-    def forget(self) -> None:
-        """Refuse the command whose recording is being read, because the world has begun anew."""
+    def forget(self, why: str = "The simulation was reset") -> None:
+        """Refuse the command whose recording is being read, because the world has been reset or restored."""
         if self._loading is not None:
             loading, self._loading = self._loading, None
-            loading.refuse("The simulation was reset")
+            loading.refuse(why)
 
     def _command(self, call: Call, now: float) -> None:
         if self._context.stepper.is_moving:
@@ -78,7 +82,7 @@ class ProcessService:
         elif command.name is None:
             self._tune(call, command, now)
         elif self._recordings is None:
-            self._refuse(call, ReplayResult.NOT_LOADED, "no recordings are kept here", now)
+            self._refuse(call, ReplayResult.NOT_LOADED, "this simulator has no folder with recordings", now)
         else:
             self._loading = call
             reading = RecordingBuilder(command.name, self._context.convert)
@@ -90,7 +94,7 @@ class ProcessService:
             return
         self._loading = None
         if call.is_done:
-            _log.info("%s was read for nobody: its caller is gone", command.name)
+            _log.info("%s was read, but its caller has left: it is not replayed", command.name)
             self._status.announce(now)
         elif isinstance(outcome, DocumentError):
             self._refuse(call, ReplayResult.NOT_LOADED, str(outcome), now)
@@ -109,7 +113,9 @@ class ProcessService:
             self._refuse(call, ReplayResult.REFUSED, _beyond(recording), now)
             return
         for note in [*recording.notes, *playback.notes_on(recording, targets)]:
-            call.caller.notify("info", f"{recording.name}: {note}")  # the command is obeyed: no mistake of the caller
+            call.caller.notify(
+                "info", f"{recording.name}: {note}"
+            )  # info and not warning: the command is carried out, and the caller made no mistake
             _log.warning("%s: %s", recording.name, note)
         seconds = recording.duration_ns / 1e9
         _log.info("%s: %.2f s are replayed for %s", recording.name, seconds, call.caller.name)
@@ -133,12 +139,12 @@ class ProcessService:
         self._obey(call, command, now)
 
     def _obey(self, call: Call, command: ReplayCommand, now: float) -> None:
-        self._status.is_held = True  # states that are passed on the way are not published
+        self._status.is_held = True  # intermediate states are not published
         why = ""
         try:
             for event in command.events:
                 why = why or self._process.happen(event, now).why
-        except DocumentError as error:  # the scenario that is to begin anew finds no room
+        except DocumentError as error:  # there is no room for the scenario that is loaded again
             why = str(error)
         finally:
             self._status.is_held = False

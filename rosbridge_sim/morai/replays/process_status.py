@@ -8,8 +8,10 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.interfaces.publishers import Publishers
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.replays.command import ReplayResult
 from rosbridge_sim.morai.replays.process import ReplayProcess
+from rosbridge_sim.morai.replays.recording import MAX_STAMP
 from rosbridge_sim.morai.replays.state_machine import ReplayState
 
 __all__ = ["ProcessStatus"]
@@ -24,7 +26,7 @@ class ProcessStatus:
     """Publisher of the process status, latched; it publishes when the status changes.
 
     Attributes:
-        is_held: nothing is published: a command is being carried out, and only what comes of it is of interest.
+        is_held: publish nothing, because a command is being carried out and only its result matters.
     """
 
     def __init__(self, context: SimulatorContext, process: ReplayProcess) -> None:
@@ -48,7 +50,11 @@ class ProcessStatus:
         )
 
     def publish(self, publishers: Publishers) -> None:
-        """Advertise the topic; its first message is there from the start."""
+        """Advertise the topic; its first message is there from the start.
+
+        Args:
+            publishers: take the topic.
+        """
         self._publishers = publishers
         self._publisher = publishers.add(STATUS, "morai_msgs/MoraiSimProcStatus", self._message, depth=1)
         self._published = self._status()
@@ -58,26 +64,56 @@ class ProcessStatus:
         self._commanded_ns = self._context.bus.stamp_ns
 
     def end_command(self, result: ReplayResult, now: float) -> None:
-        """Publish how a command ended, even if nothing has changed: its sender may wait for a message."""
+        """Publish the result of a command, even if nothing has changed, because its sender may wait for a message.
+
+        Args:
+            result: of the command.
+            now: monotonic time [s].
+        """
         self._result = result
         self._published = ()
         self.announce(now)
 
     def forget(self) -> None:
-        """Return to the state before the first command, because the world has begun anew."""
+        """Return to the state before the first command, because the world has been reset."""
         self._result, self._commanded_ns = ReplayResult.NONE, 0
         self._published = ()
         self._sync_state = None
 
+    def save_state(self) -> PlainData:
+        """Return the end of the last command and its time."""
+        return (self._result.value, self._commanded_ns)
+
+    def load_state(self, data: PlainData, now: float) -> None:
+        """Become what was saved, and publish it.
+
+        Raises:
+            ValueError: it is no such data.
+        """
+        result, commanded_ns = data
+        if type(commanded_ns) is not int or not 0 <= commanded_ns < MAX_STAMP:
+            raise ValueError("replay: expected the time of a command")
+        self._result, self._commanded_ns = ReplayResult(result), commanded_ns
+        self._published, self._sync_state = (), self._sync.state
+        self.announce(now)
+
     def settle(self, now: float) -> None:
-        """Publish a pause or its end; called after each frame. All other changes are announced where they happen."""
+        """Publish a pause or its end; called after each frame. All other changes are announced where they happen.
+
+        Args:
+            now: monotonic time [s].
+        """
         state = self._sync.state
         if state is not self._sync_state:
             self._sync_state = state
             self.announce(now)
 
     def announce(self, now: float) -> None:
-        """Publish the status if it has changed; latched, so it is published even if nobody listens."""
+        """Publish the status if it has changed. The topic is latched, so it is published even without subscribers.
+
+        Args:
+            now: monotonic time [s].
+        """
         status = self._status()
         if status != self._published and not self.is_held:
             self._published = status
@@ -92,7 +128,7 @@ class ProcessStatus:
         )
 
     def _status(self) -> tuple[int, int, int, int]:
-        """ReplayResult, mode and status as MORAI numbers them, and the time of the last command [ns]."""
+        """Return ReplayResult, mode and status as MORAI numbers them, and the time of the last command [ns]."""
         state = self._process.state
         status = _PAUSED if self._sync.is_paused else _RUNNING
         mode = _SIMULATION_MODE if state is ReplayState.SIMULATING else _REPLAY_MODE

@@ -9,14 +9,31 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
+from hashlib import blake2b
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
-from rosbridge_sim.world.state import BoolArray, Kind
+from rosbridge_sim.world.state import MAX_COORDINATE, MAX_UID, BoolArray, Kind
 
-__all__ = ["EGO_COLUMNS", "OBJECT_COLUMNS", "Actor", "EgoTrack", "ObjectTrack", "RecordedMoment", "Recording"]
+__all__ = [
+    "EGO_COLUMNS",
+    "MAX_STAMP",
+    "OBJECT_COLUMNS",
+    "Actor",
+    "EgoTrack",
+    "ObjectTrack",
+    "RecordedMoment",
+    "Recording",
+    "actor_from_plain",
+    "actor_to_plain",
+    "digest_of",
+    "from_plain",
+    "to_plain",
+]
 
 EGO_COLUMNS: Final = (
     *("x", "y", "z", "roll", "pitch", "yaw", "speed", "accel", "lateral_accel", "yaw_rate"),
@@ -35,6 +52,9 @@ MAX_FRAME_GAP_NS: Final = 1_000_000_000
 
 MAX_RECORDED_SPEED: Final = 100.0
 """Highest speed from one stamp to the next that is interpolated [m/s]: a faster change is a jump."""
+
+MAX_STAMP: Final = 2**62
+"""Bound of a stamp [ns], so that a difference of two is an int64."""
 
 _ANGLES: Final = frozenset({"roll", "pitch", "yaw"})
 _EGO_ANGLES: Final = np.array([name in _ANGLES for name in EGO_COLUMNS])
@@ -72,11 +92,18 @@ class EgoTrack:
 
     @property
     def has_place(self) -> bool:
-        """Return whether it holds the position of the ego."""
+        """True if it holds the position of the ego."""
         return not bool(np.isnan(self.values[0]).any())
 
     def at(self, stamp_ns: int) -> FloatArray:
-        """Return the state at a moment, (columns,)."""
+        """Return the state at a moment.
+
+        Args:
+            stamp_ns: the moment, on the clock of the stamps [ns].
+
+        Returns:
+            (columns,) float64, as in `EGO_COLUMNS`.
+        """
         i, part = _find(self.stamps, stamp_ns)
         if not part:
             return self.values[:, i]
@@ -103,7 +130,14 @@ class ObjectTrack:
     actors: tuple[Actor, ...]
 
     def at(self, stamp_ns: int) -> tuple[IntArray, FloatArray]:
-        """Return the objects of a moment, (m,) indices into `actors`, and their states, (columns, m)."""
+        """Return the objects at a moment.
+
+        Args:
+            stamp_ns: the moment, on the clock of the stamps [ns].
+
+        Returns:
+            (m,) indices into `actors`, and (columns, m) float64 states, as in `OBJECT_COLUMNS`.
+        """
         i, part = _find(self.stamps, stamp_ns)
         present, values = self._sample(i)
         if not part:
@@ -153,7 +187,7 @@ class Recording:
 
     @property
     def is_empty(self) -> bool:
-        """Return whether there is nothing to show."""
+        """True if there is nothing to show."""
         return not self.egos and self.objects is None
 
     @property
@@ -167,7 +201,14 @@ class Recording:
         return int(max(stamps[-1] for stamps in self._stamps())) - self.start_ns
 
     def moment(self, since_ns: int) -> RecordedMoment:
-        """Return the state at a time after the first stamp [ns]; a track that begins later shows its first entry."""
+        """Return the state at a moment. A track that begins later shows its first entry.
+
+        Args:
+            since_ns: time since the first stamp of the recording [ns].
+
+        Returns:
+            The state of all replayed entities.
+        """
         stamp_ns = self.start_ns + since_ns
         egos = {index: track.at(stamp_ns) for index, track in self.egos.items()}
         if self.objects is None:
@@ -181,6 +222,96 @@ class Recording:
         return stamps if self.objects is None else [*stamps, self.objects.stamps]
 
 
+def to_plain(recording: Recording) -> PlainData:
+    """Return a recording as plain data; it is meant for the single moment of a network replay."""
+    track = recording.objects
+    return {
+        "name": recording.name,
+        "egos": [(index, ego.stamps, ego.values) for index, ego in recording.egos.items()],
+        "objects": None
+        if track is None
+        else (
+            *(track.stamps, track.starts, track.actor_indices, track.values),
+            [actor_to_plain(actor) for actor in track.actors],
+        ),
+    }
+
+
+def from_plain(data: PlainData) -> Recording:
+    """Return the recording that `to_plain` was given.
+
+    Raises:
+        ValueError: it is no such data, or a figure is out of the world's bounds.
+    """
+    try:
+        egos = {index: EgoTrack(stamps, values) for index, stamps, values in data["egos"]}
+        objects = None
+        if data["objects"] is not None:
+            stamps, starts, indices, values, actors = data["objects"]
+            objects = ObjectTrack(stamps, starts, indices, values, tuple([actor_from_plain(actor) for actor in actors]))
+        for index, track in egos.items():
+            _check(type(index) is int and 0 <= index < MAX_UID)
+            _check_track(track.stamps, track.values, len(EGO_COLUMNS), len(track.stamps))
+        if objects is not None:
+            _check_track(objects.stamps, objects.values, len(OBJECT_COLUMNS), len(objects.actor_indices))
+            starts, indices = objects.starts, objects.actor_indices
+            _check(starts.dtype == np.int64 and starts.shape == (len(objects.stamps) + 1,))
+            _check(int(starts[0]) == 0 and int(starts[-1]) == len(indices) and bool((np.diff(starts) >= 0).all()))
+            _check(indices.dtype == np.int64 and indices.ndim == 1)
+            _check(bool(((indices >= 0) & (indices < len(objects.actors))).all()))
+            _check(not bool(np.isnan(objects.values).any()))
+        _check(isinstance(data["name"], str) and bool(egos or objects))
+        return Recording(data["name"], egos, objects)
+    except (KeyError, TypeError, AttributeError, IndexError) as error:
+        raise ValueError(f"recording: expected tracks with stamps and values ({error!r:.80})") from None
+
+
+def actor_to_plain(actor: Actor) -> PlainData:
+    """Return an object of a recording as plain data."""
+    return (actor.uid, int(actor.kind), actor.name, actor.size)
+
+
+def actor_from_plain(data: PlainData) -> Actor:
+    """Return the object that `actor_to_plain` was given.
+
+    Raises:
+        ValueError: it is no such data.
+    """
+    uid, kind, name, size = data
+    _check(type(uid) is int and type(kind) is int and isinstance(name, str) and isinstance(size, tuple))
+    _check(len(size) == 3 and all(isinstance(length, float) for length in size))  # noqa: PLR2004 - the axes
+    if kind == Kind.EGO:
+        raise ValueError("recording: expected an object, no ego")
+    return Actor(uid, Kind(kind), name, size)
+
+
+@lru_cache(maxsize=2)
+def digest_of(recording: Recording) -> bytes:
+    """Return 16 bytes that stand for a recording's tracks; large ones take a while, so the thread that reads asks."""
+    state = blake2b(repr((recording.name, list(recording.egos))).encode(), digest_size=16)
+    for track in recording.egos.values():
+        state.update(track.stamps.tobytes())
+        state.update(track.values.tobytes())
+    objects = recording.objects
+    if objects is not None:
+        state.update(repr(objects.actors).encode())
+        for column in (objects.stamps, objects.starts, objects.actor_indices, objects.values):
+            state.update(column.tobytes())
+    return state.digest()
+
+
+def _check_track(stamps: IntArray, values: FloatArray, num_columns: int, num: int) -> None:
+    _check(stamps.dtype == np.int64 and stamps.ndim == 1 and len(stamps) > 0 and bool((np.diff(stamps) > 0).all()))
+    _check(bool((np.abs(stamps) < MAX_STAMP).all()))
+    _check(values.dtype == np.float64 and values.shape == (num_columns, num))
+    _check(bool((np.isnan(values) | (np.abs(values) <= MAX_COORDINATE)).all()))
+
+
+def _check(is_good: bool) -> None:  # noqa: FBT001 - an assertion
+    if not is_good:
+        raise ValueError("recording: expected rising stamps, and values within the world's bounds")
+
+
 def _find(stamps: IntArray, stamp_ns: int) -> tuple[int, float]:
     """Return the last entry at or before a moment, and the elapsed part (0..1) of the time to the next one."""
     i = max(int(stamps.searchsorted(stamp_ns, side="right")) - 1, 0)
@@ -192,7 +323,7 @@ def _find(stamps: IntArray, stamp_ns: int) -> tuple[int, float]:
 
 
 def _max_way(stamps: IntArray, i: int) -> float:
-    """Return the longest way from a stamp to the next one that is no jump [m]."""
+    """Return the longest distance from a stamp to the next one that is not a jump [m]."""
     return MAX_RECORDED_SPEED * (int(stamps[i + 1]) - int(stamps[i])) / 1e9
 
 

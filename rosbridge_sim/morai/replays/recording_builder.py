@@ -1,10 +1,10 @@
-"""Recordings built from recorded messages: the way back from a message's units into the world's.
+"""Recordings built from recorded messages, converted from the messages' units into the world's.
 
 `RecordingBuilder` takes messages one by one, from a bag or from the bus, and makes arrays of them. They may be of
 either release: a renamed field is looked up under both names. Units that a message does not name are taken from the
-profile in use, which is right for the simulator's own recordings. Their values come back to the last bit.
+profile in use, which is right for the simulator's own recordings. Their values are restored exactly.
 
-An entry with a value that no world can hold (not a number, or out of range) is left out, and a note says so.
+An entry with a value that the world cannot hold (not a number, or out of range) is left out, with a note.
 """
 
 from __future__ import annotations
@@ -100,11 +100,20 @@ class RecordingBuilder:
     # In
 
     def take_ego(self, index: int, message: Any, stamps: MessageStamps) -> None:  # noqa: ANN401 - whatever has the fields
-        """Take an EgoVehicleStatus of the ego with this number."""
+        """Take an EgoVehicleStatus.
+
+        Args:
+            index: number of the ego.
+            message: any object with the fields of the type.
+            stamps: of the message.
+
+        Raises:
+            DocumentError: the recording has too many states.
+        """
         place, velocity, accel = message.position, message.velocity, message.acceleration
         factor = DEGREES if self._convert.profile.wheel_angle_unit == "deg" else 1.0
         angle = getattr(message, "wheel_angle", None)
-        # Under its newer name it is in degrees in any profile.
+        # The field with the newer name is in degrees in any profile.
         steer = getattr(message, "front_steer_angle", 0.0) / DEGREES if angle is None else angle / factor
         self._add_ego(
             index,
@@ -114,7 +123,15 @@ class RecordingBuilder:
         )
 
     def take_pedals(self, message: Any, stamps: MessageStamps) -> None:  # noqa: ANN401 - whatever has the fields
-        """Take the first ego of a ReplayInfo: its pedals and orientation. The message holds no position."""
+        """Take the first ego of a ReplayInfo: its pedals and orientation. The message holds no position.
+
+        Args:
+            message: any object with the fields of the type.
+            stamps: of the message.
+
+        Raises:
+            DocumentError: the recording has too many states.
+        """
         self._without_position.add(0)
         turn, accel = message.orientation, message.linear_acceleration
         roll, pitch, yaw = _angles(turn.x, turn.y, turn.z, turn.w)
@@ -127,7 +144,13 @@ class RecordingBuilder:
         )
 
     def take_objects(self, message: Any, stamps: MessageStamps) -> None:  # noqa: ANN401 - whatever has the fields
-        """Take the lists of an ObjectStatusList or ReplayInfo. Egos in them are left out: they have their own topics.
+        """Take the lists of an ObjectStatusList or ReplayInfo.
+
+        Egos in them are left out, because they have their own topics.
+
+        Args:
+            message: any object with the fields of the type.
+            stamps: of the message.
 
         Raises:
             DocumentError: the recording has too many states.
@@ -169,7 +192,11 @@ class RecordingBuilder:
         self._check_size(len(self._actor_indices) + len(self._counts))
 
     def note(self, text: str) -> None:
-        """Add a remark for the user."""
+        """Add a remark for the user.
+
+        Args:
+            text: one line.
+        """
         self._notes.append(text)
 
     def _add_ego(
@@ -185,17 +212,21 @@ class RecordingBuilder:
     def _check_size(self, num: int) -> None:
         if num > MAX_RECORDED_ENTRIES:
             raise DocumentError(
-                f"{self.name}: more than {MAX_RECORDED_ENTRIES:,} states in it; cut it into shorter ones"
+                f"{self.name}: expected at most {MAX_RECORDED_ENTRIES:,} states; cut it into shorter recordings"
             )
 
     # Out
 
     def finish(self) -> Recording:
-        """Return the recording of all messages that were taken."""
+        """Return the recording of all messages that were taken.
+
+        Returns:
+            The recording; an ego without a usable state is left out.
+        """
         all_rows = [*self._egos.values(), self._samples]
         by_header = all(_can_be_time(rows.stamps(by_header=True)) for rows in all_rows)
         if any(_is_wall_time(rows.stamps(by_header=True)) for rows in all_rows):
-            # A recorder by simulated time, as ours is: wall-clock headers show computing time, so they are not used.
+            # The recorder uses simulated time, as ours does. Wall-clock headers show computing time and are not used.
             by_header &= any(_is_wall_time(rows.stamps(by_header=False)) for rows in all_rows)
         egos = {index: self._ego_track(index, rows, by_header=by_header) for index, rows in sorted(self._egos.items())}
         objects = self._object_track(by_header=by_header) if self._samples.header_stamps else None
@@ -275,7 +306,7 @@ class RecordingBuilder:
 
     def _note_bad(self, num: int, whose: str) -> None:
         if num:
-            self.note(f"{num} states {whose} are left out: they hold no numbers, or numbers beyond all bounds")
+            self.note(f"{num} states {whose} are left out: their numbers are not finite, or out of range")
 
 
 def _can_be_time(stamps: IntArray) -> bool:

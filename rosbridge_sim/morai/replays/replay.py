@@ -1,6 +1,6 @@
 """The simulator's component for replays, put together from its subjects.
 
-- `state_machine`: which event is allowed when, and what follows from it
+- `state_machine`: the allowed events of each state, and their effects
 - `process`: the state, and the effects carried out
 - `playback`: the recording that moves the world, and the position in it
 - `process_service`: `/Morai_SimProc`: commands
@@ -11,20 +11,36 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from rosbridge_sim.morai.component import Component
 from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.replays.network_replay import NetworkReplay
 from rosbridge_sim.morai.replays.playback import Playback
 from rosbridge_sim.morai.replays.process import ReplayProcess
 from rosbridge_sim.morai.replays.process_service import ProcessService
 from rosbridge_sim.morai.replays.process_status import ProcessStatus
+from rosbridge_sim.morai.replays.recording import Recording, digest_of, from_plain, to_plain
 from rosbridge_sim.morai.replays.recording_builder import Recordings
 from rosbridge_sim.morai.replays.replay_info import ReplayInfoPublisher
 from rosbridge_sim.morai.replays.state_machine import ReplayState
 
-__all__ = ["Replay"]
+__all__ = ["RecordingKey", "Replay"]
+
+
+class RecordingKey(NamedTuple):
+    """A bag as snapshots name it.
+
+    Attributes:
+        name: as clients call it.
+        digest: of its tracks.
+    """
+
+    name: str
+    digest: bytes
 
 
 class Replay(Component):
@@ -47,6 +63,7 @@ class Replay(Component):
         self._service = ProcessService(context, self._process, self._playback, self._status, recordings)
         self._info = ReplayInfoPublisher(context, self._process, is_showing_drives=is_showing_drives)
         self._network = NetworkReplay(context, self._process, self._playback, self._info)
+        self._restored = Recording("")
         hooks = context.hooks
         hooks.place.append(self._place)
         hooks.after_frame.append(self._settle)
@@ -55,6 +72,8 @@ class Replay(Component):
         hooks.on_leave.append(self._network.on_leave)
         for forget in (self._service.forget, self._status.forget, self._info.forget, self._network.forget):
             hooks.on_reset.append(forget)
+        hooks.on_restore.append(lambda: self._service.forget("The simulation was restored"))
+        hooks.on_restore.append(self._network.forget)
 
     def publish(self, publishers: Publishers) -> None:
         """Publish the replay and the state of the process."""
@@ -66,14 +85,60 @@ class Replay(Component):
         self._service.bind(bindings)
         self._network.bind(bindings)
 
+    @property
+    def recording_key(self) -> RecordingKey | None:
+        """Return the bag that moves the world, by name and digest; None for none."""
+        if self._process.state not in {ReplayState.REPLAYING, ReplayState.AT_END}:
+            return None
+        recording = self._playback.recording
+        return RecordingKey(recording.name, digest_of(recording))
+
+    def find_recording(self, key: RecordingKey) -> Recording | None:
+        """Return the recording of a key, if it is the one that moves the world now."""
+        return self._playback.recording if self.recording_key == key else None
+
+    def hand_over(self, recording: Recording) -> None:
+        """Give the recording that the next `load_state` is to take."""
+        self._restored = recording
+
+    def save_state(self) -> PlainData:
+        """Return the state of the replay; a bag is in it by name and digest alone."""
+        is_following = self._process.state is ReplayState.FOLLOWING
+        return {
+            "process": self._process.save_state(),
+            "playback": self._playback.save_state(),
+            "status": self._status.save_state(),
+            "message": to_plain(self._playback.recording) if is_following else None,
+        }
+
+    def load_state(self, data: PlainData, now: float) -> None:
+        """See `Component`; `hand_over` must have been called if a bag is needed."""
+        handed_over, self._restored = self._restored, Recording("")
+        self._process.load_state(data["process"])
+        state = self._process.state
+        if state is ReplayState.SIMULATING:
+            recording = Recording("")
+        elif state is ReplayState.FOLLOWING:
+            recording = from_plain(data["message"])
+        else:
+            recording = handed_over
+        if (state is ReplayState.SIMULATING) != recording.is_empty:
+            raise ValueError("replay: expected a recording")
+        self._playback.load_state(data["playback"], recording)
+        if self._playback.is_entered != (state is not ReplayState.SIMULATING):
+            raise ValueError("replay: expected entities of the recording")
+        if state is ReplayState.FOLLOWING:
+            self._network.resume()
+        self._status.load_state(data["status"], now)
+
     def _place(self) -> None:
         """Within a step: put each entity of the recording at its recorded pose of this frame."""
         if self._process.state is not ReplayState.SIMULATING:
             self._playback.show_frame()
 
     def _settle(self, now: float) -> None:
-        """Follow the end of a frame, of a pause, or its begin."""
-        if self._process.state is not ReplayState.SIMULATING:  # asked first: this is called at every frame
+        """Act on the end of a frame, and on the begin or end of a pause."""
+        if self._process.state is not ReplayState.SIMULATING:  # checked first, because this is called at every frame
             self._process.check_end(now)
         self._network.settle(now)
         self._status.settle(now)

@@ -1,7 +1,7 @@
 """The drive or the replay as a message: the simulator's own `/ReplayInfo_topic`.
 
-Clients publish on this topic too (see `network_replay`). So the publisher remembers its own messages, and knows them
-again when a far bridge sends them back.
+Clients publish on this topic too (see `network_replay`). So the publisher remembers its own messages, and recognises
+them when a far bridge sends them back.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ __all__ = ["ReplayInfoPublisher"]
 REPLAY_INFO: Final = "/ReplayInfo_topic"
 
 MAX_ECHOES: Final = 15_000
-"""Own messages that are recognised when a far bridge sends them back: five minutes of them. That is longer than a far
-bridge may stall before its connection is closed. The world would follow itself if it took one for a client's."""
+"""Number of own messages that are recognised when a far bridge sends them back: five minutes of them. That is longer
+than a far bridge may stall before its connection is closed. Otherwise the simulator would take one for a client's
+message, and follow it."""
 
 
 class ReplayInfoPublisher:
@@ -60,15 +61,26 @@ class ReplayInfoPublisher:
         self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
     def publish(self, publishers: Publishers) -> None:
-        """Advertise the topic."""
+        """Advertise the topic.
+
+        Args:
+            publishers: take the topic.
+        """
         self._publisher = publishers.add(REPLAY_INFO, "morai_msgs/ReplayInfo", self._message, is_exclusive=False)
 
     def is_echo(self, message: Struct) -> bool:
-        """Return whether a message is one of the last that were published here."""
+        """Return whether a message is one of the last that were published here.
+
+        Args:
+            message: a ReplayInfo from the bus.
+
+        Returns:
+            True for a message of this simulator that came back.
+        """
         return _fingerprint(message) in self._echoes
 
     def forget(self) -> None:
-        """Forget the own messages, because the world has begun anew."""
+        """Forget the own messages, because the world has been reset."""
         self._echoes.clear()
 
     def _message(self) -> Struct:

@@ -1,1 +1,1 @@
-"""Scenario documents: MORAI's JSON -> who is to come, and what is wrong with it."""
+"""Scenario documents: MORAI's JSON -> entities to add to the world, or a list of mistakes."""

@@ -1,9 +1,8 @@
-"""What is wrong with a scenario, and what looks odd, for a person who has written one: `rosbridge-sim scenario check`.
+"""Mistakes and oddities of a scenario, for its author: `rosbridge-sim scenario check`.
 
-Reading for use stops at the first mistake; here all are wanted. So whatever does not fit its place is told and then
-replaced by something harmless, and the reading goes on with what is left, through the same readers. Odd is what can be
-loaded and is hardly meant: vehicles off the road or against their lane, paths that lie somewhere else, and things
-within each other.
+Loading stops at the first mistake; here all are wanted. So each value that does not fit is reported and replaced by a
+harmless one, and reading goes on with the same readers. An oddity can be loaded but is probably not intended: a vehicle
+off the road or against its lane, a path far from its follower, or two overlapping things.
 """
 
 from __future__ import annotations
@@ -28,13 +27,13 @@ from rosbridge_sim.world.roads import Roads
 __all__ = ["Draft", "find_oddities", "keys_near", "place_draft", "read_draft"]
 
 AGAINST: Final = math.radians(90.0)
-"""Whoever looks farther aside than this from the way of the nearest lane stands against it."""
+"""Smallest angle between a vehicle and the nearest lane for a vehicle that stands against its lane [rad]."""
 
 FAR: Final = 10.0
-"""Who is farther than this from the path that he follows was hardly put there on purpose [m]."""
+"""Largest plausible distance of an entity from its path [m]."""
 
 MAX_ODDITIES: Final = 50
-"""Lines of one kind."""
+"""Largest number of lines for one kind of oddity."""
 
 _AT_ORIGIN: Final = {"x": 0, "y": 0}
 _STAND_INS: Final[Mapping[str, Any]] = {
@@ -43,7 +42,7 @@ _STAND_INS: Final[Mapping[str, Any]] = {
     "objectList": {"pos": _AT_ORIGIN},
     "tlList": {"index": ""},
 }
-"""What takes the place of an item that cannot be read, so that those after it keep their numbers."""
+"""Replacement of an item that cannot be read, so that the items after it keep their numbers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,8 +52,8 @@ class Draft:
     Attributes:
         scenario: without the items that have a mistake; None if nothing can be read.
         mistakes: a line each.
-        keys: how often each key stands in the document, by what becomes of it.
-        document: as it was parsed; None if it is no JSON.
+        keys: number of times that each key stands in the document, by its use.
+        document: as it was parsed; None if it is not JSON.
     """
 
     scenario: Scenario | None
@@ -64,12 +63,15 @@ class Draft:
 
 
 def read_draft(text: bytes, source: str, catalogue: Catalogue = BUILT_IN) -> Draft:
-    """Read as much of a scenario as can be read.
+    """Read as much of a scenario as possible.
 
     Args:
         text: the file's bytes.
         source: its name, for the lines about mistakes.
         catalogue: the models.
+
+    Returns:
+        The draft.
     """
     found = find_scenario_mistakes(text, source)
     lines = [mistake.text for mistake in found]
@@ -92,18 +94,25 @@ def read_draft(text: bytes, source: str, catalogue: Catalogue = BUILT_IN) -> Dra
 
 
 def keys_near(path: str) -> list[str]:
-    """The keys that could have been meant by one that is passed over."""
+    """Return the known keys at the place of an unknown one.
+
+    Args:
+        path: of the unknown key.
+
+    Returns:
+        The keys.
+    """
     return keys_beside(ScenarioDocument, path)
 
 
 def _without(document: dict[str, Any], mistakes: Sequence[Mistake]) -> tuple[dict[str, Any], set[str]]:
-    """The document without what cannot be read, and what was an item of its own (`vehicleList[2]`)."""
+    """Return the document without the parts that cannot be read, and the items among these (`vehicleList[2]`)."""
     rest = dict(document)
     gone = set()
     for mistake in mistakes:
         key, number = (*mistake.place, None, None)[:2]
         if isinstance(number, int) and isinstance(rest.get(str(key)), list):
-            # A path keeps its name: who follows it makes no mistake.
+            # A path keeps its name, so that its followers are not reported as mistakes too.
             item = rest[str(key)][number]
             name = item.get("pathName") if isinstance(item, dict) else None
             path = {"pathName": str(name), "waypointData": [{"pos": {"x": 0, "z": 0}}]}
@@ -130,7 +139,15 @@ def _leave_out(scenario: Scenario, gone: set[str]) -> Scenario:
 
 
 def place_draft(scenario: Scenario, road_map: RoadMap) -> tuple[Scenario, list[str]]:
-    """The scenario on a map, with what the map makes odd among its notes; and the mistakes that only the map shows."""
+    """Place a scenario on a map.
+
+    Args:
+        scenario: as it was read.
+        road_map: the map.
+
+    Returns:
+        The scenario with notes about oddities on this map; and the mistakes that only the map shows.
+    """
     mistakes: list[str] = []
     placed = place_on_roads(scenario, road_map.roads, lambda error: mistakes.append(str(error)))
     _, strange = sort_phases(placed, road_map.plan)
@@ -141,20 +158,20 @@ def place_draft(scenario: Scenario, road_map: RoadMap) -> tuple[Scenario, list[s
 
 
 def find_oddities(scenario: Scenario, roads: Roads | None) -> list[str]:
-    """A line for each vehicle off the road or against its lane, each path far away, any two within each other.
+    """Find vehicles off the road or against their lane, entities far from their path, and overlapping entities.
 
     Args:
-        scenario: placed, as far as a map is known.
-        roads: of the map; None: nobody is asked about roads.
+        scenario: placed, if a map is known.
+        roads: of the map; None skips the checks of vehicles on roads.
+
+    Returns:
+        A line for each.
     """
     drivers = [spawn for spawn in (*scenario.egos, *scenario.vehicles) if spawn.is_placed]
     others = [spawn for spawn in (*scenario.pedestrians, *scenario.obstacles) if spawn.is_placed]
     lines = list(_beside_roads(drivers, roads)) if drivers and roads is not None and len(roads) else []
     strays = [line for line in map(_far_from_path, (*drivers, *others)) if line is not None]
-    meeting = [
-        f"{a.where} ({a.name}) and {b.where} ({b.name}) stand within each other"
-        for a, b in _meeting([*drivers, *others])
-    ]
+    meeting = [f"{a.where} ({a.name}) and {b.where} ({b.name}) overlap" for a, b in _meeting([*drivers, *others])]
     return [*_short(lines), *_short(strays), *_short(meeting)]
 
 
@@ -170,7 +187,7 @@ def _beside_roads(spawns: Sequence[Spawn], roads: Roads) -> Iterator[str]:
         if outside[i] > 0.01:  # noqa: PLR2004  # on the line itself
             yield f"{spawn.where} ({spawn.name}) stands {outside[i]:.1f} m off the nearest lane, {lane!r}"
         elif abs(math.remainder(float(places.yaw[i]) - spawn.yaw, math.tau)) > AGAINST:
-            yield f"{spawn.where} ({spawn.name}) stands against the way of its lane, {lane!r}"
+            yield f"{spawn.where} ({spawn.name}) stands against the direction of its lane, {lane!r}"
 
 
 def _far_from_path(spawn: Spawn) -> str | None:
@@ -180,13 +197,13 @@ def _far_from_path(spawn: Spawn) -> str | None:
     if away <= FAR:
         return None
     return (
-        f"{spawn.where} ({spawn.name}) stands {away:.1f} m off its path; waypoints are (-east, up, -north), "
-        "as the engine has them"
+        f"{spawn.where} ({spawn.name}) stands {away:.1f} m off its path; waypoints have the axes (-east, up, -north), "
+        "as in MORAI's engine"
     )
 
 
 def _meeting(spawns: Sequence[Spawn]) -> Iterator[tuple[Spawn, Spawn]]:
-    """Any two whose boxes overlap."""
+    """Yield each pair of entities whose boxes overlap."""
     if not spawns:
         return
     bodies = [spawn.model.body for spawn in spawns]
@@ -196,7 +213,7 @@ def _meeting(spawns: Sequence[Spawn]) -> Iterator[tuple[Spawn, Spawn]]:
     middle = np.array([complex(spawn.x, spawn.y) for spawn in spawns]) + to_middle * heading
     low = np.array([spawn.z for spawn in spawns])
     high = low + np.array([body.height for body in bodies])
-    # Only those can meet who are near to each other from east to west.
+    # Only entities that are near to each other from east to west can overlap.
     order = np.argsort(middle.real, kind="stable")
     east = middle.real[order]
     near = np.searchsorted(east, east + 2.0 * float(np.hypot(*half.T).max()), side="right")

@@ -1,10 +1,10 @@
 """The shape of scenario documents: the part of MORAI's scenario JSON that is read, key by key.
 
-Every key that these models name is read, and whatever else MORAI writes (physics of the moment, editor state) is passed
-over. Of those that are read, the `idle_keys` have no effect yet: they are kept as they are written. Three keys are
-ours, since a person who writes a scenario by hand knows neither MORAI's numbers nor its ids: `modelName`, a name of the
-catalogue instead of `DataID`; `pathName`, a path by its name instead of by the item's `UNIQUEID`; `route`, the links
-that a vehicle follows. `schemas/scenario.schema.json` is made from here.
+Keys that these models name are read. All other keys that MORAI writes (physical state, editor state) are ignored. Of
+the read keys, the `idle_keys` have no effect yet: they are kept as they are written. Three keys are ours, for users who
+write scenarios by hand and do not know MORAI's numbers and ids: `modelName`, a name of the catalogue instead of
+`DataID`; `pathName`, the name of a path instead of the item's `UNIQUEID`; `route`, the links that a vehicle follows.
+`schemas/scenario.schema.json` is generated from this module.
 """
 
 # ruff: noqa: N815  # the document's own spelling
@@ -48,10 +48,10 @@ __all__ = [
 ]
 
 MAX_SCENARIO_BYTES: Final = 1 << 25
-"""32 MiB: a hundred times what MORAI saves for a full scene."""
+"""Largest size of a document: 32 MiB, a hundred times the size that MORAI saves for a full scene."""
 
 MAX_ITEMS: Final = 1_000
-"""Vehicles, pedestrians, obstacles: of each, fifty times what one step is made for."""
+"""Largest number of vehicles, of pedestrians and of obstacles: fifty times the number that one step is made for."""
 
 MAX_PATHS: Final = 3 * MAX_ITEMS
 MAX_WAYPOINTS: Final = 100_000
@@ -65,12 +65,12 @@ BoundedList = Annotated[list[T], Field(max_length=MAX_ITEMS)]
 
 
 ActiveDistance = Annotated[
-    Coordinate | None, Field(description="stands until an ego is this near [m]; 0 or less: goes at once")
+    Coordinate | None, Field(description="stands until an ego is this near [m]; 0 or less: starts at once")
 ]
 
 
 class EnuPosition(Document):
-    """A place on the map: metres east, north and up of its origin."""
+    """A position on the map: metres east, north and up of its origin."""
 
     other_keys: ClassVar[frozenset[str]] = frozenset({"_x", "_y", "_z"})
 
@@ -81,7 +81,7 @@ class EnuPosition(Document):
     @model_validator(mode="before")
     @classmethod
     def _from_texts(cls, value: JsonValue) -> JsonValue:
-        """MORAI writes each number twice, `x` and the text `_x`: the text serves where the number is missing."""
+        """Use the text `_x` where the number `x` is missing, because MORAI writes each number twice."""
         if not isinstance(value, dict):
             return value
         texts = {key: value["_" + key] for key in "xyz" if value.get(key) is None and value.get("_" + key) is not None}
@@ -89,7 +89,7 @@ class EnuPosition(Document):
 
 
 class Rotation(Document):
-    """A heading and a tilt; MORAI's angles go beyond a turn."""
+    """Heading, roll and pitch; MORAI's angles may be larger than a full turn."""
 
     yaw: Annotated[Number, Field(description="degrees counter-clockwise from east")] = 0.0
     roll: Annotated[Number, Field(description="degrees")] = 0.0
@@ -97,7 +97,7 @@ class Rotation(Document):
 
 
 class Scale(Document):
-    """By how much a thing is larger than its model, in the engine's axes of the thing itself."""
+    """Size of a thing relative to its model, in the engine's axes of the thing itself."""
 
     x: Annotated[Number, Field(description="of its width")] = 1.0
     y: Annotated[Number, Field(description="of its height")] = 1.0
@@ -105,7 +105,7 @@ class Scale(Document):
 
 
 class InitPosition(Document):
-    """Where a vehicle starts: at a place, or somewhere along a link of the map."""
+    """Start of a vehicle: a position, or a place along a link of the map."""
 
     initPositionMode: Annotated[ShortText, Field(description='"Absolute": pos and rot; "Link": initLink')] = "Absolute"
     pos: EnuPosition | None = None
@@ -116,37 +116,38 @@ class InitPosition(Document):
 
 
 class PlacedItem(Document):
-    """What every agent has."""
+    """Keys of every agent."""
 
-    UNIQUEID: Annotated[Whole | None, Field(description="its id; without one the next free is taken")] = None
+    UNIQUEID: Annotated[Whole | None, Field(description="its id; without one it gets the next free one")] = None
     DataID: Annotated[Whole | None, Field(description="MORAI's number of the model")] = None
-    modelName: Annotated[ShortText | None, Field(description="name of the model, beats DataID (ours)")] = None
+    modelName: Annotated[ShortText | None, Field(description="name of the model, used instead of DataID (ours)")] = None
 
 
 class EgoVehicle(PlacedItem):
-    """The car that clients drive. UNIQUEID -1, as MORAI has it, is the first ego: 0 on the wire."""
+    """The car that clients drive. UNIQUEID -1, as in MORAI's files, is the first ego: 0 on the wire."""
 
     initPosition: InitPosition
-    gear: Annotated[Whole | None, Field(description="where initPosition has none; neither: D")] = None
+    gear: Annotated[Whole | None, Field(description="used if initPosition has none; D if both are absent")] = None
     currentVelocity: Annotated[Speed | None, Field(description="speed at the start [km/h]")] = None
 
 
 class Follower(PlacedItem):
-    """What may follow a path of waypointDataList."""
+    """An agent that may follow a path of waypointDataList."""
 
     isWaypointMode: Annotated[
         LenientBool | None, Field(description="false: the path is not followed; true without waypoints: it stands")
     ] = None
     pathName: Annotated[
-        ShortText | None, Field(description="which path; else the one that ends in ' - UNIQUEID' (ours)")
+        ShortText | None,
+        Field(description="name of its path (ours); without it, the path whose name ends in ' - UNIQUEID'"),
     ] = None
 
 
 class NpcVehicle(Follower):
-    """A vehicle: along its path at a constant speed; else along the lanes as a driver would; else straight ahead.
+    """A vehicle: on a path at constant speed; without a path, on the lanes as a driver; otherwise straight ahead.
 
-    It keeps to the lanes if it starts on a link, or if it stands on a lane and `isWaypointMode` is false, or absent
-    beside a link in `currentLinkInfo` or `startPointLinkInfo`.
+    It follows the lanes if it starts on a link. It also does so if it stands on a lane and `isWaypointMode` is false,
+    or is absent while `currentLinkInfo` or `startPointLinkInfo` holds a link.
     """
 
     idle_keys: ClassVar[frozenset[str]] = frozenset(
@@ -159,18 +160,18 @@ class NpcVehicle(Follower):
     initPosition: InitPosition
     velocityType: Annotated[
         Whole | None,
-        Field(description="1: linkVelocity, on lanes as fast as is allowed; 2: desiredVelocity, on lanes at most"),
+        Field(description="1: linkVelocity, on lanes the speed limit; 2: desiredVelocity, on lanes its highest speed"),
     ] = None
     desiredVelocity: Annotated[Speed | None, Field(description="its own cruise speed [km/h]")] = None
     constantVelocity: Annotated[
-        Speed | None, Field(description="the same, where desiredVelocity is absent or 0 [km/h]")
+        Speed | None, Field(description="cruise speed if desiredVelocity is absent or 0 [km/h]")
     ] = None
     linkVelocity: Annotated[Speed | None, Field(description="[km/h]")] = None
     currentVelocity: Annotated[Speed | None, Field(description="speed at the start, on lanes [km/h]")] = None
     isCloseLoop: Annotated[LenientBool | None, Field(description="the path or route begins again at its end")] = None
     route: Annotated[
         list[ShortText] | None,
-        Field(max_length=MAX_WAYPOINTS, description="ids of links, from the one it starts on (ours); then by chance"),
+        Field(max_length=MAX_WAYPOINTS, description="ids of links, from its first link on (ours); after them random"),
     ] = None
     startPointLinkInfo: KeptAsWritten = None
     currentLinkInfo: KeptAsWritten = None
@@ -184,14 +185,14 @@ class NpcVehicle(Follower):
 
 
 class Pedestrian(Follower):
-    """Somebody who walks: along the path, else movingDistance straight ahead, else straight ahead for ever."""
+    """A pedestrian: walks along its path; without a path, movingDistance straight ahead; otherwise straight ahead."""
 
     idle_keys: ClassVar[frozenset[str]] = frozenset({"active"})
 
     pos: EnuPosition
     rot: Rotation | None = None
     speed: Annotated[Speed | None, Field(description="[km/h]")] = None
-    loop: Annotated[LenientBool | None, Field(description="begins again at the end of the way, or walks back")] = None
+    loop: Annotated[LenientBool | None, Field(description="at the end it begins again, or walks back")] = None
     movingDistance: Annotated[Coordinate | None, Field(description="[m]")] = None
     activeDistance: ActiveDistance = None
     active: KeptAsWritten = None
@@ -208,7 +209,7 @@ class Obstacle(Follower):
 
 
 class EnginePosition(Document):
-    """A waypoint's place in the engine's axes: x west, y up, z south [m]."""
+    """Position of a waypoint in the engine's axes: x west, y up, z south [m]."""
 
     x: Coordinate
     y: Coordinate = 0.0
@@ -229,23 +230,23 @@ class WaypointPath(Document):
 
 
 class IntersectionState(Document):
-    """The phase that an intersection is in at the start."""
+    """Phase of an intersection at the start."""
 
     index: Annotated[
-        ShortText, Field(description="position of its controller among the map's, from 0; any other text: its id")
+        ShortText, Field(description="index of its controller among the map's, from 0; any other text is its id")
     ]
     state: Annotated[Whole, Field(description="number of the phase, from 0")] = 0
-    deltaTime: Annotated[Number | None, Field(ge=0.0, description="how long it has lasted [s]")] = None
+    deltaTime: Annotated[Number | None, Field(ge=0.0, description="time since the phase began [s]")] = None
 
 
 class MapInfo(Document):
-    """The map that the scenario is made for."""
+    """The map of the scenario."""
 
     mapName: ShortText | None = None
 
 
 class ScenarioDocument(Document):
-    """A scenario: the part of MORAI's scenario files that rosbridge_sim reads. Other keys are passed over."""
+    """A scenario: the part of MORAI's scenario files that rosbridge_sim reads. Other keys are ignored."""
 
     idle_keys: ClassVar[frozenset[str]] = frozenset(
         {"spawnPointList", "pedspawnPointList", "frictionChangeMaterialList", "shadedAreaList"}
@@ -268,27 +269,46 @@ _DOCUMENT: Final = TypeAdapter(ScenarioDocument)
 
 
 def read_scenario_document(text: bytes, source: str) -> ScenarioDocument:
-    """The document, checked.
+    """Read and check a scenario document.
+
+    Args:
+        text: the file's bytes.
+        source: its name, for errors.
+
+    Returns:
+        The document.
 
     Raises:
-        DocumentError: one line: where, what was expected, what came.
+        DocumentError: one line: place, expected value, actual value.
     """
     return read_document(_DOCUMENT, text, source, MAX_SCENARIO_BYTES)
 
 
 def find_scenario_mistakes(text: bytes, source: str) -> list[Mistake]:
-    """Every value of a document that does not fit its place."""
+    """Return all values of a scenario document that do not fit.
+
+    Args:
+        text: the file's bytes.
+        source: its name, for errors.
+
+    Returns:
+        The mistakes, in the document's order.
+    """
     return find_mistakes(_DOCUMENT, text, source, MAX_SCENARIO_BYTES)
 
 
 def scenario_schema() -> dict[str, Any]:
-    """The documented subset as a JSON Schema (draft 2020-12)."""
+    """Return the documented subset as a JSON Schema (draft 2020-12).
+
+    Returns:
+        The schema as a JSON object.
+    """
     schema = _without_noise(_DOCUMENT.json_schema())
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scenario", **schema}
 
 
 def _without_noise(schema: JsonValue) -> JsonValue:
-    """A schema without pydantic's made-up titles and with one `type` where it writes "this or null" at length."""
+    """Return a schema without pydantic's generated titles, and with one `type` for "this or null"."""
     if isinstance(schema, list):
         return [_without_noise(item) for item in schema]
     if not isinstance(schema, dict):

@@ -1,8 +1,8 @@
-"""Scenario documents: MORAI's JSON -> what to spawn.
+"""Scenario documents: MORAI's JSON -> the entities to add to the world.
 
-What is read of a document is in `scenario_document`; what it means, here. Two frames meet in one file. Positions are
-ENU metres of the map, headings degrees counter-clockwise from east; waypoints are in the axes of MORAI's engine,
-(x, y, z) = (-east, up, -north). Speeds are km/h throughout.
+`model` defines the keys of a document; this module defines their meaning. A document has two coordinate frames.
+Positions are ENU metres of the map, and headings are degrees counter-clockwise from east. Waypoints have the axes of
+MORAI's engine, (x, y, z) = (-east, up, -north). All speeds are in km/h.
 """
 
 from __future__ import annotations
@@ -55,24 +55,25 @@ T = TypeVar("T")
 MAX_SCENARIO_NOTES: Final = 20
 
 MAX_SPAWN_TO_LANE: Final = 2.5
-"""Whoever stands farther than this from a lane's line is not on the lane [m]."""
+"""Largest distance from a lane's line for a vehicle that is on the lane [m]."""
 
 MAX_TURN: Final = math.radians(45.0)
-"""Whoever looks farther aside does not drive along it."""
+"""Largest angle to a lane for a vehicle that drives along it [rad]."""
 
 MIN_SCALE: Final = 0.001
 MAX_SCALE: Final = 1_000.0
-"""A thing whose `scale` is beyond these is a slip: a box of 60 cm would be 0.6 mm or 600 m long."""
+"""Limits of `scale`: a factor beyond them is a mistake, because a box of 60 cm would be 0.6 mm or 600 m long."""
 
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """How a vehicle keeps to the lanes.
+    """A driver that follows the lanes.
 
     Attributes:
-        desired_speed: the most that it drives, inf for as fast as is allowed [m/s].
-        links: ids of the links of its route; none: chance chooses.
-        lane, s, route: where on which lane it starts [m], and the route's lanes, once `place_on_roads` has found them.
+        desired_speed: highest speed, inf for the speed limit [m/s].
+        links: ids of the links of its route; empty for a random route.
+        lane, s, route: the lane that it starts on, the arc length there [m], and the route's lanes; set by
+            `place_on_roads`.
     """
 
     desired_speed: float
@@ -84,9 +85,12 @@ class Driver:
 
 @dataclass(frozen=True, slots=True)
 class PhaseStart:
-    """The phase that an intersection is to be in: its controller, the number, and how long it has lasted [s].
+    """Phase of an intersection at the start.
 
-    The controller is as the document has it, a position or an id; what `sort_phases` gives has its id.
+    Attributes:
+        controller: position or id of its controller, as in the document; an id in results of `sort_phases`.
+        phase: number of the phase.
+        elapsed: time since the phase began [s].
     """
 
     controller: str
@@ -96,24 +100,24 @@ class PhaseStart:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spawn:
-    """One agent to be put into the world.
+    """One agent to be added to the world.
 
     Attributes:
-        kind, model, name: what it is; the name is the model's.
-        uid: the id that the file gives, 0 for the first ego; None: the next free one.
-        x, y, z: reference point, map frame [m]. 0 as long as only the link is known (`is_placed` False).
+        kind, model, name: its kind and model; the name is the model's.
+        uid: the id in the file, 0 for the first ego; None for the next free one.
+        x, y, z: reference point in the map frame [m]. 0 while only the link is known (`is_placed` False).
         yaw: (-pi, pi] [rad].
-        roll, pitch: the same, kept by the world until it is put elsewhere [rad].
+        roll, pitch: (-pi, pi]; the world keeps them until the agent is placed elsewhere [rad].
         speed: along the heading or the path; never negative on a path [m/s].
-        path: (m, 3) waypoints, map frame, two different ones at least [m]; None: straight ahead.
-        is_loop: the path is closed, or the driver's route.
+        path: (m, 3) waypoints in the map frame, at least two different ones [m]; None for straight ahead.
+        is_loop: the path, or the driver's route, is closed.
         gear: of an ego.
-        driver: of a vehicle that keeps to the lanes.
-        link: id of the link that it starts on, until `place_on_roads`; then None.
-        link_ratio: how far along that link, 0..1.
-        is_placed: x, y and z are good.
-        start_within: it stands until an ego is this near [m]; 0: it goes at once.
-        kept: what the document says of it that has no effect yet, by key, as it is written.
+        driver: of a vehicle that follows the lanes.
+        link: id of the link that it starts on; None after `place_on_roads`.
+        link_ratio: start along that link, 0..1.
+        is_placed: x, y and z are valid.
+        start_within: it stands until an ego is this near [m]; 0 starts at once.
+        kept: keys of the document without effect yet, with their values as they are written.
         where: its place in the document, for messages.
     """
 
@@ -146,11 +150,11 @@ class Scenario:
 
     Attributes:
         name: of the file, without `.json`.
-        map_name: the map it is made for, if it says so.
-        egos, vehicles, pedestrians, obstacles: what to spawn. No two have one `uid`.
-        phases: what intersections are to be in.
-        kept: what the document says that has no effect yet, by key, as it is written.
-        notes: what was read otherwise than written: a line each, for the log.
+        map_name: of its map; None if it names none.
+        egos, vehicles, pedestrians, obstacles: agents to add. No two have one `uid`.
+        phases: phases of intersections at the start.
+        kept: keys of the document without effect yet, with their values as they are written.
+        notes: remarks about reinterpreted entries: a line each, for the log.
     """
 
     name: str
@@ -165,7 +169,7 @@ class Scenario:
 
 
 OnMistake = Callable[[DocumentError], None]
-"""What is done about a mistake: raise it, or take note and go on without the item that it is in."""
+"""Takes a mistake: it raises the error, or it returns and reading goes on without the item."""
 
 
 def _refuse(error: DocumentError) -> None:
@@ -175,36 +179,42 @@ def _refuse(error: DocumentError) -> None:
 def read_scenario(text: bytes, source: str, notify: OnMistake = _refuse, catalogue: Catalogue = BUILT_IN) -> Scenario:
     """Read a scenario document.
 
-    Agents that start on a link have no place yet: give the result to `place_on_roads`.
+    Agents that start on a link have no position yet: pass the result to `place_on_roads`.
 
     Args:
         text: the file's bytes.
         source: its name, for errors and for the scenario's own name.
-        notify: what is done about a single item that cannot be used; it is raised if nothing else is said.
+        notify: takes a mistake in a single item; by default the mistake is raised.
         catalogue: the models.
 
+    Returns:
+        The scenario.
+
     Raises:
-        DocumentError: one line: where, what was expected, what came.
+        DocumentError: one line: place, expected value, actual value.
     """
     document = read_scenario_document(text, source)
     if not document.model_fields_set:
         expected = ", ".join(ScenarioDocument.model_fields)
-        raise DocumentError(f"{source}: expected a scenario, with some of {expected}")
+        raise DocumentError(f"{source}: expected a scenario with at least one of {expected}")
     return _Reader(document, source, notify, catalogue).scenario()
 
 
 def place_on_roads(scenario: Scenario, roads: Roads, notify: OnMistake = _refuse) -> Scenario:
-    """The same scenario with everything that starts on a link put there, heading along it.
+    """Place all agents that start on a link, with their heading along it.
 
-    A link that the map lacks does no harm where the document gives a place as well (MORAI writes both).
+    A link that the map lacks is ignored if the document also gives a position (MORAI writes both).
 
     Args:
         scenario: as it was read.
         roads: of its map.
         notify: as for `read_scenario`.
 
+    Returns:
+        The scenario with positions, lanes and routes.
+
     Raises:
-        DocumentError: the map has no such link and the document no place.
+        DocumentError: the map has no such link, and the document has no position.
     """
     notes = list(scenario.notes)
 
@@ -233,7 +243,7 @@ def place_on_roads(scenario: Scenario, roads: Roads, notify: OnMistake = _refuse
         if driver.lane < 0:
             driver = _find_lane(spawn, driver, roads)
         if driver is None:
-            _note(notes, f"{spawn.where}: no lane leads there; it goes straight ahead")
+            _note(notes, f"{spawn.where}: it stands on no lane; it goes straight ahead")
             return replace(spawn, driver=None)
         where = f"{scenario.name}: {spawn.where}.route"
         route = _route(driver, roads, where, is_loop=spawn.is_loop)
@@ -248,7 +258,7 @@ def place_on_roads(scenario: Scenario, roads: Roads, notify: OnMistake = _refuse
 
 
 def _each(items: Iterable[T], work: Callable[[T], Spawn], notify: OnMistake) -> Iterator[Spawn]:
-    """What is made of each item, without those that have a mistake which is only told."""
+    """Yield the result for each item; an item with a mistake is left out, if `notify` does not raise it."""
     for item in items:
         try:
             yield work(item)
@@ -257,10 +267,17 @@ def _each(items: Iterable[T], work: Callable[[T], Spawn], notify: OnMistake) -> 
 
 
 def sort_phases(scenario: Scenario, plan: SignalPlan | None) -> tuple[tuple[PhaseStart, ...], list[str]]:
-    """Return those of a scenario's phases that the lights of a map have, and a line for the log about the others.
+    """Sort the phases of a scenario into those that a map's lights have, and others.
 
-    An `index` that is a whole number below the number of the map's controllers is a position, as MORAI writes it; any
-    other text is a controller's id. Where it could be both, the position counts, and a line says so.
+    An `index` that is a whole number below the number of the map's controllers is a position, as in MORAI's files. Any
+    other text is a controller's id. If it could be both, the position is used, and a line tells so.
+
+    Args:
+        scenario: the scenario.
+        plan: of the map's lights; None if it has none.
+
+    Returns:
+        The phases that the map has, with ids of controllers; and a line for the log about each other one.
     """
     controllers = plan.controllers if plan else ()
     num_phases = {controller.name: len(controller.phases) for controller in controllers}
@@ -272,12 +289,12 @@ def sort_phases(scenario: Scenario, plan: SignalPlan | None) -> tuple[tuple[Phas
         if _POSITION.fullmatch(index) and int(index) < len(controllers):
             name = controllers[int(index)].name
             if index in num_phases and index != name:
-                lines.append(f"index {index!r} is a position and an id; it is taken for the position, {name!r}")
+                lines.append(f"index {index!r} is a position and an id; it is used as the position, {name!r}")
         if 0 <= start.phase < num_phases.get(name, 0):
             known.append(replace(start, controller=name))
         else:
             called = name if name == start.controller else f"{name} (index {index})"
-            lines.append(f"no intersection {called!r} has a phase {start.phase}; it begins as its schedule does")
+            lines.append(f"no intersection {called!r} has a phase {start.phase}; the entry is ignored")
     return tuple(known), lines
 
 
@@ -285,7 +302,7 @@ _POSITION: Final = re.compile(r"[0-9]{1,9}")
 
 
 def _find_lane(spawn: Spawn, driver: Driver, roads: Roads) -> Driver | None:
-    """The driver on the lane that the vehicle stands on; None where it stands on none."""
+    """Return the driver on the lane that the vehicle stands on; None if it stands on no lane."""
     place = roads.nearest(spawn.x, spawn.y, spawn.yaw)
     turn = abs(math.remainder(float(place.yaw[0]) - spawn.yaw, math.tau))
     if not (place.lane[0] >= 0 and place.distance[0] <= MAX_SPAWN_TO_LANE and turn <= MAX_TURN):
@@ -294,10 +311,10 @@ def _find_lane(spawn: Spawn, driver: Driver, roads: Roads) -> Driver | None:
 
 
 def _route(driver: Driver, roads: Roads, where: str, *, is_loop: bool) -> tuple[int, ...]:
-    """The lanes of a driver's route.
+    """Return the lanes of a driver's route.
 
     Raises:
-        DocumentError: a link that the map lacks, or that does not follow the one before it.
+        DocumentError: the map lacks a link, or a link does not follow the one before it.
     """
     rows = []
     for i, link in enumerate(driver.links):
@@ -316,7 +333,7 @@ def _route(driver: Driver, roads: Roads, where: str, *, is_loop: bool) -> tuple[
 
 
 class _Reader:
-    """The passage from one document to one `Scenario`."""
+    """Conversion of one document into one `Scenario`."""
 
     def __init__(self, document: ScenarioDocument, source: str, notify: OnMistake, catalogue: Catalogue) -> None:
         self._document = document
@@ -329,7 +346,7 @@ class _Reader:
 
     def scenario(self) -> Scenario:
         document = self._document
-        # In the order of the document: of two items with one id the first keeps it.
+        # In the order of the document: if two items have one id, the first keeps it.
         ego = () if document.egoVehicle is None else (document.egoVehicle,)
         egos = tuple(_each(ego, self._ego, self._tell))
         vehicles = self._items("vehicleList", document.vehicleList, self._vehicle)
@@ -349,7 +366,7 @@ class _Reader:
         where = "egoVehicle"
         uid = 0 if item.UNIQUEID is None or item.UNIQUEID < 0 else item.UNIQUEID
         self._taken[uid] = where
-        # MORAI writes it into either place, by its version.
+        # Versions of MORAI write the gear into different places.
         gears = [gear for gear in (item.initPosition.gear, item.gear) if gear in set(Gear)]
         gear = Gear(gears[0]) if gears else Gear.DRIVE
         spawn = self._on_wheels(where, Kind.EGO, item, item.initPosition, uid)
@@ -367,7 +384,7 @@ class _Reader:
         is_on_lanes = item.isWaypointMode is False or (item.isWaypointMode is None and _names_link(item))
         if spawn.path is not None or (spawn.link is None and not is_on_lanes):
             return spawn
-        # Its speed by link, or no word of one: as fast as is allowed.
+        # With the link's speed, or without any speed, the driver keeps to the speed limit.
         is_free = item.velocityType == 1 or speed_kmh is None
         now_kmh = speed_kmh if item.currentVelocity is None else item.currentVelocity
         driver = Driver(math.inf if is_free else max(spawn.speed, 0.0), tuple(item.route or ()))
@@ -415,13 +432,13 @@ class _Reader:
         )
 
     def _scaled(self, where: str, model: Model, scale: Scale) -> Model:
-        """Return the model in another size; in its own where the document's figures make none."""
+        """Return the model in another size; in its own size if the document's factors are out of range."""
         factors = scale.z, scale.x, scale.y
         if not all(MIN_SCALE <= factor <= MAX_SCALE for factor in factors):
             _note(
                 self._notes,
                 f"{where}.scale: expected numbers from {MIN_SCALE:g} to {MAX_SCALE:,g}, got x {scale.x:g},"
-                f" y {scale.y:g}, z {scale.z:g}; it has its model's size",
+                f" y {scale.y:g}, z {scale.z:g}; it gets its model's size",
             )
             return model
         size = model.body.length, model.body.width, model.body.height
@@ -438,7 +455,7 @@ class _Reader:
         is_loop: bool | None = None,
         ahead: float = 0.0,
     ) -> Spawn:
-        """Give an agent its speed and its way: its path, or `ahead` metres on from where it is."""
+        """Give an agent its speed and its path: the document's path, or `ahead` metres straight ahead."""
         speed = (speed_kmh or 0.0) * KMH_TO_MPS
         path = self._path(where, item, spawn.kind, is_moving=speed != 0.0)
         here = np.array([[spawn.x, spawn.y, spawn.z]])
@@ -446,11 +463,11 @@ class _Reader:
             step = np.array([math.cos(spawn.yaw), math.sin(spawn.yaw), 0.0])
             path = np.concatenate([here, here + ahead * step])
         if path is None or not len(path):
-            # In waypoint mode without a waypoint it stands: MORAI saves most things that never move so.
+            # In waypoint mode without waypoints it stands: MORAI saves most things that never move in this form.
             is_standing = path is not None or bool(item.isWaypointMode)
             return replace(spawn, speed=0.0 if is_standing else speed)
         if not _has_length(path):
-            # One waypoint: the way leads from here to there.
+            # One waypoint: the path leads from the start to it.
             path = np.concatenate([here, path])
             if not spawn.is_placed or not _has_length(path):
                 _note(self._notes, f"{where}: its path has no length; it stands still")
@@ -458,7 +475,7 @@ class _Reader:
         return replace(spawn, speed=max(speed, 0.0), path=path, is_loop=bool(is_loop))
 
     def _path(self, where: str, item: Follower, kind: Kind, *, is_moving: bool) -> FloatArray | None:
-        """Return the waypoints that an item follows, (m, 3); none of them if it stands; None if it follows no path."""
+        """Return the waypoints that an item follows, (m, 3) [m]: none if it stands, and None if it follows no path."""
         if item.pathName:
             if item.pathName not in self._paths:
                 raise DocumentError(f"{self._source}: {where}.pathName: waypointDataList has no path {item.pathName!r}")
@@ -489,21 +506,21 @@ class _Reader:
             model = model_by_class(item.DataID, kind)
             body = model.body
             other = class_of_data_id(item.DataID)
-            aside = f", and its number is that of {_A[other]}" if other is not None and other is not wanted else ""
+            aside = f", and its number belongs to {_A[other]}" if other is not None and other is not wanted else ""
             _note(
                 self._notes,
-                f"DataID {item.DataID} ({kind.name.lower()}) is not in the catalogue{aside}; it has the ordinary size"
-                f" of its class, {body.length:g} x {body.width:g} x {body.height:g} m; --catalogue FILE can say more",
+                f"DataID {item.DataID} ({kind.name.lower()}) is not in the catalogue{aside}; it gets the ordinary size"
+                f" of its class, {body.length:g} x {body.width:g} x {body.height:g} m; --catalogue FILE can define it",
             )
         return model
 
     def _uid(self, where: str, item: PlacedItem) -> int | None:
-        """The item's id if it can have it. 0 is the first ego's, and what is negative is no id."""
+        """Return the item's id if it can have it: 0 is the first ego's, and negative numbers are not valid."""
         uid = item.UNIQUEID
         if uid is None:
             return None
         if uid <= 0 or uid in self._taken:
-            reason = f"is that of {self._taken[uid]}" if uid in self._taken else "is no id"
+            reason = f"is in use by {self._taken[uid]}" if uid in self._taken else "is not a valid id"
             _note(self._notes, f"{where}: UNIQUEID {uid} {reason}; it gets the next free one")
             return None
         self._taken[uid] = where
@@ -512,7 +529,7 @@ class _Reader:
     def _read_paths(
         self, paths: Sequence[WaypointPath]
     ) -> tuple[Mapping[str, FloatArray], Mapping[tuple[bool, int], FloatArray]]:
-        """The paths by name, and by whose they are: (a pedestrian's, UNIQUEID)."""
+        """Return the paths by name, and by owner: (owner is a pedestrian, UNIQUEID)."""
         by_name: dict[str, FloatArray] = {}
         by_owner: dict[tuple[bool, int], FloatArray] = {}
         for i, path in enumerate(paths):
@@ -520,7 +537,7 @@ class _Reader:
                 points = _waypoints(path, f"{self._source}: waypointDataList[{i}]")
             except DocumentError as error:
                 self._tell(error)
-                points = np.zeros((1, 3))  # who follows it makes no mistake
+                points = np.zeros((1, 3))  # so that its followers are not reported as mistakes too
             by_name.setdefault(path.pathName, points)
             what, _, uid = path.pathName.rpartition(" - ")  # "PedPath - 12", "ObstaclePath - 12"
             if uid.isdecimal():
@@ -529,10 +546,10 @@ class _Reader:
 
 
 def _waypoints(path: WaypointPath, where: str) -> FloatArray:
-    """(m, 3) the points of a path on the map [m].
+    """Return the points of a path on the map, (m, 3) [m].
 
     Raises:
-        DocumentError: it leads too far.
+        DocumentError: the path is too long.
     """
     if not path.waypointData:
         return np.zeros((0, 3))
@@ -543,11 +560,11 @@ def _waypoints(path: WaypointPath, where: str) -> FloatArray:
 
 
 def _has_length(path: FloatArray) -> bool:
-    return float(arc_lengths(path)[-1]) > 1e-3  # noqa: PLR2004  # a millimetre: nobody draws a shorter path
+    return float(arc_lengths(path)[-1]) > 1e-3  # noqa: PLR2004  # a millimetre: no user draws a shorter path
 
 
 def _yaw(rotation: Rotation | None) -> float:
-    """The heading within (-pi, pi] [rad]."""
+    """Return the heading within (-pi, pi] [rad]."""
     if rotation is None:
         return 0.0
     turned = math.remainder(rotation.yaw, 360.0)
@@ -560,13 +577,13 @@ def _tilt(rotation: Rotation | None, axis: Literal["roll", "pitch"]) -> float:
 
 
 def _kept(item: Document) -> dict[str, Any]:
-    """Return what a part of a document says that has no effect yet, in the order of its model."""
+    """Return the keys of a part of a document that have no effect yet, in the order of its model."""
     found = {key: getattr(item, key) for key in type(item).model_fields if key in type(item).idle_keys}
     return {key: value for key, value in found.items() if value is not None}
 
 
 def _names_link(item: NpcVehicle) -> bool:
-    """Tell whether the file says which link the vehicle was on."""
+    """Return whether the file gives the link that the vehicle was on."""
     infos = (item.currentLinkInfo, item.startPointLinkInfo)
     return any(isinstance(info, dict) and bool(info.get("linkIdx")) for info in infos)
 

@@ -1,1 +1,1 @@
-"""The simulator's services that MORAI SIM does not have: time as a tool, the population, the road."""
+"""Services under `/sim`, which MORAI SIM does not have: time as a tool, the population, the road."""

@@ -1,1 +1,1 @@
-"""Recordings on the disk: written, read, replayed and repaired."""
+"""Recordings on the disk: writing, reading, replaying and repairing them."""

@@ -1,10 +1,10 @@
-"""Bags, written: a ROS 1 `.bag`, or MCAP as ROS 2 has it, alone or in the folder that rosbag2 makes.
+"""Bag files for writing: a ROS 1 `.bag`, or MCAP as in ROS 2, either alone or in a rosbag2 folder.
 
-The bytes are rosbags' work; this file knows what that library leaves open. It holds a chunk back until it has a
-megabyte, which is minutes of a small topic: `flush` ends the chunk, so that what was written before a crash can be
-recovered whole (`repair.py`). It keeps an index entry of each message until the end, which fills the memory on a long
-drive: here only their number stays. And its errors of the disk are raised as `DocumentError`, one line each. `flush`
-and `close` notice a bag that was deleted or moved: the system itself would go on writing into nothing.
+The library rosbags writes the bytes. This module adds four things. `flush` ends the current chunk: the library waits
+for a megabyte, which can be minutes of a small topic, and only a finished chunk can be recovered after a crash
+(`repair.py`). Only the number of index entries is kept, not the entries, because these would fill the memory on a long
+drive. Errors of the disk become `DocumentError`, one line each. And `flush` and `close` detect a bag that was deleted
+or moved, because the system would keep writing without an error.
 """
 
 from __future__ import annotations
@@ -50,39 +50,48 @@ _DIGEST_SIZE = 32
 
 
 class BagGoneError(DocumentError):
-    """The file of a bag is not there any more; the bag is closed."""
+    """The file of a bag does not exist any more; the bag is closed."""
 
 
 class Bag(Protocol):
-    """A bag that is being written. Each method raises DocumentError where the disk does not take it."""
+    """A bag that is being written. Each method raises DocumentError if the disk fails."""
 
     @property
     def ros(self) -> Generation:
-        """The ROS generation of the bytes that go in: ROS 1 bytes, or CDR."""
+        """ROS generation of the message bytes: ROS 1 bytes, or CDR."""
 
     def add(self, topic: str, type_name: str, text: str, *, digest: str = "", latching: bool = False) -> Channel:
-        """A new topic.
+        """Add a topic.
 
         Args:
-            topic: its absolute name; one name may come more than once with different types.
+            topic: its absolute name; a name may be added again with another type.
             type_name: `pkg/Type`.
-            text: the definition with those of all types in it, as `Store.full_text` has it.
-            digest: what the generation knows the definition by, if it is known; else it is computed.
-            latching: a subscriber that comes late gets the last message, too.
+            text: its definition with those of all types in it, as from `Store.full_text`.
+            digest: the generation's checksum of the definition; empty if it should be computed.
+            latching: late subscribers get the last message, too.
+
+        Returns:
+            The topic, for `write`.
         """
 
     def write(self, channel: Channel, stamp_ns: int, raw: bytes) -> None:
-        """Add a message."""
+        """Add a message.
+
+        Args:
+            channel: from `add`.
+            stamp_ns: time of the message [ns].
+            raw: its bytes in the bag's generation.
+        """
 
     def flush(self) -> None:
-        """Hand what was written to the system, so that a crash of ours does not lose it.
+        """Give everything to the system, so that a crash of this process does not lose it.
 
         Raises:
-            BagGoneError: the file was deleted, moved or replaced. One that was moved has got its index.
+            BagGoneError: the file was deleted, moved or replaced. A moved file has got its index.
         """
 
     def close(self) -> None:
-        """Write the index; twice is no error.
+        """Write the index. A second call does nothing.
 
         Raises:
             BagGoneError: as for `flush`.
@@ -93,10 +102,13 @@ class Bag(Protocol):
 
 
 def generation_of(path: Path) -> Generation:
-    """Return the ROS generation of a bag, by its name.
+    """Return the ROS generation of a bag, from its name.
+
+    Args:
+        path: path of the bag.
 
     Raises:
-        DocumentError: it is neither's that we could write.
+        DocumentError: this kind of file cannot be written.
     """
     if path.suffix == ".db3":
         raise DocumentError(
@@ -106,10 +118,13 @@ def generation_of(path: Path) -> Generation:
 
 
 def open_bag(path: Path) -> Bag:
-    """A new bag: `.bag` is ROS 1, `.mcap` one file of ROS 2, any other name a folder of ROS 2.
+    """Create a bag: `.bag` is ROS 1, `.mcap` is one file of ROS 2, any other name is a folder of ROS 2.
+
+    Args:
+        path: path of the bag.
 
     Raises:
-        DocumentError: there is such a file already, or it cannot be made; or the library is one that does not fit.
+        DocumentError: the file exists already or cannot be created, or the installed rosbags does not fit.
     """
     if generation_of(path) == 1:
         return _Bag1(path)
@@ -117,7 +132,7 @@ def open_bag(path: Path) -> Bag:
 
 
 def _no_digest(type_name: str, text: str, ros: Generation) -> str:
-    """The MD5 sum of ROS 1, or the hash of ROS 2."""
+    """Return the checksum of ROS 1 (MD5) or of ROS 2 (hash)."""
     full_name = type_name.replace("/", "/msg/")
     types = get_typestore(Stores.EMPTY)
     types.register(get_types_from_msg(text, full_name))
@@ -126,11 +141,11 @@ def _no_digest(type_name: str, text: str, ros: Generation) -> str:
 
 @contextmanager
 def _readable(path: Path) -> Iterator[None]:
-    """Errors of the disk as lines for a person."""
+    """Turn errors of the disk into one-line errors for people."""
     try:
         yield
     except (Writer1Error, Writer2Error, FileExistsError):
-        raise DocumentError(f"{path}: exists already; no recording is written over") from None
+        raise DocumentError(f"{path}: exists already; recordings are not overwritten") from None
     except OSError as error:
         raise DocumentError(f"{path}: cannot be written: {_why_not(path, error)}") from None
 
@@ -145,23 +160,23 @@ def _why_not(path: Path, error: OSError) -> str:
 
 
 def _why_gone(path: Path, file: BinaryIO) -> str | None:
-    """Return why the file that is written is not the one at `path`; None where it is."""
+    """Return why the open file is not the file at `path`; None if it is."""
     try:
         there = path.stat()
     except FileNotFoundError:
         there = None
-    except OSError:  # a folder that may not be searched any more tells nothing about the file
+    except OSError:  # without access to the folder nothing is known about the file
         return None
-    held = os.fstat(file.fileno())  # after the look at the path: a file that goes in between has no name left here
+    held = os.fstat(file.fileno())  # after the check of the path, so that a file deleted in between is seen as deleted
     if there is not None and os.path.samestat(held, there):
         return None
     if held.st_nlink == 0:
-        return "was deleted while it was recorded: what was recorded is lost"
-    return "was moved or replaced while it was recorded: what was recorded until then is in the moved file"
+        return "was deleted during the recording: everything recorded is lost"
+    return "was moved or replaced during the recording: the moved file has everything recorded until then"
 
 
 class _Bag1:
-    """A ROS 1 bag, format 2.0, not compressed."""
+    """A ROS 1 bag, format 2.0, uncompressed."""
 
     ros: Generation = 1
 
@@ -227,7 +242,7 @@ class _Bag1:
 
 
 class _Bag2:
-    """An MCAP file, not compressed, with or without rosbag2's folder around it."""
+    """An MCAP file, uncompressed, with or without rosbag2's folder."""
 
     ros: Generation = 2
 
@@ -243,7 +258,7 @@ class _Bag2:
 
     def add(self, topic: str, type_name: str, text: str, *, digest: str = "", latching: bool = False) -> Channel:
         """See `Bag`."""
-        del latching  # part of QoS there, which is not written here
+        del latching  # it belongs to QoS in ROS 2, which is not written here
         digest = digest or _no_digest(type_name, text, 2)
         full_name = type_name.replace("/", "/msg/")
         for known in connections_of(self._writer):
@@ -286,7 +301,7 @@ class _Bag2:
         zero_times2(self._writer)
         with _readable(self._path):
             if self._path.suffix == ".mcap":
-                with TemporaryDirectory() as folder:  # what stands in the folder's own file is in the MCAP too
+                with TemporaryDirectory() as folder:  # the MCAP file has the contents of the folder's own file, too
                     redirect_metadata2(self._writer, Path(folder) / "metadata.yaml")
                     self._writer.close()
             else:

@@ -1,8 +1,8 @@
-"""The reader of bags for a replay: bags of either generation, ours and those of real MORAI users.
+"""A reader of bags for replays: bags of both ROS generations, from this package and from real MORAI users.
 
-It takes topics by type, and by name where several have the same type: the states of all egos and the object list of the
-first one; of `ReplayInfo` only what these lack. Definitions are the bag's own; where it has none that can be read
-(rosbag2 did not store any for years), those of the release in use.
+It selects topics by type; if several topics have one type, by name. It reads the states of all egos and the object list
+of the first one; from `ReplayInfo` it takes only what these lack. Definitions come from the bag. If the bag has none
+that can be read (for years, rosbag2 stored none), those of the current release are used.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any, Final
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.replays.object_list_decoder import LAYOUT, decode_object_lists
-from rosbridge_sim.morai.replays.recording import Recording
+from rosbridge_sim.morai.replays.recording import Recording, digest_of
 from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import Texts
 
-if TYPE_CHECKING:  # a tenth of a second that only a replay takes
+if TYPE_CHECKING:  # an import of a tenth of a second that only a replay needs
     from rosbags.interfaces import Connection
     from rosbags.rosbag1 import Reader as Reader1
     from rosbags.rosbag2 import Reader as Reader2
@@ -30,24 +30,24 @@ if TYPE_CHECKING:  # a tenth of a second that only a replay takes
 __all__ = ["read_recording"]
 
 _EGO, _OBJECTS, _INFO = (f"morai_msgs/msg/{name}" for name in ("EgoVehicleStatus", "ObjectStatusList", "ReplayInfo"))
-_FURTHER_EGO: Final = re.compile(r"/Ego-(\d{1,9})/", re.ASCII)  # more digits are no number of an ego's, but a name
+_FURTHER_EGO: Final = re.compile(r"/Ego-(\d{1,9})/", re.ASCII)  # more digits are a name, not an ego's number
 _USUAL: Final = {_EGO: "/Ego_topic", _OBJECTS: "/Object_topic", _INFO: "/ReplayInfo_topic"}
 
 _BREATH: Final = 100
-"""Messages after which the reading thread lets others run."""
+"""Messages after which the reading thread lets other threads run."""
 
 
 def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe: Callable[[], None]) -> Recording:
-    """Return the recording in a bag; an empty one where there is nothing to replay.
+    """Return the recording in a bag; an empty one if there is nothing to replay.
 
     Args:
         path: `.bag`, `.mcap`, `.db3`, or a folder of rosbag2.
-        reading: new; takes its messages.
+        reading: a new builder; takes the messages.
         texts: definitions for a bag without its own.
-        breathe: called now and then; what it raises ends the reading.
+        breathe: called now and then; an error that it raises ends the reading.
 
     Raises:
-        DocumentError: it is broken, or no bag, or holds more than can be taken.
+        DocumentError: the bag is broken, is not a bag, or is too large.
     """
     with _open(path) as bag:
         is_ros1 = path.suffix == ".bag"
@@ -64,7 +64,9 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
                 except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
                     what = f"{connection.topic}: {_first_line(error)}"
                     raise DocumentError(f"{path.name}: a message does not fit its type: {what}") from None
-    return reading.finish()
+    recording = reading.finish()
+    digest_of(recording)  # kept with it: later it would keep the event loop waiting
+    return recording
 
 
 def _taker(
@@ -73,12 +75,12 @@ def _taker(
     """Return a function that takes the bytes of a topic's messages and their stamps in the bag [ns].
 
     Args:
-        connection: of the topic.
-        held: the types of all topics that are read.
-        index: number of the ego whose topic it is.
-        reading: gets what is in the messages.
+        connection: connection of the topic.
+        held: types of all topics that are read.
+        index: number of the topic's ego.
+        reading: takes the contents of the messages.
         texts: definitions for a bag without its own.
-        is_ros1: the bytes are those of ROS 1.
+        is_ros1: the bytes are ROS 1 bytes.
 
     Raises:
         DocumentError: the type is unknown.
@@ -98,7 +100,7 @@ def _taker(
     is_known = _is_known(types, texts, is_ros1=is_ros1)
 
     def take_lists(raw: bytes, stamp_ns: int) -> None:
-        pedals: Any  # fields are named as in the message, whichever way it was read
+        pedals: Any  # both kinds of readers name the fields as in the message
         if is_known:
             skimmed = decode_object_lists(raw, is_cdr=not is_ros1, has_pedals=has_pedals)
             stamps, pedals = (skimmed.stamp_ns, stamp_ns), skimmed.pedals
@@ -121,7 +123,7 @@ def _stamp_of(message: Struct) -> int:
 
 
 def _choose(connections: list[Connection], egos: Mapping[str, int], reading: RecordingBuilder) -> list[Connection]:
-    """The topics that are replayed: all egos' states; of the others one each."""
+    """Return the topics to replay: the states of all egos, and one topic of each other type."""
     held = [one for one in connections if one.msgcount]
     chosen: dict[tuple[str, int], Connection] = {}
     for connection in sorted(held, key=lambda one: (one.topic != _USUAL.get(one.msgtype), one.topic)):
@@ -135,12 +137,15 @@ def _choose(connections: list[Connection], egos: Mapping[str, int], reading: Rec
     if {_EGO, _OBJECTS} <= types:
         chosen = {key: one for key, one in chosen.items() if key[0] != _INFO}
     topics = {one.topic for one in chosen.values()}
-    # A topic has several connections where several have published there.
+    # A topic has several connections if several programs have published on it.
     return [one for one in held if one.topic in topics and one.msgtype in types]
 
 
 def _find_egos(bag: Reader1 | Reader2, path: Path, texts: Texts, *, is_ros1: bool) -> dict[str, int]:
-    """Return topic -> number of its ego: by the prefix, or by messages where several topics have names of their own."""
+    """Return topic -> number of its ego.
+
+    The number comes from the topic's prefix, or from its messages if several topics have other names.
+    """
     egos: dict[str, int] = {}
     unclear: list[Connection] = []
     for connection in bag.connections:
@@ -151,7 +156,7 @@ def _find_egos(bag: Reader1 | Reader2, path: Path, texts: Texts, *, is_ros1: boo
     if len({one.topic for one in unclear}) < 2 or any(one.topic == _USUAL[_EGO] for one in unclear):  # noqa: PLR2004
         return egos
     for connection in unclear:
-        with suppress(Exception):  # bytes from outside: what is wrong with them is told when all are read
+        with suppress(Exception):  # errors in the bytes are reported when all messages are read
             types = _types_of(connection, texts, is_ros1=is_ros1)
             decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
             _, raw = next(_messages(bag, connection, path, _ignore))
@@ -162,10 +167,10 @@ def _find_egos(bag: Reader1 | Reader2, path: Path, texts: Texts, *, is_ros1: boo
 
 @contextmanager
 def _open(path: Path) -> Iterator[Reader1 | Reader2]:
-    """A bag's reader.
+    """Return a bag's reader.
 
     Raises:
-        DocumentError: it is none, or its index is not there or broken.
+        DocumentError: it is not a bag, or its index is missing or broken.
     """
     from rosbags.rosbag1 import Reader as Reader1  # noqa: PLC0415 - see above
     from rosbags.rosbag2 import Reader as Reader2  # noqa: PLC0415
@@ -175,15 +180,16 @@ def _open(path: Path) -> Iterator[Reader1 | Reader2]:
         reader.open()
     except OSError as error:
         raise DocumentError(f"{path.name}: cannot be read: {error.strerror or error}") from None
-    except Exception as error:  # noqa: BLE001 - a library on bytes from outside: whatever it raises says they are bad
+    except Exception as error:  # noqa: BLE001 - a library reads foreign bytes: any error means that they are broken
         raise DocumentError(
-            f"{path.name}: is no bag, or has no end: {_first_line(error)}"
-            " (one that is being written has none yet; `rosbridge-sim bag repair` mends one whose recorder was killed)"
+            f"{path.name}: is not a bag, or has no index: {_first_line(error)}"
+            " (a bag gets its index at the end of the recording; if the recorder was killed, use"
+            " `rosbridge-sim bag repair`)"
         ) from None
     try:
         if not all(isinstance(text, str) for one in reader.connections for text in (one.topic, one.msgtype)):
             # A column of SQLite holds values of any type.
-            raise DocumentError(f"{path.name}: is broken: the name or type of a topic is no text")
+            raise DocumentError(f"{path.name}: is broken: the name or type of a topic is not a text")
         yield reader
     finally:
         reader.close()
@@ -192,10 +198,10 @@ def _open(path: Path) -> Iterator[Reader1 | Reader2]:
 def _messages(
     bag: Reader1 | Reader2, connection: Connection, path: Path, breathe: Callable[[], None]
 ) -> Iterator[tuple[int, bytes]]:
-    """Stamps [ns] and bytes of the messages of a topic.
+    """Yield stamp [ns] and bytes of each message of a topic.
 
     Raises:
-        DocumentError: they are not where the index says, or not whole.
+        DocumentError: they are not where the index says, or are incomplete.
     """
     found = bag.messages(connections=[connection])
     for i in range(connection.msgcount):
@@ -211,7 +217,7 @@ def _messages(
 
 
 def _types_of(connection: Connection, texts: Texts, *, is_ros1: bool) -> Typestore:
-    """A topic's type with those in it, by the bag's own definition if it can be read.
+    """Return a topic's type with the types in it, from the bag's own definition if it can be read.
 
     Raises:
         DocumentError: the type is unknown.
@@ -237,12 +243,12 @@ def _register(text: str, msgtype: str) -> Typestore:
 
 
 def _own_text(msgtype: str, texts: Texts, *, is_ros1: bool) -> str:
-    """Our definition of a type of a bag."""
+    """Return our definition of a type of a bag."""
     return Store(texts, ros=1 if is_ros1 else 2).full_text(msgtype.replace("/msg/", "/"))
 
 
 def _is_known(types: Typestore, texts: Texts, *, is_ros1: bool) -> bool:
-    """Tell whether the bytes of object lists are laid out as `decode_object_lists` has it."""
+    """Return True if object lists have the byte layout that `decode_object_lists` expects."""
     own = {
         name: fields
         for msgtype in (_OBJECTS, _INFO)

@@ -1,8 +1,7 @@
-"""Messages of the bus written into a bag, in the bytes of the bag's ROS generation.
+"""Messages of the bus, written into a bag in the bag's ROS generation.
 
-They are the message's own bytes where the server speaks the same generation, else these in the other's spelling, which
-rosbags knows. The few types that differ in more than that are read once more from their JSON text, as the other
-generation's.
+If the server uses the same generation, the message's own bytes are written. Otherwise rosbags converts them. A few
+types differ in more than the byte layout: for these, the message's JSON text is read as the other generation's type.
 """
 
 from __future__ import annotations
@@ -27,9 +26,9 @@ class _Track:
     """A topic in a bag.
 
     Attributes:
-        type: of the bag's generation.
-        channel: the bag's own name for it.
-        recode: a message's bytes at the source -> those in the bag; None where they must be made from its value.
+        type: its type in the bag's generation.
+        channel: the bag's own object for the topic.
+        recode: converts a message's bytes from the source to the bag; None if they must be made from its value.
     """
 
     type: MessageType
@@ -38,12 +37,12 @@ class _Track:
 
 
 def _layout(spec: MessageSpec) -> list[object]:
-    """Return what decides the order of a type's bytes; it is equal in both generations for nearly all types."""
+    """Return everything that decides a type's byte layout; it is equal in both generations for nearly all types."""
     layout: list[object] = []
     for field_spec in spec.fields.values():
         one = field_spec.definition
         if spec.name == "std_msgs/Header" and one.name == "seq":
-            continue  # ROS 2 has none, and rosbags allows for it
+            continue  # ROS 2 has no such field, and rosbags handles that
         layout += [one.array, one.is_bounded, one.type if field_spec.nested is None else _layout(field_spec.nested)]
     return layout
 
@@ -52,17 +51,17 @@ class BagMessageWriter:
     """Writes messages of any topics into a bag.
 
     Attributes:
-        num_messages: written so far.
-        num_bytes: of these messages.
+        num_messages: number of messages written.
+        num_bytes: size of these messages [bytes].
     """
 
     def __init__(self, bag: Bag, store: Store, source: Store | None = None) -> None:
-        """Begin with a bag whose topics are not known yet.
+        """Start with an empty bag.
 
         Args:
-            bag: open; the writer closes it.
-            store: of the bag's generation.
-            source: store of the messages that `write` gets; None where that is `store`.
+            bag: an open bag; the writer closes it.
+            store: types of the bag's generation.
+            source: types of the messages for `write`; None if they are those of `store`.
         """
         assert bag.ros == store.ros
         self.num_messages = 0
@@ -73,22 +72,27 @@ class BagMessageWriter:
         self._channels: dict[str, _Track] = {}
 
     def add(self, topic: str, type_name: str, *, is_latching: bool = False) -> None:
-        """Get ready for a topic.
+        """Add a topic.
+
+        Args:
+            topic: its absolute name.
+            type_name: `pkg/Type`.
+            is_latching: late subscribers get the last message, too.
 
         Raises:
             PeerError: its type is unknown, or cannot be written.
-            DocumentError: the disk does not take it.
+            DocumentError: the disk fails.
         """
         if topic in self._channels:
             return
         message_type = self._store.message(type_name)
-        message_type.encode_raw(message_type.default())  # a type that cannot be written complains now
+        message_type.encode_raw(message_type.default())  # raises now if the type cannot be written
         text = self._store.full_text(message_type.name)
         channel = self._bag.add(topic, message_type.name, text, latching=is_latching)
         self._channels[topic] = _Track(message_type, channel, self._recoder(message_type))
 
     def _recoder(self, message_type: MessageType) -> Callable[[bytes], bytes] | None:
-        """Return a function from the source's bytes to the bag's; None where they differ in more than their order."""
+        """Return a function from the source's bytes to the bag's; None if they differ in more than their layout."""
         if self._source.ros == self._store.ros:
             return bytes
         try:
@@ -98,7 +102,7 @@ class BagMessageWriter:
         if _layout(other.spec) != _layout(message_type.spec):
             return None
         full_name = message_type.name.replace("/", "/msg/")
-        ros2 = self._store if self._store.ros != 1 else self._source  # rosbags goes by the definition of ROS 2
+        ros2 = self._store if self._store.ros != 1 else self._source  # rosbags needs the definition of ROS 2
         types = get_typestore(Stores.EMPTY)
         types.register(get_types_from_msg(ros2.full_text(message_type.name), full_name))
         recode = types.cdr_to_ros1 if self._store.ros == 1 else types.ros1_to_cdr
@@ -107,10 +111,15 @@ class BagMessageWriter:
     def write(self, topic: str, message: Message, stamp_ns: int) -> None:
         """Add a message of the source.
 
+        Args:
+            topic: name of the topic.
+            message: the message.
+            stamp_ns: its time [ns].
+
         Raises:
-            PeerError: it cannot be written, or the topic has another type by now: a bag has one for each topic.
-            EncodingError: the same, by a bug of ours or of a library.
-            DocumentError: the disk does not take it.
+            PeerError: it cannot be written, or the topic now has another type: a bag has one type per topic.
+            EncodingError: it cannot be written because of an internal error, or one of a library.
+            DocumentError: the disk fails.
         """
         track = self._channels[topic]
         if message.type.name != track.type.name:
@@ -128,10 +137,15 @@ class BagMessageWriter:
     def write_json(self, topic: str, body: bytes, stamp_ns: int) -> None:
         """Add a message that is given as JSON text.
 
+        Args:
+            topic: name of the topic.
+            body: the message as JSON text.
+            stamp_ns: its time [ns].
+
         Raises:
             PeerError: it does not fit its type.
-            EncodingError: it cannot be written, by a bug of ours or of a library.
-            DocumentError: the disk does not take it.
+            EncodingError: it cannot be written because of an internal error, or one of a library.
+            DocumentError: the disk fails.
         """
         message_type = self._channels[topic].type
         try:
@@ -148,14 +162,14 @@ class BagMessageWriter:
         self.num_bytes += len(raw)
 
     def flush(self) -> None:
-        """Write to the disk what is buffered, so that it survives a crash."""
+        """Write everything to the disk, so that it survives a crash."""
         self._bag.flush()
 
     def close(self) -> None:
         """Finish the bag.
 
         Raises:
-            DocumentError: the disk does not take its end; the file is left as it is.
+            DocumentError: the disk fails; the file is left as it is.
         """
         try:
             self._bag.close()
@@ -164,7 +178,7 @@ class BagMessageWriter:
             raise
 
     def abort(self) -> None:
-        """Leave the file as it is."""
+        """Leave the file as it is, without an index."""
         self._bag.abort()
 
 

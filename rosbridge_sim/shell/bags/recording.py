@@ -1,11 +1,10 @@
-"""The recorder of `--record`: a participant of the bus that writes what it receives into a bag.
+"""The recorder of `--record`: a participant of the bus that writes messages into a bag.
 
-Unless patterns choose, it records what the simulator publishes and what the simulator subscribes to: its state and its
-commands. Which topics these are is known only when a client advertises or subscribes, so the bus reports both. Each
-message gets the simulation's time as its stamp.
-
-A full disk ends the recording and nothing else, and so does a file that was deleted or moved, which is noticed at the
-next flush: the world goes on, and the log says so.
+Without patterns it records the simulator's state and its commands: all topics that the simulator publishes or
+subscribes to. A topic is only known when a client advertises or subscribes, so the bus reports both events. Each
+message is stamped with simulation time.
+A full disk ends the recording and nothing else. A deleted or moved file does the same, and is detected at the next
+flush. The world goes on, and the log has a line about it.
 """
 
 from __future__ import annotations
@@ -27,11 +26,11 @@ from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 __all__ = ["FLUSH_PERIOD", "Recorder"]
 
 MAX_TOPICS = 10_000
-"""Topics of one recording. A topic that is recorded is never forgotten: without a bound a client that advertises ever
-new names under `--record-topics '*'` would fill the memory."""
+"""Largest number of topics in one recording. A recorded topic is never forgotten, so with `--record-topics '*'` a
+client that advertises new names in a loop would fill the memory."""
 
 FLUSH_PERIOD = 1.0
-"""Between two flushes [s]: what a crash may cost."""
+"""Time between two flushes [s]: a crash loses at most this much."""
 
 _log = logging.getLogger("rosbridge_sim.recording")
 
@@ -40,8 +39,8 @@ class Recorder:
     """A `Participant` of the bus that writes a bag.
 
     Attributes:
-        name: as rosapi shows it.
-        writer: of the bag.
+        name: its name in rosapi's lists.
+        writer: the writer of the bag.
     """
 
     name = "/recorder"
@@ -56,15 +55,15 @@ class Recorder:
         patterns: tuple[str, ...] = (),
         loop: asyncio.AbstractEventLoop,
     ) -> None:
-        """Record from now on, until `stop`.
+        """Start to record; `stop` ends it.
 
         Args:
-            bus: has the topics.
-            writer: for an empty bag.
-            path: of the bag, for the log.
-            simulator: its topics and commands are recorded where there are no patterns; None records all topics.
-            patterns: of the topics to record.
-            loop: has the timer for flushing.
+            bus: the bus with the topics.
+            writer: writer for an empty bag.
+            path: path of the bag, for the log.
+            simulator: without patterns, its topics and commands are recorded; None records all topics.
+            patterns: patterns of the topics to record.
+            loop: runs the timer for flushing.
         """
         self.writer = writer
         self._bus = bus
@@ -73,7 +72,7 @@ class Recorder:
         self._rule = Rule(patterns) if patterns else None
         self._loop = loop
         self._seen: set[Topic] = set()
-        self._is_full = False  # and the log says so
+        self._is_full = False  # the limit of topics is reached, and a warning was logged
         self._given_up: set[Topic] = set()
         self._is_on = True
         self._timer = loop.call_later(FLUSH_PERIOD, self._tick)
@@ -83,11 +82,16 @@ class Recorder:
         _log.info("recording into %s", path)
 
     def notify(self, level: str, text: str) -> None:
-        """Log what the bus tells the recorder."""
+        """Log a notice of the bus to the recorder.
+
+        Args:
+            level: `info`, `warning` or `error`.
+            text: a line of text.
+        """
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
     def stop(self) -> None:
-        """Finish the bag; twice is no error."""
+        """Finish the bag. A second call does nothing."""
         if self._is_on:
             self._leave()
             try:
@@ -96,14 +100,18 @@ class Recorder:
                 _log.error("the recording has ended: %s", error)
             except DocumentError as error:
                 _log.error("the recording has no index: %s; `rosbridge-sim bag repair` makes one", error)
-            except Exception as error:  # noqa: BLE001 - our own bug, or the writer's
+            except Exception as error:  # noqa: BLE001 - an internal error, or one of the writer
                 self._bus.guard.note("the end of the recording", error)
                 self.writer.abort()
             else:
                 _log.info("recorded %d messages into %s", self.writer.num_messages, self._path)
 
     def fail(self, error: Exception) -> None:
-        """See `Guarded`: the recording ends, and what was written stays as it is."""
+        """See `Guarded`: the recording ends, and the file stays as it is.
+
+        Args:
+            error: the internal error.
+        """
         if not self._is_on:
             return
         _log.error(
@@ -117,7 +125,7 @@ class Recorder:
     # Subscribing
 
     def _look(self, topic: Topic) -> None:
-        """Subscribe to a topic that has a publisher or subscriber, unless that was done or it is not wanted."""
+        """Subscribe to a topic with a publisher or subscriber, if it should be recorded and is not yet."""
         if topic in self._seen or not self._is_on or not topic.is_settled or not self._is_wanted(topic):
             return
         if len(self._seen) >= MAX_TOPICS:
@@ -129,7 +137,7 @@ class Recorder:
                     MAX_TOPICS,
                 )
             return
-        self._seen.add(topic)  # before the subscription, which the bus reports as well
+        self._seen.add(topic)  # before the subscription, because the bus reports that, too
         if self._guard(lambda: self.writer.add(topic.name, topic.type.name, is_latching=topic.is_latching), topic):
             self._bus.subscribe(self, topic.name, self._write, is_general=self._rule is None, is_recording=True)
             for message in topic.latched:
@@ -151,15 +159,15 @@ class Recorder:
     # Writing
 
     def _write(self, topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
-        if self._is_on:  # a message of the same delivery, or one of several that are latched, may have ended it
+        if self._is_on:  # an earlier message of the same delivery may have ended the recording
             time_ns = self._bus.time_ns
             self._guard(lambda: self.writer.write(topic.name, message, time_ns), topic)
 
     def _guard(self, work: Callable[[], None], topic: Topic | None = None) -> bool:
-        """Do some work; return whether it succeeded. Failures go to the log alone.
+        """Call a function; return True if it succeeded. Failures go only to the log.
 
         Raises:
-            EncodingError: a message cannot be written, by a bug of ours: that concerns its publisher too.
+            EncodingError: a message cannot be written because of an internal error, which its publisher must be told.
         """
         try:
             work()
@@ -168,7 +176,7 @@ class Recorder:
         except PeerError as error:
             if topic is not None and topic not in self._given_up:
                 self._given_up.add(topic)
-                _log.warning("topic %s is recorded in part or not at all: %s", topic.name, error)
+                _log.warning("topic %s is recorded only in part, or not at all: %s", topic.name, error)
             return False
         except DocumentError as error:
             self._leave()
@@ -182,7 +190,7 @@ class Recorder:
         self._timer = self._loop.call_later(FLUSH_PERIOD, self._tick)
         try:
             self._guard(self.writer.flush)
-        except Exception as error:  # noqa: BLE001 - our own bug, or the writer's
+        except Exception as error:  # noqa: BLE001 - an internal error, or one of the writer
             self._bus.guard.blame(self, error)
 
     def _leave(self) -> None:

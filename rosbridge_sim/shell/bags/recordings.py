@@ -1,10 +1,9 @@
 """Recordings in the data folder, found by name and read in a thread.
 
-A bag of ten minutes takes seconds to read, so a thread of its own does it, and the event loop goes on serving. Nothing
-is shared with that thread: it fills a `RecordingBuilder` that nothing else has, and hands it over when it is done.
-
-A name is looked for in the data folder and in `Replay` within it, with its suffix or without. It may be a path, but one
-that stays in there.
+Reading a bag of ten minutes takes seconds, so a separate thread does it while the event loop serves clients. The thread
+shares nothing: it fills its own `RecordingBuilder` and returns it when it is done.
+A name is searched in the data folder and in its folder `Replay`, with or without suffix. It may be a path, but it must
+stay inside the data folder.
 """
 
 from __future__ import annotations
@@ -28,10 +27,10 @@ from rosbridge_sim.shell.files.sensor_data_store import OWN_NAME
 __all__ = ["REPLAY_FOLDER", "DiskRecordings", "find_recording"]
 
 REPLAY_FOLDER: Final = "Replay"
-"""The folder for recordings within the data folder."""
+"""Folder for recordings within the data folder."""
 
 MAX_RECORDING_NAME: Final = 400
-"""Characters of a recording's name, its folders included."""
+"""Longest name of a recording, with its folders [characters]."""
 
 MAX_RECORDINGS_LISTED: Final = 20
 """Names that an error lists."""
@@ -45,17 +44,17 @@ class DiskRecordings:
     """Recordings by name, read in threads.
 
     Attributes:
-        on_done: called after each outcome was handed over, because the world may have begun to move.
-        num_bugs: recordings that could not be read or used by a fault of ours; each is in the log with its traceback.
+        on_done: called after each result was delivered, because the world may have changed.
+        num_bugs: number of recordings that failed by an internal error; each is in the log with its traceback.
     """
 
     def __init__(self, folder: str | Path, texts: Texts, loop: asyncio.AbstractEventLoop) -> None:
-        """Remember the folder; `read` reads.
+        """Set the folder; `read` reads.
 
         Args:
-            folder: the data folder; it need not be there.
-            texts: the definitions in use, for bags that have none.
-            loop: hands over the outcomes.
+            folder: the data folder; it need not exist.
+            texts: current definitions, for bags that have none.
+            loop: delivers the results.
         """
         self.on_done: Callable[[], None] = _nothing
         self.num_bugs = 0
@@ -65,7 +64,13 @@ class DiskRecordings:
         self._is_stopped = threading.Event()
 
     def read(self, name: str, reading: RecordingBuilder, then: Then) -> None:
-        """See `Recordings`."""
+        """See `Recordings`.
+
+        Args:
+            name: name of the recording.
+            reading: a new builder.
+            then: called with the result.
+        """
         try:
             path = find_recording(self._folder, name)
         except DocumentError as error:
@@ -74,18 +79,18 @@ class DiskRecordings:
         threading.Thread(target=self._read, args=(path, reading, then), name="replay", daemon=True).start()
 
     def stop(self) -> None:
-        """Hand over nothing more, and end the threads soon."""
+        """Deliver no more results, and end the threads soon."""
         self._is_stopped.set()
 
     def _read(self, path: Path, reading: RecordingBuilder, then: Then) -> None:
-        """Read in a thread, and hand over the outcome."""
+        """Read in a thread, and deliver the result."""
         outcome: Recording | DocumentError
         is_bug = False
         try:
             outcome = read_recording(path, reading, self._texts, self._breathe)
         except DocumentError as error:
             outcome = error
-        except Exception:  # noqa: BLE001 - a bug of ours must not leave the caller without an answer
+        except Exception:  # noqa: BLE001 - the caller needs an answer even after an internal error
             _log.exception("internal error: recording %s could not be read", path)
             outcome, is_bug = DocumentError(f"{reading.name}: cannot be read; the server's log says why"), True
         with suppress(RuntimeError):  # the loop is closed
@@ -107,33 +112,37 @@ class DiskRecordings:
             return
         try:
             then(outcome, self._loop.time())
-        except Exception:  # noqa: BLE001 - our own bug: this replay is lost, everything else goes on
+        except Exception:  # noqa: BLE001 - an internal error: this replay is lost, everything else goes on
             self.num_bugs += 1
             _log.exception("internal error: a recording could not be replayed")
         self.on_done()
 
 
 def _nothing() -> None:
-    """Do nothing: no one waits for outcomes yet."""
+    """Do nothing: there is no callback for results yet."""
 
 
 # Names
 
 
 def find_recording(folder: Path, name: str) -> Path:
-    """The bag that a client names.
+    """Return the path of the bag that a client names.
+
+    Args:
+        folder: the data folder.
+        name: name of the recording.
 
     Raises:
         DocumentError: there is none, or the name leads out of the folder.
     """
     wanted = name.replace("\\", "/").strip()
     if not wanted or len(wanted) > MAX_RECORDING_NAME or not wanted.isprintable():
-        raise DocumentError(f"{name[:80]!r} is no name of a recording: expected NAME.bag, NAME.mcap or a folder's name")
+        raise DocumentError(f"{name[:80]!r} is not a recording's name: expected NAME.bag, NAME.mcap or a folder's name")
     root = folder.resolve()
     for path in _places(folder, wanted):
         try:
             is_inside = path.resolve().is_relative_to(root)
-        except (OSError, RuntimeError):  # links in a circle, a name too long for the disk
+        except (OSError, RuntimeError):  # a loop of links, or a name too long for the disk
             continue
         if not is_inside:
             raise DocumentError(f"{name[:80]!r} leads out of --data-dir")
@@ -152,14 +161,14 @@ def _places(folder: Path, wanted: str) -> Iterator[Path]:
 
 
 def _is_bag(path: Path) -> bool:
-    """Tell whether a path may be a bag: any file, or a folder as rosbag2 makes it."""
+    """Return True if a path may be a bag: any file, or a folder of rosbag2."""
     with suppress(OSError):
         return path.is_file() or any(next(path.glob(pattern), None) for pattern in ("*.yaml", "*.mcap", "*.db3"))
     return False
 
 
 def _known(folder: Path) -> list[str]:
-    """Some of the names that are taken, for a person to read."""
+    """Return some of the existing names, for an error text."""
     names = []
     for base in (folder / REPLAY_FOLDER, folder):
         with suppress(OSError):

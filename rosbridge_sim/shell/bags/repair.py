@@ -1,12 +1,10 @@
-"""Bags without an end, made readable: what a killed recorder had written, up to its last whole chunk.
+"""Repair of bags without an end: everything that a killed recorder wrote, up to its last complete chunk.
 
-Both formats are a row of records, each of which says how long it is, and messages lie together in chunks. The index
-stands at the end, so that a file that was cut off cannot be opened; its chunks are whole all the same. They are read
-here one after the other, without believing any index, and written into a new bag. A chunk that is damaged within is
-passed over. The old file stays as it is.
-
+Both formats are a sequence of records, each with its length, and messages are in chunks. The index is at the end, so a
+truncated file cannot be opened, but its chunks are complete. This module reads them one after the other, ignores any
+index, and writes them into a new bag. A chunk with damage inside is skipped. The old file is not changed.
     ROS 1   a line of text, then records of a header (fields `name=value`, each with its length) and data
-    MCAP    eight bytes, then records of a number that says what it is, a length, and the rest
+    MCAP    eight bytes, then records of a type number, a length, and the content
 """
 
 from __future__ import annotations
@@ -34,20 +32,21 @@ _MAGIC1: Final = b"#ROSBAG V2.0\n"
 _MAGIC2: Final = b"\x89MCAP0\r\n"
 
 _MAX_RECORD: Final = 2**31
-"""A longer record is no record but rubbish [bytes]; both libraries end a chunk at a few megabytes."""
+"""A longer record is damaged data [bytes]; both libraries end a chunk at a few megabytes."""
 
 
 @dataclass(slots=True)
 class Recovered:
-    """Counts of what was found in a bag.
+    """Counts of the contents of a bag.
 
     Attributes:
-        num_messages: in all whole chunks.
-        start_ns, end_ns: the least and the greatest of their stamps.
-        num_damaged: chunks that were passed over.
-        num_lost_bytes: behind the last whole record.
-        lost_topics: those whose definition is damaged, or is not in ROS 2's message grammar; a dict for its order.
-        is_complete: the bag had its end; there was nothing to repair.
+        num_messages: messages in all complete chunks.
+        start_ns, end_ns: smallest and largest of their stamps [ns].
+        num_damaged: chunks that were skipped.
+        num_lost_bytes: bytes after the last complete record.
+        lost_topics: topics whose definition is damaged, or is not in ROS 2's message format; a dict, to keep their
+            order.
+        is_complete: the bag has its end, so there is nothing to repair.
     """
 
     num_messages: int = 0
@@ -60,19 +59,26 @@ class Recovered:
 
 
 def repaired_name(path: Path) -> Path:
-    """Return the default path of a repaired bag: `drive.repaired.bag` beside `drive.bag`."""
+    """Return the default path of a repaired bag: `drive.repaired.bag` beside `drive.bag`.
+
+    Args:
+        path: path of the broken bag.
+    """
     return path.with_name(f"{path.stem}.repaired{path.suffix}")
 
 
 def repair(path: Path, target: Path) -> Recovered:
-    """Copy what is whole of a bag into a new one of the same format.
+    """Copy the complete parts of a bag into a new one of the same format.
 
     Args:
         path: `.bag`, `.mcap`, or a folder of rosbag2.
-        target: what must not be there yet.
+        target: path of the new bag, which must not exist.
+
+    Returns:
+        Counts of what was copied and lost.
 
     Raises:
-        DocumentError: it is no bag, or there is nothing whole in it; then no new file is left behind.
+        DocumentError: it is not a bag, or no part of it is complete; no new file is left then.
     """
     files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
     if not files:
@@ -98,7 +104,7 @@ def repair(path: Path, target: Path) -> Recovered:
     bag.close()
     if not found.num_messages:
         _remove(target)
-        raise DocumentError(f"{path}: there is no whole chunk with messages in it")
+        raise DocumentError(f"{path}: expected a complete chunk with messages; there is none")
     return found
 
 
@@ -106,23 +112,23 @@ _Copy = Callable[[BinaryIO, Bag, Recovered], None]
 
 
 def _format_of(stream: BinaryIO, path: Path) -> _Copy:
-    """Return the function that copies a file, chosen by its first bytes; the stream then stands behind them."""
+    """Return the function that copies a file, chosen by the file's first bytes. The stream is then behind them."""
     start = stream.read(len(_MAGIC1))
     if start == _MAGIC1:
         return _copy1
     if start.startswith(_MAGIC2):
         stream.seek(len(_MAGIC2))
         return _copy2
-    raise DocumentError(f"{path}: expected a ROS 1 bag (version 2.0) or MCAP; it begins as neither does")
+    raise DocumentError(f"{path}: expected a ROS 1 bag (version 2.0) or MCAP; its first bytes are those of neither")
 
 
 def _check_format(bag: Bag, copy: _Copy, target: Path) -> None:
     if (bag.ros == 1) != (copy is _copy1):
-        raise DocumentError(f"{target}: expected a name of the same format as the broken bag's")
+        raise DocumentError(f"{target}: expected the suffix of the broken bag, because the format stays the same")
 
 
 def _remove(target: Path) -> None:
-    """Take back a bag that we have just made."""
+    """Delete the new bag."""
     with suppress(OSError):
         if target.is_dir():
             for file in target.iterdir():
@@ -133,7 +139,7 @@ def _remove(target: Path) -> None:
 
 
 class _CutOffError(Exception):
-    """Fewer bytes than there should be."""
+    """The file ends inside a record."""
 
 
 def _take(stream: BinaryIO, size: int) -> bytes:
@@ -146,12 +152,12 @@ def _take(stream: BinaryIO, size: int) -> bytes:
 
 
 def _rest(stream: BinaryIO, at: int) -> int:
-    """Bytes from `at` to the end."""
+    """Return the number of bytes from `at` to the end."""
     return stream.seek(0, os.SEEK_END) - at
 
 
 class _Copier:
-    """Counts what it hands on to the new bag."""
+    """Writes messages into the new bag, and counts them."""
 
     def __init__(self, bag: Bag, found: Recovered) -> None:
         self.bag = bag
@@ -160,7 +166,7 @@ class _Copier:
 
     def message(self, number: int, stamp_ns: int, raw: bytes) -> None:
         channel = self.channels.get(number)
-        if channel is None:  # its topic stood in a chunk that is lost
+        if channel is None:  # its topic was in a lost chunk
             return
         self.bag.write(channel, stamp_ns, raw)
         self.found.num_messages += 1
@@ -171,7 +177,7 @@ class _Copier:
 # ROS 1
 
 _BAG_HEADER, _MESSAGE, _CHUNK, _CONNECTION = 3, 2, 5, 7
-"""`op` of the records that matter."""
+"""`op` of the records that are needed."""
 
 _Fields = dict[bytes, bytes]
 
@@ -219,7 +225,7 @@ def _number(value: bytes) -> int:
 
 
 def _chunk1(fields: _Fields, data: bytes, copier: _Copier) -> None:
-    """Hand on a chunk's records: all of them or none."""
+    """Copy a chunk's records: all of them or none."""
     try:
         records = list(_records1(_unpack1(fields[b"compression"], data)))
     except (_CutOffError, OSError, ValueError, EOFError, RuntimeError, KeyError, struct.error):
@@ -272,10 +278,10 @@ def _one1(fields: _Fields, data: bytes, copier: _Copier) -> None:
 # MCAP
 
 _FOOTER2, _SCHEMA2, _CHANNEL2, _MESSAGE2, _CHUNK2 = 2, 3, 4, 5, 6
-"""The numbers of the records that matter."""
+"""Type numbers of the records that are needed."""
 
 _Schemas = dict[int, tuple[str, str | None]]
-"""Number -> type and definition; None where it is written in a grammar that is not read."""
+"""Number -> type and definition; None for a definition in a format that cannot be read."""
 
 
 def _copy2(stream: BinaryIO, bag: Bag, found: Recovered) -> None:
@@ -299,7 +305,7 @@ def _copy2(stream: BinaryIO, bag: Bag, found: Recovered) -> None:
 
 
 def _chunk2(data: bytes, schemas: _Schemas, copier: _Copier) -> None:
-    """Hand on a chunk's records: all of them or none."""
+    """Copy a chunk's records: all of them or none."""
     try:
         size, crc = struct.unpack_from("<QI", data, 16)
         compression, at = _text(data, 28)
@@ -345,6 +351,6 @@ def _one2(op: int, data: bytes, schemas: _Schemas, copier: _Copier) -> None:
 
 
 def _text(data: bytes, at: int) -> tuple[str, int]:
-    """Text with its length before it, and where it ends."""
+    """Return a text that has its length in front, and the position behind it."""
     (size,) = struct.unpack_from("<I", data, at)
     return data[at + 4 : at + 4 + size].decode(), at + 4 + size

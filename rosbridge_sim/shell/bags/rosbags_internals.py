@@ -1,22 +1,21 @@
-"""All that we use of the `rosbags` library beyond its documented interface, to write bags that survive a crash.
+"""Everything that is used of the `rosbags` library beyond its documented interface, to write bags that survive a crash.
 
-The library writes a chunk when it has a megabyte of messages, and an index at the end. Its writers' insides are needed
-to end a chunk earlier, to keep no index entry of each message in memory, and to write an MCAP file without rosbag2's
-folder. Other modules of ours take documented names from the library, and everything else from here. A test holds the
-library to what this module expects (`tests/shell/bags/test_rosbags_internals.py`). It names the versions that kept to
-it, which are those that `pyproject.toml` allows. With another version that does not fit, no bag is written, and the
-error says which versions do.
-
+The library writes a chunk when it has a megabyte of messages, and an index at the end. Private parts of its writers are
+needed for three things: to end a chunk earlier, to avoid an index entry in memory for each message, and to write an
+MCAP file without rosbag2's folder. Other modules use only documented names of the library, and everything else from
+here. A test checks that the library has these parts (`tests/shell/bags/test_rosbags_internals.py`). It names the tested
+versions, which are those that `pyproject.toml` allows. With another version that does not fit, no bag is written, and
+the error names the versions that fit.
 Expected of `rosbags.rosbag1.Writer`:
-
-    bio            the open file; None before and after
+    bio            the open file; None before opening and after closing
     connections    the list of all topics
-    chunks         those that were written, and behind them the one that is filled. Each has `connections`: a topic's id
-                   -> an index entry for each message; once the chunk is written only their number counts
-    write_chunk    writes a chunk, if there is anything in it, and begins another one
+    chunks         the written chunks, and the current one at the end. Each has `connections`: a topic's id -> an index
+                   entry for each message; after the chunk is written, only their number counts
+    write_chunk    writes the current chunk, if it is not empty, and begins another one
 
-Expected of `rosbags.rosbag2.Writer`: `storage` (None before and after), `connections`, `metapath`, `min_timestamp`. Of
-its `McapWriter`: `path`, `bio`, `close_chunk`, `message_start_time`, and `chunk` with `msgs` and `message_start_time`.
+Expected of `rosbags.rosbag2.Writer`: `storage` (None before opening and after closing), `connections`, `metapath`,
+`min_timestamp`. Expected of its `McapWriter`: `path`, `bio`, `close_chunk`, `message_start_time`, and `chunk` with
+`msgs` and `message_start_time`.
 """
 
 from __future__ import annotations
@@ -40,7 +39,7 @@ else:
     try:
         from rosbags.rosbag2.storage_mcap import McapWriter
         from rosbags.rosbag2.storage_mcap import decompress as unpack_mcap
-    except ImportError:  # it is told when a bag is opened
+    except ImportError:  # the error is raised when a bag is opened
         McapWriter = unpack_mcap = None
 
 __all__ = [
@@ -61,31 +60,34 @@ __all__ = [
 ]
 
 FITTING = ">=0.11.6,<0.12"
-"""Versions that this module fits, as `pyproject.toml` says it."""
+"""Versions that this module supports, as in `pyproject.toml`."""
 
 _NO_TIME = 2**63 - 1
-"""Start value of the library when it looks for the first stamp."""
+"""The library's value for "no stamp yet"."""
 
 
 def _misfit() -> DocumentError:
     return DocumentError(
-        f"bags are written by rosbags, of which {version('rosbags')} is installed and {FITTING} is expected:"
-        f" pip install 'rosbags{FITTING}'"
+        f"bags need rosbags {FITTING}, but {version('rosbags')} is installed: pip install 'rosbags{FITTING}'"
     )
 
 
 def _check(one: object, *names: str) -> None:
-    """Make sure that an object or a class of the library has these attributes.
+    """Check that an object or class of the library has these attributes.
 
     Raises:
-        DocumentError: this version has them not.
+        DocumentError: the installed version does not have them.
     """
     if not all(hasattr(one, name) for name in names):
         raise _misfit()
 
 
 def connections_of(writer: Writer1 | Writer2) -> Sequence[Connection]:
-    """All topics so far."""
+    """Return all topics so far.
+
+    Args:
+        writer: an open writer.
+    """
     return writer.connections
 
 
@@ -93,11 +95,14 @@ def connections_of(writer: Writer1 | Writer2) -> Sequence[Connection]:
 
 
 def new_writer1(path: Path) -> Writer1:
-    """A writer that has not made its file yet.
+    """Return a writer that has not created its file yet.
+
+    Args:
+        path: path of the bag.
 
     Raises:
-        DocumentError: the library's insides are others than those that this module knows.
-        WriterError: there is such a file.
+        DocumentError: the library's private parts are not as expected.
+        WriterError: the file exists.
     """
     writer = Writer1(path)
     _check(writer, "bio", "chunks", "connections", "write_chunk", "abort")
@@ -106,32 +111,48 @@ def new_writer1(path: Path) -> Writer1:
 
 
 def file_of1(writer: Writer1) -> BinaryIO | None:
-    """The file that is written; None where the bag is not open."""
+    """Return the open file; None if the bag is not open.
+
+    Args:
+        writer: the writer.
+    """
     return writer.bio
 
 
 def num_chunks1(writer: Writer1) -> int:
-    """Chunks so far, with the one that is filled."""
+    """Return the number of chunks so far, with the current one.
+
+    Args:
+        writer: an open writer.
+    """
     return len(writer.chunks)
 
 
 def end_chunk1(writer: Writer1) -> None:
-    """Write what is collected, however little it is."""
+    """Write the current chunk, however small it is.
+
+    Args:
+        writer: an open writer.
+    """
     writer.write_chunk(writer.chunks[-1])
 
 
 def shorten_index1(writer: Writer1) -> None:
-    """Keep of the chunk that was written last what its index will need: how many messages each topic has there."""
+    """Reduce the index of the last written chunk to the number of messages of each topic.
+
+    Args:
+        writer: an open writer.
+    """
     for chunk in writer.chunks[-2:-1]:
         counted = {key: range(len(entries)) for key, entries in chunk.connections.items()}
-        chunk.connections = cast("Any", counted)  # Any: only their length is read any more
+        chunk.connections = cast("Any", counted)  # Any: from now on only their length is read
 
 
 # ROS 2
 
 
 class _OneFile:
-    """A stand-in for a folder, with which the library's MCAP storage writes one given file."""
+    """A replacement for a folder: the library's MCAP storage then writes one given file."""
 
     def __init__(self, path: Path) -> None:
         self.name = path.stem
@@ -142,11 +163,14 @@ class _OneFile:
 
 
 def new_writer2(path: Path) -> Writer2:
-    """A writer of MCAP that has not made its folder or file yet.
+    """Return a writer of MCAP that has not created its folder or file yet.
+
+    Args:
+        path: path of the bag.
 
     Raises:
-        DocumentError: the library's insides are others than those that this module knows.
-        WriterError: there is such a file.
+        DocumentError: the library's private parts are not as expected.
+        WriterError: the file exists.
     """
     _check(McapWriter, "close_chunk")
     writer = Writer2(path, version=Writer2.VERSION_LATEST, storage_plugin=StoragePlugin.MCAP)
@@ -155,30 +179,47 @@ def new_writer2(path: Path) -> Writer2:
 
 
 def open_file2(writer: Writer2, path: Path) -> None:
-    """Open a bag that is one MCAP file, without a folder around it."""
+    """Open a bag that is one MCAP file, without a folder.
+
+    Args:
+        writer: from `new_writer2`.
+        path: path of the file.
+    """
     one_file = cast("Path", _OneFile(path))
     writer.storage = McapWriter(one_file, CompressionMode.NONE)
 
 
 def _storage(writer: Writer2) -> McapWriter | None:
-    return cast("McapWriter | None", writer.storage)  # the plug-in that was asked for
+    return cast("McapWriter | None", writer.storage)  # the requested plug-in
 
 
 def file_of2(writer: Writer2) -> tuple[Path, BinaryIO] | None:
-    """The path and the file that is written; None where the bag is not open."""
+    """Return the path and the open file; None if the bag is not open.
+
+    Args:
+        writer: the writer.
+    """
     storage = _storage(writer)
     return None if storage is None else (storage.path, storage.bio)
 
 
 def end_chunk2(writer: Writer2) -> None:
-    """Write what is collected, unless there are no messages in it."""
+    """Write the current chunk, unless it has no messages.
+
+    Args:
+        writer: an open writer.
+    """
     storage = _storage(writer)
     if storage is not None and storage.chunk.msgs:
         storage.close_chunk()
 
 
 def zero_times2(writer: Writer2) -> None:
-    """Have the times of a bag without messages be 0, as the format wants it."""
+    """Set the times of a bag without messages to 0, as the format requires.
+
+    Args:
+        writer: an open writer.
+    """
     storage = _storage(writer)
     if storage is not None and storage.message_start_time == _NO_TIME:
         storage.message_start_time = writer.min_timestamp = 0
@@ -186,5 +227,10 @@ def zero_times2(writer: Writer2) -> None:
 
 
 def redirect_metadata2(writer: Writer2, path: Path) -> None:
-    """Have the folder's own file written somewhere else."""
+    """Write the folder's own file to another place.
+
+    Args:
+        writer: an open writer.
+        path: the other place.
+    """
     writer.metapath = path

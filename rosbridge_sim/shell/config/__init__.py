@@ -1,1 +1,1 @@
-"""Settings: what they are, and how they are read from flags, variables and a file."""
+"""The settings, and how flags, variables and a file set them."""

@@ -1,9 +1,10 @@
-"""Settings from the flags of a command line, and the help that `--help` prints about them."""
+"""Settings from the flags of a command line, and the text of `--help` about them."""
 
 from __future__ import annotations
 
 import argparse
 import os
+import re
 import shutil
 from collections.abc import Sequence
 from typing import NoReturn
@@ -18,22 +19,35 @@ __all__ = ["Parser", "layout", "read_flags"]
 
 
 class Parser(argparse.ArgumentParser):
-    """Raises where the library would print its usage and leave."""
+    """A parser that raises an error; the library's own would print its usage and exit."""
 
     def error(self, message: str) -> NoReturn:
         """Report a mistake. The library calls this.
 
+        Args:
+            message: the library's error text.
+
         Raises:
             SettingError: always.
         """
-        raise SettingError(_without_values(message.removeprefix("argument ")))
+        message = _without_values(message.removeprefix("argument "))
+        if unknown := _UNKNOWN_COMMAND.fullmatch(message):
+            known = re.findall(r"[\w-]+", unknown["known"])
+            message = f"no such command: {unknown['name']}{hint(unknown['name'], known)}; expected {', '.join(known)}"
+        elif message.startswith((_STRANGE_WORDS, _MISSING_WORDS)):
+            message += f"; {self.prog} --help says more"
+        raise SettingError(message)
 
+
+_UNKNOWN_COMMAND = re.compile(r"COMMAND: invalid choice: '?(?P<name>.*?)'? \(choose from (?P<known>.+)\)", re.DOTALL)
+"""Text of the library for a word that is no command; its quotes differ between releases of Python."""
 
 _STRANGE_WORDS = "unrecognized arguments: "
+_MISSING_WORDS = "the following arguments are required: "
 
 
 def _without_values(message: str) -> str:
-    """A message of the library's without words that may be secrets: of words that mean nothing, the flags alone."""
+    """Return a message of the library without values that may be secrets; of unknown words, only the flags."""
     if message.startswith(_STRANGE_WORDS):
         words = message.removeprefix(_STRANGE_WORDS).split()
         flags = [word.partition("=")[0] for word in words if word.startswith("-")]
@@ -50,7 +64,7 @@ def read_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str, 
 
     Raises:
         SettingError: the first mistake.
-        SystemExit: `--help` was asked for and printed.
+        SystemExit: `--help` was given, and its text is printed.
     """
     given, rest = _make_parser(is_attaching=is_attaching).parse_known_args(argv)
     strange = next((word for word in rest if word.startswith("-")), None)
@@ -62,7 +76,7 @@ def read_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str, 
         raise SettingError(f"no such flag: {name}{near}; --help lists them all")
     values: dict[str, object] = {}
     if is_attaching:
-        urls = [*getattr(given, "urls", ()), *rest]  # what stands behind a flag is in the rest
+        urls = [*getattr(given, "urls", ()), *rest]  # words after a flag are in the rest
         if urls:
             values["attach"] = read_value("attach", urls, "attach")
         values["listen"] = False
@@ -90,7 +104,7 @@ def _make_parser(*, is_attaching: bool) -> argparse.ArgumentParser:
     )
     if is_attaching:
         parser.add_argument("urls", nargs="*", metavar="URL", help=flag_of("attach").kind.expects)
-    groups: dict[str, argparse._ArgumentGroup] = {}  # the library has no public name for it
+    groups: dict[str, argparse._ArgumentGroup] = {}  # private, because the library has no public name for it
     for key in [*FIELDS, *SHORT_FORMS]:
         flag = flag_of(key)
         if flag.kind.is_table or (is_attaching and (key == "attach" or flag.group in _OF_SERVERS)):
@@ -122,22 +136,26 @@ _ATTACH_TEXT = (
 )
 
 _OF_SERVERS = (flag_of("port").group, flag_of("token").group)
-"""Groups of flags about clients of this server; a simulator that does not listen has none."""
+"""Groups of flags about clients of this server; a simulator that does not listen has none of them."""
 
 _ASIDES = {
     "print-config": "print all settings as a TOML file and exit",
     "version": "print the version and exit",
 }
-"""Flags that are no settings: the command line looks for them itself."""
+"""Flags that are not settings: the command line handles them itself."""
 
 
 def layout(prog: str) -> argparse.HelpFormatter:
-    """Return the formatter of all help texts."""
+    """Return the formatter of all help texts.
+
+    Args:
+        prog: name of the program.
+    """
     return argparse.HelpFormatter(prog, max_help_position=28, width=min(shutil.get_terminal_size().columns, 110))
 
 
 def _show_default(key: str) -> str:
-    """The default as it stands behind a flag's help."""
+    """Return the default as the help text shows it."""
     kind = flag_of(key).kind
     default = FIELDS[key].default if key in FIELDS else None
     if kind is SWITCH or kind.separator or key == "config":

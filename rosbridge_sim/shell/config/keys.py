@@ -1,4 +1,4 @@
-"""Keys of settings, in each place that gives some, and the check of one value."""
+"""Keys of settings for each source (flags, environment, file), and the check of one value."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, flag_of
 from rosbridge_sim.shell.config.value_types import SECRET, SWITCH, SettingError
 from rosbridge_sim.shell.websocket.urls import hide_in_words
 
-if TYPE_CHECKING:  # no circle, but a tenth of a second of imports that `--help` does without
+if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
     from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice
 
 __all__ = [
@@ -26,11 +26,11 @@ __all__ = [
 ]
 
 PREFIX = "ROSBRIDGE_SIM_"
-"""Beginning of the name of every environment variable of ours."""
+"""Prefix of all environment variables of this package."""
 
 
 def tables() -> list[str]:
-    """Return the keys that are tables, which only a file has."""
+    """Return the keys that are tables, which only a file can have."""
     return [key for key in FIELDS if flag_of(key).kind.is_table]
 
 
@@ -45,31 +45,53 @@ def keys() -> list[str]:
 
 
 def variable(key: str) -> str:
-    """Return the name of a key's environment variable."""
+    """Return the name of a key's environment variable.
+
+    Args:
+        key: key of a setting.
+    """
     return PREFIX + key.upper().replace("-", "_")
 
 
 def read_value(key: str, value: object, where: str) -> object:
-    """Return the checked value of a setting; errors name the place that gave it, `where`."""
+    """Return the checked value of a setting.
+
+    Args:
+        key: key of the setting.
+        value: the given value.
+        where: place of the value, for errors.
+
+    Raises:
+        SettingError: the value is not valid.
+    """
     kind = flag_of(key).kind
     try:
         return _as_choices(kind.read(value), where) if key in SHORT_FORMS else kind.read(value)
     except DocumentError as error:
         raise SettingError(str(error)) from None
     except (ValueError, TypeError, KeyError, OverflowError, AttributeError):
-        shown = "something else" if kind is SECRET else show_value(value)
+        shown = show_value(value) if kind is not SECRET else "an empty text" if value == "" else "something else"
         raise SettingError(f"{where}: expected {kind.expects}; got {shown}") from None
 
 
 def _as_choices(rates: JsonValue, where: str) -> dict[str, InterfaceChoice]:
-    """Return the choices about publishers that a flag makes."""
+    """Return the choices about publishers from a flag."""
     from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice  # noqa: PLC0415 - see above
 
     return {name: InterfaceChoice(rate=rate, where=f"{where} {name}={rate:g}") for name, rate in rates.items()}
 
 
 def read_switchable(key: str, value: object, where: str) -> tuple[str, object]:
-    """Return a key without its no-, and the checked value."""
+    """Return a key without its no-, and the checked value.
+
+    Args:
+        key: key of the setting, perhaps with no-.
+        value: the given value.
+        where: place of the value, for errors.
+
+    Raises:
+        SettingError: the value is not valid.
+    """
     if key in FIELDS or key in SHORT_FORMS:
         return key, read_value(key, value, where)
     key = key.removeprefix("no-")
@@ -77,12 +99,26 @@ def read_switchable(key: str, value: object, where: str) -> tuple[str, object]:
 
 
 def show_value(value: object) -> str:
-    """Return a value as an error shows it: shortened, and without the secrets of a URL."""
+    """Return a value for an error text: shortened, and without the secrets of a URL.
+
+    Args:
+        value: the given value.
+    """
     text = hide_in_words(repr(value))
     return text if len(text) <= 80 else text[:77] + "..."  # noqa: PLR2004 - a line of a terminal
 
 
 def add_value(values: dict[str, object], key: str, value: object, where: str) -> None:
-    """Add a value of one place; `world` and `no-world` in one place may agree but not differ."""
+    """Add a value from one place. `world` and `no-world` in one place must not contradict each other.
+
+    Args:
+        values: values by key; changed.
+        key: key of the setting, perhaps with no-.
+        value: the given value.
+        where: place of the value, for errors.
+
+    Raises:
+        SettingError: the value is not valid, or contradicts an earlier one.
+    """
     if values.setdefault(key, value) != value:
         raise SettingError(f"{where}: {key} and no-{key} contradict each other")

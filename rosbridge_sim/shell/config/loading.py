@@ -1,11 +1,10 @@
 """Settings of one server, merged from flags, the environment and a TOML file.
 
-A flag beats the environment, the environment beats the file, the file beats the default. A list is taken whole from
-the first place that has one; a rate that a flag gives is laid over what the file says of that publisher. A mistake is
-a `SettingError` of one line that says where, what was expected and what came; those of a file are told together, one a
-line.
-
-What a *place* gives is read by `command_flags.py` and `settings_file.py`; `toml_output.py` writes settings.
+A flag has priority over the environment, the environment over the file, and the file over the default. A list is taken
+completely from the first source that has one. A rate from a flag is merged with the file's entry for that publisher. A
+mistake is a `SettingError` of one line with the place, the expected value and the given value. Mistakes of a file are
+reported together, one per line.
+The sources are read by `command_flags.py` and `settings_file.py`; `toml_output.py` writes settings.
 """
 
 from __future__ import annotations
@@ -30,13 +29,13 @@ from rosbridge_sim.shell.config.settings_file import read_file
 from rosbridge_sim.shell.config.value_types import SWITCH, SettingError, show_size
 from rosbridge_sim.suggestions import hint
 
-if TYPE_CHECKING:  # no circle, but a tenth of a second of imports that `--help` does without
+if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
     from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice
 
 __all__ = ["FindMistakes", "check_options", "read_settings", "strange_variables"]
 
 FindMistakes = Callable[[Settings], Sequence[str]]
-"""Mistakes in settings that are known only once a simulator is made of them; a line for each."""
+"""Returns mistakes in settings that only a simulator made from them can find, one line each."""
 
 
 def _find_none(_settings: Settings) -> Sequence[str]:
@@ -50,27 +49,27 @@ def read_settings(
     is_attaching: bool = False,
     find_more: FindMistakes = _find_none,
 ) -> Settings:
-    """Return the settings of a command line, an environment, and the file that one of them names.
+    """Return the settings from a command line, an environment, and the file that one of them names.
 
     Args:
         argv: flags, without the program's name and the command.
-        environ: variables; an empty one counts as absent, but for the token, where it is a mistake.
+        environ: variables. An empty one counts as absent; only an empty token is a mistake.
         is_attaching: the command is `attach`: its words without dashes are URLs, and it does not listen.
-        find_more: asked for further mistakes where there are some already, so that all are told at once.
+        find_more: called if there are mistakes already, so that all of them are reported at once.
 
     Raises:
-        SettingError: the first mistake, or all those of the file, one a line.
-        SystemExit: `--help` was asked for and printed.
+        SettingError: the first mistake, or all mistakes of the file, one per line.
+        SystemExit: `--help` was given, and its text is printed.
     """
     return _merge(find_more, read_flags(argv, is_attaching=is_attaching), _from_environment(environ))
 
 
 def check_options(options: Mapping[str, object], find_more: FindMistakes = _find_none) -> Settings:
-    """Return the settings of keyword arguments. The environment plays no part; a `config` file does.
+    """Return the settings from keyword arguments. The environment is ignored; a `config` file is read.
 
     Args:
         options: fields of `Settings` by name.
-        find_more: as in `read_settings`.
+        find_more: as for `read_settings`.
 
     Raises:
         SettingError: the first mistake.
@@ -87,9 +86,12 @@ def check_options(options: Mapping[str, object], find_more: FindMistakes = _find
 
 
 def strange_variables(environ: Mapping[str, str]) -> list[str]:
-    """Return a line for each variable that looks like a misspelt one of ours.
+    """Return a line for each variable that looks like a misspelt one of this package.
 
-    That is no mistake: Kubernetes gives its pods variables of this form for each service of their namespace.
+    It is only a hint, because Kubernetes sets variables with such names for each service in the namespace of a pod.
+
+    Args:
+        environ: variables.
     """
     known = [variable(key) for key in flags_and_variables()]
     return [
@@ -99,11 +101,11 @@ def strange_variables(environ: Mapping[str, str]) -> list[str]:
     ]
 
 
-# How places are merged
+# Merging
 
 
 def _merge(find_more: FindMistakes, *sources: Mapping[str, object]) -> Settings:
-    """Return the settings of several sources, the first one strongest; the file that they name is the weakest."""
+    """Return the settings of several sources, the strongest first; the file that they name comes last."""
     values: dict[str, object] = {}
     for source in reversed(sources):
         values.update(source)
@@ -129,21 +131,21 @@ def _merge(find_more: FindMistakes, *sources: Mapping[str, object]) -> Settings:
 
 
 _SIZES = {"outbox-limit", "outbox-size"}
-"""Settings that are compared with one another, unless one of them cannot be read."""
+"""Settings that are compared with each other, if both can be read."""
 
 MAX_CONFIG_MISTAKES = 20
-"""Mistakes that are told at once, one a line: a screen of a terminal."""
+"""Mistakes that are shown at once, one per line: a terminal screen."""
 
 
 def _all_at_once(config: object, mistakes: Sequence[str]) -> SettingError:
-    """Return the error of all mistakes in a file and between settings."""
+    """Return an error with all mistakes in a file and between settings."""
     num_more = len(mistakes) - MAX_CONFIG_MISTAKES
     more = [f"{config}: {num_more:,} more mistakes"] if num_more > 0 else []
     return SettingError("\n".join([*mistakes[:MAX_CONFIG_MISTAKES], *more]))
 
 
 def _with_rates(publishers: JsonValue, rates: JsonValue) -> dict[str, InterfaceChoice]:
-    """Return the choices about publishers, with rates laid over them."""
+    """Return the choices about publishers, changed by the given rates."""
     from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings  # noqa: PLC0415 - only a setting with rates needs it
 
     return dict(NetworkSettings(publishers=rates).over(NetworkSettings(publishers=publishers)).publishers)
@@ -158,10 +160,10 @@ def _from_environment(environ: Mapping[str, str]) -> dict[str, object]:
         name = variable(key)
         text = environ.get(name, "").strip()
         if key == "token" and name in environ and not text:
-            # `TOKEN=$SECRET` where SECRET is not set must not open the server to every client
+            # `TOKEN=$SECRET` with an unset SECRET must not open the server to every client
             raise SettingError(f"{name}: expected a token, or none; got an empty text")
         if not text or (key == "port" and text.startswith("tcp://")):
-            continue  # Kubernetes sets ROSBRIDGE_SIM_PORT so for a service named rosbridge-sim
+            continue  # Kubernetes sets such a ROSBRIDGE_SIM_PORT for a service named rosbridge-sim
         kind = SWITCH if key.startswith("no-") else flag_of(key).kind
         value: object = text
         if kind.separator:

@@ -1,6 +1,6 @@
-"""Keyword arguments of `Simulator`, for type checkers: a name that is none is an error before the program runs.
+"""Keyword arguments of `Simulator`, for type checkers, which then find an unknown name before the program runs.
 
-Each is a field of `Settings`, or a short form, with the types that its check reads; a test compares the two lists.
+Each is a field of `Settings`, or a short form, with the types that its check accepts; a test compares the two lists.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ __all__ = ["SimulatorOptions"]
 
 
 class SimulatorOptions(TypedDict, total=False):
-    """All that can be set, by the names of the fields of `Settings`. Sizes are bytes, or texts such as `16MiB`."""
+    """All settings, by the names of the fields of `Settings`. Sizes are bytes, or texts such as `16MiB`."""
 
     host: str
     port: int

@@ -1,8 +1,8 @@
-"""All that can be set.
+"""All settings.
 
-`Settings` is the only list. Each field carries its flag's group, check and help, and from that one place come
-the command line, the names of environment variables, the keys of the file and what `--print-config` writes
-(`loading.py` reads those, `toml_output.py` writes them; `value_types.py` has the checks).
+`Settings` is the only list. Each field has its flag's group, check and help text. The command line, the environment
+variables, the keys of the file and `--print-config` are all made from it (`loading.py` reads them, `toml_output.py`
+writes them; `value_types.py` has the checks).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from rosbridge_sim.shell.config.value_types import (
     whole_number,
 )
 
-if TYPE_CHECKING:  # no circle, but a tenth of a second of imports that `--help` does without
+if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
     from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice
 
 __all__ = ["FIELDS", "SHORT_FORMS", "Flag", "Settings", "flag_of"]
@@ -52,7 +52,7 @@ class Flag:
 
 
 def _flag(default: T, group: str, kind: ValueType, text: str) -> T:
-    """A field of `Settings`. Says T, as `dataclasses.field` does, for the checker's sake."""
+    """Return a field of `Settings`. The declared type is T, as for `dataclasses.field`, for the type checker."""
     metadata = {"flag": Flag(group, kind, text)}
     if isinstance(default, dict):
         return field(default_factory=lambda: dict(default), metadata=metadata)  # type: ignore[return-value]
@@ -77,7 +77,7 @@ _DAY = 86_400.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """Settings of one server, checked. Durations are in seconds, sizes in bytes; None means that something is off.
+    """Settings of one server, checked. Durations are in seconds, sizes in bytes; None turns something off.
 
     The field `sync_lease` is the flag `--sync-lease`, the variable `ROSBRIDGE_SIM_SYNC_LEASE` and the key `sync-lease`.
     """
@@ -453,11 +453,15 @@ SHORT_FORMS: dict[str, Flag] = {
         "publishing rate of one of the simulator's topics, such as /Ego_topic=10; it beats the file; repeatable",
     ),
 }
-"""Flags and variables that say a part of a setting that is a table: `rate` one of `publishers`."""
+"""Flags and variables that set a part of a table: `rate` sets one of `publishers`."""
 
 
 def flag_of(key: str) -> Flag:
-    """Return group, values and help text of the setting or short form of a key."""
+    """Return group, values and help text of a setting or short form.
+
+    Args:
+        key: its key.
+    """
     if key in SHORT_FORMS:
         return SHORT_FORMS[key]
     flag: Flag = FIELDS[key].metadata["flag"]

@@ -16,7 +16,7 @@ from rosbridge_sim.shell.config.toml_text import Lines, lines_of, place_of, read
 from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS, SettingError
 from rosbridge_sim.suggestions import hint
 
-if TYPE_CHECKING:  # no circle, but a tenth of a second of imports that `--help` does without
+if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
     from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
 
 __all__ = ["looks_like_path", "read_file", "read_network"]
@@ -25,7 +25,11 @@ _log = logging.getLogger("rosbridge_sim.storage")
 
 
 def read_file(path: Path) -> tuple[dict[str, object], list[tuple[str, DocumentError]]]:
-    """Return what is right in a file, and its mistakes, each with the key of its setting."""
+    """Return the valid settings of a file, and its mistakes, each with the key of its setting.
+
+    Args:
+        path: path of the file.
+    """
     from rosbridge_sim.morai.interfaces.network_settings import path_text  # noqa: PLC0415 - see above
 
     text, document = read_toml(path)
@@ -55,10 +59,10 @@ def _check_key(key: str, where: str) -> None:
     """Check that a key of a file is a setting.
 
     Raises:
-        SettingError: it is none.
+        SettingError: it is not.
     """
     if key == "config":
-        raise SettingError(f"{where}: a settings file cannot name another one")
+        raise SettingError(f"{where}: a settings file cannot name another settings file")
     if key in SHORT_FORMS:
         raise SettingError(f'{where}: expected [publishers] with lines such as "/Ego_topic" = {{ rate = 10 }}')
     if key not in keys():
@@ -66,7 +70,10 @@ def _check_key(key: str, where: str) -> None:
 
 
 def read_network(path: Path) -> NetworkSettings:
-    """Return the network settings in a file. In a whole settings file, other keys are ignored, and logged.
+    """Return the network settings in a file. In a complete settings file, other keys are ignored and logged.
+
+    Args:
+        path: path of the file.
 
     Raises:
         SettingError: the first mistake.
@@ -88,7 +95,7 @@ def read_network(path: Path) -> NetworkSettings:
                 f"{hint(name, tables())}"
             )
     if others:
-        _log.info("%s: ignored keys that are no network settings: %s", path, ", ".join(others))
+        _log.info("%s: ignored keys that are not network settings: %s", path, ", ".join(others))
     return NetworkSettings(**choices)
 
 
@@ -104,7 +111,7 @@ def _read_table(
     """Return the choices of one table of a file; errors name the line.
 
     Raises:
-        SettingError: the first mistake, unless `on_mistake` hears of them.
+        SettingError: the first mistake, unless `on_mistake` takes the mistakes.
     """
     from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind, path_text, read_choices  # noqa: PLC0415 - see above
 
@@ -121,7 +128,7 @@ def _read_table(
 
 
 def _beside(key: str, value: object, folder: Path) -> object:
-    """Return a value with its paths relative to `folder`, so that a file means the same wherever the server starts."""
+    """Return a value with its paths relative to `folder`, so that the server's working directory does not matter."""
     if flag_of(key).kind is FOLDERS and isinstance(value, tuple):
         return tuple(str(folder / one) for one in value)
     if flag_of(key).kind in (FILE, FOLDER_TYPE) and isinstance(value, str):
@@ -132,5 +139,9 @@ def _beside(key: str, value: object, folder: Path) -> object:
 
 
 def looks_like_path(name: str) -> bool:
-    """Tell whether a scenario or map is given as a path and not as a name."""
+    """Return True if a scenario or map is given as a path, not as a name.
+
+    Args:
+        name: the given text.
+    """
     return "/" in name or os.sep in name or name.endswith(".json") or name in {".", ".."}

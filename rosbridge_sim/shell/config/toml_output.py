@@ -11,18 +11,18 @@ from rosbridge_sim.shell.config.settings import FIELDS, Settings, flag_of
 from rosbridge_sim.shell.config.value_types import FOLDERS, SECRET, SWITCH, URLS, show_size
 from rosbridge_sim.shell.websocket.urls import shown_url
 
-if TYPE_CHECKING:  # no circle, but a tenth of a second of imports that `--help` does without
+if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
     from rosbridge_sim.morai.interfaces.registry import ListedInterface
 
 __all__ = ["format_config"]
 
 
 def format_config(settings: Settings, items: Sequence[ListedInterface]) -> str:
-    """Return the settings as a TOML file that gives them back, without secrets, which the user has to fill in.
+    """Return the settings as a TOML file that can be read again; secrets are left out and must be added by the user.
 
     Args:
-        settings: those to write.
-        items: what the simulator has on the bus with these settings; it is written out whole.
+        settings: the settings to write.
+        items: topics and services of a simulator with these settings; all of them are written.
     """
     lines: list[str] = []
     group = ""
@@ -42,7 +42,7 @@ def format_config(settings: Settings, items: Sequence[ListedInterface]) -> str:
             lines.append(f"# {key} is set, and is not printed: write it here, or into {variable(key)}")
             continue
         if flag.kind is URLS and value != (bare := tuple(_bare_url(url) for url in value)):
-            lines.append("# a token or a password in a URL is not printed: write it where it belongs")
+            lines.append("# a token or a password in a URL is not printed: add it to the URL here")
             shown = bare
         lines.append(f"{key} = {_toml(none if shown is None else shown)}")
     for key in tables():
@@ -55,7 +55,7 @@ def _bare_url(url: str) -> str:
 
 
 def _entries(key: str, settings: Settings, items: Sequence[ListedInterface]) -> list[str]:
-    """Return the lines of one table: all items, then the choices about items that are not there at present."""
+    """Return the lines of one table: all present items, then the choices about absent ones."""
     entries = {one.default: (one.name, one.rate, one.is_on) for one in items if one.kind.value == key}
     for default, choice in getattr(settings, key).items():
         entries.setdefault(default, (choice.name, choice.rate, choice.is_on))
@@ -67,7 +67,7 @@ def _entries(key: str, settings: Settings, items: Sequence[ListedInterface]) -> 
 
 
 def _toml(value: object) -> str:
-    """Return a string, number, bool or list of strings as TOML; a whole number without its point."""
+    """Return a string, number, bool or list of strings as TOML; a whole number without a decimal point."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):

@@ -1,4 +1,4 @@
-"""A TOML file, and the line in it where a key stands: tomllib tells that of its own errors alone."""
+"""A TOML file, and the line of each of its keys: tomllib gives lines only for its own errors."""
 
 from __future__ import annotations
 
@@ -14,14 +14,17 @@ from rosbridge_sim.shell.config.value_types import SettingError, show_size
 __all__ = ["Lines", "lines_of", "place_of", "read_toml"]
 
 MAX_CONFIG_SIZE = 2**20
-"""A longer file holds no settings [bytes]."""
+"""A longer file is not a settings file [bytes]."""
 
 
 def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
-    """Text and values of a TOML file.
+    """Return text and values of a TOML file.
+
+    Args:
+        path: path of the file.
 
     Raises:
-        SettingError: it cannot be read, or is none.
+        SettingError: it cannot be read, or is not valid TOML.
     """
     text = _read_text(path)
     try:
@@ -31,7 +34,7 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
         raise SettingError(f"{path}{where}: not valid TOML: {message}") from None
     except RecursionError:
         raise SettingError(f"{path}: nested too deeply") from None
-    except ValueError:  # Python's own limit: tomllib passes on what int() says
+    except ValueError:  # Python's own limit: tomllib passes on the error of int()
         raise SettingError(f"{path}: expected numbers of at most {sys.get_int_max_str_digits()} digits") from None
 
 
@@ -54,7 +57,7 @@ _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
 
 
 def _split_place(message: str) -> tuple[str, str]:
-    """Return the message of tomllib, and its place as `:line:column`; the library puts both into one text."""
+    """Return tomllib's message, and its place as `:line:column`; the library has both in one text."""
     match = _PLACE.search(message)
     if match is None:
         return message, ""
@@ -64,23 +67,32 @@ def _split_place(message: str) -> tuple[str, str]:
 
 
 Lines = Mapping[tuple[str, ...], int]
-"""Path of keys -> the line where it first stands in a TOML text."""
+"""Path of keys -> the first line of this key in a TOML text."""
 
 
 def place_of(lines: Lines, keys: tuple[str, ...]) -> str:
-    """`:line` of a key or table, else of the innermost table around it; nothing where that is hard to find."""
+    """Return `:line` of a key or table, else of the innermost table around it; empty if it is not known.
+
+    Args:
+        lines: from `lines_of`.
+        keys: path of the key.
+    """
     line = next((lines[keys[:n]] for n in range(len(keys), 0, -1) if keys[:n] in lines), None)
     return "" if line is None else f":{line}"
 
 
 def lines_of(text: str) -> Lines:
-    """The lines of all keys of a TOML text, as far as single lines tell."""
+    """Return the lines of all keys of a TOML text, as far as single lines show them.
+
+    Args:
+        text: the TOML text.
+    """
     lines: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
     for number, line in enumerate(text.split("\n"), 1):
         try:
             found = list(_paths_of(tomllib.loads(line)))
-        # A part of something longer may hold anything; its beginning may still name a key.
+        # A part of a longer value may have any content; its first line may still name a key.
         except (ValueError, RecursionError):
             match = re.match(r"\s*[\"']?([\w-]+)[\"']?\s*=", line)
             found = [(match[1],)] if match else []
@@ -95,7 +107,7 @@ def lines_of(text: str) -> Lines:
 
 
 def _paths_of(document: Mapping[str, Any]) -> Iterator[tuple[str, ...]]:
-    """The paths of all keys of a document of one line, outer ones first."""
+    """Yield the paths of all keys of a document of one line, outer ones first."""
     for key, value in document.items():
         yield (key,)
         if isinstance(value, list) and value and isinstance(value[0], dict):

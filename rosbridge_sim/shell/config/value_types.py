@@ -1,8 +1,8 @@
-"""The kinds of values that settings take, and how each is checked, wherever it comes from.
+"""The types of values of settings, and their checks, which are the same for all sources.
 
-The checks are a few functions of our own. pydantic-settings was measured and turned down: it adds a tenth of a
-second to a start that may take one, reads `--no-world` backwards, wants lists in JSON and answers a slip in the
-file with a traceback.
+The checks are a few functions of this module. pydantic-settings was measured and not chosen: it adds a tenth of a
+second to a start that may take one, reads `--no-world` the wrong way round, needs lists in JSON, and reports a typing
+mistake in the file with a traceback.
 """
 
 from __future__ import annotations
@@ -44,19 +44,19 @@ __all__ = [
 
 
 class SettingError(DocumentError):
-    """A flag, a variable, a key or an option that cannot be used."""
+    """A flag, variable, key or option that cannot be used."""
 
 
 @dataclass(frozen=True, slots=True)
 class ValueType:
-    """The values that a setting takes.
+    """The values that a setting accepts.
 
     Attributes:
-        expects: what a person should write, to stand after "expected".
-        read: text, or a value of a TOML file or of Python -> the value; raises ValueError or TypeError.
-        sign: how the value is called in `--help`.
-        separator: of the parts of a value in the environment; the flag may then be repeated. Empty where there is one.
-        is_table: it is a table of the file, and too much for a flag or a variable.
+        expects: description of valid values, to follow "expected".
+        read: converts text, or a value of a TOML file or of Python; raises ValueError or TypeError.
+        sign: placeholder for the value in `--help`.
+        separator: separates several values in the environment; the flag may then be repeated. Empty for a single value.
+        is_table: it is a table of the file, too large for a flag or a variable.
     """
 
     expects: str
@@ -67,7 +67,12 @@ class ValueType:
 
 
 def text_of(expects: str, sign: str) -> ValueType:
-    """Any text but an empty one."""
+    """Return the type of any text that is not empty.
+
+    Args:
+        expects: description of valid values.
+        sign: placeholder in `--help`.
+    """
 
     def read(value: object) -> str:
         if isinstance(value, Path):
@@ -80,7 +85,11 @@ def text_of(expects: str, sign: str) -> ValueType:
 
 
 def choice_of(*words: str) -> ValueType:
-    """One of some words."""
+    """Return the type of one of some words.
+
+    Args:
+        words: the words.
+    """
 
     def read(value: object) -> str:
         if value not in words:
@@ -105,14 +114,14 @@ _SWITCH_WORDS = {
 def _read_switch(value: object) -> bool:
     if isinstance(value, bool):
         return value
-    return _SWITCH_WORDS[cast("str", value).strip().lower()]  # anything but text raises, as it should
+    return _SWITCH_WORDS[cast("str", value).strip().lower()]  # a value that is not text raises, as it should
 
 
 SWITCH = ValueType("true or false", _read_switch, "")
 
 
 def _number_of(value: object, as_type: type[int | float]) -> float:
-    """A number from text or from a number; a bool, a fraction where a whole number belongs, and NaN are none."""
+    """Return a number from a text or a number; a bool, NaN, or a fraction for a whole number is refused."""
     if isinstance(value, bool) or not isinstance(value, (str, int, float)):
         raise TypeError
     number = as_type(value)
@@ -122,7 +131,13 @@ def _number_of(value: object, as_type: type[int | float]) -> float:
 
 
 def whole_number(low: int, high: int, sign: str = "N") -> ValueType:
-    """A whole number within bounds."""
+    """Return the type of a whole number within limits.
+
+    Args:
+        low: smallest value.
+        high: largest value.
+        sign: placeholder in `--help`.
+    """
 
     def read(value: object) -> int:
         number = int(_number_of(value, int))
@@ -134,7 +149,11 @@ def whole_number(low: int, high: int, sign: str = "N") -> ValueType:
 
 
 def seconds(high: float) -> ValueType:
-    """A duration; 0 and the word none mean that there is none."""
+    """Return the type of a duration; 0 and the word none mean None.
+
+    Args:
+        high: largest value [s].
+    """
 
     def read(value: object) -> float | None:
         if value is None or _is_word(value, "none", "off"):
@@ -148,7 +167,12 @@ def seconds(high: float) -> ValueType:
 
 
 def period(low: float, high: float) -> ValueType:
-    """A duration that there must be."""
+    """Return the type of a duration that cannot be None.
+
+    Args:
+        low: smallest value [s].
+        high: largest value [s].
+    """
 
     def read(value: object) -> float:
         number = float(_number_of(value, float))
@@ -172,7 +196,12 @@ def factor(low: float, high: float) -> ValueType:
 
 
 def or_none(kind: ValueType, word: str) -> ValueType:
-    """Return the type that also takes a word for None."""
+    """Return a type that also accepts a word for None.
+
+    Args:
+        kind: the type of all other values.
+        word: the word.
+    """
 
     def read(value: object) -> object:
         return None if value is None or _is_word(value, word) else kind.read(value)
@@ -192,7 +221,12 @@ _SIZE = re.compile(r"(\d+(?:\.\d+)?)\s*(?:([kmg])(i)?)?b?", re.IGNORECASE)
 
 
 def size(low: int, high: int) -> ValueType:
-    """A size within bounds [bytes]."""
+    """Return the type of a size within limits.
+
+    Args:
+        low: smallest value [bytes].
+        high: largest value [bytes].
+    """
 
     def read(value: object) -> int:
         size = _size_of(value) if isinstance(value, str) else int(_number_of(value, int))
@@ -213,7 +247,11 @@ def _size_of(text: str) -> int:
 
 
 def show_size(size: int) -> str:
-    """The size as a person writes it, and as the check reads it back."""
+    """Return a size in the form that people write and that the check reads.
+
+    Args:
+        size: size [bytes].
+    """
     for prefix, factor in (("GiB", 2**30), ("MiB", 2**20), ("KiB", 2**10)):
         if size and size % factor == 0:
             return f"{size // factor}{prefix}"
@@ -289,16 +327,20 @@ def _read_rates(value: object) -> dict[str, float]:
 
 
 _MAX_RATE = 120
-"""What MORAI's own panel allows [Hz]."""
+"""Largest rate in MORAI's own panel [Hz]."""
 
 RATES = ValueType(f"TOPIC=HZ with at most {_MAX_RATE} Hz, such as /Ego_topic=10", _read_rates, "TOPIC=HZ", ",")
 
 
 def item_choices(name: str) -> ValueType:
-    """Return the type of a table of choices about publishers, subscribers or services."""
+    """Return the type of a table of choices about publishers, subscribers or services.
+
+    Args:
+        name: name of the table.
+    """
 
     def read(value: object) -> object:
-        # Imported here: only a setting with such a table needs it.
+        # Imported here because only a setting with such a table needs it.
         from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind, read_choices  # noqa: PLC0415
 
         return read_choices(InterfaceKind(name), value)

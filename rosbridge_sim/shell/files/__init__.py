@@ -1,1 +1,1 @@
-"""Files that are read for clients and written for them."""
+"""Files that are read or written for clients."""

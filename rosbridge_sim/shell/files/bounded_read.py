@@ -1,4 +1,4 @@
-"""Files read whole, up to a length."""
+"""Reading of whole files, up to a length."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ from rosbridge_sim.errors import DocumentError
 __all__ = ["read_bounded"]
 
 _FIRST_READ = 2**15
-"""Asking for `max_bytes` at once would cost a hundred small files a buffer of that size each."""
+"""Size of the first read [bytes]: a first read of `max_bytes` would allocate that much for each of many small files."""
 
 
 def read_bounded(path: Path, max_bytes: int) -> bytes:
     """Return a file's content.
+
+    Args:
+        path: path of the file.
+        max_bytes: longest content.
 
     Raises:
         DocumentError: it cannot be read, or it is longer than `max_bytes`.

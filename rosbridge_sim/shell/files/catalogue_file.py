@@ -1,14 +1,13 @@
-"""The user's own models: a table in a TOML or CSV file -> the catalogue that is asked before ours.
+"""The user's own models: a table in a TOML or CSV file, searched before the built-in catalogue.
 
-MORAI publishes neither sizes nor names of most of its models. A user that has them writes them into a file once:
-
+MORAI publishes neither sizes nor names of most of its models. A user who has them can write them into a file:
     [[model]]                      DataID,name,class,length,width,height,wheelbase,rear overhang,max steer,mass
     DataID = 30200005              30200005,Sonata,vehicle,4.9,1.86,1.445,2.84,1.1,35,1500
     name = "Sonata"
     class = "vehicle"
     length = 4.9
 
-Lengths are in metres, `max_steer` in degrees, `mass` in kilograms. Every mistake is told with its line and field.
+Lengths are in metres, `max_steer` in degrees, `mass` in kilograms. Every mistake is reported with its line and field.
 """
 
 from __future__ import annotations
@@ -34,25 +33,25 @@ COLUMNS: Final = (
     *("DataID", "name", "class", "length", "width", "height"),
     *("wheelbase", "rear_overhang", "max_steer", "mass"),
 )
-"""The fields of a model; case, blanks, `-` and `_` make no difference."""
+"""Fields of a model. Upper or lower case, blanks, `-` and `_` make no difference."""
 
 MAX_FILE_SIZE: Final = 2**20
-"""Some 10,000 models [bytes]."""
+"""Longest file [bytes]: about 10,000 models."""
 
 MAX_CATALOGUE_TEXT: Final = 100
-"""Of a name [characters]."""
+"""Longest name [characters]."""
 
 MAX_CATALOGUE_MISTAKES: Final = 20
-"""That one error lists."""
+"""Largest number of mistakes in one error."""
 
 MAX_BODY_LENGTH: Final = 100.0
-"""Of anything that is placed [m]: three road trains."""
+"""Largest length of a model [m]: three road trains."""
 
 MIN_LENGTH: Final = 0.01
 
 MIN_STEER: Final = 1.0
 MAX_STEER: Final = 80.0
-"""Beyond this the radius of a turn goes to nothing [deg]."""
+"""Largest steering angle [deg]; beyond this the turning radius goes to zero."""
 
 MAX_MASS: Final = 1e6
 
@@ -76,8 +75,8 @@ class _Entry:
 
     Attributes:
         where: file and line.
-        values: by column; what is empty is left out.
-        lines: file and line of single columns, where they are known.
+        values: values by column, without empty ones.
+        lines: file and line of single columns, if they are known.
     """
 
     where: str
@@ -85,7 +84,7 @@ class _Entry:
     lines: Mapping[str, str]
 
     def at(self, column: str) -> str:
-        """Return the place of a column."""
+        """Return the place of a column, for errors."""
         return f"{self.lines.get(column, self.where)}: {column}"
 
 
@@ -119,7 +118,7 @@ def read_catalogue(path: Path) -> Catalogue:
             first = taken.setdefault(key, entry.where)
             if first is not entry.where:
                 column = what.partition(" ")[0]
-                mistakes.append(f"{entry.at(column)}: {what.partition(' ')[2]} stands there already, at {first}")
+                mistakes.append(f"{entry.at(column)}: {what.partition(' ')[2]} is already used at {first}")
         models.append(model)
     if mistakes:
         more = (
@@ -146,7 +145,7 @@ def _read_text(path: Path) -> str:
     if len(content) > MAX_FILE_SIZE:
         raise DocumentError(f"{path}: expected a catalogue; it is longer than {show_size(MAX_FILE_SIZE)}")
     try:
-        # A spreadsheet writes either line end, and may begin with a mark.
+        # A spreadsheet program may write either line end, and a byte-order mark at the start.
         return content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         line = content.count(b"\n", 0, error.start) + 1
@@ -161,7 +160,7 @@ def _toml_entries(text: str, path: Path) -> Iterator[_Entry]:
         document = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise DocumentError(f"{path}: not valid TOML: {error}") from None
-    except (ValueError, RecursionError):  # numbers of thousands of digits; brackets in brackets
+    except (ValueError, RecursionError):  # a number of thousands of digits, or deeply nested brackets
         raise DocumentError(
             f"{path}: not valid TOML: a number is too long, or brackets are nested too deeply"
         ) from None
@@ -174,7 +173,7 @@ def _toml_entries(text: str, path: Path) -> Iterator[_Entry]:
     lines = text.split("\n")
     heads = [number for number, line in enumerate(lines, 1) if re.match(r"\s*\[\[\s*[\"']?model[\"']?\s*\]\]", line)]
     for i, values in enumerate(models):
-        # Where the tables are written in one line, no line is known.
+        # If the tables are written inline, their lines are not known.
         head = heads[i] if len(heads) == len(models) else None
         where = f"{path}: model {i + 1}" if head is None else f"{path}:{head}"
         if not isinstance(values, dict):
@@ -190,7 +189,7 @@ def _toml_entries(text: str, path: Path) -> Iterator[_Entry]:
 
 
 def _lines_of(lines: list[str], head: int, end: int, path: Path) -> Iterator[tuple[str, str]]:
-    """Yield the keys of a table, and file and line of each."""
+    """Yield the keys of a table, with file and line of each."""
     for number in range(head + 1, end + 1):
         match = re.match(r"\s*[\"']?([^\"'=]+?)[\"']?\s*=", lines[number - 1])
         if match:
@@ -213,7 +212,7 @@ def _csv_entries(text: str, path: Path) -> Iterator[_Entry]:
                 columns = [_column(cell, where) if cell else "" for cell in cells]
                 double = next((one for one in columns if one and columns.count(one) > 1), None)
                 if double is not None:
-                    raise DocumentError(f"{where}: {double}: stands there twice")
+                    raise DocumentError(f"{where}: {double}: given twice")
                 continue
             if any(cells[len(columns) :]):
                 raise DocumentError(f"{where}: expected {len(columns)} columns, got {len(cells)}")
@@ -235,10 +234,10 @@ def _column(text: str, where: str) -> str:
 
 
 class _Reader:
-    """The passage from one entry to one model.
+    """Conversion of one entry into one model.
 
     Attributes:
-        mistakes: a line each.
+        mistakes: one line each.
     """
 
     def __init__(self, entry: _Entry) -> None:
@@ -258,11 +257,11 @@ class _Reader:
     def _box(self, length: float, width: float, height: float) -> Body | None:
         strange = next((column for column in _OF_VEHICLES if column in self._entry.values), None)
         if strange is not None and not self.mistakes:
-            self._tell(strange, "expected nothing: only vehicles have it")
+            self._tell(strange, "expected no value: only vehicles have it")
         return None if self.mistakes else Body.box(length, width, height)
 
     def _body_on_wheels(self, length: float, width: float, height: float) -> Body | None:
-        """Return a vehicle's body; what is not written has the proportions of the usual car."""
+        """Return a vehicle's body; missing lengths have the proportions of the standard car."""
         like = default_model(Kind.VEHICLE).body
         wheelbase = self._number(
             "wheelbase", (MIN_LENGTH, MAX_BODY_LENGTH), "m", round(like.wheelbase * length / like.length, 3)
@@ -274,7 +273,7 @@ class _Reader:
         max_steer = self._number("max_steer", (MIN_STEER, MAX_STEER), "deg", math.degrees(like.max_steer))
         if self.mistakes:
             return None
-        front = round(length - wheelbase - rear, 6)  # figures that add up in decimals must do so here, too
+        front = round(length - wheelbase - rear, 6)  # decimal numbers that add up must also add up as floats
         if front < 0.0:
             text = f"expected wheelbase and rear overhang to be at most the length, {length:g} m"
             column = "rear_overhang" if "rear_overhang" in self._entry.values else "wheelbase"
@@ -289,7 +288,7 @@ class _Reader:
         )
 
     def _name(self, data_ids: tuple[int, ...]) -> str:
-        """Return the name; without one it is made from the number."""
+        """Return the name; if it is missing, one made from the DataID."""
         name = self._entry.values.get("name", f"Model_{data_ids[0]}" if data_ids else "")
         if isinstance(name, str) and key_of_name(name) and len(name) <= MAX_CATALOGUE_TEXT and name.isprintable():
             return name
@@ -297,7 +296,7 @@ class _Reader:
         return ""
 
     def _kind(self, data_ids: tuple[int, ...]) -> Kind | None:
-        """Return the class that is written, or that the number names."""
+        """Return the given class, or the class that belongs to the DataID."""
         text = self._entry.values.get("class")
         kind = class_of_data_id(data_ids[0]) if text is None and data_ids else None
         if text is not None:
@@ -308,7 +307,7 @@ class _Reader:
         return kind
 
     def _data_ids(self) -> tuple[int, ...]:
-        """Return the numbers of a model: none, one or several."""
+        """Return the DataIDs of a model: none, one or several."""
         value = self._entry.values.get("DataID", [])
         parts = re.split(r"[\s|]+", value.strip()) if isinstance(value, str) else value
         ids = []
@@ -322,14 +321,14 @@ class _Reader:
         return tuple(dict.fromkeys(ids))
 
     def _number(self, column: str, bounds: tuple[float, float], unit: str, default: float | None = None) -> float:
-        """Return a figure; NaN after a mistake."""
+        """Return a number; NaN after a mistake."""
         value = self._entry.values.get(column, default)
         low, high = bounds
         if value is None:
             self._tell(column, f"missing; expected a number from {low:g} to {high:,g} [{unit}]")
             return math.nan
         if isinstance(value, float) and math.isnan(value) and column not in self._entry.values:
-            return math.nan  # it follows from another one that is wrong
+            return math.nan  # it is computed from another number that is wrong
         number = math.nan
         if isinstance(value, (str, int, float)) and not isinstance(value, bool):
             try:

@@ -1,4 +1,4 @@
-"""Message definitions, found in our own folder and in those of the user, and read."""
+"""Message definitions: found in the package's own folder and in the user's folders, and read."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ Texts = dict[tuple[str, str, str], str]
 _PACKAGE = Path(__file__).resolve().parents[2]
 
 SCHEMAS = next(folder for folder in (_PACKAGE / "schemas", _PACKAGE.parent / "schemas") if folder.is_dir())
-"""Our definitions: within the wheel, or beside the package in a checkout."""
+"""The package's own definitions: inside the wheel, or beside the package in a checkout."""
 
 MAX_DEFINITION_SIZE = 2**20
-"""The longest real definition has 20 kB [bytes]."""
+"""Longest definition [bytes]; the longest real one has 20 kB."""
 
 MAX_FOLDERS = 20_000
-"""Folders searched for packages: ten times a large workspace. The bound is for a user that names `/`."""
+"""Folders that are searched for packages: ten times a large workspace. It limits the search if a user gives `/`."""
 
 _KINDS = {"msg": ".msg", "srv": ".srv", "action": ".action"}
 _PARSERS = {"msg": parse_message, "srv": parse_service, "action": parse_action}
@@ -40,16 +40,16 @@ _IGNORE_MARKS = ("CATKIN_IGNORE", "COLCON_IGNORE", "AMENT_IGNORE")
 def read_definitions(release: str, folders: Sequence[str | Path] = ()) -> Texts:
     """Return every message, service and action definition of the package, then those of the user's folders.
 
-    A folder may be a package (with `msg/` or `srv/` in it), hold packages, or be a whole catkin or colcon tree.
-    Where a package holds releases (`morai_msgs/22.R2/msg`), the chosen one is read. What comes later replaces what
-    came before. The user's own are parsed once here, so that a mistake shows at the start and not to a client.
+    A folder may be a package (with `msg/` or `srv/` in it), contain packages, or be a whole catkin or colcon tree. If a
+    package has several releases (`morai_msgs/22.R2/msg`), the chosen one is read. Later definitions replace earlier
+    ones. The user's own are parsed once here, so that the user sees a mistake at the start.
 
     Args:
-        release: which release of a package that has several.
-        folders: the user's, in order.
+        release: release to read of a package that has several.
+        folders: the user's folders, in order.
 
     Raises:
-        DocumentError: a folder without definitions, or a file that cannot be used.
+        DocumentError: a folder has no definitions, or a file cannot be used.
     """
     texts: Texts = {}
     for package, folder in _find_packages(SCHEMAS, release):
@@ -67,7 +67,7 @@ def _read_own(root: Path, release: str) -> Texts:
     for package, folder in _find_packages(root, release):
         if not _PACKAGE_NAME.fullmatch(package):
             raise DocumentError(
-                f"{folder}: {package!r} is no name of a ROS package; rename the folder or give it a package.xml"
+                f"{folder}: {package!r} is not a ROS package name; rename the folder or add a package.xml"
             )
         for key, text, path in _read_package(package, folder):
             if texts.get(key, text) != text:
@@ -83,9 +83,9 @@ def _read_own(root: Path, release: str) -> Texts:
 
 
 def _find_packages(root: Path, release: str) -> Iterator[tuple[str, Path]]:
-    """Yield name, and the folder that holds `msg/` or `srv/`, of each package at or below `root`, in order of path."""
+    """Yield the name of each package at or below `root`, and its folder with `msg/` or `srv/`, sorted by path."""
     waiting = [root]
-    seen: set[str] = set()  # real paths: workspaces are full of links, some of them in circles
+    seen: set[str] = set()  # real paths, because workspaces have many links, and some form loops
     while waiting:
         folder = waiting.pop()
         real = os.path.realpath(folder)
@@ -93,7 +93,7 @@ def _find_packages(root: Path, release: str) -> Iterator[tuple[str, Path]]:
             continue
         seen.add(real)
         if len(seen) > MAX_FOLDERS:
-            raise DocumentError(f"{root}: more than {MAX_FOLDERS:,} folders; name one nearer to the packages")
+            raise DocumentError(f"{root}: more than {MAX_FOLDERS:,} folders; give a folder closer to the packages")
         names = _list_folder(folder)
         if any(mark in names for mark in _IGNORE_MARKS):
             continue
@@ -105,7 +105,7 @@ def _find_packages(root: Path, release: str) -> Iterator[tuple[str, Path]]:
 
 
 def _list_folder(folder: Path) -> dict[str, bool]:
-    """Return name -> is it a folder, of all entries of a folder, in order of name."""
+    """Return name -> True if it is a folder, for all entries of a folder, sorted by name."""
     try:
         with os.scandir(folder) as entries:
             return dict(sorted((entry.name, entry.is_dir()) for entry in entries))
@@ -122,7 +122,7 @@ def _holds_definitions(folder: Path) -> bool:
 
 
 def _package_name(folder: Path) -> str:
-    """Return the name in the manifest, as ROS takes it; else that of the folder."""
+    """Return the name in the manifest, as ROS does; without a manifest, the name of the folder."""
     manifest = folder / "package.xml"
     if manifest.is_file():
         match = _MANIFEST_NAME.search(_decode(read_bounded(manifest, MAX_DEFINITION_SIZE)))
@@ -144,7 +144,7 @@ def _read_package(package: str, folder: Path) -> Iterator[tuple[tuple[str, str, 
 
 
 def _decode(content: bytes) -> str:
-    """Decode UTF-8. Where it is not, comments of an old file are in Latin 1, and nothing else matters."""
+    """Decode UTF-8. In an old file with other bytes, only comments are affected, and Latin 1 accepts all bytes."""
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

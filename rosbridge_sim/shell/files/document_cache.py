@@ -1,8 +1,8 @@
-"""Documents that were read before, for as long as their files stay as they were.
+"""A cache of documents, valid as long as their files do not change.
 
-A document is known again by what it was made from: path, time of change, size and inode of each of its files. So a file
-that was changed or replaced is read anew, and nothing has to be said when one is. The same unchanged map is the same
-object for all callers, however many ask at once: for the world that is no change of map.
+A document is identified by path, modification time, size and inode of each of its files. So a changed or replaced file
+is read again without a command. All callers get the same object for an unchanged map, even if they ask at the same
+time; the world treats that as no change of map.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from typing import Any, Final, TypeVar
 __all__ = ["DocumentCache"]
 
 MAX_DOCUMENTS: Final = 64
-"""Documents that are kept. A training run repeats some dozen scenarios on a few maps; further ones are read
-again."""
+"""Largest number of documents. A training run repeats some dozen scenarios on a few maps; further ones are read again.
+"""
 
 MAX_CACHED_BYTES: Final = 32 * 2**20
-"""Size of all source files together [bytes]. In memory a map takes two to four times as much as its files, so
-this bounds the cache to some 100 MB. A document that is larger by itself is read anew each time."""
+"""Largest size of all source files together [bytes]. In memory a map takes two to four times as much as its files, so
+the cache takes about 100 MB at most. A larger document is read again each time."""
 
 T = TypeVar("T")
 
 _Signature = tuple[tuple[str, int, int, int], ...]
-"""Path, time of change [ns], size [bytes] and inode of each file."""
+"""Path, modification time [ns], size [bytes] and inode of each file."""
 
 
 class _Slot:
-    """The place of one document.
+    """The entry of one document.
 
     Attributes:
-        lock: held while the document is read, so that other threads wait instead of reading it, too.
-        signature: of the files that it was made from; None while nothing is kept.
-        document: what was made from them.
+        lock: held while the document is read, so that other threads wait and do not read it, too.
+        signature: signature of its files; None if nothing is stored.
+        document: the document.
     """
 
     __slots__ = ("document", "lock", "signature")
@@ -44,7 +44,7 @@ class _Slot:
     def __init__(self) -> None:
         self.lock = threading.Lock()
         self.signature: _Signature | None = None
-        self.document: Any = None  # of the type that goes with the key
+        self.document: Any = None  # its type belongs to the key
 
     @property
     def num_bytes(self) -> int:
@@ -52,29 +52,29 @@ class _Slot:
 
 
 class DocumentCache:
-    """The documents that were used last. All threads may use it."""
+    """The most recently used documents. Any thread may use it."""
 
     def __init__(self, max_documents: int = MAX_DOCUMENTS, max_bytes: int = MAX_CACHED_BYTES) -> None:
-        """An empty cache.
+        """Create an empty cache.
 
         Args:
-            max_documents: how many are kept.
-            max_bytes: of their source files together [bytes].
+            max_documents: largest number of documents.
+            max_bytes: largest size of their source files together.
         """
         self._max_documents = max_documents
         self._max_bytes = max_bytes
-        self._lock = threading.Lock()  # of the table; never held while a file is looked at
-        self._slots: OrderedDict[tuple[str, str], _Slot] = OrderedDict()  # used last stands last
+        self._lock = threading.Lock()  # protects the table; never held during file access
+        self._slots: OrderedDict[tuple[str, str], _Slot] = OrderedDict()  # the most recently used is at the end
 
     def get(self, kind: str, path: Path, files: Sequence[Path], make: Callable[[], T], *, min_age: float = 0.0) -> T:
-        """The document that `make` makes of some files, made only if they have changed or it is not kept.
+        """Return a document; make it only if its files have changed or it is not stored.
 
         Args:
-            kind: tells different documents of one path apart; there is one type of document for each kind.
-            path: of the document: a file or a folder.
-            files: all that it is made from.
-            make: makes it; whatever it raises is passed on, and nothing is kept.
-            min_age: how long ago the files must have been changed, for the document to be kept [s].
+            kind: distinguishes different documents of one path; each kind has one type of document.
+            path: path of the document: a file or a folder.
+            files: all its source files.
+            make: makes it; errors that it raises are passed on, and nothing is stored.
+            min_age: time since the last change of the files that is needed to store the document [s].
         """
         key = (kind, str(path))
         with self._lock:
@@ -96,7 +96,7 @@ class DocumentCache:
             self._shrink()
 
     def _shrink(self) -> None:
-        """Forget the documents that were not used for longest, until the rest fits."""
+        """Remove the least recently used documents until the rest fits."""
         with self._lock:
             num_bytes = sum(slot.num_bytes for slot in self._slots.values())
             while len(self._slots) > self._max_documents or num_bytes > self._max_bytes:
@@ -105,14 +105,14 @@ class DocumentCache:
 
 
 def _sign(files: Sequence[Path]) -> _Signature | None:
-    """Return what tells that files are unchanged; None if one of them cannot be looked at."""
+    """Return the signature of files; None if one of them cannot be accessed."""
     signature = []
     try:
         for file in files:
             path = file.resolve()
             stat = path.stat()
             signature.append((str(path), stat.st_mtime_ns, stat.st_size, stat.st_ino))
-    except (OSError, RuntimeError):  # not there, or links in a circle: reading it will say what is wrong
+    except (OSError, RuntimeError):  # missing, or a loop of links: reading it reports the error
         return None
     return tuple(signature)
 

@@ -1,7 +1,7 @@
 """Scenarios and maps by name, found on the disk and read.
 
-What the user names at the start may lie anywhere. What a *client* names is only looked for inside the folders of
-`--scenario-path` and among the built-in documents: a path out of them is refused, whichever way it is spelled.
+A name that the user gives at the start may be any path. A name from a *client* is only searched in the folders of
+`--scenario-path` and among the built-in documents; a path out of them is refused, however it is spelled.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ __all__ = ["DiskLibrary", "map_names", "read_folder"]
 _log = logging.getLogger("rosbridge_sim.storage")
 
 DATA = Path(__file__).resolve().parents[2] / "data"
-"""Our scenarios and maps."""
+"""The built-in scenarios and maps."""
 
 MAX_DOCUMENT_SIZE = 256 * 2**20
-"""A whole city's lane file has some 60 MB [bytes]."""
+"""Longest file [bytes]; the lane file of a whole city has about 60 MB."""
 
 MAX_NAMES_LISTED = 20
-"""Names that an error lists."""
+"""Largest number of names in an error."""
 
 MIN_AGE = 2.0
-"""A scenario file that was changed later than this may change again without its time of change telling so [s]: FAT
-counts in steps of two seconds. Programs write a scenario, load it and write the next one to the same file."""
+"""A younger scenario file is not cached [s]. It may change again with the same modification time, because FAT counts in
+steps of two seconds. Programs write a scenario, load it, and write the next one to the same file."""
 
 
 class DiskLibrary:
-    """Scenarios and maps by name. Those that were used last are kept for as long as their files stay as they are.
+    """Scenarios and maps by name. Recently used ones are cached until their files change.
 
     Attributes:
-        catalogue: the models that scenarios name. It is read once, at the start.
+        catalogue: the models for scenarios; read once, at the start.
     """
 
     def __init__(
@@ -51,11 +51,11 @@ class DiskLibrary:
         own_map: str | None = None,
         own_models: str | Path | None = None,
     ) -> None:
-        """A library that reads each document when it is asked for.
+        """Create a library that reads each document when it is needed.
 
         Args:
-            scenario_folders: where clients' scenarios are, in order of search.
-            own_map: name or folder of a map that replaces every other one.
+            scenario_folders: folders of clients' scenarios, in order of search.
+            own_map: name or folder of a map that replaces all other maps.
             own_models: file of the user's catalogue.
 
         Raises:
@@ -67,7 +67,7 @@ class DiskLibrary:
         self._cache = DocumentCache()
         self.catalogue = BUILT_IN
         if own_models is not None:
-            # Imported here: a start without such a file does not wait for it.
+            # Imported here, so that a start without such a file is faster.
             from rosbridge_sim.shell.files.catalogue_file import read_catalogue  # noqa: PLC0415
 
             self.catalogue = read_catalogue(Path(own_models))
@@ -78,28 +78,37 @@ class DiskLibrary:
     def scenario(self, name: str) -> Scenario:
         """Return the scenario that a client names.
 
-        It is `NAME.json` (the suffix may be given or not) in one of the folders, or, as MORAI keeps them,
-        `MAP/NAME.json` there; `MAP/NAME` asks for one map's. After the folders comes the file that the server was
-        started with: programs begin an episode anew by loading it.
+        It is `NAME.json` in one of the folders (the suffix may be left out), or `MAP/NAME.json` there, as in MORAI.
+        `MAP/NAME` selects the scenario of one map. After the folders, the file that the server was started with is
+        tried, because programs load it to restart an episode.
+
+        Args:
+            name: NAME or MAP/NAME.
 
         Raises:
-            DocumentError: no such scenario, a name that leads out of the folders, or a file that cannot be used.
+            DocumentError: there is no such scenario, the name leads out of the folders, or a file cannot be used.
         """
         path = self._find_scenario(name)
         return self._cache.get("scenario", path, [path], lambda: self._understand(path), min_age=MIN_AGE)
 
     def opening_scenario(self, name: str) -> Scenario:
-        """Return the scenario that the user names at the start: as above, or any file.
+        """Return the scenario that the user names at the start: as for `scenario`, or any file.
+
+        Args:
+            name: a name or a path.
 
         Raises:
-            DocumentError: as above.
+            DocumentError: there is no such scenario, or a file cannot be used.
         """
         text, source = self.opening_file(name)
         self._opening = Path(source)
         return read_scenario(text, source, catalogue=self.catalogue)
 
     def opening_file(self, name: str) -> tuple[bytes, str]:
-        """Return content and path of the file of the scenario that the user names at the start.
+        """Return content and path of the scenario file that the user names at the start.
+
+        Args:
+            name: a name or a path.
 
         Raises:
             DocumentError: there is none, or it cannot be read.
@@ -110,7 +119,11 @@ class DiskLibrary:
         return self._read_scenario(self._find_scenario(name))
 
     def has_scenario(self, name: str) -> bool:
-        """Tell whether `scenario` would find a file under a name; it need not be a good one."""
+        """Return True if `scenario` would find a file; the file may be invalid.
+
+        Args:
+            name: NAME or MAP/NAME.
+        """
         try:
             self._find_scenario(name)
         except DocumentError:
@@ -139,23 +152,29 @@ class DiskLibrary:
         return read_bounded(path, MAX_DOCUMENT_SIZE), str(path)
 
     def scenario_names(self) -> list[str]:
-        """Return some of the names that `scenario` takes, in order of search, for error texts."""
+        """Return some of the names that `scenario` accepts, in order of search, for error texts."""
         own = [name for folder in self._folders for name in _names_in(folder)]
         opening = [] if self._opening is None else [self._opening.name.removesuffix(".json")]
         return list(dict.fromkeys([*own, *opening, *_names_in(DATA / "scenarios")]))[:MAX_NAMES_LISTED]
 
     def map(self, name: str) -> RoadMap:
-        """Return the map that a scenario names, or the one that replaces all.
+        """Return the map that a scenario names, or the one that replaces all maps.
+
+        Args:
+            name: name of the map.
 
         Raises:
-            DocumentError: no such map, or a file that cannot be used.
+            DocumentError: there is no such map, or a file cannot be used.
         """
         folder = self.map_folder(name)
         files = [folder / name for name in _map_files(folder)]
         return self._cache.get("map", folder, files, lambda: read_map(read_folder(folder), str(folder)))
 
     def map_folder(self, name: str) -> Path:
-        """Return the folder of the map of that name, or of the one that replaces all.
+        """Return the folder of a map, or of the one that replaces all maps.
+
+        Args:
+            name: name of the map.
 
         Raises:
             DocumentError: there is no such map.
@@ -181,21 +200,25 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
-    """Return the file of that name in a folder or, where no map is named, in one of the folders in it."""
+    """Return the file with that name in a folder or, if no map is named, in one of its subfolders."""
     found = [path for path in [folder.joinpath(*parts)] if path.is_file()]
     if not found and len(parts) == 1:
         found = [path for path in sorted(folder.glob("*/" + escape(parts[0]))) if path.is_file()]
     if not found:
         return None
     if len(found) > 1:
-        _log.warning("took %s, one of several scenarios named %s; name one with MAP/NAME", found[0], parts[0])
+        _log.warning("took %s, but several scenarios are named %s; use MAP/NAME to choose one", found[0], parts[0])
     if not found[0].resolve().is_relative_to(folder.resolve()):
         raise DocumentError(f"{'/'.join(parts)!r} leads out of --scenario-path")
     return found[0]
 
 
 def read_folder(folder: Path) -> dict[str, bytes]:
-    """Return name -> content of the files of a map that are used; a city's folder holds many more, and large ones."""
+    """Return name -> content of the needed files of a map; a city's folder has many other, large files.
+
+    Args:
+        folder: folder of the map.
+    """
     return {name: read_bounded(folder / name, MAX_DOCUMENT_SIZE) for name in _map_files(folder)}
 
 

@@ -1,4 +1,4 @@
-"""The disk as the place of scenarios' network settings: `Network/NAME.toml` in the folder of `--data-dir`."""
+"""Network settings of scenarios on the disk: `Network/NAME.toml` in the folder of `--data-dir`."""
 
 from __future__ import annotations
 
@@ -12,21 +12,28 @@ from rosbridge_sim.shell.files.names import safe_parts
 __all__ = ["DiskNetworks"]
 
 NETWORK_FOLDER = "Network"
-"""Folder for network settings within the data folder, named as by MORAI."""
+"""Folder for network settings within the data folder, with MORAI's name."""
 
 
 class DiskNetworks:
-    """Network settings by the name of the scenario that they belong to, read when they are asked for."""
+    """Network settings by the name of their scenario, read when they are needed."""
 
     def __init__(self, root: str | Path) -> None:
-        """Use the folder `Network` in `root`; neither has to exist."""
+        """Set the folder: `Network` in `root`; neither has to exist.
+
+        Args:
+            root: the data folder.
+        """
         self._folder = Path(root) / NETWORK_FOLDER
 
     def network(self, scenario: str) -> NetworkSettings | None:
-        """Return the settings of a scenario, named NAME, NAME.json or MAP/NAME; None where there is no such file.
+        """Return the settings of a scenario; None if there is no such file.
+
+        Args:
+            scenario: NAME, NAME.json or MAP/NAME.
 
         Raises:
-            DocumentError: the name is none or leads out of the folder, or the file cannot be used.
+            DocumentError: the name is not valid or leads out of the folder, or the file cannot be used.
         """
         path = self._folder / (safe_parts(scenario)[-1].removesuffix(".json") + ".toml")
         if not path.is_file():

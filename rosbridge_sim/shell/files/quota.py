@@ -1,9 +1,9 @@
-"""A quota for what clients have the server write into `--data-dir`, in bytes and in files.
+"""A quota for files that clients let the server write into `--data-dir`, in bytes and in number of files.
 
-All that lies there counts, folders as files, but for recordings (`.bag`, `.mcap`, `.db3`): these are the user's own. It
-is counted at the start; from then on the quota adds what it admits. The user may delete files meanwhile, so a quota
-that is used up counts anew, at most once a minute. Two hundred thousand files take a second to count, so a thread does
-what is more than a few.
+Everything in the folder counts, and folders count as files. Recordings (`.bag`, `.mcap`, `.db3`) do not count, because
+they belong to the user. The contents are counted at the start; after that the quota adds what it allows. The user may
+delete files meanwhile, so a full quota counts again, at most once a minute. Counting two hundred thousand files takes a
+second, so a thread counts large folders.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from rosbridge_sim.errors import DocumentError
 __all__ = ["Aside", "DataQuota", "Usage", "in_thread"]
 
 FILES_AT_ONCE: Final = 1_000
-"""Files that are counted at the start without a thread: two milliseconds of work on a local disk."""
+"""Files that are counted at the start without a thread: two milliseconds on a local disk."""
 
 MAX_COUNTED: Final = 5_000_000
-"""Files after which counting ends in any case: half a minute of work of a thread."""
+"""Counting stops after so many files: half a minute of work of a thread."""
 
 COUNT_PERIOD: Final = 60.0
-"""Least time between two counts, and between two warnings about one matter [s]."""
+"""Shortest time between two counts, and between two warnings about one matter [s]."""
 
 MANY_FILES: Final = 10_000
-"""Files within `COUNT_PERIOD` that are worth a warning: 167 a second is no pace that a recording of sensors has."""
+"""So many files within `COUNT_PERIOD` give a warning: no recording of sensors makes 167 per second."""
 
 _BREATH: Final = 100
-"""Files after which the counting thread lets others run."""
+"""Files after which the counting thread lets other threads run."""
 
 _RECORDINGS: Final = (".bag", ".mcap", ".db3")
 
@@ -46,18 +46,22 @@ _log = logging.getLogger("rosbridge_sim.storage")
 
 @dataclass(slots=True)
 class Usage:
-    """Bytes and files; folders are counted as files."""
+    """A number of bytes and files; folders count as files."""
 
     num_bytes: int = 0
     num_files: int = 0
 
 
 Aside = Callable[[Callable[[], Usage], Callable[[Usage], None]], None]
-"""`(work, done)`: do the work without holding anything up, then call `done` with its outcome."""
+"""`(work, done)`: do the work without delaying the loop, then call `done` with its result."""
 
 
 def in_thread(loop: asyncio.AbstractEventLoop) -> Aside:
-    """Do the work in a thread of its own, and hand over its outcome on the loop."""
+    """Return a function that does work in a new thread and delivers its result on the loop.
+
+    Args:
+        loop: the event loop.
+    """
 
     def aside(work: Callable[[], Usage], done: Callable[[Usage], None]) -> None:
         def run() -> None:
@@ -82,13 +86,13 @@ class DataQuota:
         aside: Aside,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Count what lies there; a count that takes longer ends later, and captures are admitted meanwhile.
+        """Count the contents. A long count ends later, and files are allowed until then.
 
         Args:
-            root: the folder; it need not be there.
-            max_bytes: all files together [bytes]; None for no limit.
-            max_files: files and folders; None for no limit.
-            aside: does what takes longer.
+            root: the folder; it need not exist.
+            max_bytes: limit for all files together; None means no limit.
+            max_files: limit for files and folders; None means no limit.
+            aside: does long work.
             clock: monotonic time [s].
         """
         self._root = root
@@ -98,28 +102,28 @@ class DataQuota:
         self._clock = clock
         self._is_stopped = threading.Event()
         self._used = Usage()
-        self._written = Usage()  # since the count under way has begun
+        self._written = Usage()  # written since the start of the current count
         self._is_counting = False
         self._counted_at = clock()
         self._refused_at = self._warned_at = float("-inf")
-        self._recent: deque[tuple[float, int]] = deque()  # (when, files written then), of the last `COUNT_PERIOD`
+        self._recent: deque[tuple[float, int]] = deque()  # (time, number of files) of the last `COUNT_PERIOD`
         self._num_recent = 0
         if max_bytes is not None or max_files is not None:
             self._begin()
 
     def stop(self) -> None:
-        """End the count that is under way."""
+        """Stop a running count."""
         self._is_stopped.set()
 
     def check(self, num_bytes: int, num_files: int) -> None:
-        """Refuse what would exceed the quota.
+        """Refuse files that would exceed the quota.
 
         Args:
-            num_bytes: to be written [bytes].
-            num_files: to be made, folders included.
+            num_bytes: size of the files.
+            num_files: number of files, with folders.
 
         Raises:
-            DocumentError: it would; the text names the quota and its flag.
+            DocumentError: the quota is exceeded; the text names it and its flag.
         """
         used = self._used
         if self._max_files is not None and used.num_files + num_files > self._max_files:
@@ -132,19 +136,19 @@ class DataQuota:
         if not self._is_counting and now - self._counted_at >= COUNT_PERIOD:
             self._counted_at = now
             self._count_aside(_walk(self._root), Usage())
-        text = f"the quota of --data-dir is used up: {why}"
+        text = f"the quota of --data-dir is reached: {why}"
         if now - self._refused_at >= COUNT_PERIOD:
             self._refused_at = now
             _log.warning("%s: %s", self._root, text)
         raise DocumentError(text)
 
     def add(self, num_bytes: int, num_files: int, source: str) -> None:
-        """Take note of what was written.
+        """Note that files were written.
 
         Args:
-            num_bytes: in these files [bytes].
-            num_files: folders included.
-            source: the topic or service by which a client had it written, for the log.
+            num_bytes: size of the files.
+            num_files: number of files, with folders.
+            source: the topic or service that a client used, for the log.
         """
         for usage in (self._used, self._written):
             usage.num_bytes += num_bytes
@@ -162,7 +166,7 @@ class DataQuota:
             self._warned_at = now
             limit = "no limit" if self._max_files is None else f"at most {self._max_files:,}"
             _log.warning(
-                "%s: %s files were written within a minute, the last by %s; is that wanted?"
+                "%s: %s files were written within a minute, the last by %s; if that is not intended,"
                 " --data-quota-files limits them (now %s)",
                 self._root,
                 f"{self._num_recent:,}",
@@ -171,7 +175,7 @@ class DataQuota:
             )
 
     def _begin(self) -> None:
-        """Count what lies there, so far as it is soon done, and have the rest counted aside."""
+        """Start to count; a long count goes on in a thread."""
         walk = _walk(self._root)
         for _, size in zip(range(FILES_AT_ONCE), walk, strict=False):
             self._used.num_files += 1
@@ -180,13 +184,13 @@ class DataQuota:
             self._count_aside(walk, Usage(self._used.num_bytes, self._used.num_files))
 
     def _count_aside(self, walk: Iterator[int], usage: Usage) -> None:
-        """Count on from there."""
+        """Continue the count in a thread."""
         self._is_counting = True
         self._written = Usage()
         self._aside(lambda: self._count(walk, usage), self._end_count)
 
     def _count(self, walk: Iterator[int], usage: Usage) -> Usage:
-        """Add the rest; in a thread. What is over the quota already need not be known exactly."""
+        """Count the rest, in a thread. The count may stop when the quota is exceeded."""
         max_files = MAX_COUNTED if self._max_files is None else min(self._max_files, MAX_COUNTED)
         for size in walk:
             usage.num_files += 1
@@ -199,16 +203,16 @@ class DataQuota:
         return usage
 
     def _end_count(self, usage: Usage) -> None:
-        """Go by the new count; what was written while it was made is added, though it may have seen some of that."""
+        """Use the new count. Files written during the count are added, though some may be counted twice."""
         self._is_counting = False
         self._used = Usage(usage.num_bytes + self._written.num_bytes, usage.num_files + self._written.num_files)
 
 
 def _walk(root: str | Path) -> Iterator[int]:
-    """The size of each file and folder in a folder [bytes], 0 for folders; links are not followed."""
+    """Yield the size of each file and folder below a folder [bytes], 0 for folders; links are not followed."""
     folders = [os.fspath(root)]
     while folders:
-        with suppress(OSError), os.scandir(folders.pop()) as entries:  # a folder that is gone or forbidden counts as 0
+        with suppress(OSError), os.scandir(folders.pop()) as entries:  # a missing or inaccessible folder counts as 0
             for entry in entries:
                 if entry.is_dir(follow_symlinks=False):
                     folders.append(entry.path)
@@ -218,7 +222,7 @@ def _walk(root: str | Path) -> Iterator[int]:
 
 
 def _size_of(entry: os.DirEntry[str]) -> int:
-    """The size of a file [bytes]; 0 where it was deleted meanwhile."""
+    """Return the size of a file [bytes]; 0 if it was deleted meanwhile."""
     try:
         return entry.stat(follow_symlinks=False).st_size
     except OSError:

@@ -1,7 +1,7 @@
-"""The disk as the place of captures: sensors' data, in the folder of `--data-dir` and nowhere else.
+"""Sensor data (captures) on the disk, only in the folder of `--data-dir`.
 
-A client may name a folder and the files. The folder is within `--data-dir`, whichever way it is spelled: links are
-followed before that is judged. Nothing that is there is ever overwritten.
+A client may name a folder and the files. The folder must be within `--data-dir`, however it is spelled: links are
+followed before the check. Existing files are never overwritten.
 """
 
 from __future__ import annotations
@@ -20,25 +20,30 @@ from rosbridge_sim.shell.files.quota import DataQuota
 __all__ = ["OWN_NAME", "DiskArchive"]
 
 USUAL_FOLDER = "SensorData"
-"""Folder of captures for clients that name none."""
+"""Folder for clients that name none."""
 
 OWN_NAME = "SaveFile"
-"""What MORAI calls the folder of `--data-dir`; a client's path may begin with it."""
+"""MORAI's name for the folder of `--data-dir`; a client's path may begin with it."""
 
 _MAX_PART = 200
-"""Characters of a capture's name in that of its unfinished part; a disk takes 255 bytes."""
+"""Characters of a capture's name that are used in the name of its unfinished file; disks allow 255 bytes."""
 
 MAX_PATH = 1_000
-"""Characters of a client's path."""
+"""Longest path from a client [characters]."""
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
 
 class DiskArchive:
-    """Writes captures. A mistake of the client's is told to it alone, a failure of the disk to the log as well."""
+    """Writes captures. Only the client is told about its mistakes; disk errors go to the log, too."""
 
     def __init__(self, root: str | Path, quota: DataQuota | None = None) -> None:
-        """An archive in a folder that is made when it is needed; a quota of None is no limit."""
+        """Set the folder, which is created when it is needed.
+
+        Args:
+            root: the data folder.
+            quota: limit for the folder; None means no limit.
+        """
         self._root = Path(root)
         self._quota = quota
         self._has_saved = False
@@ -47,14 +52,14 @@ class DiskArchive:
         """Write the files of one capture: all of them, or none.
 
         Args:
-            folder: a path within `--data-dir`, from there or a full one; empty for `SensorData` in it.
-            name: of the capture. Where one of its files is there already, `NAME_2` serves, then `NAME_3`, ...
-            files: contents by names in which `{}` stands for the capture's.
-            source: the topic or service that asked for it, for the log.
+            folder: a path within `--data-dir`, relative to it or absolute; empty means its folder `SensorData`.
+            name: name of the capture. If one of its files exists, `NAME_2` is used, then `NAME_3`, ...
+            files: contents by file name; `{}` in a name is replaced by the capture's name.
+            source: the topic or service of the request, for the log.
 
         Raises:
-            DocumentError: one line for the client: the folder is out of bounds, the name is none, the quota is used up,
-                or the disk says no.
+            DocumentError: a line for the client: the folder or name is not allowed, the quota is reached, or the disk
+                fails.
         """
         if len(name) > MAX_NAME or not is_plain_name(name):
             raise DocumentError(f"expected a plain file name without a folder, got {name[:80]!r}")
@@ -68,7 +73,7 @@ class DiskArchive:
             if self._quota is not None:
                 self._quota.check(num_bytes, num_files)
             _write(place, name, files, folders, made)
-        except (OSError, ValueError) as error:  # a ValueError is a text that is no name of a file
+        except (OSError, ValueError) as error:  # ValueError: a text that cannot be a file name
             for path in reversed(made):
                 with suppress(OSError):
                     path.rmdir() if path in folders else path.unlink()
@@ -85,7 +90,7 @@ class DiskArchive:
         """Return the folder that a client means.
 
         Raises:
-            DocumentError: the text is no path to a folder in `--data-dir`.
+            DocumentError: the text is not a path to a folder in `--data-dir`.
         """
         path = folder.replace("\\", "/") or USUAL_FOLDER
         parts = [part for part in path.split("/") if part not in {"", "."}]
@@ -97,14 +102,14 @@ class DiskArchive:
         return Path("/", *parts) if is_full else self._root.joinpath(*parts)
 
     def _check(self, place: Path, folder: str) -> None:
-        """Refuse a place that is not, or by way of a link would not be, within `--data-dir`.
+        """Refuse a folder that is outside `--data-dir`, directly or by a link.
 
         Raises:
-            DocumentError: it is not.
+            DocumentError: it is outside.
         """
         try:
             is_within = place.resolve().is_relative_to(self._root.resolve())
-        except (OSError, RuntimeError, ValueError):  # a circle of links, a text that is no path
+        except (OSError, RuntimeError, ValueError):  # a loop of links, or a text that is not a path
             is_within = False
         if not is_within:
             raise _out_of_bounds(folder)
@@ -115,7 +120,7 @@ def _out_of_bounds(folder: str) -> DocumentError:
 
 
 def _missing_folders(wanted: Iterable[Path]) -> list[Path]:
-    """Return the folders that have to be made to have these, the outer ones first."""
+    """Return the folders that must be created for these, outer ones first."""
     missing: dict[Path, None] = {}
     for folder in wanted:
         inner: list[Path] = []
@@ -128,9 +133,10 @@ def _missing_folders(wanted: Iterable[Path]) -> list[Path]:
 
 
 def _write(place: Path, name: str, files: Mapping[str, bytes], folders: Sequence[Path], made: list[Path]) -> None:
-    """Make the folders and write all files; `made` tells of those that were begun, should one of them fail.
+    """Create the folders and write all files; `made` gets each file when it is begun, for the clean-up after an error.
 
-    A file gets its name when it is whole: if the process is killed meanwhile, a hidden part is left, and no half file.
+    A file gets its name when it is complete. If the process is killed earlier, a hidden part file is left, but no
+    incomplete file.
     """
     free = _find_free(place, name, files)
     for folder in folders:
@@ -139,7 +145,7 @@ def _write(place: Path, name: str, files: Mapping[str, bytes], folders: Sequence
     for pattern, content in files.items():
         path = place / pattern.format(free)
         part = path.with_name(f".{path.name[:_MAX_PART]}.part")
-        part.unlink(missing_ok=True)  # of a process that was killed
+        part.unlink(missing_ok=True)  # left by a killed process
         with part.open("xb") as file:
             made.append(part)
             file.write(content)
@@ -149,16 +155,16 @@ def _write(place: Path, name: str, files: Mapping[str, bytes], folders: Sequence
 
 
 def _name(part: Path, path: Path) -> None:
-    """Give a whole file its name, which no other file may have: a renaming alone would take another file's place.
+    """Give a complete file its name. A rename is not used, because it would replace an existing file.
 
     Raises:
-        OSError: there is a file of that name, or the disk says no.
+        OSError: a file with that name exists, or the disk fails.
     """
     try:
         path.hardlink_to(part)
     except FileExistsError:
         raise
-    except OSError:  # FAT and exFAT have no links: take the name first
+    except OSError:  # FAT and exFAT have no hard links: create an empty file with the name first
         path.touch(exist_ok=False)
         try:
             part.replace(path)
@@ -168,17 +174,17 @@ def _name(part: Path, path: Path) -> None:
 
 
 def _find_free(place: Path, name: str, patterns: Mapping[str, bytes]) -> str:
-    """Return the name, or the name with the first number behind it that is free.
+    """Return the name, or the name with the first free number behind it.
 
-    In twice the logarithm of their number steps: a client may save under one name all day long. That takes numbers
-    without gaps; where a user has made some, it finds a later one that is free.
+    It needs about 2 log2(n) checks for n captures, because a client may use one name all day. If a user has made gaps
+    in the numbers, a later free one may be found.
     """
 
     def is_taken(number: int) -> bool:
         numbered = name if number == 1 else f"{name}_{number}"
         return any(os.path.lexists(place / pattern.format(numbered)) for pattern in patterns)
 
-    low, high = 0, 1  # nothing is asked of 0; low is taken, high is to be free
+    low, high = 0, 1  # 0 is not checked; low is used, high will be free
     while is_taken(high):
         low, high = high, 2 * high
     while high - low > 1:

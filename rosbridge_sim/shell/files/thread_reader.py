@@ -1,12 +1,10 @@
-"""Reading beside the event loop: scenarios and maps, in daemon threads.
+"""Reading of scenarios and maps in daemon threads, beside the event loop.
 
-A thread does one piece of work that shares nothing with the loop but what is never changed, and hands the outcome over.
-What follows from it happens on the loop, between two frames. `stop` waits for no thread, and after it nothing is handed
-over.
-
-A process must not end while such a thread is inside a library that is not written in Python (pydantic, numpy): the
-interpreter kills it there, and the process dies of SIGABRT or SIGSEGV. So `stop` interrupts the threads, and the end of
-the process waits a moment for those that are left.
+A thread does one job. It shares only unchangeable data with the loop, and delivers the result. The result is used on
+the loop, between two frames. `stop` does not wait for threads, and nothing is delivered after it.
+A process must not end while such a thread runs compiled code of a library (pydantic, numpy): the interpreter kills the
+thread there, and the process dies of SIGABRT or SIGSEGV. So `stop` interrupts the threads, and the end of the process
+waits a moment for those that still run.
 """
 
 from __future__ import annotations
@@ -27,16 +25,16 @@ from rosbridge_sim.errors import DocumentError
 __all__ = ["ThreadReader"]
 
 MAX_THREADS: Final = 2
-"""Pieces of work at once. A second one lets others load while a network disk hangs; more would only compete for the
-interpreter, which runs one thread at a time, and make the event loop wait longer for its turn."""
+"""Jobs at the same time. A second one lets others load while a network disk hangs. More would only compete for the
+interpreter, which runs one thread at a time, and delay the event loop."""
 
 READ_PATIENCE: Final = 120.0
-"""After so long a client is told that its document cannot be read [s]. The largest city map that is known takes some
-ten seconds; a disk that answers later than this has gone."""
+"""Time after which a client is told that its document cannot be read [s]. The largest known city map takes about ten
+seconds; a disk that needs longer than this does not work."""
 
 LAST_MOMENT: Final = 0.5
-"""How long the end of the process waits for threads that were interrupted [s]. One that takes longer waits for a disk:
-there it does no harm."""
+"""Longest wait for interrupted threads at the end of the process [s]. A thread that takes longer waits for a disk,
+where killing it is harmless."""
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
@@ -48,8 +46,8 @@ class _Job(Generic[T]):
 
     Attributes:
         work, then: as for `Reader.read`.
-        deadline: when it is given up.
-        is_done: its outcome was handed over, or it was given up.
+        deadline: timer after which it is given up.
+        is_done: its result was delivered, or it was given up.
     """
 
     def __init__(self, work: Callable[[], T], then: Callable[[T | DocumentError, float], None]) -> None:
@@ -60,32 +58,38 @@ class _Job(Generic[T]):
 
 
 class ThreadReader:
-    """A `Reader` with threads. Its methods are called on the event loop.
+    """A `Reader` with threads. Its methods must be called on the event loop.
 
     Attributes:
-        on_done: called after each outcome, since the world may have begun to move.
-        num_bugs: pieces of work, or what followed from them, that failed by a fault of ours; each is in the log with
+        on_done: called after each result, because the world may have changed.
+        num_bugs: number of jobs, or uses of their results, that failed by an internal error; each is in the log with
             its traceback.
     """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, patience: float = READ_PATIENCE) -> None:
-        """A reader without threads; each is started when there is something to read.
+        """Create a reader without threads; each thread is started when it is needed.
 
         Args:
-            loop: where outcomes are handed over.
-            patience: how long a piece of work may take, the wait for its turn included [s].
+            loop: delivers the results.
+            patience: longest time for a job, waiting included [s].
         """
         self.on_done: Callable[[], None] = _nothing
         self.num_bugs = 0
         self._loop = loop
         self._patience = patience
-        self._jobs: deque[_Job[Any]] = deque()  # of any kind of outcome; those that wait for their turn
+        self._jobs: deque[_Job[Any]] = deque()  # waiting jobs, with results of any type
         self._threads: set[threading.Thread] = set()
         self._deadlines: set[asyncio.TimerHandle] = set()
         self._is_stopped = False
 
     def read(self, work: Callable[[], T], then: Callable[[T | DocumentError, float], None], now: float) -> None:  # noqa: ARG002 - the loop has a clock
-        """See `Reader`. Work is begun in the order in which it comes; MAX_THREADS pieces are done at once."""
+        """See `Reader`. Jobs are started in order of arrival; MAX_THREADS run at the same time.
+
+        Args:
+            work: makes the result, in a thread.
+            then: called with the result or the error, and the time.
+            now: not used.
+        """
         if self._is_stopped:
             return
         job = _Job(work, then)
@@ -96,7 +100,7 @@ class ThreadReader:
         self._start_next()
 
     def stop(self) -> None:
-        """Hand nothing over any more, begin nothing, and interrupt what is being read. Twice is no error."""
+        """Deliver no more results, start no more jobs, and interrupt running ones. A second call does nothing."""
         if self._is_stopped:
             return
         self._is_stopped = True
@@ -118,7 +122,7 @@ class ThreadReader:
                 thread.start()
 
     def _run(self, job: _Job[T]) -> None:
-        """Work in a thread, until the work is done or `stop` interrupts it."""
+        """Run a job in a thread, until it is done or `stop` interrupts it."""
         with suppress(SystemExit):
             self._do(job)
 
@@ -129,7 +133,7 @@ class ThreadReader:
             outcome = job.work()
         except DocumentError as error:
             outcome = error
-        except Exception:  # noqa: BLE001 - a bug of ours must not leave the caller without an answer
+        except Exception:  # noqa: BLE001 - the caller needs an answer even after an internal error
             _log.exception("internal error: a document could not be read")
             outcome, is_bug = DocumentError("it cannot be read: the server failed, and its log says why"), True
         with suppress(RuntimeError):  # the loop is closed
@@ -142,14 +146,14 @@ class ThreadReader:
         outcome: T | DocumentError,
         is_bug: bool,  # noqa: FBT001 - asyncio passes by position
     ) -> None:
-        """Take the outcome of a thread, on the loop."""
+        """Take the result of a thread, on the loop."""
         self._threads.discard(thread)
         self.num_bugs += is_bug
         self._start_next()
         self._end(job, outcome)
 
     def _end(self, job: _Job[T], outcome: T | DocumentError) -> None:
-        """Hand over an outcome, on the loop: it is there, or it took too long."""
+        """Deliver a result or a time-out, on the loop."""
         if job.is_done or self._is_stopped:
             return
         job.is_done = True
@@ -158,24 +162,24 @@ class ThreadReader:
         self._deadlines.discard(job.deadline)
         try:
             job.then(outcome, self._loop.time())
-        except Exception:  # noqa: BLE001 - our own bug: this load is lost, everything else goes on
+        except Exception:  # noqa: BLE001 - an internal error: this load is lost, everything else goes on
             self.num_bugs += 1
             _log.exception("internal error: a document that was read could not be used")
         self.on_done()
 
 
 def _interrupt(thread: threading.Thread) -> None:
-    """Have a thread end at its next step in Python; one that has ended is no error."""
+    """Let a thread end at its next Python instruction; a thread that has ended is not an error."""
     if thread.ident is not None:
         ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread.ident), ctypes.py_object(SystemExit))
 
 
 def _await_end(threads: Iterable[threading.Thread]) -> None:
-    """Wait for threads, LAST_MOMENT at most."""
+    """Wait for threads, at most LAST_MOMENT."""
     until = time.monotonic() + LAST_MOMENT
     for thread in threads:
         thread.join(max(0.0, until - time.monotonic()))
 
 
 def _nothing() -> None:
-    """Do nothing: no outcome moves the world yet."""
+    """Do nothing: there is no callback yet."""

@@ -1,1 +1,1 @@
-"""The WebSocket server, the connections of its clients, and the connection to a bridge."""
+"""The WebSocket server, the connections of its clients, and the connection to a remote bridge."""

@@ -1,10 +1,9 @@
 """Rules for connections: token, origin, number of clients and rate. They apply before anything reaches the bus.
 
-A WebSocket handshake is refused with an HTTP status and a text where the page that asks is none of ours (403), where
-the token that it shows is wrong (401), or where there is no room (503). A client that shows no token may still show it
-in a message; see `unauthenticated.py`.
-
-What clients may do once they are in is `graph/policy.py`. A client needs a `RateGate` only where a rate is set.
+A WebSocket handshake is refused with an HTTP status and a text in three cases: the web page may not connect (403), the
+token is wrong (401), or there is no room (503). A client that sends no token in the handshake may still send it in a
+message; see `unauthenticated.py`.
+The rights of connected clients are in `graph/policy.py`. A `RateGate` is used only if a rate is set.
 """
 
 from __future__ import annotations
@@ -31,19 +30,19 @@ __all__ = ["Access", "RateGate", "Refusal", "TokenBucket", "load_certificate"]
 _log = logging.getLogger("rosbridge_sim.access")
 
 LEAST_BURST = 100
-"""Frames that may always come at once: what a program with many topics says when it connects."""
+"""Frames that may always come at once: a program with many topics sends so many when it connects."""
 
 MAX_SHOWN_TOKENS = 3
-"""Tokens that one request may show, as one connection has three tries: 8 kB of URL would have room for a thousand."""
+"""Tokens that are checked in one request, equal to the tries of a connection; a URL of 8 kB has room for a thousand."""
 
 _ANSWERS = (ServiceResponse, ActionResult)
-"""Ops that others wait for: they count, but are never refused for coming too fast."""
+"""Ops that other participants wait for: they count, but are never refused for the rate."""
 
 _ANSWER = re.compile(rb'\s*\{.{0,200}?"op"\s*:\s*"(?:service_response|action_result)"', re.DOTALL)
-"""The beginning of a frame that holds one of them, as all clients write it."""
+"""Start of a frame with one of them, as all clients write it."""
 
 _LOOKED_AT = 256
-"""Bytes of a frame in which its op is looked for without decoding it."""
+"""Bytes of a frame that are searched for its op without decoding."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,9 +50,9 @@ class Refusal:
     """Refusal of a handshake.
 
     Attributes:
-        status: of the HTTP answer.
-        text: its body.
-        origin: of the web page that was refused; None where that is not the reason.
+        status: HTTP status.
+        text: body of the answer.
+        origin: the refused web page; None if the page is not the reason.
     """
 
     status: HTTPStatus
@@ -66,13 +65,13 @@ class Access:
     """The rules for new connections.
 
     Attributes:
-        token: required from clients; None lets every client connect.
-        origins: the web pages that may connect. A handshake that shows the token is not asked for its page.
-        max_clients: at once; None is no limit. Only those count that have shown the token, if one is wanted.
-        max_strangers: connections at once that have not.
-        max_rate: frames a second from one client, after a burst of as many (or of LEAST_BURST); None is no limit.
-        patience: how long a client may be connected without a token [s].
-        delay: how long the answer to a wrong token waits [s]; twice as long after each further one on a connection.
+        token: token that clients must send; None lets every client connect.
+        origins: the web pages that may connect. They are not checked if the handshake has the token.
+        max_clients: most clients at once; None means no limit. With a token set, only clients that have sent it count.
+        max_strangers: most connections at once that have not sent the token.
+        max_rate: frames per second from one client, after a burst of as many (or of LEAST_BURST); None means no limit.
+        patience: longest time of a connection without the token [s].
+        delay: wait before the answer to a wrong token [s]; it doubles with each further one on a connection.
     """
 
     token: str | None = field(default=None, repr=False)
@@ -89,46 +88,62 @@ class Access:
         """Return why a handshake is refused; None if it may go on.
 
         Args:
-            request: of the handshake.
-            num_clients: at present.
-            is_loopback: the server can be reached from this machine alone.
-            own_names: names of this machine, by which web pages may call it.
+            request: the HTTP request.
+            num_clients: number of clients now.
+            is_loopback: the server can only be reached from this machine.
+            own_names: names of this machine that web pages may use.
         """
         if self.token is None or not self.is_shown(request):
             origins, hosts = (request.headers.get_all(name) for name in ("Origin", "Host"))
             why = self.origins.judge(origins, hosts, own_names, is_loopback=is_loopback)
             if why is not None:
                 return Refusal(HTTPStatus.FORBIDDEN, f"{why}\n", origins[0])
-        if not self.is_shown(request):  # a connection without the token takes no client's place
+        if not self.is_shown(request):  # a connection without the token does not use a client's place
             return Refusal(HTTPStatus.UNAUTHORIZED, "The token is wrong\n") if any(_shown_tokens(request)) else None
         if self.is_full(num_clients):
-            text = f"There are {num_clients} clients already, and no room for more; try again later\n"
+            text = f"At most {num_clients} clients; try again later\n"
             return Refusal(HTTPStatus.SERVICE_UNAVAILABLE, text)
         return None
 
     def is_full(self, num_clients: int) -> bool:
-        """Tell whether there is no room for one more client."""
+        """Return True if there is no room for another client.
+
+        Args:
+            num_clients: number of clients now.
+        """
         return self.max_clients is not None and num_clients >= self.max_clients
 
     def is_shown(self, request: Request) -> bool:
-        """Tell whether a request shows the token, or none is wanted."""
+        """Return True if a request has the token, or none is needed.
+
+        Args:
+            request: the HTTP request.
+        """
         if self.token is None:
             return True
         shown = list(islice(_shown_tokens(request), MAX_SHOWN_TOKENS + 1))
         return len(shown) <= MAX_SHOWN_TOKENS and any(self.is_token(text) for text in shown)
 
     def shows_any(self, request: Request) -> bool:
-        """Tell whether the request shows a token at all, right or wrong."""
+        """Return True if the request has any token, right or wrong.
+
+        Args:
+            request: the HTTP request.
+        """
         return any(True for _ in _shown_tokens(request))
 
     def is_token(self, text: str) -> bool:
-        """Tell whether a text is the token, in a time that does not depend on where they differ."""
+        """Return True if a text is the token. The time does not depend on the position of the first difference.
+
+        Args:
+            text: the text.
+        """
         wanted = "" if self.token is None else self.token
         return hmac.compare_digest(text.encode("utf-8", "surrogatepass"), wanted.encode())
 
 
 def _shown_tokens(request: Request) -> Iterator[str]:
-    """Return the tokens that a request shows, in the header and in the query."""
+    """Yield the tokens in a request's header and query."""
     for value in request.headers.get_all("Authorization"):
         scheme, _, token = value.partition(" ")
         if scheme.lower() == "bearer":
@@ -137,18 +152,31 @@ def _shown_tokens(request: Request) -> Iterator[str]:
 
 
 class TokenBucket:
-    """The frames that a client may still send: it fills with time up to a burst, and each frame takes one."""
+    """The frames that a client may still send: it fills with time up to the burst, and each frame takes one."""
 
     __slots__ = ("_at", "_burst", "_level", "_rate")
 
     def __init__(self, rate: float, burst: float, now: float) -> None:
-        """A full bucket; `rate` a second."""
+        """Create a full bucket.
+
+        Args:
+            rate: frames per second.
+            burst: capacity [frames].
+            now: monotonic time [s].
+        """
         self._rate = rate
         self._burst = self._level = burst
         self._at = now
 
     def take(self, now: float) -> bool:
-        """Take a frame's worth; return whether there was one."""
+        """Take one frame out.
+
+        Args:
+            now: monotonic time [s].
+
+        Returns:
+            True if there was one.
+        """
         self._level = min(self._burst, self._level + (now - self._at) * self._rate)
         self._at = now
         if self._level < 1.0:
@@ -158,14 +186,14 @@ class TokenBucket:
 
 
 class RateGate:
-    """Stands before a client's peer: lets ops through, and not faster than allowed."""
+    """A filter in front of a client's peer that lets ops through at a limited rate."""
 
     def __init__(self, peer: Peer, max_rate: int, now: float) -> None:
         """Begin with a full bucket.
 
         Args:
             peer: handles the frames that are let through.
-            max_rate: frames a second.
+            max_rate: frames per second.
             now: monotonic time [s].
         """
         self._peer = peer
@@ -176,7 +204,15 @@ class RateGate:
         self._bucket = TokenBucket(max_rate, max(max_rate, LEAST_BURST), now)
 
     def begin(self, frame: bytes, now: float) -> Work | None:
-        """Do what `Peer.begin` does, as far as it is allowed. A frame that comes too fast is not even decoded."""
+        """Do the same as `Peer.begin`, if the rate allows it. A frame that comes too fast is not decoded.
+
+        Args:
+            frame: content of a text or binary frame.
+            now: monotonic time [s].
+
+        Returns:
+            As `Peer.begin`.
+        """
         if not self._bucket.take(now) and not _ANSWER.match(frame[:_LOOKED_AT]):
             self._slow_down(now)
             return None
@@ -189,7 +225,7 @@ class RateGate:
         return None
 
     def _judge(self, op: Op, now: float) -> None:
-        """Do an op, or refuse it. The first one of a frame is counted with the frame, further ones each for itself."""
+        """Do an op, or refuse it. The first op counts with its frame, each further op counts by itself."""
         is_counted, self._is_counted = self._is_counted, False
         if is_counted or self._bucket.take(now) or isinstance(op, _ANSWERS):
             self._peer.do(op, now)
@@ -197,26 +233,26 @@ class RateGate:
             self._slow_down(now, op.id)
 
     def _slow_down(self, now: float, op_id: Id = None) -> None:
-        """Refuse a frame, or an op of one; the client hears of it once a second."""
+        """Refuse a frame or an op; the client is told once a second."""
         self._num_too_many += 1
         self._peer.num_errors += 1
         if now >= self._tell_at:
             self._tell_at = now + 1.0
-            why = f"Too fast: at most {self._max_rate} frames a second are taken from one client"
+            why = f"Too fast: at most {self._max_rate} frames a second are accepted from one client"
             text = f"{why}; refused so far: {self._num_too_many}"
             self._peer.session.remark("error", text, op_id)
             self._peer.note(Reason.TOO_FAST, text)
 
 
 def load_certificate(certfile: str | None, keyfile: str | None) -> ssl.SSLContext | None:
-    """Load the certificate for wss://; None where there is none.
+    """Load the certificate for wss://; return None if none is set.
 
     Args:
         certfile: a certificate, or a chain of them, in PEM.
-        keyfile: its private key in PEM; None where the same file holds it.
+        keyfile: its private key in PEM; None if it is in `certfile`.
 
     Raises:
-        DocumentError: a file that cannot be read, or that holds something else.
+        DocumentError: a file cannot be read, or has other contents.
     """
     if certfile is None:
         if keyfile is not None:
@@ -224,7 +260,7 @@ def load_certificate(certfile: str | None, keyfile: str | None) -> ssl.SSLContex
         return None
     for path in (certfile, keyfile or certfile):
         try:
-            with open(path, "rb"):  # noqa: PTH123 - the library below says only that one of the two is missing
+            with open(path, "rb"):  # noqa: PTH123 - the library below only says that one of the two is missing
                 pass
         except OSError as error:
             raise DocumentError(f"{path}: cannot be read: {error.strerror}") from None
@@ -242,5 +278,5 @@ def load_certificate(certfile: str | None, keyfile: str | None) -> ssl.SSLContex
 
 
 def _no_password() -> str:
-    """Return no password; without this the library would ask for one on the terminal."""
+    """Return an empty password, because otherwise the library asks for one on the terminal."""
     return ""

@@ -8,8 +8,8 @@ __all__ = ["BridgeError", "RefusedError"]
 
 
 class BridgeError(DocumentError):
-    """There is no rosbridge to talk to, or it does not talk: exit code 2."""
+    """There is no rosbridge at the URL, or it does not answer: exit code 2."""
 
 
 class RefusedError(RosbridgeSimError):
-    """The server refused a request, or is gone: exit code 1."""
+    """The server refused a request, or the connection has ended: exit code 1."""

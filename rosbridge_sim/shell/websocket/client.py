@@ -37,13 +37,13 @@ P = ParamSpec("P")
 _log = logging.getLogger("rosbridge_sim.server")
 
 MAX_REASON = 120
-"""Characters of a reason in a close frame, which has room for 123 bytes (RFC 6455 section 5.5)."""
+"""Longest reason in a close frame [characters]; the frame has room for 123 bytes (RFC 6455 section 5.5)."""
 
 MAX_FLUSHED = 2 * 2**20
-"""Bytes that are handed to one transport in one turn: some 1 ms. The rest goes in later turns."""
+"""Bytes given to one transport in one turn: about 1 ms. The rest follows in later turns."""
 
 WRITE_SIZE = 64 * 1024
-"""Bytes handed to the transport at once; about what a loopback socket's buffer takes."""
+"""Bytes given to the transport at once; about the size of a loopback socket's buffer."""
 
 _NEVER = float("inf")
 
@@ -52,33 +52,33 @@ class ClientWatch(Protocol):
     """Events that a client reports to its server."""
 
     def count_bug(self) -> None:
-        """Count a fault of ours that has shown while something was done for a client."""
+        """Count an internal error in work for a client."""
 
     def note_large_frame(self) -> None:
-        """Take note that a large frame came or went."""
+        """Note that a large frame was received or sent."""
 
 
 class Client:
     """One connected client: its socket, its outbox, its peer on the bus.
 
     Attributes:
-        host: the address it comes from, without the port.
-        connected_ns: since when [ns, the time of day].
-        num_bytes_sent: what the transport was given [bytes].
-        has_failed: a failure of ours in what is this client's alone has been found; it is closing.
+        host: network address without the port.
+        connected_ns: time of the connection [ns, time of day].
+        num_bytes_sent: bytes given to the transport.
+        has_failed: an internal error in this client's own state was found, and it is closing.
     """
 
     def __init__(
         self, socket: ServedConnection, bus: Bus, limits: ServerLimits, turns: Turns, watch: ClientWatch
     ) -> None:
-        """A client that nothing is read from yet.
+        """Create a client that does not read yet.
 
         Args:
-            socket: its connection, open.
-            bus: where it meets the others.
-            limits: of what it may do.
-            turns: when it may work.
-            watch: hears of what concerns the whole server.
+            socket: its open connection.
+            bus: the bus.
+            limits: its limits.
+            turns: gives it its turns.
+            watch: gets events that concern the whole server.
         """
         self.socket = socket
         self.outbox = Outbox(limits.outbox, self._schedule_flush, self.flush)
@@ -103,7 +103,7 @@ class Client:
         self.has_failed = False
         self._clock = socket.loop.time
         self._is_woken = False
-        # The due time is kept here: a handle of uvloop whose delay rounds to 0 ms cannot tell it.
+        # The due time is kept here, because uvloop's handle does not have it if its delay rounds to 0 ms.
         self._alarm: asyncio.Handle | None = None
         self._alarm_due = _NEVER
         self._closing: asyncio.Task[None] | None = None
@@ -122,7 +122,7 @@ class Client:
 
     @property
     def name(self) -> str:
-        """Address of the client, for people to read."""
+        """Address of the client, for people."""
         return self.peer.address
 
     @property
@@ -133,38 +133,49 @@ class Client:
 
     @property
     def num_bytes_waiting(self) -> int:
-        """Bytes on their way to it: in its outbox, and in its socket."""
+        """Bytes on their way to the client: in its outbox and in its socket."""
         return self.outbox.num_bytes + self.socket.num_bytes_unsent
 
     def shared(self) -> Iterator[tuple[int, int]]:
-        """The frames and messages that wait, which others may wait for, too."""
+        """Yield identity and size [bytes] of its waiting frames and messages, which other clients may share."""
         yield from self.outbox.frames()
         yield from self.peer.session.waiting()
 
     def evict(self, reason: str) -> None:
-        """Close it at once with code 1008, and let go of all it holds."""
+        """Close the connection at once with code 1008, and release everything.
+
+        Args:
+            reason: text for the close frame.
+        """
         self.peer.session.remark("error", reason)
         self.flush()
         self._start_closing(CloseCode.POLICY_VIOLATION, reason[:MAX_REASON])
         self._bus.forget_latched(self.peer)
         self.leave()
 
-    # In, as the `Receiver` of its socket
+    # Input, as the `Receiver` of its socket
 
     def begin(self) -> float:
-        """Begin a turn; see `Turns.begin`."""
+        """Begin a turn; return its end, by `perf_counter` [s]. See `Turns.begin`."""
         self._until = self._turns.begin()
         return self._until
 
     def receive(self, message: bytes) -> bool:
-        """Do what a frame asks, as far as the turn goes; return whether the next one may come."""
+        """Do the ops of a frame, as far as the turn allows.
+
+        Args:
+            message: content of the frame, perhaps compressed.
+
+        Returns:
+            True if the next frame may come.
+        """
         if type(message) is not bytes:
-            assert isinstance(message, Deflated), "a socket hands over nothing else"
+            assert isinstance(message, Deflated), "the only other type that a socket passes"
             self._work = _InflatedWork(self, message)
             return self._do_steps()
         try:
             work = self._begin_frame(message, self._clock())
-        except Exception:  # noqa: BLE001 - our own bug: this message is lost, everything else goes on
+        except Exception:  # noqa: BLE001 - an internal error: this message is lost, everything else goes on
             self._regret_frame()
             return True
         if work is None:
@@ -175,9 +186,9 @@ class Client:
         return self._do_steps()
 
     def _do_steps(self) -> bool:
-        """Go on with the frame in hand until the turn is over; return whether it is done with."""
+        """Continue with the current frame until the turn is over; return True if it is finished."""
         while self._work is not None:
-            if self.outbox.is_overfull or self._closing is not None:  # it does not hear the answers
+            if self.outbox.is_overfull or self._closing is not None:  # it does not read the answers
                 self._work = None
                 self.flush()
                 break
@@ -200,7 +211,14 @@ class Client:
             self.peer.notify("error", "The server failed on a message; its log says why")
 
     def inflate(self, message: Deflated) -> Generator[None, None, Work | None]:
-        """Inflate a message, in slices, and begin the frame that it holds."""
+        """Decompress a message in slices, and begin the frame in it.
+
+        Args:
+            message: the compressed message.
+
+        Returns:
+            As `Peer.begin`.
+        """
         extension = self.socket.extension(LateDeflate)
         try:
             frame = yield from inflate(extension, message, self._max_frame_size)
@@ -223,7 +241,11 @@ class Client:
     # Turns
 
     def wait(self, *, had_turn: bool) -> None:
-        """Have the socket go on in a later turn."""
+        """Let the socket continue in a later turn.
+
+        Args:
+            had_turn: this client has worked in this round; others come first.
+        """
         self._has_input = True
         self._get_in_line(had_turn=had_turn)
 
@@ -234,10 +256,17 @@ class Client:
             self._turns.wait(self, had_turn=had_turn)
 
     def work(self, until: float) -> bool:
-        """Go on with what was left: frames to make, then frames to read; return whether any is left still."""
+        """Continue with work that is left: frames to make, then frames to read.
+
+        Args:
+            until: end of the turn, by `perf_counter` [s].
+
+        Returns:
+            True if work is left.
+        """
         try:
             self._work_until(until)
-        except Exception as error:  # noqa: BLE001 - our own bug, in what is this client's alone
+        except Exception as error:  # noqa: BLE001 - an internal error in this client's own state
             self._is_in_line = False
             self._guard.blame(self.peer, error)
         return self._is_in_line
@@ -251,7 +280,7 @@ class Client:
             self._has_input = self.socket.go_on(until)
         self._is_in_line = self._has_output or (self._has_input and not self.peer.is_held)
 
-    # Out
+    # Output
 
     def _schedule_flush(self) -> None:
         if not self._is_woken:
@@ -259,7 +288,7 @@ class Client:
             self.socket.loop.call_soon(self.flush)
 
     def _set_alarm(self, due: float) -> None:
-        """Flush the peer's feeds at `due`, or earlier if an earlier alarm is set already."""
+        """Set an alarm for the peer's feeds at `due`, unless an earlier one is set."""
         if due < self._alarm_due:
             if self._alarm is not None:
                 self._alarm.cancel()
@@ -272,20 +301,20 @@ class Client:
         self._contain(self.peer.flush, self.socket.loop.time())
 
     def _contain(self, act: Callable[P, object], *args: P.args, **kwargs: P.kwargs) -> None:
-        """Do something that concerns this client alone; if it fails, the client is closed."""
+        """Call a function that concerns only this client; if it fails, the client is closed."""
         try:
             act(*args, **kwargs)
-        except Exception as error:  # noqa: BLE001 - our own bug, in what is this client's alone
+        except Exception as error:  # noqa: BLE001 - an internal error in this client's own state
             self._guard.blame(self.peer, error)
 
     def _fail(self, error: Exception) -> None:
-        """Close this client alone, with code 1011: something that was done for it has failed by a bug of ours.
+        """Close this client alone, with code 1011, after an internal error in work for it.
 
-        For the bus's guard, which has an eye on this too.
+        The bus's guard calls it, too.
         """
         if self.has_failed:
             return
-        self.has_failed = True  # first of all: the log is a topic, and this client may listen to it
+        self.has_failed = True  # before the log line, because this client may subscribe to /rosout
         _log.error("%s: closed because of an internal error", self.peer.address, exc_info=error)
         try:
             self._start_closing(CloseCode.INTERNAL_ERROR, "the server failed on this connection; its log says why")
@@ -295,7 +324,7 @@ class Client:
         self.leave()
 
     def leave(self) -> None:
-        """Take the client off the bus, whatever was on its way to it. Twice is no error."""
+        """Remove the client from the bus; waiting frames are dropped. A second call does nothing."""
         try:
             if self._alarm is not None:
                 self._alarm.cancel()
@@ -306,7 +335,7 @@ class Client:
             self.peer.leave(self.socket.loop.time())
 
     def flush(self) -> None:
-        """Hand what waits to the transport, for as long as it takes it, and about as much as one turn has time for."""
+        """Give waiting frames to the transport, as long as it accepts them, and as many as one turn has time for."""
         self._contain(self._flush_outbox)
 
     def _flush_outbox(self) -> None:
@@ -338,13 +367,13 @@ class Client:
             self._start_closing(CloseCode.POLICY_VIOLATION, "answers were left unread for too long")
 
     def _start_closing(self, code: CloseCode, reason: str) -> None:
-        """Close with a code and a reason; nothing more of this client's is done."""
+        """Close with a code and a reason, and stop all other work for this client."""
         if self._closing is None:
             self.socket.forget()
             self._closing = self.socket.loop.create_task(self._close(code, reason))
 
     async def _close(self, code: CloseCode, reason: str) -> None:
-        """Close with a reason; a socket that takes no more bytes would keep the closing itself waiting."""
+        """Close with a reason. A socket that is full is aborted, because the close frame could not be sent."""
         try:
             async with asyncio.timeout(CLOSE_TIMEOUT):
                 await self.socket.close(code, reason)
@@ -356,7 +385,7 @@ class Client:
 
 
 class _InflatedWork:
-    """A compressed message: it is inflated, then read."""
+    """Work for a compressed message: decompress it, then read it."""
 
     __slots__ = ("_slices", "_work")
 

@@ -1,8 +1,8 @@
-"""A WebSocket connection to another rosbridge, and texts about why there is none.
+"""A WebSocket connection to another rosbridge, and error texts for failed connections.
 
-`DialedConnection` is to a client what `server_connection.py` is to the server: messages go from the transport to a
-callback and back, without a queue and a task in between. It leaves the reading of frames to the library: what comes
-from a rosbridge that we dial are commands and calls of one client, and not the frames of hundreds.
+`DialedConnection` is the client's counterpart of `server_connection.py`: messages go directly from the transport to a
+callback and back, without a queue or a task in between. The library still reads the frames, because a remote rosbridge
+sends only commands and calls of one client, not the frames of hundreds.
 """
 
 from __future__ import annotations
@@ -25,15 +25,19 @@ __all__ = ["DialedConnection", "why_gone", "why_not"]
 
 
 class DialedConnection(MessageConnection, ClientConnection):
-    """A connection that hands each message to a callback, once `listen` was called; `recv` gives nothing."""
+    """A connection that gives each message to a callback, after `listen` was called; `recv` returns nothing."""
 
     def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
         self._on_message: Callable[[bytes], None] | None = None
-        self._early: list[bytes] = []  # came before `listen`: nothing, but for a server that greets
+        self._early: list[bytes] = []  # messages before `listen`; only a server that sends a greeting has some
 
     def listen(self, on_message: Callable[[bytes], None]) -> None:
-        """From now on, call `on_message` for each message; it may not raise."""
+        """Call a function for each message from now on.
+
+        Args:
+            on_message: the function; it must not raise.
+        """
         self._on_message = on_message
         early, self._early = self._early, []
         for message in early:
@@ -45,9 +49,12 @@ class DialedConnection(MessageConnection, ClientConnection):
         return not self.is_full and self.is_open
 
     def send_messages(self, messages: Sequence[bytes]) -> None:
-        """Hand messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
+        """Give messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
 
-        The library's own way costs twice as much; nothing was agreed upon that it would have to do (no extensions).
+        The library's own method costs twice as much. It is not needed, because no extensions are in use.
+
+        Args:
+            messages: the messages.
         """
         keys = os.urandom(4 * len(messages))
         parts: list[bytes] = []
@@ -57,13 +64,23 @@ class DialedConnection(MessageConnection, ClientConnection):
         self.transport.write(b"".join(parts))
 
     def data_received(self, data: bytes) -> None:
-        """Take bytes. If the connection ends by them, the other side has a while to close it; the library waits on."""
+        """Handle received bytes. If they end the connection, the other side has some time to close it.
+
+        Args:
+            data: the bytes.
+        """
         self.feed(data)
         self.cut_off_deaf()
 
     def take_message(self, message: bytes, *, is_text: bool, last: object) -> None:
-        """Take a message that the library has read."""
-        del is_text, last  # rosbridge's messages tell by themselves what they are, and nothing comes compressed
+        """Handle a message that the library has read.
+
+        Args:
+            message: the message.
+            is_text: not used.
+            last: not used.
+        """
+        del is_text, last  # a rosbridge message shows its own kind, and none is compressed here
         if self._on_message is None:
             self._early.append(message)
         else:
@@ -73,15 +90,15 @@ class DialedConnection(MessageConnection, ClientConnection):
 def why_not(
     url: str, error: Exception, patience: float, *, flag: str, token: str, secrets: Collection[str] = ()
 ) -> str:
-    """Return why there is no connection, and what to do about it.
+    """Return why there is no connection, and what to do.
 
     Args:
-        url: what was dialled.
-        error: what the library raised.
-        patience: how long an answer was waited for [s].
-        flag: where the URL was given.
-        token: where a token can be given.
-        secrets: what was sent and is not to be shown, beside what stands in the URL.
+        url: the URL that was dialled.
+        error: the error of the library.
+        patience: time that was waited for an answer [s].
+        flag: name of the flag or argument with the URL.
+        token: text that says where to give a token.
+        secrets: texts that were sent and must not be shown, besides those in the URL.
     """
     shown = shown_url(url)
     hidden = secrets_of(url) | set(secrets)
@@ -95,11 +112,11 @@ def why_not(
     elif isinstance(error, ssl.SSLCertVerificationError):
         why = f"{error.verify_message}; the variable SSL_CERT_FILE may name certificates to trust"
     elif isinstance(error, ssl.SSLError) or (isinstance(error, ConnectionResetError) and url.startswith("wss:")):
-        why = "no TLS there, it seems; ws:// is without"
+        why = "the server seems to have no TLS; use ws://"
     elif isinstance(error, ConnectionRefusedError) or "Connect call failed" in str(error):
         why = "nothing listens there; is the server running?"
     elif isinstance(error, socket.gaierror) and error.errno == socket.EAI_AGAIN:
-        why = "no name server answers, to say where that host is"
+        why = "no DNS server answers, so the host cannot be found"
     elif isinstance(error, (socket.gaierror, UnicodeError)):
         why = "there is no such host"
     elif isinstance(error, OSError) and not isinstance(error, ConnectionError):
@@ -110,13 +127,13 @@ def why_not(
 
 
 def _why_status(error: InvalidStatus, token: str, hidden: Collection[str]) -> str:
-    """Return the meaning of an HTTP status, without what a server repeats of our request."""
+    """Return the meaning of an HTTP status, without parts of our request that the server repeats."""
     response = error.response
     denials = {
-        401: f"it wants a token ({token})",
-        403: "it refuses us",
-        429: "it refuses us",
-        503: "it takes no more clients now",
+        401: f"it needs a token ({token})",
+        403: "it refuses this client",
+        429: "it refuses this client",
+        503: "it accepts no more clients now",
     }
     status = f"HTTP {response.status_code} {safe(hide(response.reason_phrase, hidden))}".strip()
     said = hide((response.body or b"").decode(errors="replace").strip(), hidden)
@@ -125,11 +142,17 @@ def _why_status(error: InvalidStatus, token: str, hidden: Collection[str]) -> st
 
 
 def why_gone(url: str, closed: ConnectionClosed, secrets: Collection[str] = ()) -> str:
-    """Return how a connection ended that was not closed from here; see `why_not`."""
+    """Return why a connection ended that was not closed from this side; see `why_not`.
+
+    Args:
+        url: the URL that was dialled.
+        closed: the error of the library.
+        secrets: texts that were sent and must not be shown, besides those in the URL.
+    """
     shown = shown_url(url)
     hidden = secrets_of(url) | set(secrets)
     if closed.rcvd is None:
-        if closed.sent is not None and closed.sent.reason:  # a frame too long, a ping without an answer
+        if closed.sent is not None and closed.sent.reason:  # such as a frame that is too long, or an unanswered ping
             return f"{shown}: the connection was given up: {safe(hide(closed.sent.reason, hidden))}"
         return f"{shown}: the connection was lost"
     reason = f": {safe(hide(closed.rcvd.reason, hidden))}" if closed.rcvd.reason else ""

@@ -1,6 +1,6 @@
-"""Bounded numbers of connections that are no clients yet: the oldest one leaves for a new one.
+"""A limited number of connections that are not clients yet: the oldest one is closed for a new one.
 
-Refusing the new one instead would let anyone keep out all others with a few idle connections.
+If the new one were refused, anyone could block all others with a few idle connections.
 """
 
 from __future__ import annotations
@@ -11,20 +11,20 @@ __all__ = ["ConnectionPlaces", "Evictable"]
 
 
 class Evictable(Protocol):
-    """A holder of a place."""
+    """An owner of a place."""
 
     def evict(self) -> None:
-        """Leave at once: another one takes the place. Must not raise."""
+        """Leave at once, because another connection takes the place. Must not raise."""
 
 
 class ConnectionPlaces:
-    """A bounded number of places, in order of arrival; the oldest one leaves for a new one."""
+    """A limited number of places, in order of arrival; the oldest owner leaves for a new one."""
 
     def __init__(self, number: int) -> None:
-        """All free.
+        """Create free places.
 
         Args:
-            number: of places, 1 at least.
+            number: number of places, at least 1.
         """
         self._number = number
         self._taken: dict[Evictable, None] = {}
@@ -34,7 +34,11 @@ class ConnectionPlaces:
         return len(self._taken)
 
     def take(self, one: Evictable) -> None:
-        """Give a place to one that has none, if need be the place of the oldest."""
+        """Give a place to a connection without one; if all are in use, the oldest owner leaves.
+
+        Args:
+            one: the connection.
+        """
         self._taken[one] = None
         if len(self._taken) > self._number:
             oldest = next(iter(self._taken))
@@ -42,5 +46,9 @@ class ConnectionPlaces:
             oldest.evict()
 
     def leave(self, one: Evictable) -> None:
-        """Free a place; one that has none is no error."""
+        """Free a place; a connection without one is not an error.
+
+        Args:
+            one: the connection.
+        """
         self._taken.pop(one, None)

@@ -1,4 +1,4 @@
-"""Connections of the server, and the tables that they stand in for as long as they are open."""
+"""Connections of the server, and the tables that list them while they are open."""
 
 from __future__ import annotations
 
@@ -28,24 +28,28 @@ __all__ = [
 
 _log = logging.getLogger("rosbridge_sim.server")
 
-_SILENT = "its request had not come when too many other connections did"
+_SILENT = "it had not sent its request when too many other connections came"
 
-CROWDED = "more connections without a token came than there are places for (--max-strangers)"
+CROWDED = "there were more connections without the token than --max-strangers allows"
 
 
 class ConnectionTables:
-    """All connections, and the places of those that are no clients yet.
+    """All connections, and the places of those that are not clients yet.
 
     Attributes:
         sockets: every open connection.
-        handshakes: those in their TLS handshake.
-        opening: those without a whole request.
-        unauthenticated: those that have not shown the token.
-        num_bytes_received: bytes that came over connections that are closed by now.
+        handshakes: connections in their TLS handshake.
+        opening: connections without a complete request.
+        unauthenticated: connections that have not sent the token.
+        num_bytes_received: bytes received over connections that are closed now.
     """
 
     def __init__(self, max_strangers: int) -> None:
-        """Tables without connections; at most `max_strangers` may be without the token."""
+        """Create empty tables.
+
+        Args:
+            max_strangers: most connections without the token.
+        """
         self.sockets: dict[ServedConnection, None] = {}
         self.handshakes: dict[TlsHandshake, None] = {}
         self.opening = ConnectionPlaces(MAX_OPENING)
@@ -54,20 +58,28 @@ class ConnectionTables:
 
 
 class ServedConnection(ReceivingConnection):
-    """A connection that stands in tables for as long as it is open; stands before the kind of reading in the bases."""
+    """A connection that is in the tables while it is open. It comes first in the bases, before the class that reads."""
 
     def __init__(self, tables: ConnectionTables, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
         self._tables = tables
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Take a place among the connections without a request."""
+        """Take a place among the connections without a request.
+
+        Args:
+            transport: the transport of the connection.
+        """
         super().connection_made(transport)
         self._tables.sockets[self] = None
         self._tables.opening.take(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Leave all places."""
+        """Leave all places.
+
+        Args:
+            exc: the error of the transport, or None.
+        """
         if self in self._tables.sockets:
             del self._tables.sockets[self]
             self._tables.num_bytes_received += self.num_bytes_received
@@ -76,7 +88,7 @@ class ServedConnection(ReceivingConnection):
         super().connection_lost(exc)
 
     def evict(self) -> None:
-        """Close it without waiting for the other side: its place is taken."""
+        """Close the connection without waiting for the other side, because its place is needed."""
         _log.info("%s cut off: %s", address_of(self), CROWDED if self.request is not None else _SILENT)
         self.forget()
         if self.is_open:
@@ -89,11 +101,11 @@ class ServedConnection(ReceivingConnection):
 
 
 class DirectServedConnection(ServedConnection, DirectConnection):
-    """A connection of the server that reads frames by our own code."""
+    """A connection of the server that reads frames with this package's own code."""
 
 
 class LibraryServedConnection(ServedConnection, LibraryConnection):
-    """A connection of the server that reads frames by the library's code."""
+    """A connection of the server that reads frames with the library's code."""
 
 
 def make_connection(
@@ -103,12 +115,24 @@ def make_connection(
     *args: LibraryArgument,
     **kwargs: LibraryArgument,
 ) -> asyncio.Protocol:
-    """Make the protocol of a connection that was accepted; `rules` are those of TLS, if it is to be encrypted."""
+    """Create the protocol object of an accepted connection.
+
+    Args:
+        kind: class of the connection.
+        tables: the tables of the server.
+        rules: rules for TLS; None for an unencrypted connection.
+        args: the library's arguments.
+        kwargs: the library's arguments.
+    """
     socket = kind(tables, *args, **kwargs)
     return socket if rules is None else TlsHandshake(socket, rules, tables.opening, tables.handshakes)
 
 
 def address_of(connection: ServerConnection) -> str:
-    """Return address and port of the other side, for people to read; an empty text where there is none."""
+    """Return address and port of the other side, for people; empty if there is none.
+
+    Args:
+        connection: the connection.
+    """
     address = connection.remote_address
     return f"{address[0]}:{address[1]}" if address else ""

@@ -1,7 +1,7 @@
 """Resolve host names in a daemon thread, so that a dead DNS server never blocks shutdown.
 
-The loop's own way occupies a thread until the system gives up, half a minute perhaps, and no process ends before it.
-Here that thread is a daemon, which the end of the process does not wait for.
+The loop's own method blocks a thread until the system gives up, perhaps half a minute, and no process ends before it.
+Here the thread is a daemon, so the process does not wait for it.
 """
 
 from __future__ import annotations
@@ -16,10 +16,14 @@ __all__ = ["HostLookup"]
 
 
 class HostLookup:
-    """Resolves one host name, as often as wanted; requests at the same time share one answer."""
+    """Resolves one host name, any number of times; requests at the same time share one answer."""
 
     def __init__(self, host: str) -> None:
-        """Remember the host; `addresses` resolves it."""
+        """Set the host; `addresses` resolves it.
+
+        Args:
+            host: name or address of the host.
+        """
         self._host = host
         self._answer: asyncio.Future[list[str]] | None = None
 
@@ -27,11 +31,11 @@ class HostLookup:
         """Return the host's addresses, best first.
 
         Args:
-            patience: how long that may take [s].
+            patience: longest wait [s].
 
         Raises:
             socket.gaierror: it has none, or there was no answer in time (EAI_AGAIN).
-            UnicodeError: no host can have that name.
+            UnicodeError: it cannot be a host name.
         """
         with suppress(ValueError):
             return [str(ipaddress.ip_address(self._host))]
@@ -48,7 +52,7 @@ class HostLookup:
         answer: asyncio.Future[list[str]] = loop.create_future()
         answer.add_done_callback(
             lambda done: done.cancelled() or done.exception()
-        )  # so that asyncio does not log it where nothing waits any more
+        )  # so that asyncio does not log it if no task waits any more
 
         def settle(outcome: list[str] | Exception) -> None:
             if answer.cancelled():
@@ -60,7 +64,7 @@ class HostLookup:
 
         def look() -> None:
             outcome = _look_up(self._host)
-            with suppress(RuntimeError):  # the loop has ended meanwhile
+            with suppress(RuntimeError):  # the loop has ended
                 loop.call_soon_threadsafe(settle, outcome)
 
         threading.Thread(target=look, name=f"lookup of {self._host}", daemon=True).start()
@@ -76,5 +80,5 @@ def _look_up(host: str) -> list[str] | Exception:
 
 
 def _address(host: str | int, _port: object, _flow: int = 0, scope: int = 0) -> str:
-    """An address as text; one of a link with the number of that link."""
+    """Return an address as text; a link-local address gets the number of its link."""
     return f"{host}%{scope}" if scope and "%" not in str(host) else str(host)

@@ -1,7 +1,8 @@
-"""Compressed messages (permessage-deflate, RFC 7692), inflated slice by slice.
+"""Compressed messages (permessage-deflate, RFC 7692), decompressed in slices.
 
-16 kB can inflate to 16 MB, and the library does that in one go while all other clients wait. Here its extension hands a
-compressed message on as it came, marked as such, and `inflate` reads it in slices. Others have their turn in between.
+16 kB can decompress to 16 MB. The library does that in one call, while all other clients wait. Here its extension
+passes a compressed message on unchanged, marked as such, and `inflate` reads it in slices. Other clients have their
+turn in between.
 """
 
 from __future__ import annotations
@@ -20,64 +21,78 @@ from websockets.typing import ExtensionParameter
 __all__ = ["Deflated", "DeflatedText", "LateDeflate", "LateDeflateFactory", "inflate", "library_deflate"]
 
 _SLICE = 256 * 1024
-"""Bytes that are inflated in one go: under a millisecond."""
+"""Bytes decompressed in one slice: less than a millisecond."""
 
 _TAIL = b"\x00\x00\xff\xff"
-"""The end of a message that is not sent (RFC 7692 section 7.2.1)."""
+"""End of a message that is not sent (RFC 7692 section 7.2.1)."""
 
 
 _BEGINNINGS = frozenset({Opcode.TEXT, Opcode.BINARY})
 
 _DEFAULT_WINDOW = 15
-"""Bits of a window that was not spoken of (RFC 7692 section 7.1.2)."""
+"""Window bits if they were not negotiated (RFC 7692 section 7.1.2)."""
 
 
 class Deflated(bytes):
-    """A message, or a fragment of one, as it was sent: compressed."""
+    """A compressed message, or a fragment of one, as it was sent."""
 
     __slots__ = ()
 
 
 class DeflatedText(Deflated):
-    """A compressed message of text frames: what it inflates to must be UTF-8."""
+    """A compressed message of text frames: its decompressed content must be UTF-8."""
 
     __slots__ = ()
 
 
 class LateDeflate(Extension):
-    """The library's extension, but for incoming messages, which stay compressed.
+    """The library's extension, except that incoming messages stay compressed.
 
     Attributes:
-        is_fresh: the client compresses each message by itself.
-        window_bits: of the client's compression.
-        decoder: what inflates the next message.
+        is_fresh: the client compresses each message independently.
+        window_bits: window of the client's compression [bits].
+        decoder: decompresses the next message.
     """
 
     name = ServerPerMessageDeflateFactory.name
 
     def __init__(self, library: Extension, *, is_fresh: bool, window_bits: int) -> None:
-        """An extension for a new connection.
+        """Create the extension for a new connection.
 
         Args:
-            library: compresses what is sent.
-            is_fresh: as agreed upon (RFC 7692 section 7.1.1.2).
-            window_bits: as agreed upon (RFC 7692 section 7.1.2.2).
+            library: compresses outgoing messages.
+            is_fresh: as negotiated (RFC 7692 section 7.1.1.2).
+            window_bits: as negotiated (RFC 7692 section 7.1.2.2).
         """
         self.is_fresh = is_fresh
         self.window_bits = window_bits
         self.decoder = zlib.decompressobj(wbits=-window_bits)
         self._library = library
-        self._is_compressed = False  # the message whose continuation may come
+        self._is_compressed = False  # a compressed message is not finished
 
     def encode(self, frame: Frame) -> Frame:
-        """Compress a frame."""
+        """Compress an outgoing frame.
+
+        Args:
+            frame: the frame.
+
+        Returns:
+            The frame to send.
+        """
         return self._library.encode(frame)
 
-    def decode(self, frame: Frame, *, max_size: int | None = None) -> Frame:  # noqa: ARG002 - judged when it is inflated
-        """Mark what is compressed; everything else stays as it is.
+    def decode(self, frame: Frame, *, max_size: int | None = None) -> Frame:  # noqa: ARG002 - checked during decompression
+        """Mark an incoming compressed frame; leave other frames as they are.
+
+        Args:
+            frame: the frame.
+            max_size: not used.
+
+        Returns:
+            The frame.
 
         Raises:
-            ProtocolError: RFC 7692 forbids the bit in a continuation.
+            ProtocolError: RFC 7692 forbids the compression bit in a continuation frame.
         """
         if frame.opcode is Opcode.CONT:
             if not self._is_compressed:
@@ -91,7 +106,7 @@ class LateDeflate(Extension):
 
 
 class LateDeflateFactory(ServerExtensionFactory):
-    """Negotiates as the library does, with its own defaults."""
+    """Negotiates like the library, with the library's defaults."""
 
     name = ServerPerMessageDeflateFactory.name
 
@@ -101,10 +116,17 @@ class LateDeflateFactory(ServerExtensionFactory):
     def process_request_params(
         self, params: Sequence[ExtensionParameter], accepted_extensions: Sequence[Extension]
     ) -> tuple[list[ExtensionParameter], LateDeflate]:
-        """Answer an offer.
+        """Answer an offer of the client.
+
+        Args:
+            params: parameters of the offer.
+            accepted_extensions: extensions accepted before.
+
+        Returns:
+            Parameters of the answer, and the extension.
 
         Raises:
-            NegotiationError: it cannot be accepted.
+            NegotiationError: the offer cannot be accepted.
         """
         answer, agreed = self._library.process_request_params(params, accepted_extensions)
         said = dict(answer)
@@ -117,32 +139,32 @@ class LateDeflateFactory(ServerExtensionFactory):
 
 
 def library_deflate() -> ServerPerMessageDeflateFactory:
-    """The library's own extension, with the settings that it has by itself."""
+    """Return the library's own extension with its own default settings."""
     return ServerPerMessageDeflateFactory(
         server_max_window_bits=12, client_max_window_bits=12, compress_settings={"memLevel": 5}
     )
 
 
 def inflate(extension: LateDeflate, data: Deflated, max_bytes: int) -> Generator[None, None, bytes | None]:
-    """Read a compressed message; yields after each slice.
+    """Decompress a message; yield after each slice.
 
     Args:
-        extension: of the connection, whose messages must be read in order.
+        extension: extension of the connection, whose messages must be read in order.
         data: the whole message.
         max_bytes: longest message.
 
     Returns:
-        The message; None where it is longer.
+        The message; None if it is longer.
 
     Raises:
-        zlib.error: it is not what zlib makes.
+        zlib.error: the data is not valid.
     """
     if extension.is_fresh:
         extension.decoder = zlib.decompressobj(wbits=-extension.window_bits)
     decoder = extension.decoder
     message = bytearray()
     compressed = data + _TAIL
-    for start in range(0, len(compressed), _SLICE // 4):  # what is left over is copied: keep it short
+    for start in range(0, len(compressed), _SLICE // 4):  # zlib copies unused input, so keep it short
         rest: bytes = compressed[start : start + _SLICE // 4]
         while rest:
             message += decoder.decompress(rest, _SLICE)
@@ -150,7 +172,7 @@ def inflate(extension: LateDeflate, data: Deflated, max_bytes: int) -> Generator
             if len(message) > max_bytes:
                 return None
             yield
-    while more := decoder.decompress(b"", _SLICE):  # held back by the slice's length
+    while more := decoder.decompress(b"", _SLICE):  # output beyond the length of a slice
         message += more
         yield
     return bytes(message) if len(message) <= max_bytes else None

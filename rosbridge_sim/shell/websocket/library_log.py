@@ -1,9 +1,9 @@
-"""The log of the `websockets` library, without the secrets that it would write.
+"""The log of the `websockets` library, without the secrets in it.
 
-At debug level the library logs each request line, each header and the text of frames. A token stands in all of them:
-`GET /?token=...`, `Authorization: Bearer ...`, `{"op": "auth", "token": ...}`. So a line of the library is let through
-by what it is, and not by what a pattern finds in it: an unknown line loses its values, and no exception is written out
-with its text. `--log-level debug` still tells how a handshake goes.
+At debug level the library logs each request line, each header and the text of frames. All of them may contain a token:
+`GET /?token=...`, `Authorization: Bearer ...`, `{"op": "auth", "token": ...}`. So a line of the library is allowed by
+its kind, not by a search for secrets: an unknown line loses its values, and no exception is written with its text.
+`--log-level debug` still shows how a handshake goes.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ _HARMLESS_HEADERS = frozenset(
         "www-authenticate",
     ]
 )
-"""Headers whose values are shown. Of others, such as Authorization, Cookie and Referer, the name alone is."""
+"""Headers whose values are shown. Of others, such as Authorization, Cookie and Referer, only the name is shown."""
 
 _UPGRADE = ("upgrade", "websocket")
-"""The one value of this header that is shown, since a client may write anything there."""
+"""The only value of this header that is shown, because a client may write anything there."""
 
 
 def _header(name: object, value: object) -> tuple[object, ...]:
@@ -50,12 +50,12 @@ def _path(path: object) -> tuple[object, ...]:
 
 
 def _request(method: object, path: object, protocol: object) -> tuple[object, ...]:
-    """A request line; a method that is none of HTTP's may be anything."""
+    """Return the values of a request line; an unknown method is hidden, because it may be any text."""
     return (method if method in set(HTTPMethod) else "...", *_path(path), protocol)
 
 
 def _frame(frame: object) -> tuple[object, ...]:
-    """Kind and size of a frame, and not its text."""
+    """Return kind and size of a frame, not its text."""
     opcode, data = getattr(frame, "opcode", None), getattr(frame, "data", b"")
     return (f"{getattr(opcode, 'name', 'a frame')} [{len(data):,} bytes]",)
 
@@ -66,7 +66,7 @@ def _as_it_is(*values: object) -> tuple[object, ...]:
 
 _SHOWN: Mapping[str, Callable[..., tuple[object, ...]]] = {
     "< %s %s %s": _request,
-    "< GET %s HTTP/1.1": _path,  # the same, in version 16
+    "< GET %s HTTP/1.1": _path,  # the same line in version 16 of the library
     "> GET %s HTTP/1.1": _path,
     "< %s: %s": _header,
     "> %s: %s": _header,
@@ -79,13 +79,14 @@ _SHOWN: Mapping[str, Callable[..., tuple[object, ...]]] = {
     "= connection is %s": _as_it_is,
     "server listening on %s": _as_it_is,
 }
-"""The library's lines whose values are shown, and how. A test holds it to these words."""
+"""The library's lines whose values are shown, and how. A test checks that the library has these texts."""
 
 
 class _Quiet(logging.LoggerAdapter[Any]):
-    """The library's lines, all at debug and without tracebacks.
+    """The library's lines, all at level debug and without tracebacks.
 
-    By itself it logs a traceback for each handshake that a port scanner breaks off. Its text may quote what came.
+    The library logs a traceback for each handshake that a port scanner breaks off, and its text may quote received
+    data.
     """
 
     def log(self, level: int, msg: object, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
@@ -95,10 +96,10 @@ class _Quiet(logging.LoggerAdapter[Any]):
         elif show is not None:
             args = show(*args)
         kwargs.pop("exc_info", None)
-        # The log has a limit for each place in the code: the library's places, and not this one.
+        # The log's limit per place in the code must use the library's places, not this one.
         kwargs["stacklevel"] = kwargs.get("stacklevel", 1) + 1
         super().log(min(level, logging.DEBUG), msg, *args, **kwargs)
 
 
 quiet = _Quiet(logging.getLogger("rosbridge_sim.websockets"), {})
-"""For the library's argument `logger`."""
+"""Value for the library's argument `logger`."""

@@ -11,18 +11,18 @@ from rosbridge_sim.shell.websocket.access import Access
 __all__ = ["CLOSE_TIMEOUT", "MAX_OPENING", "ServerLimits"]
 
 CLOSE_TIMEOUT = 1.0
-"""Time for a client to hear that it is closed [s]; one that does not read is cut off then."""
+"""Time for a client to receive the close frame [s]; a client that does not read is cut off then."""
 
 TLS_TIMEOUT = 5.0
-"""Longest TLS handshake [s]: two round trips, with a slow phone far away half a second."""
+"""Longest TLS handshake [s]: two round trips, which take half a second for a distant phone with a slow connection."""
 
 OPEN_TIMEOUT = 5.0
-"""Longest time from there to the whole request [s]: one packet of a real client."""
+"""Longest time from the TLS handshake to the complete request [s]: a real client needs one packet."""
 
 MAX_OPENING = 256
-"""Connections without a whole request at once, those in a TLS handshake included; the oldest one is cut off for a new
-one. The system hands over some hundred in one go (the backlog), and each has its request read in the next turn of the
-loop. Together with those that have no token they leave most of the usual 1,024 file descriptors to clients."""
+"""Most connections without a complete request, with those in a TLS handshake; the oldest one is cut off for a new one.
+The system delivers about a hundred at once (the backlog), and the request of each is read in the next turn of the loop.
+Together with connections without a token they leave most of the usual 1,024 file descriptors to clients."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,16 +31,16 @@ class ServerLimits:
 
     Attributes:
         max_frame_size: a longer frame closes the connection with code 1009 [bytes].
-        ping_interval, ping_timeout: the watchdog against half-open connections [s]; None is off.
+        ping_interval, ping_timeout: check for half-open connections [s]; None turns it off.
         is_compressing: accept permessage-deflate from clients that offer it.
-        is_direct: read frames by our own code, and not by the library's.
+        is_direct: read frames with this package's own code, not with the library's.
         is_talkative: send status frames.
-        outbox: what a client may leave unread.
-        client_memory: what one client may make the server hold, apart from its outbox [bytes].
-        memory_budget: the same for all clients together, their outboxes included [bytes]; None is no limit.
-        access: rules for new connections, and how fast a client may send.
-        policy: what a client may do.
-        tls_timeout, open_timeout: for the TLS handshake, and for the request after it [s].
+        outbox: limits on frames that a client leaves unread.
+        client_memory: memory of one client on the server, without its outbox [bytes].
+        memory_budget: memory of all clients together, with their outboxes [bytes]; None means no limit.
+        access: rules for new connections, and the rate of a client.
+        policy: rights of clients.
+        tls_timeout, open_timeout: time-outs of the TLS handshake, and of the request after it [s].
     """
 
     max_frame_size: int = 16 * 2**20

@@ -1,7 +1,7 @@
-"""The memory of all clients together: when it passes the budget, the client that holds most loses first.
+"""The memory of all clients together: above the budget, the client that holds most is closed first.
 
-Each client has bounds of its own; a thousand of them at their bounds would still be more than any machine has. So what
-all of them make the server hold is added up twice a second. Bytes that several clients wait for are held once, and are
+Each client has its own limits, but a thousand clients at their limits would need more than any machine has. So the
+memory of all of them is added up twice a second. Bytes that several clients wait for are stored once, so they are
 counted once before any client is closed.
 """
 
@@ -19,49 +19,53 @@ from rosbridge_sim.graph.bus import Bus
 __all__ = ["Holder", "MemoryBudget", "default_budget"]
 
 BUDGET_PERIOD = 0.5
-"""Between two looks [s]: a server takes in some 100 MB meanwhile."""
+"""Time between two checks [s]: a server receives about 100 MB in this time."""
 
 LEAST_BUDGET = 64 * 2**20
-"""A smaller default would close clients for one image in flight [bytes]."""
+"""Smallest default [bytes]; a smaller one would close clients for one image on its way."""
 
 _log = logging.getLogger("rosbridge_sim.server")
 
 
 class Holder(Protocol):
-    """A client that makes the server hold memory."""
+    """A client for which the server holds memory."""
 
     @property
     def name(self) -> str:
-        """The client, for people to read."""
+        """Name of the client, for people."""
 
     @property
     def num_bytes_held(self) -> int:
-        """Memory that the server holds for it, shared bytes in full [bytes]."""
+        """Memory that the server holds for it [bytes]; shared bytes count in full."""
 
     def shared(self) -> Iterator[tuple[int, int]]:
-        """Identity and size of each thing that it may share with others [bytes]."""
+        """Yield identity and size [bytes] of everything that it may share with others."""
 
     def evict(self, reason: str) -> None:
-        """Close it, with that reason, and let go of all it holds."""
+        """Close it, and release everything that it holds.
+
+        Args:
+            reason: text for the close frame.
+        """
 
 
 class MemoryBudget:
-    """Looks at what all clients hold, and closes the largest ones while that is too much.
+    """Checks the memory of all clients, and closes the largest ones while it is too much.
 
     Attributes:
-        num_evicted: clients closed for it.
+        num_evicted: number of clients closed for this reason.
     """
 
     def __init__(
         self, loop: asyncio.AbstractEventLoop, bus: Bus, clients: Callable[[], Iterable[Holder]], budget: int
     ) -> None:
-        """Look from now on, until `stop`.
+        """Start the checks; `stop` ends them.
 
         Args:
-            loop: has the timer.
-            bus: its owners' accounts are a part of what is held.
-            clients: those that are connected.
-            budget: the most that all of them may hold [bytes].
+            loop: runs the timer.
+            bus: the bus; its owners' accounts are part of the memory.
+            clients: returns the connected clients.
+            budget: largest memory of all of them [bytes].
         """
         self.num_evicted = 0
         self._loop = loop
@@ -71,7 +75,7 @@ class MemoryBudget:
         self._timer = loop.call_later(BUDGET_PERIOD, self._tick)
 
     def stop(self) -> None:
-        """Look no more."""
+        """Stop the checks."""
         self._timer.cancel()
 
     def _tick(self) -> None:
@@ -97,13 +101,13 @@ class MemoryBudget:
             held -= size
 
     def _leftovers(self, holders: list[tuple[int, Holder]]) -> int:
-        """Memory held for clients that are gone: latched messages, for a while [bytes]."""
+        """Return the memory held for clients that are gone, such as latched messages [bytes]."""
         accounts = sum(account.num_bytes for account in self._bus.accounts.values())
         return max(0, self._bus.total.num_bytes - accounts) if holders or accounts else self._bus.total.num_bytes
 
 
 def _num_shared(clients: Iterable[Holder]) -> int:
-    """The bytes that were counted more than once."""
+    """Return the number of bytes that were counted more than once."""
     seen: set[int] = set()
     num_shared = 0
     for client in clients:
@@ -119,13 +123,13 @@ def _mb(num_bytes: int) -> str:
 
 
 def default_budget() -> int:
-    """Half of the memory that this process may use: the machine's, or the container's where that is less [bytes]."""
+    """Return half of the memory that this process may use [bytes]: of the machine, or of a smaller container."""
     limits = [os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")] if hasattr(os, "sysconf") else [2**32]
     for path in ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes"):  # cgroups v2, v1
         try:
             text = Path(path).read_text(encoding="ascii").strip()
         except OSError:
             continue
-        if text.isdigit():  # else it is "max"
+        if text.isdigit():  # otherwise it is "max"
             limits.append(int(text))
     return max(LEAST_BUDGET, min(limits) // 2)

@@ -1,28 +1,25 @@
-"""Judge which web pages may connect, by the headers Origin and Host of a handshake.
+"""Rules for web pages that connect, based on the headers Origin and Host of a handshake.
 
 A browser names the page that opens a WebSocket in the header Origin, and no page can change that. Without a rule, any
 website that the user visits could drive the car and write files. The rules, in this order:
-
-1. Without an Origin a handshake passes, and its Host is not looked at. It comes from a program, and a program could
-   send any header. So a container may call the server by its name in Docker Compose.
-2. An origin that `--allow-origin` names passes, and its Host is not looked at: the user has named the page itself, and
-   DNS rebinding (see below) does not change an Origin.
-3. Other origins pass if they are on the list below and if the Host is a name that proves something:
-
-   - http(s) pages of localhost, 127.0.0.1 and [::1], on any port. Such a page comes from the browser's own machine,
-     and no website has such an origin. This holds off loopback, too: a server in a container listens on 0.0.0.0, and
-     the page and the published port are both on localhost.
+1. A handshake without an Origin passes, and its Host is not checked. It comes from a program, and a program could send
+any header. So a container may use the server's name in Docker Compose.
+2. An origin that `--allow-origin` names passes, and its Host is not checked: the user has named the page itself, and
+DNS rebinding (see below) does not change an Origin.
+3. Other origins pass if they are on the list below and the Host is a name that an attacker cannot choose:
+   - http(s) pages of localhost, 127.0.0.1 and [::1], on any port. Such a page comes from the browser's own machine, and
+   no website has such an origin. This also holds if the server is not on loopback: a server in a container listens on
+   0.0.0.0, and the page and the published port are both on localhost.
    - Schemes that no website can have: vscode-webview://, file://, app:// and the like.
-   - The server's own address, as the Host has it, since Python's `websocket-client` sends that. Off loopback also other
-     ports of the same host: a robot often has its dashboard on port 80 and rosbridge on 9090. On loopback it must be
-     the same port, because another address than localhost is then a tunnel's, and its pages are another machine's.
-
+   - The server's own address, as in the Host, because Python's `websocket-client` sends that. If the server is not on
+   loopback, other ports of the same host pass, too: a robot often has its dashboard on port 80 and rosbridge on 9090.
+   On loopback the port must be the same: an address other than localhost is then a tunnel, and its other pages belong
+   to another machine.
 4. `null` and all other http(s) pages are refused. Every website can have the origin `null`, by a sandboxed frame.
-
-The Host is judged because of DNS rebinding. A website lets its own name point to 127.0.0.1 for a moment, and calls the
+The Host is checked because of DNS rebinding: a website lets its own name point to 127.0.0.1 for a moment, and calls the
 server by that name; Origin and Host are then equal. So a Host must be an IP address, localhost, a name under
-.localhost, one of the machine's own names, or one that `--allow-host` names. No name server is asked for the machine's
-names: it takes time, and its answers are what an attacker plays with.
+.localhost, one of the machine's own names, or one that `--allow-host` names. DNS is not used to find the machine's
+names, because it takes time and an attacker may control its answers.
 """
 
 from __future__ import annotations
@@ -37,13 +34,13 @@ from shlex import quote
 __all__ = ["MAX_REFUSED_ORIGINS", "OriginRules", "RefusedOrigins", "own_names"]
 
 MAX_REFUSED_ORIGINS = 100
-"""Refused origins that each get a warning. A website with a name server of its own can have any number."""
+"""Refused origins that each get a warning. A website with its own DNS server can have any number of origins."""
 
 MAX_HEADER = 300
-"""Longest Origin or Host that is read [characters]; a host name has 253 at most."""
+"""Longest Origin or Host that is read [characters]; a host name has at most 253."""
 
 MAX_ORIGIN_SHOWN = 100
-"""Characters of a bad header that a message repeats."""
+"""Characters of a wrong header that a message quotes."""
 
 _WEB_PORTS = {"http": "80", "https": "443", "ftp": "21"}
 """Schemes that a website can have, with their ports. Browsers before 2021 also showed pages from ftp://."""
@@ -58,19 +55,19 @@ _LOCAL_HOSTS = frozenset({"localhost", "127.0.0.1", "::1"})
 _NETLOC = re.compile(
     r"(?:\[(?P<ipv6>[0-9a-f]*:[0-9a-f:.]*(?:%[\w.~-]+)?)\]|(?P<name>[a-z0-9_.-]+))(?::(?P<port>[0-9]{0,5}))?", re.ASCII
 )
-"""Host and port in lower case, as in both headers. A name may have underscores, as Docker Compose's have."""
+"""Host and port in lower case, as in both headers. A name may have underscores, which Docker Compose uses."""
 
 _ORIGIN = re.compile(r"(?P<scheme>[a-z][a-z0-9+.-]*)://(?P<netloc>[!-+\-.-~]*)", re.ASCII)
-"""An origin in lower case (RFC 6454 section 6.2). Two of them in one header, with a blank or a comma, are none."""
+"""An origin in lower case (RFC 6454 section 6.2). Two origins in one header, with a blank or a comma, do not match."""
 
 
 @dataclass(frozen=True, slots=True)
 class OriginRules:
-    """Pages that may connect.
+    """Web pages that may connect.
 
     Attributes:
-        origins: patterns of origins that pass beside those of the module's list, such as `https://*.example.org`.
-        hosts: patterns of names by which pages may call the server, such as `sim` or `*.lab.example`.
+        origins: patterns of origins in addition to the module's own list, such as `https://*.example.org`.
+        hosts: patterns of host names that pages may use for the server, such as `sim` or `*.lab.example`.
     """
 
     origins: tuple[str, ...] = ()
@@ -79,13 +76,13 @@ class OriginRules:
     def judge(
         self, origins: Sequence[str], hosts: Sequence[str], own_names: frozenset[str], *, is_loopback: bool
     ) -> str | None:
-        """Return why a handshake is refused, with the flag to paste; None if it may go on.
+        """Return why a handshake is refused, with the flag that would allow it; None if it may go on.
 
         Args:
             origins: values of the header Origin.
             hosts: values of the header Host.
-            own_names: names of this machine, as from `own_names`.
-            is_loopback: the server can be reached from this machine alone.
+            own_names: names of this machine, from `own_names`.
+            is_loopback: the server can only be reached from this machine.
         """
         if not origins or self._is_named(origins):
             return None
@@ -105,7 +102,7 @@ class OriginRules:
         return None
 
     def open_flags(self) -> list[str]:
-        """Return the flags that let in websites which the user has not chosen, such as `--allow-origin '*'`."""
+        """Return the flags that let in any website, such as `--allow-origin '*'`."""
         return [
             *(
                 f"--allow-origin {quote(one)}"
@@ -116,14 +113,14 @@ class OriginRules:
         ]
 
     def _is_named(self, origins: Sequence[str]) -> bool:
-        """Tell whether the user has named this origin."""
+        """Return True if the user has named this origin."""
         origin = origins[0].lower()
         if len(origins) > 1 or len(origin) > MAX_HEADER:
             return False
         return any(_matches(origin, one) for one in self.origins)
 
     def _is_known(self, place: _Place, own_names: frozenset[str]) -> bool:
-        """Tell whether a host is one that no website can have chosen."""
+        """Return True if no website can have chosen the host."""
         host = place.host
         if place.is_address or host == "localhost" or host.endswith(".localhost") or host in own_names:
             return True
@@ -132,10 +129,10 @@ class OriginRules:
 
 
 def own_names(hostname: str) -> frozenset[str]:
-    """Return the names by which this machine is called on its network.
+    """Return the names of this machine in its network.
 
     Args:
-        hostname: as the system has it, with or without a domain.
+        hostname: the system's name, with or without a domain.
     """
     name = hostname.lower().removesuffix(".")
     first = name.partition(".")[0]
@@ -143,21 +140,28 @@ def own_names(hostname: str) -> frozenset[str]:
 
 
 class RefusedOrigins:
-    """Origins that were refused, so that each is warned of once. It remembers MAX_REFUSED_ORIGINS of them."""
+    """Refused origins, so that each gets only one warning. It stores MAX_REFUSED_ORIGINS of them."""
 
     __slots__ = ("_known",)
 
     def __init__(self) -> None:
-        """None so far."""
+        """Begin without origins."""
         self._known: set[str] = set()
 
     @property
     def is_full(self) -> bool:
-        """Further origins are not remembered."""
+        """True if no further origins are stored."""
         return len(self._known) >= MAX_REFUSED_ORIGINS
 
     def add(self, origin: str) -> bool:
-        """Remember an origin, if there is room; return whether it is a new one."""
+        """Store an origin, if there is room.
+
+        Args:
+            origin: the origin.
+
+        Returns:
+            True if it is new.
+        """
         known = _show(origin.lower())
         if self.is_full or known in self._known:
             return False
@@ -170,8 +174,8 @@ class _Place:
     """Host and port of a header.
 
     Attributes:
-        host: a name without its last dot, or an address without brackets, in the shortest form.
-        port: its digits; empty where there is none.
+        host: a name without a final dot, or an address without brackets, in the shortest form.
+        port: digits of the port; empty if there is none.
         is_address: it is an IP address.
     """
 
@@ -186,7 +190,7 @@ class _Page:
 
     Attributes:
         scheme: such as `https`.
-        place: its host and port; None where no website can have the scheme.
+        place: its host and port; None if no website can have the scheme.
     """
 
     scheme: str
@@ -194,11 +198,11 @@ class _Page:
 
     @property
     def is_of_this_machine(self) -> bool:
-        """The page comes from the browser's own machine."""
+        """True if the page comes from the browser's own machine."""
         return self.place is None or self.place.host in _LOCAL_HOSTS
 
     def is_at(self, place: _Place, *, is_any_port: bool) -> bool:
-        """Tell whether the page has the host and port by which the client calls the server."""
+        """Return True if the page has the host and port that the client uses for the server."""
         if self.place is None or self.place.host != place.host:
             return False
         default = _WEB_PORTS[self.scheme]
@@ -206,10 +210,10 @@ class _Page:
 
 
 def _read_origin(origins: Sequence[str]) -> _Page:
-    """Read the header Origin.
+    """Return the page in the header Origin.
 
     Raises:
-        ValueError: it names no page; the text says what to do.
+        ValueError: it does not name a page; the text says what to do.
     """
     if len(origins) > 1:
         raise ValueError(f"Expected one Origin header; got {len(origins)}")
@@ -227,10 +231,10 @@ def _read_origin(origins: Sequence[str]) -> _Page:
 
 
 def _read_host(hosts: Sequence[str]) -> _Place:
-    """Read the header Host.
+    """Return host and port in the header Host.
 
     Raises:
-        ValueError: it is absent, there twice, or malformed.
+        ValueError: it is missing, given twice, or malformed.
     """
     if len(hosts) != 1:
         raise ValueError(f"Expected one Host header beside an Origin; got {len(hosts)}")
@@ -241,7 +245,7 @@ def _read_host(hosts: Sequence[str]) -> _Place:
 
 
 def _read_place(text: str) -> _Place | None:
-    """Read host and port in lower case; None where they are malformed."""
+    """Return host and port of a text in lower case; None if it is malformed."""
     match = _NETLOC.fullmatch(text) if len(text) <= MAX_HEADER else None
     if match is None:
         return None
@@ -253,7 +257,7 @@ def _read_place(text: str) -> _Place | None:
 
 
 def _matches(text: str, pattern: str) -> bool:
-    """Tell whether a text in lower case matches a pattern as a user writes it."""
+    """Return True if a text in lower case matches a user's pattern."""
     plain = _LABEL.sub(_to_ascii, pattern.lower()).removesuffix("/")
     return text == plain or fnmatchcase(text, _IPV6.sub("[[]", plain))
 
@@ -263,27 +267,27 @@ def _matches_all(pattern: str, texts: Sequence[str]) -> bool:
 
 
 _ANY_HOSTS = ("a.example", "b.test")
-"""Hosts that have nothing in common: a pattern of both is one of all."""
+"""Hosts with nothing in common: a pattern that matches both matches all hosts."""
 
 _ANY_ORIGINS = (("null",), *(tuple(f"{scheme}://{host}" for host in _ANY_HOSTS) for scheme in ("http", "https")))
-"""Lists of origins; a pattern that matches all of one list lets in any website."""
+"""Lists of origins; a pattern that matches a whole list lets in any website."""
 
 _LABEL = re.compile(r"[^\s./:*?\[\]]*[^\x00-\x7f][^\s./:*?\[\]]*")
 """A part of a host name that is not ASCII."""
 
 _IPV6 = re.compile(r"\[(?=[0-9a-f.]*:[0-9a-f:.*?]*\])")
-"""The bracket before an IPv6 address, which is no list of characters."""
+"""Bracket before an IPv6 address, which is not a character set of a pattern."""
 
 
 def _to_ascii(match: re.Match[str]) -> str:
-    """Return the part of a name as it is on the wire (punycode)."""
+    """Return a part of a name as on the wire (punycode)."""
     try:
         return match[0].encode("idna").decode()
     except UnicodeError:
-        return match[0]  # it matches nothing then
+        return match[0]  # such a name matches nothing
 
 
 def _show(text: str) -> str:
-    """Return a header for a message: short, and in ASCII."""
+    """Return a header for a message: short and in ASCII."""
     shown = repr(text[:MAX_ORIGIN_SHOWN].encode("ascii", "replace").decode())
     return shown if len(text) <= MAX_ORIGIN_SHOWN else f"{shown}..."

@@ -1,7 +1,7 @@
-"""The part that both kinds of connection of the server share: how messages are read and written is left to them.
+"""The common part of both kinds of server connection; subclasses read and write the messages.
 
-`DirectConnection` reads frames by our own code, `LibraryConnection` by the library's. Common to both are the bound on
-what comes before a connection is trusted, compression in slices, and the way in which a connection ends.
+`DirectConnection` reads frames with this package's own code, `LibraryConnection` with the library's. Both share the
+limit on data before a connection is trusted, compression in slices, and the way a connection ends.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from rosbridge_sim.shell.websocket.websocket_internals import MessageConnection
 __all__ = ["Receiver", "ReceivingConnection"]
 
 MAX_EARLY = 16 * 2**10
-"""Received bytes that may wait before the other side is trusted; and the longest HTTP request, as Node.js has it."""
+"""Received bytes that may wait before the other side is trusted, and the longest HTTP request, as in Node.js."""
 
 COMPRESSED_AT_ONCE = 32 * 2**10
-"""Bytes that are compressed in one go: 2 ms for text that does not repeat itself. A longer message goes out in
-fragments (RFC 6455 section 5.4), and others have their turn in between."""
+"""Bytes compressed in one slice: 2 ms for text without repetition. A longer message is sent in fragments (RFC 6455
+section 5.4), and other clients have their turn in between."""
 
 _BLANK_LINE = b"\r\n\r\n"
 
@@ -43,26 +43,41 @@ class Receiver(Protocol):
     """Takes the messages of a connection."""
 
     def begin(self) -> float:
-        """Begin a turn; return when it ends, by `perf_counter` [s]. It may be over already."""
+        """Begin a turn.
+
+        Returns:
+            End of the turn, by `perf_counter` [s]; it may be over already.
+        """
 
     def receive(self, message: bytes) -> bool:
-        """Take a message; return whether the next one may come. Must not raise."""
+        """Handle a message. Must not raise.
+
+        Args:
+            message: the message.
+
+        Returns:
+            True if the next one may come.
+        """
 
     def wait(self, *, had_turn: bool) -> None:
-        """Messages are left, or the end is: call the connection's `go_on` later."""
+        """Call the connection's `go_on` later, because messages are left or the end is.
+
+        Args:
+            had_turn: this connection had a turn in this round.
+        """
 
 
 class ReceivingConnection(MessageConnection, ServerConnection):
-    """A connection that hands each message to a receiver, once `listen` was called; `recv` is not for others.
+    """A connection that gives each message to a receiver, after `listen` was called. Other code must not call `recv`.
 
     Attributes:
-        on_too_long: called before a frame is refused for its length, or for having no mask.
-        is_trusted: set before `listen`, and never taken back. While it is False, less is kept of what comes.
-        num_early: bytes that came behind the HTTP request while the connection was not trusted.
-        num_bytes_received: bytes that came in all, the HTTP request included.
-        is_held: what comes is kept for later.
-        unsent: messages that `send_more` has still to compress and send.
-        is_text: the message that the receiver is handed now was sent as text. Not to be read at any other time.
+        on_too_long: called before a frame is refused because it is too long or not masked.
+        is_trusted: set before `listen`, and never reset. While it is False, fewer received bytes are kept.
+        num_early: bytes received after the HTTP request while the connection was not trusted.
+        num_bytes_received: all bytes received, the HTTP request included.
+        is_held: received data is kept for later.
+        unsent: messages that `send_more` must still compress and send.
+        is_text: the message that the receiver gets now was sent as text. Read it only during `receive`.
     """
 
     def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
@@ -76,50 +91,64 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         self.is_text = True
         self._receiver: Receiver | None = None
         self._num_head = 0  # bytes of the HTTP request so far
-        self._head = b""  # the last bytes of the HTTP request so far: they may hold the beginning of its end
-        self._num_compressed = 0  # bytes of the first message of `unsent` that are sent
+        self._head = b""  # its last bytes so far, which may be the start of the end mark
+        self._num_compressed = 0  # bytes already sent of the first message in `unsent`
 
     @property
     def num_bytes_held(self) -> int:
-        """Bytes that have come and were not handled yet, and those that are to be compressed."""
+        """Bytes that were received and not handled yet, and bytes to be compressed."""
         return self.num_bytes_in_fragments + sum(map(len, self.unsent))
 
-    # What each kind does in its own way
+    # Methods that differ between the two kinds
 
     def listen(self, receiver: Receiver) -> None:
-        """Hand all messages to a receiver from now on, those first that have come already."""
+        """Give all messages to a receiver from now on, beginning with those that have already come.
+
+        Args:
+            receiver: the receiver.
+        """
         raise NotImplementedError
 
     def pause(self) -> None:
-        """Read nothing more from the transport until `go_on`. For a receiver that takes no next message now."""
+        """Stop reading from the transport until `go_on`. For a receiver that accepts no next message now."""
         raise NotImplementedError
 
     def put_back(self, message: bytes) -> None:
-        """Have a message come again, before all that waits. For a receiver that took no next message."""
+        """Deliver a message again, before all waiting ones. For a receiver that accepted no next message.
+
+        Args:
+            message: the message.
+        """
         raise NotImplementedError
 
     def go_on(self, until: float) -> bool:
-        """Handle what was held back until that time of `perf_counter` [s].
+        """Handle data that was held back.
+
+        Args:
+            until: end of the turn, by `perf_counter` [s].
 
         Returns:
-            True while something is held back still, be it the end.
+            True if messages, or the end, are left.
         """
         raise NotImplementedError
 
     def forget(self) -> None:
-        """Pass over all messages from now on, those held back among them: the connection is closing."""
+        """Ignore all messages from now on, including those held back, because the connection is closing."""
         self.forget_fragments()
         self.unsent.clear()
 
     # Sending
 
     def send_messages(self, messages: Sequence[bytes]) -> int:
-        """Hand messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
+        """Give messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
 
-        Where they are compressed it is as many as that takes little time for: see `unsent`.
+        With compression, only so many are sent as take little time: see `unsent`.
+
+        Args:
+            messages: the messages.
 
         Returns:
-            Number of bytes that the transport was given.
+            Number of bytes given to the transport.
         """
         if not self.is_extended:
             return self._send_plain(messages)
@@ -131,10 +160,10 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         raise NotImplementedError
 
     def send_more(self) -> int:
-        """Compress a slice of what is left, and hand it to the transport. The connection must be open.
+        """Compress a slice of `unsent`, and give it to the transport. The connection must be open.
 
         Returns:
-            How many bytes the transport was given.
+            Number of bytes given to the transport.
         """
         core = self.core
         left = COMPRESSED_AT_ONCE
@@ -155,27 +184,35 @@ class ReceivingConnection(MessageConnection, ServerConnection):
     # The end
 
     def refuse(self, fault: str) -> None:
-        """Fail the connection for data that are not what their frame says, with code 1007 (RFC 6455 section 7.4.1)."""
-        self.on_room()  # answers to the messages before it
+        """Fail the connection with code 1007, because data does not match its frame type (RFC 6455 section 7.4.1).
+
+        Args:
+            fault: reason, for the close frame.
+        """
+        self.on_room()  # sends the answers to earlier messages
         self.forget()
         self.fail(CloseCode.INVALID_DATA, fault)
 
     def _end(self) -> None:
-        """Close after the last byte has come and whole frames were handled: send the answers, forget the rest."""
+        """Close after the last byte was received and complete frames were handled: send the answers, drop the rest."""
         self.on_room()
         super().eof_received()
-        self.cut_off_unread()  # the transport itself waits without end for its buffer to be read
+        self.cut_off_unread()  # the transport itself has no time limit for sending its buffer
         self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget what cannot be sent any more."""
+        """Drop everything that cannot be sent any more.
+
+        Args:
+            exc: the error of the transport, or None.
+        """
         self.unsent.clear()
         super().connection_lost(exc)
 
     # The beginning
 
     def _read_early(self, data: bytes) -> bytes:
-        """Count what comes, and return what of it stands behind the HTTP request."""
+        """Count received bytes; return those behind the HTTP request."""
         if self.request is None:
             data = self._read_head(data)
         self.num_early += len(data)
@@ -186,7 +223,7 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         return data
 
     def _read_head(self, data: bytes) -> bytes:
-        """Give the library the HTTP request, if it is not too long; return what comes behind it."""
+        """Give the HTTP request to the library, if it is not too long; return the bytes behind it."""
         seen = self._head + data
         end = seen.find(_BLANK_LINE)
         self._num_head += len(data) if end < 0 else end + len(_BLANK_LINE) - len(self._head)

@@ -1,14 +1,12 @@
 """WebSocket clients and plain HTTP on one port.
 
-Neither reading nor writing needs a task: a frame goes from the transport straight to the client's `Peer`, which does
-what it asks, op by op (`server_connection.py`). What takes long goes on in later turns (`turns.py`). What is sent waits
-in outboxes until the loop's next turn, then goes to each socket together, in one write, for as long as the socket takes
-it; when it is full, the transport tells us once there is room again. What does not fit meanwhile is the outbox's
-business (`protocol/outbox.py`). A task for each connection sees to its end; the `websockets` library does the
-handshake, pings, limits and the closing.
-
-Roads not taken: the library's `send` costs a task switch and a system call for each message; writing at the end of
-each read, and not in the next turn, costs many clients that speak to one listener a fifth of their calls.
+Reading and writing need no task. A frame goes from the transport directly to the client's `Peer`, which does its ops
+one by one (`server_connection.py`). Long work continues in later turns (`turns.py`). Outgoing frames wait in outboxes
+until the loop's next turn, and then go to each socket in one write, as long as the socket accepts them. When a socket
+is full, the transport reports when there is room again; frames wait in the outbox until then (`protocol/outbox.py`). A
+task for each connection handles its end. The `websockets` library does the handshake, pings, limits and the closing.
+Rejected designs: the library's `send` costs a task switch and a system call per message. Writing at the end of each
+read, not in the next turn, costs a fifth of the calls if many clients talk to one.
 """
 
 from __future__ import annotations
@@ -63,40 +61,40 @@ __all__ = ["STOPPING", "Server"]
 _log = logging.getLogger("rosbridge_sim.server")
 
 STOPPING = "the server is shutting down"
-"""Reason that `/healthz` gives from then on."""
+"""Reason in `/healthz` while the server stops."""
 
 _VERSION = json.dumps({"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"})
-"""Answer of `/version`; the protocol is called as its specification calls itself."""
+"""Answer of `/version`; the protocol has the name that its specification uses."""
 
 UNAUTHENTICATED = "no token"
-"""Name under which the log and `/sim/refusals` have all connections that have not shown the token."""
+"""Name in the log and on `/sim/refusals` for all connections that have not sent the token."""
 
 
 class Server:
     """A listener that makes each connection a peer of the bus.
 
     Attributes:
-        clients: those that are connected, in order of arrival.
-        on_clients: called when a client has come or left.
-        why_unhealthy: asked for `/healthz`: why the server does not do all that it should; None where it does.
-        describe: asked for `/healthz`: what it tells of the simulator, by name.
-        render_metrics: asked for `/metrics`, with the `Accept` header: the body and its content type; None where there
-            is no such page.
-        num_bugs: frames whose handling failed by a fault of ours, and the like; each is in the log with its traceback.
-            What the bus's guard has counted is not among them.
-        port: the real port, once started.
-        addresses: on which it listens, without the port.
-        is_loopback: it can be reached from this machine alone.
-        own_names: names of this machine, by which web pages may call it.
+        clients: the connected clients, in order of arrival.
+        on_clients: called when a client has connected or left.
+        why_unhealthy: called for `/healthz`; returns why the server does not work fully, or None if it does.
+        describe: called for `/healthz`; returns values about the simulator, by name.
+        render_metrics: called for `/metrics` with the `Accept` header; returns the body and its content type. None if
+            there is no such page.
+        num_bugs: number of frames and requests that failed by an internal error; each is in the log with its traceback.
+            Errors counted by the bus's guard are not included.
+        port: the real port, after the start.
+        addresses: addresses on which it listens, without the port.
+        is_loopback: it can only be reached from this machine.
+        own_names: names of this machine that web pages may use.
     """
 
     def __init__(self, bus: Bus, limits: ServerLimits, on_change: Callable[[], None]) -> None:
-        """A server that does not listen yet.
+        """Create a server that does not listen yet.
 
         Args:
-            bus: where clients meet.
-            limits: for each connection.
-            on_change: called after each frame and each departure: the world may be due earlier than planned.
+            bus: the bus of all clients.
+            limits: limits of each connection.
+            on_change: called after each frame and each departure, because the world may be due earlier than planned.
         """
         self.clients: dict[Client, None] = {}
         self.on_clients: Callable[[], None] = lambda: None
@@ -117,29 +115,34 @@ class Server:
         self.is_loopback = False
         self.own_names: frozenset[str] = frozenset()
         self._refused_origins = RefusedOrigins()
-        self._left = Traffic()  # of the clients that have left
+        self._left = Traffic()  # totals of the clients that have left
         self._is_stopping = False
 
     @property
     def traffic(self) -> Traffic:
-        """Totals of all clients since the start, those that have left included."""
+        """Totals of all clients since the start, with those that have left."""
         return self._left.plus(self.clients)
 
     @property
     def num_bytes_received(self) -> int:
-        """Bytes that came over all connections since the start."""
+        """Bytes received over all connections since the start."""
         return self._tables.num_bytes_received + sum(socket.num_bytes_received for socket in self._tables.sockets)
 
     @property
     def num_strangers(self) -> int:
-        """Connections that have not shown the token yet, where one is wanted."""
+        """Number of connections that still have to send the token."""
         return len(self._tables.unauthenticated)
 
     async def start(self, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
-        """Listen, with a certificate at wss://; port 0 takes a free one.
+        """Listen for connections.
+
+        Args:
+            host: host name or address to listen on.
+            port: TCP port; 0 takes a free one.
+            tls: the certificate for wss://; None listens without TLS.
 
         Raises:
-            OSError: the address cannot be had.
+            OSError: the address cannot be used.
         """
         limits = self._limits
         loop = asyncio.get_running_loop()
@@ -153,7 +156,7 @@ class Server:
             host,
             port,
             open_timeout=limits.open_timeout,
-            create_connection=partial(make_connection, kind, self._tables, rules),  # type: ignore[arg-type] # it is only ever called
+            create_connection=partial(make_connection, kind, self._tables, rules),  # type: ignore[arg-type] # it is only called
             process_request=self._process_request,
             compression=None,
             extensions=_extensions(limits),
@@ -171,7 +174,7 @@ class Server:
         self.own_names = own_names(gethostname())
 
     async def stop(self) -> None:
-        """Close every connection with code 1001 and stop listening; takes a second and a half at most."""
+        """Close every connection with code 1001 and stop listening; it takes at most a second and a half."""
         self._is_stopping = True
         for part in (self._memory, self._budget):
             if part is not None:
@@ -183,10 +186,10 @@ class Server:
             try:
                 async with asyncio.timeout(CLOSE_TIMEOUT):
                     await self._server.wait_closed()
-            except TimeoutError:  # some do not read, not even that we go; some never said what they want
+            except TimeoutError:  # some do not read the close frame; some never sent a request
                 for socket in self._tables.sockets:
                     socket.transport.abort()
-                for handshake in list(self._tables.handshakes):  # the system had accepted them already
+                for handshake in list(self._tables.handshakes):  # the system has already accepted them
                     handshake.evict()
                 await self._server.wait_closed()
 
@@ -195,13 +198,13 @@ class Server:
         assert isinstance(socket, ServedConnection)
         try:
             await self._serve_socket(socket)
-        except Exception:  # the library closes it with code 1011, and its own words about that are not logged
+        except Exception:  # the library closes it with code 1011, but its own log line is suppressed
             self.num_bugs += 1
             _log.exception("internal error: %s could not be served", address_of(socket))
             raise
 
     async def _serve_socket(self, socket: ServedConnection) -> None:
-        """Serve a client, after it has shown the token if one is wanted."""
+        """Serve a client, after it has sent the token if one is needed."""
         if not socket.is_trusted:
             why = await self._let_prove(socket)
             if why is not None:
@@ -210,10 +213,10 @@ class Server:
         await self._serve_client(socket)
 
     async def _let_prove(self, socket: ServedConnection) -> str | None:
-        """Wait until a connection has shown the token.
+        """Wait until a connection has sent the token.
 
         Returns:
-            None if it has; else the reason for which it was closed, which may be that there are too many clients.
+            None if it has; else why it was closed, for example because there are too many clients.
         """
         assert self._turns is not None, "it listens"
         note = partial(self._note_refused_token, socket)
@@ -224,7 +227,7 @@ class Server:
             why = await waiting.wait_settled()
             code = CloseCode.POLICY_VIOLATION
             if why is None and self._limits.access.is_full(len(self.clients)):
-                code, why = CloseCode.TRY_AGAIN_LATER, f"there are {len(self.clients)} clients already; try again later"
+                code, why = CloseCode.TRY_AGAIN_LATER, f"at most {len(self.clients)} clients; try again later"
             if why is None:
                 self._tables.unauthenticated.leave(socket)
                 self._trust(socket)
@@ -241,7 +244,7 @@ class Server:
             waiting.leave()
 
     def _note_refused_token(self, socket: ServerConnection, reason: Reason, op: str, text: str) -> None:
-        """Tell the log and `/sim/refusals` of a connection without the token.
+        """Report a connection without the token in the log and on `/sim/refusals`.
 
         All of them count as one client there, because each attempt can come from another port or address.
         """
@@ -250,7 +253,7 @@ class Server:
         self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
 
     def _trust(self, socket: ServedConnection) -> None:
-        """Have a connection treated as a client's from now on."""
+        """Treat a connection as a client's from now on."""
         socket.is_trusted = True
         socket.limit_message_size(self._limits.max_frame_size)
 
@@ -273,33 +276,33 @@ class Server:
             _log.info("%s left; %d connected now", peer.address, len(self.clients))
 
     def _try(self, act: Callable[[], None]) -> None:
-        """Do something; its failure is logged and must not keep the rest from being done."""
+        """Call a function; log its failure, because the rest must still be done."""
         try:
             act()
-        except Exception:  # noqa: BLE001 - our own bug, whatever it is
+        except Exception:  # noqa: BLE001 - any internal error
             self.num_bugs += 1
             _log.exception("internal error while a client came or left; the other clients are served")
 
     def count_bug(self) -> None:
-        """See `ClientWatch`."""
+        """Count an internal error; see `ClientWatch`."""
         self.num_bugs += 1
 
     def note_large_frame(self) -> None:
-        """See `ClientWatch`."""
+        """Note that a large frame was received or sent; see `ClientWatch`."""
         assert self._memory is not None, "it listens"
         self._memory.note_large_frame()
 
     def _process_request(
         self, connection: ServerConnection, request: Request
     ) -> Response | Awaitable[Response | None] | None:
-        """Plain HTTP: None lets the WebSocket handshake go on."""
+        """Answer a plain HTTP request; return None to continue the WebSocket handshake."""
         try:
             return self._judge_request(connection, request)
-        except Exception:  # noqa: BLE001 - our own bug; the library would say the same, but not log it
+        except Exception:  # noqa: BLE001 - an internal error; the library would give the same answer, but not log it
             return self._regret_request(connection)
 
     def _regret_request(self, connection: ServerConnection) -> Response:
-        """Count and log the exception in hand; answer that the server has failed."""
+        """Count and log the current exception; answer that the server has failed."""
         self.num_bugs += 1
         _log.exception("internal error: an HTTP request of %s could not be answered", address_of(connection))
         return connection.respond(HTTPStatus.INTERNAL_SERVER_ERROR, "The server failed; its log says why\n")
@@ -317,7 +320,7 @@ class Server:
         if path not in {"", "/"}:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
         if "Upgrade" not in request.headers:
-            return None  # a browser that looks what is here: the library tells it
+            return None  # a browser without an upgrade: the library answers it
         return self._judge_handshake(connection, request)
 
     def _judge_handshake(
@@ -340,26 +343,26 @@ class Server:
         return self._delay(connection, response) if refusal.status is HTTPStatus.UNAUTHORIZED else response
 
     def _delay(self, connection: ServedConnection, response: Response) -> Awaitable[Response]:
-        """Send the refusal of a token after a while, during which the connection counts as one without the token."""
+        """Send the refusal of a token after a delay; until then the connection counts as one without the token."""
         response.headers["WWW-Authenticate"] = "Bearer"
         self._limit(connection)
         return _answer_late(connection, response, self._limits.access.delay)
 
     def _limit(self, connection: ServedConnection) -> None:
-        """Apply the limits of a connection without the token until it is trusted."""
+        """Limit a connection without the token until it is trusted."""
         connection.limit_message_size(min(MAX_UNPROVEN_SIZE, self._limits.max_frame_size))
-        connection.refuse_extensions()  # what cannot come compressed need not be inflated
+        connection.refuse_extensions()  # without extensions, no decompression is needed
         self._tables.opening.leave(connection)
-        if connection in self._tables.sockets:  # else it is lost already, and would keep its place
+        if connection in self._tables.sockets:  # else it is already lost, and would never leave its place
             self._tables.unauthenticated.take(connection)
 
     def _log_refusal(self, address: str, refusal: Refusal) -> None:
-        """Warn of each web page once, and not of each of its attempts: a page in a tab may try every second."""
+        """Log a warning for each web page once, not for each attempt: a page in a tab may try every second."""
         text = refusal.text.rstrip()
         if refusal.origin is None or not self._refused_origins.add(refusal.origin):
             _log.info("%s refused: %s", address, text)
             return
-        # A line of its own in the code: the log limits lines by that, and a page in a loop must not hide another page.
+        # A separate line of code: the log limits lines by their place, and one page must not hide another page.
         _log.warning("%s refused: %s", address, text)
         if self._refused_origins.is_full:
             _log.warning(
@@ -367,7 +370,7 @@ class Server:
             )
 
     def _tell_health(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
-        """Answer the state of the server as JSON; more than status and reason only to those who show the token."""
+        """Answer the state of the server as JSON. Requests without the token get only status and reason."""
         why = self.why_unhealthy() or (STOPPING if self._is_stopping else None)
         health: dict[str, object] = {"status": "ok"}
         if why is not None:
@@ -380,11 +383,11 @@ class Server:
         if access.is_shown(request) or not access.shows_any(request):
             return response
         assert isinstance(connection, ServedConnection)
-        self._limit(connection)  # else the answer would tell a right token from a wrong one as fast as it is asked
+        self._limit(connection)  # otherwise tokens could be tried here without a delay
         return _answer_late(connection, response, access.delay)
 
     def _tell_version(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
-        """Answer name, version and protocol; with a token set, only to requests that show it."""
+        """Answer name, version and protocol; with a token set, only to requests that have it."""
         if not self._limits.access.is_shown(request):
             return self._want_token(connection, "/version")
         return _answer(connection, HTTPStatus.OK, f"{_VERSION}\n".encode(), _JSON)
@@ -395,7 +398,7 @@ class Server:
         request: Request,
         render: Callable[[str], Awaitable[tuple[bytes, str]]],
     ) -> Awaitable[Response]:
-        """Answer all counters as Prometheus reads them; with a token set, only to those who show it."""
+        """Answer all counters in Prometheus's format; with a token set, only to requests that have it."""
         if not self._limits.access.is_shown(request):
             return self._want_token(connection, "/metrics")
         return self._answer_metrics(connection, render(", ".join(request.headers.get_all("Accept"))))
@@ -403,14 +406,14 @@ class Server:
     async def _answer_metrics(self, connection: ServerConnection, rendered: Awaitable[tuple[bytes, str]]) -> Response:
         try:
             body, content_type = await rendered
-        except Exception:  # noqa: BLE001 - our own bug; see `_process_request`
+        except Exception:  # noqa: BLE001 - an internal error; see `_process_request`
             return self._regret_request(connection)
         return _answer(connection, HTTPStatus.OK, body, content_type)
 
     def _want_token(self, connection: ServerConnection, page: str) -> Awaitable[Response]:
-        """Refuse a page to those who do not show the token."""
+        """Refuse a page to requests without the token."""
         assert isinstance(connection, ServedConnection)
-        self._note_refused_token(connection, Reason.NO_TOKEN, "", f"{page} wants the token")
+        self._note_refused_token(connection, Reason.NO_TOKEN, "", f"{page} needs the token")
         response = connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
         return self._delay(connection, response)
 
@@ -419,7 +422,7 @@ _JSON = "application/json"
 
 
 def _answer(connection: ServerConnection, code: HTTPStatus, body: bytes, content_type: str) -> Response:
-    """Return an answer that is no plain text."""
+    """Return an answer that is not plain text."""
     response = connection.respond(code, "")
     for name, value in (("Content-Type", content_type), ("Content-Length", str(len(body)))):
         del response.headers[name]
@@ -429,13 +432,13 @@ def _answer(connection: ServerConnection, code: HTTPStatus, body: bytes, content
 
 
 def _extensions(limits: ServerLimits) -> list[ServerExtensionFactory] | None:
-    """The extensions that the server agrees to."""
+    """Return the extensions that the server accepts."""
     if not limits.is_compressing:
         return None
     return [LateDeflateFactory() if limits.is_direct else library_deflate()]
 
 
 async def _answer_late(connection: ServedConnection, response: Response, delay: float) -> Response:
-    """Delay the answer to a program that tries tokens, and no other connection [s]."""
+    """Delay the answer to a program that tries tokens, by `delay` seconds; other connections are not delayed."""
     await asyncio.wait([connection.lost], timeout=delay)
     return response

@@ -1,21 +1,17 @@
-"""A WebSocket connection whose messages go straight from the transport to a callback, and back.
+"""A WebSocket connection whose messages go directly from the transport to a callback, and back.
 
-The `websockets` library reads each frame through a chain of generators, puts it into a queue and wakes a task; that
-is half of what a small message costs. Here the plain case, one whole data frame, is cut out of the received bytes in
-one loop. Everything else (the handshake, pings, fragments, compression, closing, whatever breaks the rules) is
-handed frame by frame to the library, which stays the judge of it and the keeper of the connection's state; what
-it makes of fragments and compressed frames comes to the same callback.
-
-A receiver says how long it may work, and after each message whether it takes the next one. Where it does not, or where
-its time is over, what is left stays here, the transport stops reading, and `go_on` goes on.
-
-A text message must be UTF-8 (RFC 6455 section 8.1); one that is not ends the connection with code 1007. Nearly every
-message is ASCII, which costs a glance. A long one beyond ASCII is checked in slices before the receiver has it.
-
-The library's parser must only ever see whole frames, so that it stands between two of them whenever we look: what
-comes in parts is kept here until it is whole. Too long a frame is handed over unfinished; it ends the connection.
-
-Road not taken: a class of our own beside `ServerConnection` would repeat its closing, its pings and its time-outs.
+The `websockets` library reads each frame through a chain of generators, puts it into a queue and wakes a task; that is
+half of the cost of a small message. Here the usual case, one complete data frame, is cut out of the received bytes in
+one loop. Everything else (the handshake, pings, fragments, compression, closing, and invalid data) is passed frame by
+frame to the library, which checks it and keeps the state of the connection. Messages that the library makes from
+fragments and compressed frames go to the same callback.
+A receiver sets the length of its turn, and says after each message if it accepts the next one. If it does not, or if
+its time is over, the rest stays here, the transport stops reading, and `go_on` continues.
+A text message must be UTF-8 (RFC 6455 section 8.1); otherwise the connection ends with code 1007. Nearly every message
+is ASCII, which is checked very fast. A long text beyond ASCII is checked in slices before the receiver gets it.
+The library's parser must only get complete frames, so that its state is always between two frames: incomplete data is
+kept here. A frame that is too long is passed on incomplete; it ends the connection.
+Rejected design: a separate class beside `ServerConnection` would repeat its closing, its pings and its time-outs.
 """
 
 from __future__ import annotations
@@ -36,10 +32,10 @@ from rosbridge_sim.shell.websocket.websocket_internals import apply_mask
 __all__ = ["DirectConnection", "head_of"]
 
 MAX_HELD = 64 * 2**10
-"""Received bytes that may wait for their turn before the transport is told to stop reading."""
+"""Received bytes that may wait for their turn before the transport stops reading."""
 
 LARGE = 16 * 2**10
-"""A frame from here on is not copied once more to stand behind its head [bytes]."""
+"""A frame of at least this size is not copied again to put its head in front [bytes]."""
 
 _OPEN, _CLOSED = State.OPEN, State.CLOSED
 _CONTROL = 0x08
@@ -47,15 +43,15 @@ _CONTROL = 0x08
 
 _PING = 0x89
 _WHOLE = _TEXT, _BINARY = 0x81, 0x82
-"""First byte of a frame that is a whole message (RFC 6455 section 5.2: FIN and the opcode, no extension's bits)."""
+"""First byte of a frame with a complete message (RFC 6455 section 5.2: FIN and the opcode, no extension bits)."""
 
 
 def head_of(message: bytes, mask_bit: int = 0) -> bytes:
-    """Return the head of a frame with a whole message: `BinaryFrame` is binary, all else is text.
+    """Return the head of a frame with a complete message: `BinaryFrame` is binary, other messages are text.
 
     Args:
-        message: as it is before it is masked.
-        mask_bit: 0x80 where the mask's key follows, which is what clients send.
+        message: the message before masking.
+        mask_bit: 0x80 if the masking key follows, as in frames of clients.
     """
     size = len(message)
     first = _BINARY if type(message) is BinaryFrame else _TEXT
@@ -67,27 +63,31 @@ def head_of(message: bytes, mask_bit: int = 0) -> bytes:
 
 
 class DirectConnection(ReceivingConnection):
-    """A connection that reads and writes whole frames by our own code; `recv` gives nothing."""
+    """A connection that reads and writes complete frames with this package's own code; `recv` returns nothing."""
 
     def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
-        self._kept = bytearray()  # what is no whole frame yet, or waits for its turn
-        self._need = 0  # length from which on `_kept` is worth looking at
+        self._kept = bytearray()  # an incomplete frame, or frames that wait for their turn
+        self._need = 0  # length of `_kept` at which reading can continue
         self._takes_more = True
         self._is_paused = False
-        self._has_ended = False  # the other side says nothing any more
-        self._is_dropping = False  # nothing of what comes means anything any more
-        self._check: TextCheck | None = None  # of the message that comes before all in `_kept`
-        self._ping = b""  # the newest one that came while there was no room for an answer
+        self._has_ended = False  # the other side sends nothing more
+        self._is_dropping = False  # all received data is ignored
+        self._check: TextCheck | None = None  # check of the message before those in `_kept`
+        self._ping = b""  # the newest ping that came while there was no room for an answer
 
     @property
     def num_bytes_held(self) -> int:
-        """Bytes that have come and were not handled yet, and those that are to be compressed."""
+        """Bytes that were received and not handled yet, and bytes to be compressed."""
         checked = 0 if self._check is None else len(self._check.message)
         return super().num_bytes_held + len(self._kept) + checked
 
     def listen(self, receiver: Receiver) -> None:
-        """Hand all messages to a receiver from now on, those first that have come already."""
+        """Give all messages to a receiver from now on, beginning with those that have already come.
+
+        Args:
+            receiver: the receiver.
+        """
         self._receiver = receiver
         self.is_held = True
         if self._kept or self._has_ended or self._is_paused:
@@ -96,21 +96,28 @@ class DirectConnection(ReceivingConnection):
             self.is_held = False
 
     def pause(self) -> None:
-        """Read nothing more from the transport until `go_on`. For a receiver that takes no next message now."""
+        """Stop reading from the transport until `go_on`. For a receiver that accepts no next message now."""
         if not self._is_paused and not self.transport.is_closing():
             self._is_paused = True
             self.transport.pause_reading()
 
     def put_back(self, message: bytes) -> None:
-        """Have a message come again, before all that is kept. For a receiver that took no next message."""
-        frame = head_of(message, mask_bit=0x80) + bytes(4) + message  # a key of zeros changes nothing
+        """Deliver a message again, before all waiting ones. For a receiver that accepted no next message.
+
+        Args:
+            message: the message.
+        """
+        frame = head_of(message, mask_bit=0x80) + bytes(4) + message  # a masking key of zeros changes nothing
         self._kept[:0] = frame
 
     def go_on(self, until: float) -> bool:
-        """Handle what was held back until that time of `perf_counter` [s].
+        """Handle data that was held back.
+
+        Args:
+            until: end of the turn, by `perf_counter` [s].
 
         Returns:
-            Whether something is held back still, be it the end.
+            True if messages, or the end, are left.
         """
         assert self._receiver is not None, "before that, what comes is kept"
         self.is_held = self._check is not None and not self._go_on_checking(until)
@@ -130,7 +137,7 @@ class DirectConnection(ReceivingConnection):
         return False
 
     def forget(self) -> None:
-        """Pass over all messages from now on, those held back among them: the connection is closing."""
+        """Ignore all messages from now on, including those held back, because the connection is closing."""
         super().forget()
         self._is_dropping = True
         self._check = None
@@ -148,18 +155,19 @@ class DirectConnection(ReceivingConnection):
         transport.write(data)
         return len(data)
 
-    # What the transport calls
+    # Called by the transport
 
     def resume_writing(self) -> None:
-        """Take note that there is room again."""
+        """Note that the transport has room again."""
         if self._ping:
             self.loop.call_soon(self._answer_ping)
         super().resume_writing()
 
     def _hand_over(self, frame: bytes) -> None:
-        """Give the library a frame; of the pings that come while there is no room for an answer, the newest, later.
+        """Give a frame to the library; a ping that comes while there is no room for an answer is kept.
 
-        RFC 6455 section 5.5.3 allows that. The answers to a client that reads nothing would pile up without bound.
+        Only the newest such ping is answered later, which RFC 6455 section 5.5.3 allows. The answers to a client that
+        does not read would otherwise grow without limit.
         """
         if frame[0] == _PING and self.is_full:
             self._ping = frame
@@ -172,7 +180,11 @@ class DirectConnection(ReceivingConnection):
             self.feed(ping)
 
     def data_received(self, data: bytes) -> None:
-        """Handle what came, or keep it."""
+        """Handle received bytes, or keep them.
+
+        Args:
+            data: the bytes.
+        """
         self.num_bytes_received += len(data)
         if not self.is_trusted:
             data = self._read_early(data)
@@ -197,11 +209,11 @@ class DirectConnection(ReceivingConnection):
         elif self.is_held:
             self._receiver.wait(had_turn=True)
 
-    def eof_received(self) -> bool:  # type: ignore[override] # asyncio says so; the library never answers
-        """Handle all that came before the end, in turns; then let the library end it.
+    def eof_received(self) -> bool:  # type: ignore[override] # bool as in asyncio; the library returns nothing
+        """Handle all data before the end, in turns; then let the library end the connection.
 
         Returns:
-            Whether the transport stays open: something is held back, and the end comes behind it.
+            True if the transport stays open, because data is held back.
         """
         self._has_ended = True
         if self.is_held and (self._kept or self._receiver is not None):
@@ -210,7 +222,11 @@ class DirectConnection(ReceivingConnection):
         return False
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Forget what cannot be answered any more."""
+        """Drop everything that cannot be answered any more.
+
+        Args:
+            exc: the error of the transport, or None.
+        """
         self._kept.clear()
         self._check = None
         self._ping = b""
@@ -218,13 +234,19 @@ class DirectConnection(ReceivingConnection):
         self._is_dropping = True
         super().connection_lost(exc)
 
-    # What the library calls
+    # Called by the library
 
     def take_message(self, message: bytes, *, is_text: bool, last: object) -> None:
-        """Take a message that the library has read: fragments, or what was compressed."""
+        """Handle a message that the library has read: fragments, or a compressed message.
+
+        Args:
+            message: the whole message.
+            is_text: it was sent as text.
+            last: data of its last frame.
+        """
         assert self._receiver is not None, "before that, what comes is kept"
         self.is_text = is_text
-        if isinstance(last, Deflated):  # it is checked once it is inflated
+        if isinstance(last, Deflated):  # it is checked after decompression
             message = (DeflatedText if is_text else Deflated)(message)
         elif is_text and not message.isascii() and not self._is_utf8(message):
             return
@@ -234,9 +256,10 @@ class DirectConnection(ReceivingConnection):
     # Texts
 
     def _is_utf8(self, message: bytes) -> bool:
-        """Check a text that is not ASCII: whether it is UTF-8, and the receiver may have it now.
+        """Check a text that is not ASCII; return True if it is UTF-8 and the receiver may have it now.
 
-        Where it is not, the connection is closed. A long one is checked later, and nothing else is read before that.
+        If it is not UTF-8, the connection is closed. A long text is checked later, and no other data is read before
+        that.
         """
         check = TextCheck(message)
         if check.step():
@@ -248,9 +271,9 @@ class DirectConnection(ReceivingConnection):
         return not check.fault
 
     def _go_on_checking(self, until: float) -> bool:
-        """Go on with the check of a long text; return whether the messages behind it may be read."""
+        """Continue the check of a long text; return True if the messages behind it may be read."""
         check, receiver = self._check, self._receiver
-        assert check is not None, "the caller has looked"
+        assert check is not None, "checked by the caller"
         assert receiver is not None, "before that, what comes is kept"
         while check.step():
             if perf_counter() >= until:
@@ -261,23 +284,23 @@ class DirectConnection(ReceivingConnection):
             return True
         return receiver.receive(check.message)
 
-    # How bytes become messages
+    # From bytes to messages
 
     def _end(self) -> None:
-        """Drop the beginning of a frame that never came whole, and close."""
+        """Drop an incomplete frame, and close."""
         self._kept.clear()
         super()._end()
 
-    # A call a frame would cost a tenth.
+    # One long method, because a function call per frame would cost a tenth of the speed.
     def _read(self, data: bytes | bytearray, until: float) -> bool:  # noqa: C901, PLR0912, PLR0915
-        """Handle the frames at the front of some bytes until that time; keep what is left.
+        """Handle the frames at the start of some bytes until the given time; keep the rest.
 
         Returns:
-            Whether any was handled. `is_held` tells whether whole frames were left for want of time.
+            True if any frame was handled. `is_held` is True if complete frames are left because the time is over.
         """
         core, receiver = self.core, self._receiver
         max_size = self.max_message_size
-        assert max_size is not None, "a server without a limit is not ours"
+        assert max_size is not None, "the server sets a limit"
         assert receiver is not None, "before that, what comes is kept"
         on_message, clock = receiver.receive, perf_counter
         has_worked = False
@@ -286,7 +309,7 @@ class DirectConnection(ReceivingConnection):
         need = 2
         self._takes_more = True
         while position + need <= end:
-            if core.state is _CLOSED:  # the library throws away what comes
+            if core.state is _CLOSED:  # the library drops all data
                 self.feed(bytes(view[position:]))
                 position = end
                 break
@@ -300,8 +323,8 @@ class DirectConnection(ReceivingConnection):
                     break
                 size = int.from_bytes(view[position + 2 : start - 4], "big")
             stop = start + size
-            if size < 0 or size > max_size:  # not masked, or too long: the library says so and closes
-                if not self._takes_more:  # a later receiver may take longer ones
+            if size < 0 or size > max_size:  # not masked, or too long: the library reports it and closes
+                if not self._takes_more:  # a later receiver may accept longer ones
                     break
                 need = 2
                 self.on_too_long()
@@ -316,7 +339,7 @@ class DirectConnection(ReceivingConnection):
                 break
             has_worked = True
             if (self._is_dropping or core.state is not _OPEN) and not first & _CONTROL:
-                pass  # closing: only the other side's own close frame still means something
+                pass  # closing: only the other side's close frame is still needed
             elif first in _WHOLE and not self.is_in_fragments:
                 message = apply_mask(view[start:stop], data[start - 4 : start])
                 if first == _BINARY:

@@ -1,7 +1,7 @@
 """Check that text messages are UTF-8 (RFC 6455 section 8.1), long ones in slices.
 
-Python's own decoder is the judge. It reads a slice at a time, because the text of a whole message of 16 MB would need
-as much memory again, and because other clients have their turn in between.
+Python's own decoder checks one slice at a time. The text of a whole message of 16 MB would need as much memory again,
+and other clients have their turn between slices.
 """
 
 from __future__ import annotations
@@ -11,15 +11,15 @@ from codecs import utf_8_decode
 __all__ = ["SLICE", "TextCheck"]
 
 SLICE = 64 * 1024
-"""Bytes that are checked in one go: 70 us for text beyond ASCII."""
+"""Bytes checked in one slice: 70 us for text beyond ASCII."""
 
 
 class TextCheck:
-    """A text message on its way through the check.
+    """A text message that is being checked.
 
     Attributes:
-        message: what is checked [bytes].
-        fault: why it is no UTF-8, once that is found; empty until then.
+        message: the message [bytes].
+        fault: why it is not UTF-8; empty if no fault is found so far.
     """
 
     __slots__ = ("_position", "fault", "message")
@@ -30,11 +30,11 @@ class TextCheck:
         self._position = 0
 
     def step(self) -> bool:
-        """Check the next slice; return whether anything is left to check."""
+        """Check the next slice; return True if more is left to check."""
         start, size = self._position, len(self.message)
         stop = min(start + SLICE, size)
         try:
-            # a character that ends behind the slice is left for the next one
+            # a character that continues in the next slice is checked there
             _, num_read = utf_8_decode(memoryview(self.message)[start:stop], "strict", stop == size)
         except UnicodeDecodeError as error:
             self.fault = f"text is not UTF-8: {error.reason} at byte {start + error.start}"

@@ -1,12 +1,11 @@
-"""TLS handshakes whose number is bounded, which the listeners of asyncio and uvloop cannot do.
+"""TLS handshakes with a limited number, which the listeners of asyncio and uvloop do not offer.
 
-A connection begins as a `TlsHandshake`: from its first packet on it has a place among those without a request. Only
-when the handshake is done does it become a connection of the `websockets` library. A listener with `ssl=` of its own
-hides a connection until then, so any number could wait there and use up the file descriptors.
-
-Each kind of event loop needs a way of its own. uvloop reads the client's first packet before `start_tls` can be called,
-so there the socket is duplicated and accepted once more. The loop of Windows cannot accept a socket again that it has
-seen once, so asyncio's own loops use `start_tls`.
+A connection begins as a `TlsHandshake`, and from its first packet on it has a place among those without a request. Only
+after the handshake does it become a connection of the `websockets` library. A listener with its own `ssl=` hides a
+connection until then, so any number of them could wait and use up the file descriptors.
+Each kind of event loop needs its own method. uvloop reads the client's first packet before `start_tls` can be called,
+so the socket is duplicated and accepted again. The loop of Windows cannot accept a known socket again, so asyncio's own
+loops use `start_tls`.
 """
 
 from __future__ import annotations
@@ -25,12 +24,12 @@ __all__ = ["TlsHandshake", "TlsRules"]
 
 @dataclass(frozen=True, slots=True)
 class TlsRules:
-    """Rules of encryption for connections.
+    """TLS settings of connections.
 
     Attributes:
         context: the certificate and its key.
         handshake_timeout: longest handshake [s].
-        shutdown_timeout: how long the other side may take to confirm the end [s].
+        shutdown_timeout: longest wait for the other side to confirm the end [s].
     """
 
     context: ssl.SSLContext
@@ -39,7 +38,7 @@ class TlsRules:
 
 
 class TlsHandshake(asyncio.Protocol):
-    """A connection that is in its TLS handshake."""
+    """A connection during its TLS handshake."""
 
     def __init__(
         self,
@@ -48,28 +47,28 @@ class TlsHandshake(asyncio.Protocol):
         places: ConnectionPlaces,
         handshakes: dict[TlsHandshake, None],
     ) -> None:
-        """Begin without a connection.
+        """Prepare for a connection.
 
         Args:
-            inner: gets the connection when the handshake is done.
-            rules: for the handshake.
-            places: where it takes one, until it is done.
-            handshakes: table that it is in until then, so that the server can close it.
+            inner: gets the connection after the handshake.
+            rules: TLS settings.
+            places: has a place for it until the handshake is done.
+            handshakes: table that lists it until then, so that the server can close it.
         """
         self._inner = inner
         self._rules = rules
         self._places = places
         self._handshakes = handshakes
-        self._socket: socket.socket | None = None  # the duplicate
-        self._transport: asyncio.Transport | None = None  # without a duplicate
-        self._task: asyncio.Task[None] | None = None  # the loop itself keeps no tasks
-        self._early = bytearray()  # came decrypted before `inner` had the connection
+        self._socket: socket.socket | None = None  # the duplicated socket
+        self._transport: asyncio.Transport | None = None  # used if the socket is not duplicated
+        self._task: asyncio.Task[None] | None = None  # a reference, because the loop keeps none to its tasks
+        self._early = bytearray()  # decrypted data that came before `inner` had the connection
         self._is_handed_over = False
 
     def evict(self) -> None:
-        """Close it without waiting for the other side."""
+        """Close the connection without waiting for the other side."""
         if self._socket is not None:
-            with suppress(OSError):  # it is closed already
+            with suppress(OSError):  # it may be closed already
                 self._socket.shutdown(socket.SHUT_RDWR)
         if self._transport is not None:
             self._transport.abort()
@@ -77,10 +76,14 @@ class TlsHandshake(asyncio.Protocol):
             if self._task is not None:
                 self._task.cancel()
 
-    # What the first transport calls
+    # Called by the first transport
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Begin the handshake."""
+        """Begin the handshake.
+
+        Args:
+            transport: the unencrypted transport.
+        """
         if isinstance(transport, asyncio.Transport):
             transport.pause_reading()  # `start_tls` reads the first packet
             self._transport = transport
@@ -91,7 +94,7 @@ class TlsHandshake(asyncio.Protocol):
             except OSError:  # no file descriptor is left
                 return
             finally:
-                cast("asyncio.Transport", transport).abort()  # a cast, since uvloop's are no subclass
+                cast("asyncio.Transport", transport).abort()  # a cast, because uvloop's transports are not a subclass
             self._socket.setblocking(False)  # noqa: FBT003 - the library's own
             work = self._accept_again(self._socket)
         self._handshakes[self] = None
@@ -99,9 +102,9 @@ class TlsHandshake(asyncio.Protocol):
         self._task = asyncio.get_running_loop().create_task(work)
 
     async def _accept_again(self, connected: socket.socket) -> None:
-        """Have the loop accept the duplicate of the socket, with TLS. For uvloop."""
+        """Let the loop accept the duplicated socket with TLS, for uvloop."""
         rules = self._rules
-        with suppress(OSError):  # TLS errors, time-outs and lost connections are such; none of them is worth a line
+        with suppress(OSError):  # TLS errors, time-outs and lost connections; none of them needs a log line
             try:
                 await asyncio.get_running_loop().connect_accepted_socket(
                     self._take_over,
@@ -114,7 +117,7 @@ class TlsHandshake(asyncio.Protocol):
                 self._leave()
 
     async def _encrypt(self, transport: asyncio.Transport) -> None:
-        """Encrypt the connection as it is. For asyncio's own loops."""
+        """Encrypt the connection with `start_tls`, for asyncio's own loops."""
         rules = self._rules
         encrypted: asyncio.Transport | None = None
         try:
@@ -140,7 +143,7 @@ class TlsHandshake(asyncio.Protocol):
         return self._inner
 
     def _hand_over(self, encrypted: asyncio.Transport) -> None:
-        """Give the connection to `inner`, with what came behind the handshake in the same packet."""
+        """Give the connection to `inner`, with data that came in the last packet of the handshake."""
         self._is_handed_over = True
         encrypted.set_protocol(self._inner)
         self._inner.connection_made(encrypted)
@@ -148,13 +151,21 @@ class TlsHandshake(asyncio.Protocol):
             self._inner.data_received(bytes(self._early))
             self._early.clear()
 
-    # What the encrypted transport calls until `inner` has it
+    # Called by the encrypted transport until `inner` has it
 
     def data_received(self, data: bytes) -> None:
-        """Keep what came; it is one read of the transport at most."""
+        """Keep received data; it is at most one read of the transport.
+
+        Args:
+            data: the bytes.
+        """
         self._early += data
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Tell `inner`, if this was on its way when `inner` got the connection."""
+        """Tell `inner` if the connection was lost while `inner` was getting it.
+
+        Args:
+            exc: the error of the transport, or None.
+        """
         if self._is_handed_over:
             self._inner.connection_lost(exc)

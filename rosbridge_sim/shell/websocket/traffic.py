@@ -1,7 +1,7 @@
-"""Totals of what clients have sent and were given; those of clients that have left are kept.
+"""Totals of the data that clients have sent and received; the totals of clients that have left are kept.
 
-Each client counts for itself, on objects that go with it. A counter of the whole server must not go back when a client
-leaves, so its counts are added up here at that moment.
+Each client counts on its own objects, which are deleted with it. A counter of the whole server must not go down when a
+client leaves, so its counts are added to a total at that moment.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ class Traffic:
     """Totals of some clients.
 
     Attributes:
-        num_clients: how many clients it is of.
-        num_bytes_sent: handed to their transports in messages [bytes].
-        num_frames_received: frames that came from them.
-        num_messages_sent: messages of topics that went into their outboxes.
-        num_messages_dropped: of those, the ones that were forgotten because the client did not read.
+        num_clients: number of clients.
+        num_bytes_sent: bytes of messages given to their transports.
+        num_frames_received: frames received from them.
+        num_messages_sent: topic messages put into their outboxes.
+        num_messages_dropped: topic messages of these that were dropped because the client did not read.
     """
 
     num_clients: int = 0
@@ -33,7 +33,11 @@ class Traffic:
     num_messages_dropped: int = 0
 
     def add(self, client: Client) -> None:
-        """Add what a client has counted so far."""
+        """Add the counts of a client.
+
+        Args:
+            client: the client.
+        """
         session = client.peer.session
         self.num_clients += 1
         self.num_bytes_sent += client.num_bytes_sent
@@ -42,7 +46,11 @@ class Traffic:
         self.num_messages_dropped += sum(client.outbox.dropped.values())
 
     def plus(self, clients: Iterable[Client]) -> Traffic:
-        """Return the totals with those of further clients."""
+        """Return the totals with those of more clients.
+
+        Args:
+            clients: the clients.
+        """
         total = Traffic(
             self.num_clients,
             self.num_bytes_sent,

@@ -1,11 +1,10 @@
-"""Turns: the work that clients ask for is done in short pieces, so that one client never holds up the others.
+"""Turns: work for clients is done in short pieces, so that one client never blocks the others.
 
-Everything happens in one thread, so whatever is done for one client keeps all others waiting. A frame is handled when
-it comes, as long as the round has time left. A round is one pass of the event loop; after it, the loop looks at all
-sockets again. Work that does not fit waits here and goes on in later rounds, one client after the other. A client that
-has had no turn yet comes before those that have: a small request waits for one turn of a large one, not for all of it.
-
-Turns are counted in time and not in messages, because a message may cost a microsecond or a second.
+Everything runs in one thread, so work for one client delays all others. A frame is handled when it arrives, as long as
+the round has time left. A round is one pass of the event loop; after it, the loop checks all sockets again. Work that
+does not fit waits here and continues in later rounds, one client after the other. Clients without a turn so far come
+first: a small request waits for one turn of a large one, not for all of it.
+Turns are measured in time, not in messages, because a message may cost a microsecond or a second.
 """
 
 from __future__ import annotations
@@ -19,19 +18,25 @@ from typing import Protocol
 __all__ = ["Turns", "Worker"]
 
 TURN_TIME = 0.002
-"""Longest turn of one client, before others have theirs [s]: some 150 small messages."""
+"""Longest turn of one client, before others have theirs [s]: about 150 small messages."""
 
 ROUND_TIME = 0.004
-"""Longest round of all clients, before the sockets and the world are looked at again [s]: a fifth of a frame."""
+"""Longest round of all clients, before the sockets and the world are checked again [s]: a fifth of a frame."""
 
 
 class Worker(Protocol):
     """A client that may have work left."""
 
     def work(self, until: float) -> bool:
-        """Go on until that time of `perf_counter` [s], or as long as one op takes; return whether any work is left.
+        """Continue until the given time, or until the current op ends.
 
-        Must not raise: others would lose their turn.
+        Must not raise, because others would lose their turn.
+
+        Args:
+            until: end of the turn, by `perf_counter` [s].
+
+        Returns:
+            True if work is left.
         """
 
 
@@ -39,7 +44,7 @@ class Turns:
     """The turns of all clients of one server."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, on_round: Callable[[], None]) -> None:
-        """Begin without any worker.
+        """Begin without workers.
 
         Args:
             loop: its passes are the rounds.
@@ -53,9 +58,11 @@ class Turns:
         self._old: deque[Worker] = deque()
 
     def begin(self) -> float:
-        """Begin a client's turn, and a round if none is under way; return when the turn ends, by `perf_counter` [s].
+        """Begin a client's turn, and a round if none is running.
 
-        The turn may be over already: then the round is, and the client should `wait`.
+        Returns:
+            End of the turn, by `perf_counter` [s]. If it is over already, so is the round, and the client should
+            `wait`.
         """
         now = perf_counter()
         if not self._is_begun:
@@ -65,17 +72,21 @@ class Turns:
         return min(now + TURN_TIME, self._ends)
 
     def wait(self, worker: Worker, *, had_turn: bool) -> None:
-        """Have a worker's `work` called in a later turn, and again until nothing is left. Once at a time, please.
+        """Call a worker's `work` in later turns until nothing is left. The worker must not be waiting already.
 
         Args:
             worker: has work left.
             had_turn: it has worked in this round; others come first.
         """
         (self._old if had_turn else self._new).append(worker)
-        self.begin()  # a round, so that it ends
+        self.begin()  # begins a round, whose end serves the worker
 
     def leave(self, worker: Worker) -> None:
-        """Forget a worker; one that does not wait is no error."""
+        """Forget a worker; one that does not wait is not an error.
+
+        Args:
+            worker: the worker.
+        """
         for waiting in (self._new, self._old):
             if worker in waiting:
                 waiting.remove(worker)
@@ -90,7 +101,7 @@ class Turns:
         while new and perf_counter() < self._ends:
             self._serve(new.popleft())
         self._new.extendleft(reversed(new))
-        # One of these at least has its turn in each round, however many others come.
+        # At least one of these has its turn in each round, however many others come.
         for i in range(len(self._old)):
             if i and perf_counter() >= self._ends:
                 break

@@ -1,13 +1,11 @@
-"""Connections that have not shown the token yet, on a server that wants one.
+"""Connections without the token, on a server that needs one.
 
-A page in a browser can set no header, so a client may also show its token in its first message:
-`{"op": "auth", "token": ...}`. Until then it is an `UnauthenticatedConnection`, without peer, session and outbox. Small
-frames of plain JSON are read, and nothing else is decoded. Frames and bytes are counted; too many of them close it. A
-wrong token delays this one connection and no other, because behind a router or Docker all clients have the same
-address.
-
-These connections have places of their own (`ConnectionPlaces`) and never take a client's. When the places are full, the
-oldest connection is closed for the new one. So a client has some time in any case, and one that shows its token in the
+A browser page cannot set headers, so a client may also send its token in its first message: `{"op": "auth", "token":
+...}`. Until then it is an `UnauthenticatedConnection`, without peer, session and outbox. Only small frames of plain
+JSON are decoded. Frames and bytes are counted, and too many of them close the connection. A wrong token delays only
+this connection, because behind a router or Docker all clients have the same address.
+These connections have separate places (`ConnectionPlaces`) and never use a client's. When all places are in use, the
+oldest connection is closed for the new one. So each client has some time, and a client that sends its token in the
 handshake never needs such a place.
 """
 
@@ -37,23 +35,23 @@ __all__ = [
 _log = logging.getLogger("rosbridge_sim.access")
 
 MAX_UNPROVEN_SIZE = 16 * 1024
-"""Longest message [bytes]; a longer one closes the connection with code 1009 before its payload is kept."""
+"""Longest message [bytes]; a longer one closes the connection with code 1009 before its content is stored."""
 
 MAX_UNPROVEN_BYTES = 64 * 1024
-"""Most that may come in all, pings and fragments included [bytes]: far more than a token in any spelling."""
+"""Most bytes in all, with pings and fragments: far more than a token in any spelling."""
 
 MAX_REFUSED = 16
-"""Frames without a token that are answered; the next one closes the connection. A program that is written for a server
-without a token says about as much at its start, and learns from each answer what is missing."""
+"""Frames without a token that are answered; the next one closes the connection. A program for a server without a token
+sends about as many at its start, and each answer says what is missing."""
 
 MAX_TRIES = 3
-"""Wrong tokens before the connection is closed: a typing error or two."""
+"""Wrong tokens before the connection is closed: one or two typing errors."""
 
-NO_TOKEN = "This server wants a token first: as ?token= in the URL, as a Bearer token, or by the op auth"  # noqa: S105
+NO_TOKEN = "This server needs a token first: as ?token= in the URL, as a Bearer token, or by the op auth"  # noqa: S105
 WRONG_TOKEN = "The token is wrong"  # noqa: S105
 
 MAX_OP = 30
-"""Longest op that a log line names [characters]; the longest one that there is has 20."""
+"""Longest op in a log line [characters]; the longest existing one has 20."""
 
 _GONE = "the connection was lost"
 
@@ -62,8 +60,8 @@ class UnauthenticatedConnection:
     """A connection without the token, as the `Receiver` of its socket and a `Worker` with turns.
 
     Attributes:
-        settled: why it is to be closed, with code 1008; None where it has shown the token. Then nothing more is read
-            from the socket until another receiver listens. An internal error is its exception.
+        settled: reason to close it with code 1008; None if it has sent the token. After that, nothing is read from the
+            socket until another receiver listens. An internal error is its exception.
         rest: the ops behind the token in the same message.
     """
 
@@ -76,13 +74,13 @@ class UnauthenticatedConnection:
         is_talkative: bool,
         on_refusal: Callable[[Reason, str, str], None] = lambda _reason, _op, _text: None,
     ) -> None:
-        """Begin to wait for the token; the time runs from here on.
+        """Begin to wait for the token; the time limit starts now.
 
         Args:
-            socket: its connection, open.
+            socket: its open connection.
             access: the rules.
-            turns: when it may work.
-            is_talkative: status frames are sent.
+            turns: gives it its turns.
+            is_talkative: send status frames.
             on_refusal: called with each refusal: its reason, the op if it is a word, and the text.
         """
         loop = socket.loop
@@ -96,26 +94,26 @@ class UnauthenticatedConnection:
         self._num_tries = 0
         self._num_refused = 0
         self._num_bytes = 0
-        self._is_waiting = False  # after a wrong token
+        self._is_waiting = False  # the answer to a wrong token is delayed
         self._is_in_line = False
         self._timers = [loop.call_later(access.patience, self._contain, self._expire)]
         socket.on_too_long = self._refuse_unread
 
     async def wait_settled(self) -> str | None:
-        """Wait until it has shown the token or is to be closed; return why, as `settled` does."""
+        """Wait until it has sent the token or must be closed; return the reason, as in `settled`."""
         ends: list[asyncio.Future[Any]] = [self.settled, self._socket.lost]
         await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
         return self.settled.result() if self.settled.done() else _GONE
 
     def leave(self) -> None:
-        """Have nothing more happen here. Twice is no error."""
+        """Stop all activity of this object. A second call does nothing."""
         for timer in self._timers:
             timer.cancel()
         self._turns.leave(self)
         self._socket.on_too_long = _ignore
 
     def let_go(self) -> None:
-        """Pass over all that comes from now on, but for the end of the closing."""
+        """Ignore all received data from now on, except the closing handshake."""
         self._socket.forget()
         self._is_waiting = False
         if not self._is_in_line and self._socket.is_held:
@@ -124,30 +122,48 @@ class UnauthenticatedConnection:
     # As a receiver and a worker
 
     def begin(self) -> float:
-        """Begin a turn; see `Turns.begin`."""
+        """Begin a turn; return its end, by `perf_counter` [s]. See `Turns.begin`."""
         self._contain(self._count_bytes)
         return self._turns.begin()
 
     def receive(self, message: bytes) -> bool:
-        """Look at a message; return whether the next one may come."""
+        """Read a message.
+
+        Args:
+            message: the message.
+
+        Returns:
+            True if the next one may come.
+        """
         if not self.settled.done():
             self._contain(self._hear, message)
         return not (self._is_waiting or self._is_proven)
 
     def wait(self, *, had_turn: bool) -> None:
-        """Have the socket go on in a later turn; if a wrong token or the next owner has to wait first, not yet."""
+        """Let the socket continue in a later turn; not yet if a wrong token or the next owner must wait first.
+
+        Args:
+            had_turn: it has worked in this round; others come first.
+        """
         self._hold_back()
         if not (self._is_in_line or self._is_waiting or self._is_proven):
             self._get_in_line(had_turn=had_turn)
 
     def work(self, until: float) -> bool:
-        """Go on with what came; return whether any of it is left for a next turn."""
+        """Continue with received data.
+
+        Args:
+            until: end of the turn, by `perf_counter` [s].
+
+        Returns:
+            True if some is left for a later turn.
+        """
         is_more = self._socket.go_on(until)
         self._hold_back()
         self._is_in_line = is_more and not (self._is_waiting or self._is_proven)
         return self._is_in_line
 
-    # What happens
+    # Messages and their effects
 
     @property
     def _is_proven(self) -> bool:
@@ -168,12 +184,12 @@ class UnauthenticatedConnection:
         else:
             self._num_tries += 1
             self._is_waiting = True
-            # Twice as long after each try, so that a program that guesses gains nothing by staying connected.
+            # The delay doubles after each try, so that guessing over one connection is not faster.
             delay = self._access.delay * 2 ** (self._num_tries - 1)
             self._timers.append(self._socket.loop.call_later(delay, self._contain, self._answer_wrong, op))
 
     def _hold_back(self) -> None:
-        """While the answer to a wrong token waits, read nothing more, and keep no more than one message's worth."""
+        """While the answer to a wrong token is delayed, read nothing, and keep at most one message."""
         if self._is_waiting:
             self._socket.pause()
             if self._socket.num_bytes_held > MAX_UNPROVEN_SIZE:
@@ -200,12 +216,12 @@ class UnauthenticatedConnection:
             self._on_refusal(Reason.NO_TOKEN, op.op if op is not None and is_word else "", NO_TOKEN)
 
     def _refuse_unread(self) -> None:
-        """Say why before the library closes the connection for the length of a frame."""
+        """Send the reason before the library closes the connection because of a frame's length."""
         if not self.settled.done():
             self._contain(self._say, refusal_frame(None, NO_TOKEN))
 
     def _count_bytes(self) -> None:
-        """Count what came before; what has just come may hold the token, with much behind it."""
+        """Count earlier data. The newest data may contain the token, with much behind it, so it is not counted yet."""
         if self._num_bytes > MAX_UNPROVEN_BYTES:
             self._end("too many bytes without a token")
         self._num_bytes = self._socket.num_early
@@ -213,7 +229,7 @@ class UnauthenticatedConnection:
     def _expire(self) -> None:
         if not self.settled.done():
             self._say(refusal_frame(None, NO_TOKEN))
-            self._end("no token was shown in time")
+            self._end("no token was sent in time")
 
     def _end(self, reason: str) -> None:
         if not self.settled.done():
@@ -221,7 +237,7 @@ class UnauthenticatedConnection:
             self.let_go()
 
     def _say(self, frame: bytes) -> None:
-        """Send an answer. A client that reads none is not served one after the other: it is closed."""
+        """Send an answer. A client that does not read its answers is closed."""
         socket = self._socket
         if socket.is_full:
             self._end("answers were left unread")
@@ -233,7 +249,7 @@ class UnauthenticatedConnection:
         self._turns.wait(self, had_turn=had_turn)
 
     def _contain(self, act: Callable[..., None], *args: object) -> None:
-        """Do something that concerns this connection alone; an internal error closes it and no other."""
+        """Call a function that concerns only this connection; an internal error closes it and no other."""
         try:
             act(*args)
         except Exception as error:  # noqa: BLE001 - the server logs and counts it

@@ -1,4 +1,4 @@
-"""Addresses of rosbridges, as people write them and as a log shows them."""
+"""URLs of rosbridges, as people write them and as a log shows them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,11 @@ DEFAULT_PORT = 9090
 
 
 def full_url(text: str) -> str:
-    """`HOST` or `HOST:PORT` as `ws://HOST:PORT`; whatever else as it is, for others to refuse."""
+    """Return `ws://HOST:PORT` for `HOST` or `HOST:PORT`; return other texts unchanged, for a later check.
+
+    Args:
+        text: a URL, or a part of one.
+    """
     scheme, mark, rest = text.rpartition("://")
     scheme = {"": "ws", "http": "ws", "https": "wss"}.get(scheme, scheme)
     url = f"{scheme}://{rest}"
@@ -28,10 +32,13 @@ def full_url(text: str) -> str:
 
 
 def check_url(text: str) -> str:
-    """The full URL.
+    """Return the full URL.
+
+    Args:
+        text: a URL, or a part of one.
 
     Raises:
-        ValueError: it is none of a WebSocket.
+        ValueError: it is not the URL of a WebSocket.
     """
     url = full_url(text.strip())
     parts = urllib.parse.urlsplit(url)
@@ -43,13 +50,21 @@ def check_url(text: str) -> str:
 
 
 def port_of(url: str) -> int:
-    """The port that a full URL leads to."""
+    """Return the port of a full URL.
+
+    Args:
+        url: the URL.
+    """
     parts = urllib.parse.urlsplit(url)
     return parts.port or {"ws": 80, "wss": 443}[parts.scheme]
 
 
 def shown_url(url: str) -> str:
-    """Return a URL without its secrets, for logs: the query, which may hold a token, and name and password."""
+    """Return a URL without its secrets, for logs: without the query, which may hold a token, and user and password.
+
+    Args:
+        url: the URL.
+    """
     scheme, mark, rest = url.partition("://")
     if not mark:
         scheme, rest = "", url
@@ -60,11 +75,15 @@ def shown_url(url: str) -> str:
 
 
 LEAST_SECRET = 3
-"""Characters of a secret that is looked for in texts: a shorter one stands in too many words to be one."""
+"""Shortest secret that is searched in texts [characters]; a shorter one is part of too many words."""
 
 
 def secrets_of(url: str) -> set[str]:
-    """The parts that `shown_url` leaves out, in every spelling in which the far side may repeat them."""
+    """Return the parts that `shown_url` leaves out, in every spelling that the far side may use.
+
+    Args:
+        url: the URL.
+    """
     _, _, rest = url.partition("://")
     head, _, query = rest.partition("?")
     secrets = {part.partition("=")[2] for part in re.split(r"[&;#]", query)}
@@ -75,7 +94,12 @@ def secrets_of(url: str) -> set[str]:
 
 
 def hide(text: str, secrets: Iterable[str]) -> str:
-    """A text from the far side without the secrets that it repeats."""
+    """Return a text from the far side without secrets.
+
+    Args:
+        text: the text.
+        secrets: the secrets.
+    """
     for secret in sorted(secrets, key=len, reverse=True):
         if len(secret) >= LEAST_SECRET:
             text = text.replace(secret, "...")
@@ -86,5 +110,9 @@ _SECRETS_IN_WORDS = re.compile(r"\?[^'\"\s]*=[^'\"\s]*|//[^'\"/@\s]*@|(?<=token[
 
 
 def hide_in_words(text: str) -> str:
-    """Words of a command line or a file as a message may quote them: a query, a password or a token may stand there."""
+    """Return words of a command line or file for an error text, without a query, password or token.
+
+    Args:
+        text: the words.
+    """
     return _SECRETS_IN_WORDS.sub(lambda match: {"?": "?...", "/": "//...@"}.get(match[0][0], "..."), text)

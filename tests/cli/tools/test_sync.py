@@ -260,7 +260,7 @@ async def test_sync_shows_the_mode_and_its_master() -> None:
 
 async def test_sync_names_the_master(standing: Simulator) -> None:
     (line,) = (await in_the_background("sync", url=standing.url)).lines
-    assert line.endswith("nobody is master; rosbridge-sim tick N --start moves the world")
+    assert line.endswith("there is no master; rosbridge-sim tick N --start moves the world")
     async with await Client.open(standing.url) as master:
         await lead(master)
         done = await in_the_background("sync", url=standing.url)

@@ -281,7 +281,7 @@ async def test_latched_message_reaches_later_subscribers(server: ServerProcess, 
         ("/ctrl_cmd", "morai_msgs/CtrlCmd", "{velocity: fast}", "requires a float64 for field velocity, but got"),
         ("/ctrl_cmd", "std_msgs/String", "{}", "already established with type morai_msgs/CtrlCmd"),
         ("/Ego_topic", "morai_msgs/EgoVehicleStatus", "{}", "is published by /morai_sim alone"),
-        ("/x", "String", "{}", "String is not a valid type string"),
+        ("/x", "String", "{}", "String is not a valid type string; name its package, too, as in std_msgs/String"),
         ("/x", "std_msgs/Strin", "{}", "std_msgs/Strin"),
     ],
 )

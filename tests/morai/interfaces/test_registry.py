@@ -298,7 +298,7 @@ def test_any_sequence_of_changes_ends_with_the_last_valid_settings(changes: list
         ({"services": {"/zzz": {}}}, 'services."/zzz": the simulator has no such service'),
         (
             {"publishers": {"/news": {"rate": 5}}},
-            'publishers."/news": expected no rate: it goes out whenever there is news',
+            'publishers."/news": expected no rate: it is published only when it changes',
         ),
         (
             {"services": {"/ask": {"name": "/x"}, "/tell": {"name": "/x"}}},

@@ -84,7 +84,7 @@ def test_invalid_projection_gives_no_fix_and_one_log_line(caplog: pytest.LogCapt
         assert globe.locate(road_map, 0.0, 0.0) is None
         assert globe.locate(road_map, 1.0, 0.0) is None
     (line,) = caplog.messages
-    assert line.startswith("map tiny: no GPS, since its projection cannot be used: ")
+    assert line.startswith("map tiny: no GPS fix, because its projection cannot be used: ")
     assert globe.locate(make_map("UTM52N"), 0.0, 0.0) is not None, "another map comes"
 
 

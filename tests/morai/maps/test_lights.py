@@ -211,7 +211,7 @@ def test_duplicate_light_counts_once() -> None:
     tiny = read({**ROADRUNNER, "traffic_light_set.json": [*ROADRUNNER["traffic_light_set.json"], light("C1", ["B2D"])]})
     assert tiny.plan is not None
     assert len(tiny.plan.lights) == 4
-    assert tiny.notes == ("traffic light 'C1' stands there twice; the first one counts",)
+    assert tiny.notes == ("traffic light 'C1' is listed twice; the first one is used",)
 
 
 @pytest.mark.parametrize(

@@ -157,7 +157,7 @@ def with_points(*points: object) -> list[object]:
         ({"nodes": {}}, "tiny/node_set.json: expected a list, got an object"),
         ({"nodes": [{}]}, "tiny/node_set.json: [0].idx: missing"),
         ({"nodes": NODES[:2]}, "tiny/link_set.json: [2].to_node_idx: node_set.json has no node 'C'"),
-        ({"links": [LINKS[0], LINKS[0]]}, "tiny/link_set.json: [1].idx: 'AB' stands there twice"),
+        ({"links": [LINKS[0], LINKS[0]]}, "tiny/link_set.json: [1].idx: expected each id once, got 'AB' twice"),
         (
             {"links": with_points([0, 0, 0], [0, "y", 0])},
             "tiny/link_set.json: [0].points[1][1]: expected a number, got 'y'",

@@ -251,7 +251,7 @@ def test_missing_ego_of_a_recording_is_reported_to_the_caller(
         if topic == "/Ego_topic"
     ]
     assert replay(client, PLAY, FILE, "two")
-    assert client.told == [("info", "two: it holds an ego 2 and the world has none: that one is left out")]
+    assert client.told == [("info", "two: it holds an ego 2, but the world has none with this number: it is left out")]
     assert replay(client, STOP)
     client.told.clear()
     client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))

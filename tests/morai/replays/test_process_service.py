@@ -35,7 +35,7 @@ def test_status_follows_each_command(client: Client) -> None:
     assert last_status(client) == (48, 1, 1)
     assert client.told.pop() == (
         "error",
-        "/Morai_SimProc: empty: there is nothing in it that can be replayed: no ego, no objects",
+        "/Morai_SimProc: empty: it holds no ego and no objects that can be replayed",
     )
     client.tick()
     assert replay(client, PAUSE, FILE, "drive")

@@ -182,8 +182,8 @@ def test_invalid_numbers_are_left_out_and_noted() -> None:
     assert recording.objects is not None
     assert recording.objects.starts.tolist() == [0, 1, 1, 2]
     assert recording.notes == (
-        "1 states of ego 0 are left out: they hold no numbers, or numbers beyond all bounds",
-        "4 states of an object are left out: they hold no numbers, or numbers beyond all bounds",
+        "1 states of ego 0 are left out: their numbers are not finite, or out of range",
+        "4 states of an object are left out: their numbers are not finite, or out of range",
     )
 
 
@@ -198,7 +198,7 @@ def test_recording_beyond_the_limit_is_refused(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(recorded, "MAX_RECORDED_ENTRIES", 3)
     builder = reading()
     builder.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(1))
-    with pytest.raises(DocumentError, match="a: more than 3 states in it; cut it into shorter ones"):
+    with pytest.raises(DocumentError, match="a: expected at most 3 states; cut it into shorter recordings"):
         builder.take_objects(Struct(npc_list=[thing(1, 0.0)]), both(2))
 
 

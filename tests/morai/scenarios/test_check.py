@@ -85,7 +85,7 @@ def test_reference_to_an_invalid_path_is_not_a_second_error() -> None:
         (b'{\n "egoVehicle": }', "mine.json:2:16: not JSON: expected value"),
         (b"[1]", "mine.json: expected an object, got a list of 1"),
         (b"[" * 5_000, "mine.json:1:202: not JSON: recursion limit exceeded"),
-        (b'{"a": 1}', "mine.json: expected a scenario, with some of mapInfo"),
+        (b'{"a": 1}', "mine.json: expected a scenario with at least one of mapInfo"),
     ],
     ids=["nothing", "torn", "list", "deep", "other"],
 )
@@ -116,8 +116,8 @@ def test_errors_that_need_the_map_are_found() -> None:
     ]
     assert [spawn.where for spawn in placed.vehicles] == ["vehicleList[2]"]
     assert placed.notes == (
-        "tlList: no intersection 'IntTL13' has a phase 2; it begins as its schedule does",
-        "tlList: no intersection 'IntTL7' has a phase 0; it begins as its schedule does",
+        "tlList: no intersection 'IntTL13' has a phase 2; the entry is ignored",
+        "tlList: no intersection 'IntTL7' has a phase 0; the entry is ignored",
     )
 
 
@@ -168,7 +168,7 @@ def test_vehicles_off_the_road_or_against_their_lane_are_reported() -> None:
     assert lines == [
         "vehicleList[0] (2016_Hyundai_Ioniq) stands 2.0 m off the nearest lane, 'A1B1'",
         "vehicleList[1] (2016_Hyundai_Ioniq) stands 20.0 m off the nearest lane, 'A1B1'",
-        "vehicleList[2] (2016_Hyundai_Ioniq) stands against the way of its lane, 'A1B1'",
+        "vehicleList[2] (2016_Hyundai_Ioniq) stands against the direction of its lane, 'A1B1'",
     ]
     assert oddities(Roads(), egoVehicle={"initPosition": AT}) == []
 
@@ -182,9 +182,9 @@ def test_overlapping_entities_are_reported() -> None:
         objectList=[{"pos": {"x": -1.1, "y": 0}}, {"pos": {"x": 40, "y": 0}}],
     )
     assert lines == [
-        "egoVehicle (2016_Hyundai_Ioniq) and pedestrianList[0] (Pedestrian) stand within each other",
-        "egoVehicle (2016_Hyundai_Ioniq) and objectList[0] (Box) stand within each other",
-        "vehicleList[0] (2016_Hyundai_Ioniq) and pedestrianList[0] (Pedestrian) stand within each other",
+        "egoVehicle (2016_Hyundai_Ioniq) and pedestrianList[0] (Pedestrian) overlap",
+        "egoVehicle (2016_Hyundai_Ioniq) and objectList[0] (Box) overlap",
+        "vehicleList[0] (2016_Hyundai_Ioniq) and pedestrianList[0] (Pedestrian) overlap",
     ]
 
 
@@ -192,7 +192,9 @@ def test_path_in_map_axes_is_reported_as_far_away() -> None:
     car = {"initPosition": {"pos": {"x": 100, "y": 50}}, "pathName": "way"}
     enu = [{"pos": {"x": 100, "y": 0, "z": 50}}, {"pos": {"x": 120, "y": 0, "z": 50}}]
     (line,) = oddities(vehicleList=[car], waypointDataList=[{"pathName": "way", "waypointData": enu}])
-    assert line.startswith("vehicleList[0] (2016_Hyundai_Ioniq) stands 223.6 m off its path; waypoints are (-east, up,")
+    assert line.startswith(
+        "vehicleList[0] (2016_Hyundai_Ioniq) stands 223.6 m off its path; waypoints have the axes (-east, up,"
+    )
     right = [{"pos": {"x": -100, "y": 0, "z": -50}}, {"pos": {"x": -120, "y": 0, "z": -50}}]
     assert oddities(vehicleList=[car], waypointDataList=[{"pathName": "way", "waypointData": right}]) == []
 

@@ -171,8 +171,8 @@ def test_unknown_model_number_is_noted_once() -> None:
     notes = read(SAVED).notes
     assert [note for note in notes if "30200001" in note] == [
         (
-            "DataID 30200001 (vehicle) is not in the catalogue; it has the ordinary size of its class,"
-            " 4.47 x 1.82 x 1.45 m; --catalogue FILE can say more"
+            "DataID 30200001 (vehicle) is not in the catalogue; it gets the ordinary size of its class,"
+            " 4.47 x 1.82 x 1.45 m; --catalogue FILE can define it"
         )
     ]
     first, second = read(SAVED).vehicles
@@ -180,7 +180,7 @@ def test_unknown_model_number_is_noted_once() -> None:
     walker = {"DataID": 40100003, "pos": {"x": 0, "y": 0}}
     (note,) = read({"pedestrianList": [walker]}).notes
     assert "is not in the catalogue, and the number of a obstacle" not in note
-    assert "is not in the catalogue, and its number is that of an obstacle; it has" in note
+    assert "is not in the catalogue, and its number belongs to an obstacle; it gets" in note
 
 
 def test_model_may_be_given_by_name() -> None:
@@ -376,7 +376,7 @@ def test_light_is_found_by_position_or_name() -> None:
 def test_ambiguous_light_reference_is_a_position() -> None:
     (line,) = phases("0")[1]
     assert phases("0")[0] == ["IntTL1"]
-    assert line == "index '0' is a position and an id; it is taken for the position, 'IntTL1'"
+    assert line == "index '0' is a position and an id; it is used as the position, 'IntTL1'"
 
 
 @pytest.mark.parametrize("index", ["3", "-1", "1.5", "", "IntTL3", "9" * 100, "²"])
@@ -391,7 +391,7 @@ def test_unknown_phase_is_a_remark() -> None:
     plan = SignalPlan(Roads(), (), [Controller("IntTL1", 1, (), (Phase(50, ()),))])
     assert sort_phases(scenario, plan) == (
         (),
-        [f"no intersection 'IntTL1 (index 0)' has a phase {n}; it begins as its schedule does" for n in (7, -1)],
+        [f"no intersection 'IntTL1 (index 0)' has a phase {n}; the entry is ignored" for n in (7, -1)],
     )
     assert sort_phases(scenario, None)[0] == ()
 
@@ -408,8 +408,8 @@ def test_ids_are_unique() -> None:
     document["pedestrianList"][0]["UNIQUEID"] = -5
     scenario = read(document)
     assert [spawn.uid for spawn in (*scenario.vehicles, *scenario.pedestrians, *scenario.obstacles)] == [7, *[None] * 3]
-    assert "vehicleList[1]: UNIQUEID 7 is that of vehicleList[0]; it gets the next free one" in scenario.notes
-    assert "objectList[0]: UNIQUEID 0 is that of egoVehicle; it gets the next free one" in scenario.notes
+    assert "vehicleList[1]: UNIQUEID 7 is in use by vehicleList[0]; it gets the next free one" in scenario.notes
+    assert "objectList[0]: UNIQUEID 0 is in use by egoVehicle; it gets the next free one" in scenario.notes
 
 
 def test_number_of_notes_is_bounded() -> None:
@@ -511,8 +511,11 @@ def test_errors_name_path_and_expectation(path: str, value: object, text: str) -
         (b"[" * 5000, "mine.json:1:202: not JSON: recursion limit exceeded"),
         (b"[]", "mine.json: expected an object, got a list of 0"),
         (b"null", "mine.json: expected an object, got null"),
-        (b"{}", "mine.json: expected a scenario, with some of mapInfo, egoVehicle, vehicleList, pedestrianList,"),
-        (b'{"openapi": "3.0"}', "mine.json: expected a scenario, with some of mapInfo, egoVehicle"),
+        (
+            b"{}",
+            "mine.json: expected a scenario with at least one of mapInfo, egoVehicle, vehicleList, pedestrianList,",
+        ),
+        (b'{"openapi": "3.0"}', "mine.json: expected a scenario with at least one of mapInfo, egoVehicle"),
         (b" " * ((1 << 25) + 1), "mine.json: expected at most 33,554,432 bytes, got 33,554,433"),
     ],
     ids=lambda value: value[:12] if isinstance(value, bytes) else "",

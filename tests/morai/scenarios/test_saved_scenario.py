@@ -79,18 +79,18 @@ def test_ignored_keys_are_listed_and_give_no_remarks() -> None:
     assert mistakes == []
     assert placed.notes == (
         (
-            "DataID 30200004 (vehicle) is not in the catalogue; it has the ordinary size of its class,"
-            " 4.47 x 1.82 x 1.45 m; --catalogue FILE can say more"
+            "DataID 30200004 (vehicle) is not in the catalogue; it gets the ordinary size of its class,"
+            " 4.47 x 1.82 x 1.45 m; --catalogue FILE can define it"
         ),
         (
-            "DataID 50100002 (pedestrian) is not in the catalogue; it has the ordinary size of its class,"
-            " 0.45 x 0.55 x 1.7 m; --catalogue FILE can say more"
+            "DataID 50100002 (pedestrian) is not in the catalogue; it gets the ordinary size of its class,"
+            " 0.45 x 0.55 x 1.7 m; --catalogue FILE can define it"
         ),
         (
-            "DataID 50200001 (pedestrian) is not in the catalogue; it has the ordinary size of its class,"
-            " 0.45 x 0.55 x 1.7 m; --catalogue FILE can say more"
+            "DataID 50200001 (pedestrian) is not in the catalogue; it gets the ordinary size of its class,"
+            " 0.45 x 0.55 x 1.7 m; --catalogue FILE can define it"
         ),
-        "tlList: no intersection 'IntTL99' has a phase 0; it begins as its schedule does",
+        "tlList: no intersection 'IntTL99' has a phase 0; the entry is ignored",
     )
     assert [line.partition(" (")[0] for line in find_oddities(placed, read(ROADRUNNER).roads)] == ["vehicleList[0]"]
     assert {key for key in draft.keys.passed_over if "." not in key} == {"v2IInfo", "aiPedstrianList", "version"}

@@ -228,6 +228,26 @@ def test_steps_of_one_call_are_for_the_only_member() -> None:
     assert not values(b.call("/sim/step", {"user_id": "/sim/barrier", "n": 5}))["result"]
 
 
+def test_each_member_may_restore_a_snapshot_and_others_may_not() -> None:
+    harness, (a, b) = members("a", "b")
+    saved = values(a.call("/sim/snapshot", {"id": "start"}))
+    assert saved["result"]
+    tick(a, harness, "a")
+    tick(b, harness, "b")
+    ends = tick(a, harness, "a")
+    for user_id in ("c", "/sim/barrier", ""):
+        refused = values(b.call("/sim/restore", {"user_id": user_id, "id": "start"}))
+        assert (refused["result"], refused["frame"]) == (False, 1)
+        assert "no member" in refused["message"]
+    assert values(b.call("/sim/restore", {"user_id": "b", "id": "start"}))["frame"] == 0
+    (response,) = ends
+    assert isinstance(response, dict)
+    assert (response["tick_status"], response["frame"]) == (False, 0)
+    assert "a snapshot was restored while the tick waited" in a.told[-1][1]
+    ends = tick(a, harness, "a")
+    assert b.tick("b")["frame"] == 1
+
+
 def test_tick_of_all_waits_for_a_scenario_that_is_being_read() -> None:
     reader = ManualReader()
     harness, (a, b) = members("a", "b", reader=reader)

@@ -129,7 +129,7 @@ async def test_unusable_recording_has_its_result_code(
         for name, code, why in (
             ("broken.bag", 32, "broken.bag: is no bag, or has no end"),
             ("../x.bag", 32, "'../x.bag' leads out of --data-dir"),
-            ("chat", 48, "there is nothing in it that can be replayed"),
+            ("chat", 48, "it holds no ego and no objects that can be replayed"),
         ):
             assert not await command(client, 1, 1, name)
             status = await client.take("status", level="error")

@@ -204,6 +204,11 @@ def test_empty_token_variable_is_refused(text: str) -> None:
     assert read_settings([], {"ROSBRIDGE_SIM_TOKEN": "none"}).token is None
 
 
+def test_empty_token_flag_is_refused_as_an_empty_text() -> None:
+    with pytest.raises(SettingError, match=r"--token: expected .*, or none; got an empty text"):
+        read_settings(["--token", ""], {})
+
+
 def test_empty_variable_counts_as_absent() -> None:
     assert read_settings([], {"ROSBRIDGE_SIM_PORT": "", "ROSBRIDGE_SIM_SCHEMA_PATH": " "}) == Settings()
 

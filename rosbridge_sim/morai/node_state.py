@@ -1,0 +1,339 @@
+"""The whole state of the simulator as plain data: all that decides what the same calls will lead to.
+
+    world        entities, lights, the generator of chance, the frame (and with it `header.seq` and simulated time)
+    scene        the map and the scenario that `stop` of a replay loads again, the next id
+    egos         control mode, lamps, sensors' places
+    waiting      commands of synchronous mode that wait for their frames
+    components   what each component says of itself (`Component.save_state`)
+
+Not in it, because it belongs to the process and its connections: subscriptions, the master and the mode, the pause,
+network settings, the pace of real time, stamps of the time of day, the opening scene.
+
+`NodeState` saves, hashes and restores. A restore is whole or not at all: what can be checked is checked first, and what
+fails later is undone.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import blake2b
+from typing import Any, Final
+
+from rosbridge_sim.errors import DocumentError, PeerError
+from rosbridge_sim.morai.component import Component
+from rosbridge_sim.morai.context import SimulatorContext
+from rosbridge_sim.morai.ego import SENSORS, Ego, EgoState
+from rosbridge_sim.morai.maps.mgeo import RoadMap
+from rosbridge_sim.morai.plain_bytes import PlainData, encode
+from rosbridge_sim.morai.saved_loads import (
+    MapKey,
+    Maps,
+    digest_map,
+    key_of_map,
+    pack_action,
+    pack_load,
+    unpack_action,
+    unpack_load,
+)
+from rosbridge_sim.morai.scene import FIRST_EGO, MAX_EGOS, MAX_ENTITIES, FoundMap, Load
+from rosbridge_sim.morai.scene_changes import LAST_RESERVED
+from rosbridge_sim.morai.scene_commands import LoadScenario, SceneAction, SceneCommand
+from rosbridge_sim.morai.sync_table import MAX_AHEAD, MAX_WAITING_COMMANDS
+from rosbridge_sim.morai.typed_plain import as_plain, check_finite, read_as
+from rosbridge_sim.world.entity_arrays import INTS
+from rosbridge_sim.world.saved_world import from_plain, to_plain
+from rosbridge_sim.world.signal_plan import SignalPlan
+from rosbridge_sim.world.state import MAX_UID, Kind, Snapshot, World
+from rosbridge_sim.world.step import step
+
+__all__ = ["NodeState", "SavedState"]
+
+MAX_LAMPS: Final = (2, 1)
+"""Greatest turn and emergency signal, see `Ego`."""
+
+NUM_TRIALS: Final = 2
+"""Steps that a world from outside is tried out with: the first one makes what is derived, the second one uses it."""
+
+ROW_SIZE: Final = 100
+"""What a row takes beside the arrays [bytes]: a name, a body and an id, most of them shared."""
+
+BASE_SIZE: Final = 4_000
+"""What any state takes [bytes]: its objects, the generator of chance, the egos."""
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SavedState:
+    """A state of the simulator; nothing in it changes any longer, and it can be restored any number of times.
+
+    Attributes:
+        world: on the roads of `found`.
+        found: the map.
+        loaded, next_uid: of the scene.
+        egos: in order, the first one first.
+        waiting: what waits, each with its frame and the name of its source.
+        components: by name.
+    """
+
+    world: Snapshot
+    found: FoundMap
+    loaded: Load
+    next_uid: int
+    egos: tuple[EgoState, ...]
+    waiting: tuple[tuple[int, str, SceneAction], ...]
+    components: dict[str, PlainData]
+
+    @property
+    def maps(self) -> dict[MapKey, RoadMap]:
+        """Return the maps that it needs: that in use, and those of scenarios."""
+        loads = [self.loaded, *(action.load for _, _, action in self.waiting if isinstance(action, LoadScenario))]
+        needed = {key_of_map(self.found.name, self.found.road_map): self.found.road_map}
+        return needed | {key_of_map(load.map_name, load.road_map): load.road_map for load in loads}
+
+    @property
+    def size(self) -> int:
+        """Return about how much memory it takes [bytes]."""
+        world = self.world
+        blocks = (world.floats, world.ints, world.bools, world.paths.segments, world.paths.keys, *world.routes.values())
+        waiting = sum(len(encode(pack_action(action))) for _, _, action in self.waiting)
+        return (
+            sum(block.nbytes for block in blocks)
+            + ROW_SIZE * len(world.names)
+            + len(pack_load(self.loaded).data)
+            + len(encode(self.components))
+            + waiting
+            + BASE_SIZE
+        )
+
+    def to_plain(self) -> PlainData:
+        """Return it as plain data; see `NodeState.parse`."""
+        return {
+            "world": to_plain(self.world),
+            "map": tuple(key_of_map(self.found.name, self.found.road_map)),
+            "loaded": tuple(pack_load(self.loaded)),
+            "next_uid": self.next_uid,
+            "egos": as_plain(self.egos),
+            "waiting": [(frame, source, pack_action(action)) for frame, source, action in self.waiting],
+            "components": self.components,
+        }
+
+
+class NodeState:
+    """Saves and restores one simulator."""
+
+    def __init__(self, context: SimulatorContext, components: Sequence[Component]) -> None:
+        """Save nothing yet.
+
+        Args:
+            context: of the simulator.
+            components: all of them; their names in the state are those of their classes.
+        """
+        self._context = context
+        self._components = components
+
+    # Out
+
+    def save(self) -> SavedState:
+        """Return the state; call it between two frames, and with no command that is not ready."""
+        context, scene = self._context, self._context.scene
+        return SavedState(
+            world=context.world.snapshot(),
+            found=scene.found_map,
+            loaded=scene.loaded,
+            next_uid=scene.next_uid,
+            egos=tuple([ego.save_state() for ego in context.egos]),
+            waiting=tuple(
+                [
+                    (frame, command.source, command.action)
+                    for frame, command in context.sync.waiting()
+                    if command.action is not None
+                ]
+            ),
+            components=self._save_components(),
+        )
+
+    def hash(self) -> str:
+        """Return 32 hexadecimal digits: equal states have equal ones, in any process."""
+        context, scene = self._context, self._context.scene
+        state = blake2b(context.world.digest().encode(), digest_size=16)
+        state.update(digest_map(scene.road_map) + pack_load(scene.loaded).digest)
+        waiting = [
+            (frame, command.source, None if command.action is None else pack_action(command.action))
+            for frame, command in context.sync.waiting()
+        ]
+        egos = as_plain([ego.save_state() for ego in context.egos])
+        state.update(encode([scene.found_map.name, scene.next_uid, egos, waiting, self._save_components()]))
+        return state.hexdigest()
+
+    def _save_components(self) -> dict[str, PlainData]:
+        return {type(one).__name__: one.save_state() for one in self._components}
+
+    # In
+
+    def restore(self, saved: SavedState, now: float, *, expected_hash: str = "") -> None:
+        """Become what was saved: the same calls from here on give the same messages.
+
+        Args:
+            saved: from `save`, or from `parse`.
+            now: monotonic time [s].
+            expected_hash: what `hash` must be then; empty for a state of this process, which need not be checked.
+
+        Raises:
+            DocumentError: it is a state that this simulator cannot have. Nothing has changed.
+            GraphError: a client has a topic that an ego of the state needs. The same.
+        """
+        before = self.save()
+        if expected_hash:
+            _try_out(saved.world)
+        new = self._bind_egos(saved, now)
+        try:
+            self._apply(saved, new, now)
+            if expected_hash and self.hash() != expected_hash:
+                raise DocumentError("state_hash: it is that of another state")  # noqa: TRY301 - undone as all failures
+        except Exception as error:
+            self._apply(before, self._bind_egos(before, now), now)
+            if not expected_hash:
+                raise
+            if not isinstance(error, (ValueError, DocumentError, PeerError)):
+                _log.info("a snapshot was refused: a component fails on it", exc_info=error)
+            raise DocumentError(f"state: {error!s:.200}") from None
+
+    def parse(self, state: PlainData, maps: Maps) -> SavedState:
+        """Return the state that `SavedState.to_plain` was given.
+
+        Args:
+            state: from anywhere.
+            maps: gives the maps that it needs.
+
+        Raises:
+            DocumentError: it is no state of a simulator like this one.
+        """
+        fields = read_as(dict[str, Any], state, "state")
+        key = MapKey(*read_as(tuple[str, bytes], fields.get("map"), "map"))
+        road_map = maps(key)
+        try:
+            world = from_plain(fields.get("world"), road_map.roads, self._plan_of(road_map))
+        except (ValueError, TypeError) as error:
+            raise DocumentError(f"{error!s:.200}") from None
+        next_uid = read_as(int, fields.get("next_uid"), "next_uid")
+        entries = read_as(tuple[tuple[int, str, tuple[Any, ...]], ...], fields.get("waiting"), "waiting")
+        if (
+            len(entries) > MAX_WAITING_COMMANDS
+            or len(world.uids) > MAX_ENTITIES
+            or not 0 < next_uid <= MAX_UID + 1
+            or not all(0 <= frame <= world.frame + MAX_AHEAD for frame, _, _ in entries)
+        ):
+            raise DocumentError(f"state: expected at most {MAX_WAITING_COMMANDS} commands, and an id to go on with")
+        components = read_as(dict[str, Any], fields.get("components"), "components")
+        names = [type(one).__name__ for one in self._components]
+        if list(components) != names:
+            raise DocumentError(f"components: expected {', '.join(names)}")
+        return SavedState(
+            world=world,
+            found=FoundMap(key.name, road_map),
+            loaded=unpack_load(fields.get("loaded"), maps),
+            next_uid=next_uid,
+            egos=_read_egos(fields.get("egos"), world),
+            waiting=tuple([(frame, source, unpack_action(action, maps)) for frame, source, action in entries]),
+            components=components,
+        )
+
+    def _plan_of(self, road_map: RoadMap) -> SignalPlan:
+        world = self._context.world
+        if world.roads is road_map.roads:
+            return world.signals.plan
+        return road_map.plan or SignalPlan(road_map.roads)
+
+    def _bind_egos(self, saved: SavedState, now: float) -> list[Ego]:
+        """Give those egos their topics and services that are not here; return all of them, in order.
+
+        Raises:
+            GraphError: a client has given one of the topics another type. Nothing has changed.
+        """
+        context = self._context
+        egos, added = [context.egos.first], []
+        try:
+            for state in saved.egos[1:]:
+                ego = context.egos.find(state.index)
+                if ego is None:
+                    ego = context.egos.create(state.index, state.uid)
+                    added.append(ego)
+                    context.ego_interfaces.bind(ego)
+                egos.append(ego)
+        except PeerError:
+            for ego in added:
+                context.ego_interfaces.drop(ego, now)
+            raise
+        return egos
+
+    def _apply(self, saved: SavedState, egos: Sequence[Ego], now: float) -> None:
+        """Put a state in place of the present one."""
+        context = self._context
+        for ego in list(context.egos):
+            if ego not in egos:
+                context.ego_interfaces.drop(ego, now)
+        context.scene.restore(saved.world, loaded=saved.loaded, found=saved.found, next_uid=saved.next_uid)
+        for ego, state in zip(egos, saved.egos, strict=True):
+            ego.load_state(state)
+        context.egos.replace(egos)
+        context.sync.replace_waiting(
+            [(frame, SceneCommand(action, source, _notify_nobody)) for frame, source, action in saved.waiting]
+        )
+        context.publishers.forget_repeats()
+        context.time.follow()
+        for component in self._components:
+            component.load_state(saved.components[type(component).__name__], now)
+        for forget in context.hooks.on_restore:
+            forget()
+        context.egos.forget_statuses()
+        context.sync_info.announce(now)
+        context.static_tf.announce_again(now)
+
+
+def _read_egos(data: object, world: Snapshot) -> tuple[EgoState, ...]:
+    """Return the egos of a state.
+
+    Raises:
+        DocumentError: they are not the egos of its world.
+    """
+    check_finite(data, "egos")
+    egos = read_as(tuple[EgoState, ...], data, "egos")
+    rows, kinds = dict(world.uids), world.ints[INTS.index("kind")]
+    indices, uids = {ego.index for ego in egos}, {ego.uid for ego in egos}
+    is_good = (
+        0 < len(egos) == len(indices) == len(uids) <= MAX_EGOS
+        and (egos[0].index, egos[0].uid) == (FIRST_EGO, FIRST_EGO)
+        and all(LAST_RESERVED < ego.index <= MAX_UID for ego in egos[1:])
+        and all(ego.uid in rows and kinds[rows[ego.uid]] == Kind.EGO for ego in egos)
+        and all(tuple(name for name, _ in ego.mountings) == SENSORS for ego in egos)
+        and all(0 <= lamp <= most for ego in egos for lamp, most in zip(ego.lamps, MAX_LAMPS, strict=True))
+    )
+    if not is_good:
+        raise DocumentError("egos: expected the egos of the world, each with its sensors and lamps")
+    return egos
+
+
+def _try_out(saved: Snapshot) -> None:
+    """Step a copy of a world that came from outside.
+
+    Its figures are checked one by one, but a step may rely on more: a failure within the simulator would end it.
+
+    Raises:
+        DocumentError: a step fails.
+    """
+    try:
+        world = World()
+        world.restore(saved)
+        for _ in range(NUM_TRIALS):
+            step(world)
+    except Exception as error:  # noqa: BLE001 - figures from outside, whatever they do
+        _log.info("a snapshot was refused: a step of its world fails", exc_info=error)
+        raise DocumentError(f"world: a step of it fails: {error!r:.200}") from None
+
+
+def _notify_nobody(level: str, text: str) -> None:
+    """Take what is told about a command of a snapshot: its sender is not known any longer."""
+    _log.info("a command of a snapshot: %s: %s", level, text)

@@ -1,0 +1,91 @@
+"""A snapshot as bytes: a head that says what it fits, the state, and a checksum.
+
+    8 bytes   magic: a byte beyond ASCII and a line end, so that a transfer as text is noticed
+    2         version of the format
+    4         length of the head
+    ...       the head, as `plain_bytes` writes it: a dict, see `SnapshotHead`
+    ...       the state, likewise
+    16        checksum of all before it: BLAKE2b
+
+All numbers are little-endian. The head is compared with the simulator before the state is decoded.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+from hashlib import blake2b
+from typing import Final
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.morai.plain_bytes import PlainData, decode, encode
+from rosbridge_sim.morai.typed_plain import as_plain, read_as
+
+__all__ = ["SnapshotHead", "pack", "unpack"]
+
+MAGIC: Final = b"\x89RBSIM\r\n"
+VERSION: Final = 1
+CHECKSUM_SIZE: Final = 16
+
+MAX_MAPS: Final = 16
+"""Maps that one snapshot may need: that in use, and those of scenarios that wait."""
+
+_START: Final = struct.Struct("<HI")
+_HEAD_AT: Final = len(MAGIC) + _START.size
+
+
+@dataclass(frozen=True, slots=True)
+class SnapshotHead:
+    """What a snapshot fits, and what it leads to.
+
+    Attributes:
+        layout: stands for the columns of the world's arrays.
+        definitions: stands for the definitions of the messages, which differ from release to release.
+        profile: the profile in words, for comparison and for errors.
+        maps: names and digests of the maps that it needs.
+        recording: name and digest of the bag that moves the world; None for none.
+        frame: of the world.
+        state_hash: of the state.
+    """
+
+    layout: bytes
+    definitions: bytes
+    profile: str
+    maps: tuple[tuple[str, bytes], ...]
+    recording: tuple[str, bytes] | None
+    frame: int
+    state_hash: str
+
+
+def pack(head: SnapshotHead, state: PlainData) -> bytes:
+    """Return a snapshot as bytes; equal ones have equal bytes."""
+    plain = encode(as_plain(head))
+    data = b"".join((MAGIC, _START.pack(VERSION, len(plain)), plain, encode(state)))
+    return data + blake2b(data, digest_size=CHECKSUM_SIZE).digest()
+
+
+def unpack(data: bytes) -> tuple[SnapshotHead, bytes]:
+    """Return the head of a snapshot, and the bytes of its state, which `decode` reads.
+
+    Args:
+        data: from anywhere.
+
+    Raises:
+        DocumentError: they are no snapshot, one of another version, or damaged.
+    """
+    if not data.startswith(MAGIC):
+        raise DocumentError(f"data: expected a snapshot of rosbridge-sim, got {len(data):,} bytes that begin otherwise")
+    if len(data) < _HEAD_AT + CHECKSUM_SIZE:
+        raise DocumentError(f"data: expected more than {len(data)} bytes: the snapshot is cut off")
+    version, size = _START.unpack_from(data, len(MAGIC))
+    if version != VERSION:
+        raise DocumentError(f"data: expected a snapshot of version {VERSION}, got one of version {version}")
+    if blake2b(data[:-CHECKSUM_SIZE], digest_size=CHECKSUM_SIZE).digest() != data[-CHECKSUM_SIZE:]:
+        raise DocumentError("data: the checksum is wrong: the snapshot is damaged or cut off")
+    end = len(data) - CHECKSUM_SIZE
+    if _HEAD_AT + size > end:
+        raise DocumentError("data: the head is longer than the snapshot")
+    head = read_as(SnapshotHead, decode(data[_HEAD_AT : _HEAD_AT + size]), "head")
+    if not 0 < len(head.maps) <= MAX_MAPS or head.frame < 0:
+        raise DocumentError(f"head: expected 1..{MAX_MAPS} maps, and a frame")
+    return head, data[_HEAD_AT + size : end]

@@ -1,0 +1,316 @@
+"""A snapshot of the world as plain data and back, for bytes that leave the process.
+
+Roads and signal plans are not in it: they are known by their digests and given by the caller. Bytes from outside may
+hold anything, so `from_plain` checks every figure that a step reads as an index or a bound: a snapshot that it returns
+can be restored and stepped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, fields
+from hashlib import blake2b
+from typing import Any, Final, TypeVar
+
+import numpy as np
+
+from rosbridge_sim.world.entity_arrays import BOOLS, FLOATS, INTS, NO_BODY, NUM_CORE
+from rosbridge_sim.world.entity_types import MAX_COORDINATE, Body, Gear, Kind, Mode
+from rosbridge_sim.world.geometry import FloatArray, IntArray
+from rosbridge_sim.world.paths import END, NUM_COLUMNS, PathsSnapshot
+from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.signal_plan import SignalPlan
+from rosbridge_sim.world.signals import SignalsSnapshot
+from rosbridge_sim.world.state import MAX_UID, Snapshot
+
+__all__ = ["LAYOUT", "from_plain", "to_plain"]
+
+Plain = dict[str, Any]  # values of the kinds that `to_plain` writes
+
+LAYOUT: Final = blake2b(repr((FLOATS, INTS, BOOLS, Body.__slots__)).encode(), digest_size=8).digest()
+"""Stands for the columns and their order: arrays of another version would be read wrongly."""
+
+MAX_FIGURE: Final = 1e15
+"""Bound of a finite figure in the arrays: squares and sums of such figures stay finite."""
+
+MAX_COUNT: Final = 2**62
+"""Bound of frames, ids and counters, so that sums stay within int64."""
+
+_MAY_BE_INFINITE: Final = frozenset(
+    {
+        *("leg_end", "desired_speed", "accel_max", "accel_min", "throttle_max", "target"),
+        *("time_to_collision", "min_time_to_collision"),
+    }
+)
+_LANE_COLUMNS: Final = ("claim", "held", "exit_lane", "behind", "lane", *(f"ahead_{i}" for i in range(1, 6)))
+_PCG64: Final = "PCG64"
+
+T = TypeVar("T")
+
+
+def to_plain(saved: Snapshot) -> Plain:
+    """Return a snapshot as plain data: numbers, texts, dicts and arrays."""
+    names, name_of = _index(saved.names)
+    bodies, body_of = _index(saved.bodies)
+    paths, signals = saved.paths, saved.signals
+    return {
+        "frame": saved.frame,
+        "seed": saved.seed,
+        "next_uid": saved.next_uid,
+        "uids": np.array(saved.uids, dtype=np.int64).reshape(-1, 2),
+        "names": names,
+        "name_of": name_of,
+        "bodies": np.array([astuple(body) for body in bodies], dtype=np.float64).reshape(-1, len(fields(Body))),
+        "body_of": body_of,
+        "floats": saved.floats,
+        "ints": saved.ints,
+        "bools": saved.bools,
+        "segments": paths.segments,
+        "keys": paths.keys,
+        "spans": np.array([(uid, *span) for uid, span in paths.spans.items()], dtype=np.int64).reshape(-1, 3),
+        "next_base": paths.next_base,
+        "contacts": saved.contacts,
+        "signals_frame": signals.frame,
+        "origin": signals.origin,
+        "forced": signals.forced,
+        "until": signals.until,
+        "routes": dict(saved.routes),
+        "is_scoring": int(saved.is_scoring),
+        "rng": _plain_rng(saved.rng_state),
+    }
+
+
+def from_plain(data: object, roads: Roads, plan: SignalPlan) -> Snapshot:
+    """Return the snapshot that `to_plain` was given.
+
+    Args:
+        data: from anywhere.
+        roads: those that the snapshot was taken on.
+        plan: their traffic lights.
+
+    Raises:
+        ValueError: it is no such data, or a figure is out of its bounds; the text names it.
+    """
+    return _Reader(data, roads, plan).snapshot()
+
+
+def _index(values: tuple[T, ...]) -> tuple[list[T], IntArray]:
+    """Return the different values, and for each value its place among them."""
+    places: dict[T, int] = {}
+    index = [places.setdefault(value, len(places)) for value in values]
+    return list(places), np.array(index, dtype=np.int64)
+
+
+def _plain_rng(state: dict[str, Any]) -> Plain:
+    inner = state["state"]
+    return {
+        "kind": state["bit_generator"],
+        "state": int(inner["state"]),
+        "inc": int(inner["inc"]),
+        "has_uint32": int(state["has_uint32"]),
+        "uinteger": int(state["uinteger"]),
+    }
+
+
+class _Reader:
+    """One snapshot read from plain data; the methods raise ValueError."""
+
+    def __init__(self, data: object, roads: Roads, plan: SignalPlan) -> None:
+        _expect(isinstance(data, dict), "world", "a dict")
+        assert isinstance(data, dict)
+        self._data = data
+        self._roads = roads
+        self._plan = plan
+
+    def snapshot(self) -> Snapshot:
+        """Read all of it."""
+        floats = self._array("floats", np.float64, (len(FLOATS), None))
+        n = floats.shape[1]
+        ints = self._array("ints", np.int64, (len(INTS), n))
+        bools = self._array("bools", np.bool_, (len(BOOLS), n))
+        frame = self._int("frame", 0, MAX_COUNT)
+        uids = self._array("uids", np.int64, (None, 2))
+        paths = self._paths()
+        routes = self._routes()
+        next_uid = self._int("next_uid", 0, MAX_UID + 1)
+        self._check_rows(uids, ints, bools, next_uid)
+        self._check_floats(floats)
+        self._check_ints(ints, bools, paths)
+        names, bodies = self._names(n), self._bodies(n)
+        contacts = self._array("contacts", np.int64, (None, 2))
+        _expect(bool(np.isin(contacts, uids[:, 0]).all()), "contacts", "ids of entities")
+        followers = ints[INTS.index("uid")][bools[BOOLS.index("has_lane")]]
+        _expect(set(routes) <= set(followers.tolist()), "routes", "ids of lane followers")
+        return Snapshot(
+            frame=frame,
+            seed=self._int("seed", 0, 2**63 - 1),
+            next_uid=next_uid,
+            uids=tuple([(uid, row) for uid, row in uids.tolist()]),
+            names=names,
+            bodies=bodies,
+            floats=floats,
+            ints=ints,
+            bools=bools,
+            paths=paths,
+            contacts=contacts,
+            roads=self._roads,
+            signals=self._signals(frame),
+            routes=routes,
+            rng_state=self._rng(),
+            is_scoring=self._int("is_scoring", 0, 1) == 1,
+        )
+
+    # Parts
+
+    def _check_rows(self, uids: IntArray, ints: IntArray, bools: Any, next_uid: int) -> None:  # noqa: ANN401 - of bools
+        alive = bools[BOOLS.index("alive")]
+        rows, ids = uids[:, 1], uids[:, 0]
+        n = len(alive)
+        is_good = (
+            len(np.unique(rows)) == len(rows) == int(alive.sum())
+            and len(np.unique(ids)) == len(ids)
+            and bool(((rows >= 0) & (rows < n)).all())
+            and bool(((ids >= 0) & (ids < max(next_uid, 1))).all())
+            and bool(alive[rows].all())
+            and bool((ints[INTS.index("uid"), rows] == ids).all())
+        )
+        _expect(is_good, "uids", "each id with the row that it is in")
+        free = ~alive
+        _expect(not (ints[:, free].any() or bools[:, free].any()), "ints", "zeros in free rows")
+
+    def _check_floats(self, floats: FloatArray) -> None:
+        _expect(not bool(np.isnan(floats).any()), "floats", "numbers")
+        is_finite = np.abs(floats) <= MAX_FIGURE
+        for i in np.flatnonzero(~is_finite.all(axis=1)).tolist():
+            is_allowed = FLOATS[i] in _MAY_BE_INFINITE and bool((is_finite[i] | np.isinf(floats[i])).all())
+            _expect(is_allowed, f"floats.{FLOATS[i]}", f"figures within +-{MAX_FIGURE:g}")
+        for name in ("x", "y", "z"):
+            column = floats[FLOATS.index(name)]
+            # A step may move an entity past the bound that holds for a placement.
+            _expect(bool((np.abs(column) <= 2 * MAX_COORDINATE).all()), f"floats.{name}", "a place on the map")
+
+    def _check_ints(self, ints: IntArray, bools: Any, paths: PathsSnapshot) -> None:  # noqa: ANN401 - of bools
+        alive, has_lane = bools[BOOLS.index("alive")], bools[BOOLS.index("has_lane")]
+        has_path = bools[BOOLS.index("has_path")]
+
+        def column(name: str) -> IntArray:
+            return np.asarray(ints[INTS.index(name)])
+
+        def within(name: str, low: int, high: int, rows: Any = alive) -> None:  # noqa: ANN401 - of bools
+            values = column(name)[rows]
+            _expect(bool(((values >= low) & (values <= high)).all()), f"ints.{name}", f"{low}..{high}")
+
+        within("kind", min(Kind), max(Kind))
+        within("gear", min(Gear), max(Gear))
+        within("mode", min(Mode), max(Mode))
+        within("label", 0, 2**63 - 1)
+        within("turns", 0, MAX_COUNT)
+        for name in _LANE_COLUMNS:
+            within(name, -1, len(self._roads) - 1, has_lane)
+            within(name, -1, max(0, len(self._roads) - 1))
+        within("lane", 0, len(self._roads) - 1, has_lane)
+        for name in ("near_lane", "open_line"):
+            within(name, 0, len(self._roads))
+        for name in INTS[NUM_CORE[1] : INTS.index("near_lane")]:
+            within(name, 0, MAX_COUNT)
+        for name in INTS[INTS.index("contact_1") :]:
+            within(name, 0, MAX_UID + 1)
+        within("point", 0, max(0, len(self._roads.points) - 1))
+        followers = set(column("uid")[has_path].tolist())
+        _expect(set(paths.spans) == followers, "spans", "a path for each entity on one")
+        for uid, base in zip(column("uid")[has_path].tolist(), column("path_base")[has_path].tolist(), strict=True):
+            _expect(base == int(paths.keys[paths.spans[uid][0]]), "ints.path_base", "the keys of paths")
+        within("path_base", 0, 0, alive & ~has_path)
+
+    def _paths(self) -> PathsSnapshot:
+        segments = self._array("segments", np.float64, (None, NUM_COLUMNS))
+        keys = self._array("keys", np.int64, (len(segments),))
+        spans = self._array("spans", np.int64, (None, 3))
+        _expect(not bool(np.isnan(segments).any()), "segments", "numbers")
+        _expect(bool((np.abs(segments) <= MAX_FIGURE).all()), "segments", "finite figures")
+        next_base = self._int("next_base", 0, MAX_COUNT)
+        is_rising = bool((np.diff(keys) >= 0).all())
+        is_within = not len(keys) or (int(keys[0]) >= 0 and int(keys[-1]) < max(next_base, 1))
+        _expect(is_rising and is_within, "keys", "rising keys")
+        first, count = spans[:, 1], spans[:, 2]
+        is_good = bool(((first >= 0) & (count > 0) & (first + count <= len(keys))).all())
+        is_good = is_good and bool((first[1:] >= (first + count)[:-1]).all())
+        is_good = is_good and len(np.unique(spans[:, 0])) == len(spans)
+        _expect(is_good, "spans", "one run of segments for each path")
+        if len(spans):
+            _expect(bool((segments[first + count - 1, END] > 0.0).all()), "segments", "paths with a length")
+        return PathsSnapshot(segments, keys, {uid: (start, num) for uid, start, num in spans.tolist()}, next_base)
+
+    def _routes(self) -> dict[int, IntArray]:
+        routes = self._data.get("routes")
+        _expect(isinstance(routes, dict), "routes", "a dict")
+        assert isinstance(routes, dict)
+        for uid, lanes in routes.items():
+            is_good = isinstance(uid, int) and isinstance(lanes, np.ndarray) and lanes.dtype == np.int64
+            is_good = is_good and lanes.ndim == 1 and len(lanes) > 0
+            is_good = is_good and bool(((lanes >= 0) & (lanes < len(self._roads))).all())
+            _expect(is_good, "routes", "rows of lanes")
+        return routes
+
+    def _names(self, n: int) -> tuple[str, ...]:
+        names = self._data.get("names")
+        _expect(isinstance(names, list) and all(isinstance(name, str) for name in names), "names", "texts")
+        assert isinstance(names, list)
+        return tuple([names[i] for i in self._places("name_of", n, len(names))])
+
+    def _bodies(self, n: int) -> tuple[Body, ...]:
+        rows = self._array("bodies", np.float64, (None, len(fields(Body)))).tolist()
+        bodies = [Body(*row) for row in rows]  # it checks its figures
+        bodies = [NO_BODY if body == NO_BODY else body for body in bodies]
+        return tuple([bodies[i] for i in self._places("body_of", n, len(bodies))])
+
+    def _places(self, name: str, n: int, num: int) -> list[int]:
+        places = self._array(name, np.int64, (n,))
+        _expect(bool(((places >= 0) & (places < num)).all()), name, f"places below {num}")
+        found: list[int] = places.tolist()
+        return found
+
+    def _signals(self, frame: int) -> SignalsSnapshot:
+        plan = self._plan
+        origin = self._array("origin", np.int64, (len(plan.controllers),))
+        forced = self._array("forced", np.int64, (plan.num_groups,))
+        until = self._array("until", np.int64, (plan.num_groups,))
+        for name, values in (("origin", origin), ("forced", forced), ("until", until)):
+            _expect(bool((np.abs(values) <= MAX_COUNT).all()), name, "frames and lamps")
+        _expect(self._int("signals_frame", 0, MAX_COUNT) == frame, "signals_frame", "the frame of the world")
+        return SignalsSnapshot(plan, frame, origin, forced, until)
+
+    def _rng(self) -> dict[str, Any]:
+        data = self._data.get("rng")
+        _expect(isinstance(data, dict) and data.get("kind") == _PCG64, "rng", f"a state of {_PCG64}")
+        assert isinstance(data, dict)
+        for name, bits in (("state", 128), ("inc", 128), ("has_uint32", 1), ("uinteger", 32)):
+            value = data.get(name)
+            _expect(type(value) is int and 0 <= value < 2**bits, f"rng.{name}", f"a number of {bits} bits")
+        return {
+            "bit_generator": _PCG64,
+            "state": {"state": data["state"], "inc": data["inc"]},
+            "has_uint32": data["has_uint32"],
+            "uinteger": data["uinteger"],
+        }
+
+    # Values
+
+    def _int(self, name: str, low: int, high: int) -> int:
+        value = self._data.get(name)
+        _expect(type(value) is int and low <= value <= high, name, f"{low}..{high}")
+        assert isinstance(value, int)
+        return value
+
+    def _array(self, name: str, kind: Any, shape: tuple[int | None, ...]) -> Any:  # noqa: ANN401 - numpy's types
+        value = self._data.get(name)
+        is_good = isinstance(value, np.ndarray) and value.dtype == kind and value.ndim == len(shape)
+        _expect(is_good, name, f"an array of {np.dtype(kind).name}")
+        assert isinstance(value, np.ndarray)
+        is_good = all(want is None or want == got for want, got in zip(shape, value.shape, strict=True))
+        _expect(is_good, name, f"the shape {shape}, got {value.shape}")
+        return value
+
+
+def _expect(is_good: bool, name: str, expected: str) -> None:  # noqa: FBT001 - an assertion
+    if not is_good:
+        raise ValueError(f"world.{name}: expected {expected}")
