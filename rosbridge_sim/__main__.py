@@ -195,6 +195,7 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
             "score",
             "snapshot",
             "restore",
+            "spawn",
             "wait",
             "schema",
             "bag",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
+from argparse import ArgumentTypeError
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -574,6 +575,85 @@ def _run_wait(options: Options) -> int:
     return asyncio.run(wait_until_ready(options.url, options.token, options.timeout))
 
 
+# spawn
+
+
+def _spawn(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim spawn",
+        description="Place an object into a running simulator, and show its number (unique_id).",
+        epilog="For example: rosbridge-sim spawn 'kia k5' --lane R0010L1 --distance 20 --behaviour lane;"
+        " rosbridge-sim spawn Pedestrian --at 10,5,90 --speed 1.2",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("model", metavar="MODEL", help="name of the catalogue; 'service call /sim/catalogue' lists all")
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument(
+        "--at",
+        type=_pose,
+        metavar="X,Y[,HEADING]",
+        help="on the map, in metres and degrees; write --at=-5,2 for a minus",
+    )
+    where.add_argument("--lane", metavar="LINK", help="on this link of the map")
+    parser.add_argument(
+        "--distance", type=_number, default=0.0, metavar="M", help="from the beginning of the link, with --lane [0]"
+    )
+    parser.add_argument(
+        "--lateral", type=_number, default=0.0, metavar="M", help="to the left of the link's line, with --lane [0]"
+    )
+    parser.add_argument("--speed", type=_number, default=0.0, metavar="M/S", help="at the start [0]")
+    parser.add_argument("--behaviour", choices=BEHAVIOURS, help="[straight with a speed, else stand]")
+    parser.add_argument("--route", type=_links, default=[], metavar="LINK,...", help="for lane: links to follow")
+    parser.add_argument("--ego", action="store_true", help="a further ego, with topics of its own; MODEL is a vehicle")
+    _add_bridge(parser)
+    parser.set_defaults(run=_run_spawn)
+    return run_command(parser, argv)
+
+
+BEHAVIOURS = ("stand", "straight", "lane")
+"""Of those that the service knows; a path has too many numbers for a command line."""
+
+
+def _run_spawn(options: Options) -> int:
+    from rosbridge_sim.cli.tools.spawn import spawn  # noqa: PLC0415 - see above
+
+    if options.lane is None and (options.distance or options.lateral):
+        raise SettingError("--distance and --lateral: expected --lane with them")
+    place = {"link": options.lane, "distance": options.distance, "lateral": options.lateral}
+    request = {
+        "model": options.model,
+        "place": place if options.lane is not None else options.at,
+        "speed": options.speed,
+        "behaviour": options.behaviour or "",
+        "route": options.route,
+        "is_ego": options.ego,
+    }
+    return _with_bridge(options, lambda bridge: spawn(bridge, request, is_json=options.json))
+
+
+_number = make_number(-1e9, 1e9, "a number", float)
+
+
+def _pose(text: str) -> dict[str, float]:
+    """Read X,Y or X,Y,HEADING."""
+    try:
+        numbers = [_number(word) for word in text.split(",")]
+    except ArgumentTypeError:
+        numbers = []
+    if not 2 <= len(numbers) <= len(_POSE):  # noqa: PLR2004 - x and y
+        raise ArgumentTypeError(f"expected X,Y or X,Y,HEADING, such as 10,5,90; got {text!r}")
+    return dict(zip(_POSE, numbers, strict=False))
+
+
+_POSE = ("x", "y", "heading_deg")
+
+
+def _links(text: str) -> list[str]:
+    """Read names between commas."""
+    return [word.strip() for word in text.split(",") if word.strip()]
+
+
 TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "topic": _topic,
     "service": _service,
@@ -589,6 +669,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "score": _score,
     "snapshot": _snapshot,
     "restore": _restore,
+    "spawn": _spawn,
     "wait": _wait,
 }
 """Name -> function that runs the command with the words behind the name."""

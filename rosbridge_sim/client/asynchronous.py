@@ -17,13 +17,21 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from types import TracebackType
-from typing import Any, ClassVar, Final, Literal, Self
+from typing import Any, ClassVar, Final, Literal, Self, Unpack
 
 import orjson
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
 
 from rosbridge_sim.client.frames import MAX_SIZE, Frame, FrameReader, Inbox, absolute
+from rosbridge_sim.client.objects import (
+    ObjectChange,
+    ObjectOptions,
+    RoadPoint,
+    change_request,
+    place_request,
+    spawn_request,
+)
 from rosbridge_sim.errors import (
     AnswerTimeoutError,
     ClientError,
@@ -698,6 +706,119 @@ class AsyncClient:
         if self._sync is not None and not num:
             why = "; in synchronous mode the world moves only by tick()"
         raise AnswerTimeoutError(f"{subscription.topic}: no message within {self._limit(timeout):g} s{why}")
+
+    # Objects and roads
+
+    async def spawn(self, model: str = "", *, timeout: float | None = None, **options: Unpack[ObjectOptions]) -> int:
+        """Place one object into the world, between two frames; return its number.
+
+        Args:
+            model: name, as `catalogue` has it; empty for an ego like the first one, or with `data_id`.
+            timeout: longest wait [s].
+            options: place (`x`, `y`, `heading_deg`, or `link`, `distance`), `speed`, `behaviour`, `route`, `path`,
+                `is_ego` and the other fields of `rosbridge_sim_msgs/SpawnObject`. Points of a path are `(x, y)` or
+                `(x, y, z)` [m].
+
+        Raises:
+            TypeError: an argument that there is not, or no place.
+            ServiceRefusedError: it cannot be placed; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        (unique_id,) = await self.spawn_all([spawn_request(model, **options)], timeout=timeout)
+        return unique_id
+
+    async def spawn_all(self, objects: Sequence[Mapping[str, object]], *, timeout: float | None = None) -> list[int]:
+        """Place several objects, all or none; return their numbers. Errors as for `spawn`.
+
+        Args:
+            objects: the fields of a `rosbridge_sim_msgs/SpawnObject` each.
+            timeout: longest wait [s].
+        """
+        values = await self._call_sim("/sim/spawn", {"objects": list(objects)}, timeout)
+        return [int(number) for number in values["unique_ids"]]
+
+    async def remove(self, *unique_ids: int, timeout: float | None = None) -> None:
+        """Take objects or further egos out of the world, all or none, between two frames. Errors as for `spawn`."""
+        await self._call_sim("/sim/remove", {"unique_ids": list(unique_ids)}, timeout)
+
+    async def set_object(
+        self, unique_id: int, *, timeout: float | None = None, **options: Unpack[ObjectChange]
+    ) -> None:
+        """Change one object or ego, between two frames. What is not given stays. Errors as for `spawn`.
+
+        Args:
+            unique_id: its number; 0 is the first ego.
+            timeout: longest wait [s].
+            options: place, `speed`, `behaviour`, `route`, `path`, and of an ego `gear`, `ctrl_mode`, `turn_signal`,
+                `emergency_signal`: the fields of `rosbridge_sim_msgs/ObjectState`, without its flags.
+        """
+        await self.set_objects([change_request(unique_id, **options)], timeout=timeout)
+
+    async def set_objects(self, objects: Sequence[Mapping[str, object]], *, timeout: float | None = None) -> None:
+        """Change several objects, all or none. Errors as for `spawn`.
+
+        Args:
+            objects: the fields of a `rosbridge_sim_msgs/ObjectState` each, with its flags.
+            timeout: longest wait [s].
+        """
+        await self._call_sim("/sim/set", {"objects": list(objects)}, timeout)
+
+    async def catalogue(self, *, timeout: float | None = None) -> list[Frame]:
+        """Return the models that can be placed, a `rosbridge_sim_msgs/ModelInfo` each. Errors as for `call`."""
+        models = (await self.call("/sim/catalogue", timeout=timeout)).get("models")
+        return list(models) if isinstance(models, list) else []
+
+    async def map(self, *, timeout: float | None = None) -> Frame:
+        """Return all that a drawing of the map needs: what `/map.json` has. Errors as for `spawn`.
+
+        Args:
+            timeout: longest wait for each page [s].
+        """
+        whole = await self._call_sim("/sim/map", {"page": 0}, timeout)
+        while (number := int(whole["page"]) + 1) < int(whole["num_pages"]):
+            page = await self._call_sim("/sim/map", {"page": number}, timeout)
+            if page["digest"] != whole["digest"]:
+                raise ServiceRefusedError("/sim/map", "the map has changed while it was read; ask again", page)
+            whole = {key: value + page[key] if isinstance(value, list) else page[key] for key, value in whole.items()}
+        return {**whole, "page": 0, "num_pages": 1}
+
+    async def route(self, start: RoadPoint, goal: RoadPoint, *, timeout: float | None = None) -> Frame:
+        """Return the shortest way along the links: `links`, `points` and `length_m`. Errors as for `spawn`.
+
+        Args:
+            start: a link, `(link, distance)`, `(x, y)` or `(x, y, heading_deg)` [m, deg].
+            goal: the same.
+            timeout: longest wait [s].
+        """
+        return await self._call_sim("/sim/route", {"start": place_request(start), "goal": place_request(goal)}, timeout)
+
+    async def nearest_lane(
+        self, x: float, y: float, heading_deg: float | None = None, *, timeout: float | None = None
+    ) -> Frame:
+        """Return the lane nearest to a point: `link`, `distance`, `lateral`, `is_on_road` and more. Errors as above.
+
+        Args:
+            x: in the map's frame, east [m].
+            y: in the map's frame, north [m].
+            heading_deg: lanes of another direction count as farther away [deg]; None compares distances alone.
+            timeout: longest wait [s].
+        """
+        request: Frame = {"x": x, "y": y}
+        if heading_deg is not None:
+            request |= {"use_heading": True, "heading_deg": heading_deg}
+        return await self._call_sim("/sim/nearest_lane", request, timeout)
+
+    async def _call_sim(self, service: str, args: Mapping[str, object], timeout: float | None) -> Frame:
+        """Return the response of a service of ours, which begins with `result` and `message`.
+
+        Raises:
+            ServiceRefusedError: its result is false.
+        """
+        values = await self.call(service, args, timeout=timeout)
+        if values.get("result") is not True:
+            raise ServiceRefusedError(service, str(values.get("message", "")), values)
+        return values
 
     # Synchronous mode
 

@@ -10,7 +10,7 @@ import ssl
 from collections.abc import Coroutine, Mapping, Sequence
 from contextlib import suppress
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeVar, Unpack
 
 from rosbridge_sim.client.asynchronous import (
     DEFAULT_KEEP,
@@ -31,6 +31,7 @@ from rosbridge_sim.client.asynchronous import (
     Tick,
 )
 from rosbridge_sim.client.frames import Frame
+from rosbridge_sim.client.objects import ObjectChange, ObjectOptions, RoadPoint
 from rosbridge_sim.errors import ClientError, ConnectionLostError
 from rosbridge_sim.shell.loop_thread import LoopStoppedError, LoopThread
 from rosbridge_sim.shell.websocket.urls import shown_url
@@ -193,6 +194,46 @@ class Client:
     ) -> Frame:
         """Subscribe to a topic and return its first message that fits. See `AsyncClient.wait_for`."""
         return self.run(self._client.wait_for(topic, predicate, type_name=type_name, timeout=timeout))
+
+    # Objects and roads
+
+    def spawn(self, model: str = "", *, timeout: float | None = None, **options: Unpack[ObjectOptions]) -> int:
+        """See `AsyncClient.spawn`."""
+        return self.run(self._client.spawn(model, timeout=timeout, **options))
+
+    def spawn_all(self, objects: Sequence[Mapping[str, object]], *, timeout: float | None = None) -> list[int]:
+        """See `AsyncClient.spawn_all`."""
+        return self.run(self._client.spawn_all(objects, timeout=timeout))
+
+    def remove(self, *unique_ids: int, timeout: float | None = None) -> None:
+        """See `AsyncClient.remove`."""
+        self.run(self._client.remove(*unique_ids, timeout=timeout))
+
+    def set_object(self, unique_id: int, *, timeout: float | None = None, **options: Unpack[ObjectChange]) -> None:
+        """See `AsyncClient.set_object`."""
+        self.run(self._client.set_object(unique_id, timeout=timeout, **options))
+
+    def set_objects(self, objects: Sequence[Mapping[str, object]], *, timeout: float | None = None) -> None:
+        """See `AsyncClient.set_objects`."""
+        self.run(self._client.set_objects(objects, timeout=timeout))
+
+    def catalogue(self, *, timeout: float | None = None) -> list[Frame]:
+        """See `AsyncClient.catalogue`."""
+        return self.run(self._client.catalogue(timeout=timeout))
+
+    def map(self, *, timeout: float | None = None) -> Frame:
+        """See `AsyncClient.map`."""
+        return self.run(self._client.map(timeout=timeout))
+
+    def route(self, start: RoadPoint, goal: RoadPoint, *, timeout: float | None = None) -> Frame:
+        """See `AsyncClient.route`."""
+        return self.run(self._client.route(start, goal, timeout=timeout))
+
+    def nearest_lane(
+        self, x: float, y: float, heading_deg: float | None = None, *, timeout: float | None = None
+    ) -> Frame:
+        """See `AsyncClient.nearest_lane`."""
+        return self.run(self._client.nearest_lane(x, y, heading_deg, timeout=timeout))
 
     # Synchronous mode
 

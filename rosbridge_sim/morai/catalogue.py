@@ -188,6 +188,11 @@ class Catalogue:
         self._by_key |= {key_of_name(model.name): model for model in models}
         self._by_data_id = {(model.kind, data_id): model for model in models for data_id in model.data_ids}
 
+    @property
+    def models(self) -> tuple[Model, ...]:
+        """All models that can be named: the user's, then those of ours that the user's do not replace."""
+        return (*self.own, *(model for model in CATALOGUE if self.find(model.name) is model))
+
     def find(self, name: str) -> Model | None:
         """Return the model of this name.
 

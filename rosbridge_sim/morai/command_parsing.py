@@ -12,6 +12,7 @@ from typing import Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.catalogue import Model
 from rosbridge_sim.morai.convert import gear_of
 from rosbridge_sim.morai.units import MPS_TO_KMH
 from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, Gear
@@ -55,6 +56,7 @@ class EgoSetting:
         gear: None keeps the current one.
         ctrl_mode: the number on the wire.
         lamps: turn and emergency signal; None keeps the current ones.
+        model: of an ego that is new; None for that of the first one.
     """
 
     index: int
@@ -62,6 +64,7 @@ class EgoSetting:
     gear: Gear | None
     ctrl_mode: int
     lamps: tuple[int, int] | None = None
+    model: Model | None = None
 
 
 @dataclass(frozen=True, slots=True)

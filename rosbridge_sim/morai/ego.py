@@ -7,7 +7,8 @@ own names.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
@@ -247,17 +248,37 @@ class Ego:
             return f"ctrl_mode {ctrl_mode.name} refused: a recording moves ego {self.index}"
         row = self.row
         if ctrl_mode is CtrlMode.AUTONOMOUS:
-            why = self.shift(Gear.DRIVE)
-            if why is None and not start_self_driving(self._world, row):
-                why = f"ctrl_mode {ctrl_mode.name} refused: ego {self.index} stands on no lane, or across it"
-            if why is not None:
-                return why
-        else:
-            leave_lane(self._world, row)
-            is_foreign = self.ctrl_mode in {CtrlMode.EXTERNAL, CtrlMode.AUTONOMOUS}
-            if is_foreign and self.ctrl_mode is not ctrl_mode:
-                commands.command(self._world, row, mode=Mode.PEDALS, steer=0.0)
+            return self.drive_itself()
+        leave_lane(self._world, row)
+        is_foreign = self.ctrl_mode in {CtrlMode.EXTERNAL, CtrlMode.AUTONOMOUS}
+        if is_foreign and self.ctrl_mode is not ctrl_mode:
+            commands.command(self._world, row, mode=Mode.PEDALS, steer=0.0)
         self.ctrl_mode = ctrl_mode
+        return None
+
+    def drive_itself(
+        self, *, route: Sequence[int] = (), is_loop: bool = False, desired_speed: float = math.inf
+    ) -> str | None:
+        """Drive along the lanes from where it stands; `ctrl_mode` is AUTONOMOUS then.
+
+        Args:
+            route: rows of lanes, see `start_self_driving`; empty for a drive by chance.
+            is_loop: the route begins again.
+            desired_speed: speed that the driver wants [m/s].
+
+        Returns:
+            None when it does so, else why not, for a person to read.
+        """
+        mode = CtrlMode.AUTONOMOUS
+        if self.is_replayed:
+            return f"ctrl_mode {mode.name} refused: a recording moves ego {self.index}"
+        why = self.shift(Gear.DRIVE)
+        if why is not None:
+            return why
+        has_lane = start_self_driving(self._world, self.row, route=route, is_loop=is_loop, desired_speed=desired_speed)
+        if not has_lane:
+            return f"ctrl_mode {mode.name} refused: ego {self.index} stands on no lane, or across it"
+        self.ctrl_mode = mode
         return None
 
     def resume(self) -> None:

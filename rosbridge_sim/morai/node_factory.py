@@ -32,7 +32,9 @@ from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.sim_services.barrier import BarrierServices
+from rosbridge_sim.morai.sim_services.population import Population
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
+from rosbridge_sim.morai.sim_services.road_services import RoadServices
 from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.sim_services.snapshots import Snapshots
 from rosbridge_sim.morai.sim_services.step import StepService
@@ -97,6 +99,8 @@ def make_node(
         BarrierServices(context),
         RealTimeFactor(context),
         Scores(context, is_always=chosen.score),
+        Population(context),
+        RoadServices(context, reader),
     ]
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))
@@ -177,6 +181,7 @@ def _make_context(
         interfaces=interfaces,
         publishers=publishers,
         hooks=hooks,
+        sync=sync,
         sync_driver=sync_driver,
         sync_info=sync_info,
         stepper=stepper,

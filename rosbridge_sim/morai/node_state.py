@@ -37,8 +37,7 @@ from rosbridge_sim.morai.saved_loads import (
     unpack_action,
     unpack_load,
 )
-from rosbridge_sim.morai.scene import FIRST_EGO, MAX_EGOS, MAX_ENTITIES, FoundMap, Load
-from rosbridge_sim.morai.scene_changes import LAST_RESERVED
+from rosbridge_sim.morai.scene import FIRST_EGO, FIRST_FREE_EGO, MAX_EGOS, MAX_ENTITIES, FoundMap, Load
 from rosbridge_sim.morai.scene_commands import LoadScenario, SceneAction, SceneCommand
 from rosbridge_sim.morai.sync_table import MAX_AHEAD, MAX_WAITING_COMMANDS
 from rosbridge_sim.morai.typed_plain import as_plain, check_finite, read_as
@@ -306,7 +305,7 @@ def _read_egos(data: object, world: Snapshot) -> tuple[EgoState, ...]:
     is_good = (
         0 < len(egos) == len(indices) == len(uids) <= MAX_EGOS
         and (egos[0].index, egos[0].uid) == (FIRST_EGO, FIRST_EGO)
-        and all(LAST_RESERVED < ego.index <= MAX_UID for ego in egos[1:])
+        and all(FIRST_FREE_EGO <= ego.index <= MAX_UID for ego in egos[1:])
         and all(ego.uid in rows and kinds[rows[ego.uid]] == Kind.EGO for ego in egos)
         and all(tuple(name for name, _ in ego.mountings) == SENSORS for ego in egos)
         and all(0 <= lamp <= most for ego in egos for lamp, most in zip(ego.lamps, MAX_LAMPS, strict=True))

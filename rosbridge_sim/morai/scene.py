@@ -13,8 +13,10 @@ same file gets new ids. The first ego always has the id 0, also when it is a new
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import count
 from typing import Final, Protocol
 
 from rosbridge_sim.errors import DocumentError, FieldError
@@ -29,6 +31,7 @@ from rosbridge_sim.world.state import DT, Body, Gear, Kind, Snapshot, World
 __all__ = [
     "DEFAULT_MAP",
     "FIRST_EGO",
+    "FIRST_FREE_EGO",
     "FIRST_UID",
     "MAX_EGOS",
     "MAX_ENTITIES",
@@ -53,6 +56,9 @@ FIRST_UID: Final = 1
 
 MAX_FILE_UID: Final = 2**30
 """Largest id in a document that is kept, so that one document cannot use up all ids."""
+
+FIRST_FREE_EGO: Final = 2
+"""The first number of a further ego: MORAI's egos are 0, 2, 3, ..., and no program has seen a 1."""
 
 MAX_EGOS: Final = 32
 """Largest number of egos, because each has a dozen topics and services."""
@@ -395,23 +401,67 @@ class Scene:
         self._next_uid = max(self._next_uid, uid + 1)
         return uid
 
-    def add_ego(self, like: int, pose: GhostPose, gear: Gear) -> int:
+    @contextmanager
+    def all_or_none(self) -> Iterator[None]:
+        """Return a context whose changes of the world are undone if it ends by an exception."""
+        before, next_uid = self.world.snapshot(), self._next_uid
+        try:
+            yield
+        except BaseException:
+            self.world.restore(before)
+            self._next_uid = next_uid
+            raise
+
+    def add_agent(self, spawn: Spawn) -> int:
+        """Put an agent into the world that may move by itself; return its id.
+
+        Args:
+            spawn: placed; its own `uid` is not read.
+
+        Raises:
+            ValueError: the world refuses it. It may be there by half: see `all_or_none`.
+        """
+        uid = self._next_uid
+        _spawn(self.world, spawn, uid, spawn.gear)
+        self._next_uid += 1
+        return uid
+
+    def choose_ego_index(self, taken: Collection[int]) -> int:
+        """Return the first number from 2 on that neither an ego nor an object has, and keep objects from getting it.
+
+        Args:
+            taken: numbers of egos.
+        """
+        index = next(number for number in count(FIRST_FREE_EGO) if number not in taken and number not in self.world)
+        self.keep_free(index)
+        return index
+
+    def keep_free(self, number: int) -> None:
+        """Have no later object get this number, which an ego has; `number` is up to `MAX_FILE_UID`."""
+        if number >= self._next_uid:
+            self._next_uid = number + 1
+
+    def add_ego(self, like: int, pose: GhostPose, gear: Gear, model: Model | None = None) -> int:
         """Add a further ego to the world.
 
         Args:
             like: id of the ego that has the same model.
             pose: its pose.
             gear: its gear.
+            model: another model, with an engine; None for that of `like`.
 
         Returns:
             Its id in the world.
         """
         world = self.world
         row = world.row(like)
+        body, name = world.bodies[row], world.names[row]
+        if model is not None:
+            body, name = _limit_speed_mode(model.body, self._speed_limits), model.name
         uid = world.spawn(
             Kind.EGO,
-            world.bodies[row],
-            name=world.names[row],
+            body,
+            name=name,
             x=pose.x,
             y=pose.y,
             z=pose.z,
@@ -511,11 +561,15 @@ def _set_phase(world: World, start: PhaseStart) -> None:
 
 def _hold_back(ego: Spawn, limits: SpeedLimits | None) -> Spawn:
     """Return the ego with these limits of its speed mode."""
+    return replace(ego, model=replace(ego.model, body=_limit_speed_mode(ego.model.body, limits)))
+
+
+def _limit_speed_mode(body: Body, limits: SpeedLimits | None) -> Body:
+    """Return a body with these limits of its speed mode; None leaves its own."""
     if limits is None:
-        return ego
+        return body
     up, down = limits
-    body = replace(ego.model.body, speed_mode_accel=up, speed_mode_decel=down)
-    return replace(ego, model=replace(ego.model, body=body))
+    return replace(body, speed_mode_accel=up, speed_mode_decel=down)
 
 
 def _choose_uids(spawns: Sequence[Spawn], first: int) -> tuple[list[int], int]:

@@ -7,7 +7,7 @@ before a frame.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from functools import partial
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError
 from rosbridge_sim.morai.command_parsing import EgoSetting
@@ -19,16 +19,15 @@ from rosbridge_sim.morai.hooks import Hooks
 from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
-from rosbridge_sim.morai.scene import FIRST_EGO, MAX_EGOS, MAX_ENTITIES, Load, Scene
+from rosbridge_sim.morai.scene import FIRST_EGO, FIRST_FREE_EGO, MAX_EGOS, MAX_ENTITIES, Load, Scene
+from rosbridge_sim.morai.scene_commands import SceneCommand, moves
 from rosbridge_sim.morai.simulation_time import SimulationTime
+from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_driver import SyncDriver
 from rosbridge_sim.morai.sync_info import SyncInfo
 from rosbridge_sim.morai.tf_publisher import StaticTf
 
 __all__ = ["SceneChanges"]
-
-LAST_RESERVED: Final = 1
-"""Last number that a further ego cannot have: MORAI's egos are 0, 2, 3, ..., and no file or manual has a 1."""
 
 
 class SceneChanges:
@@ -43,6 +42,7 @@ class SceneChanges:
         interfaces: InterfaceRegistry,
         publishers: Publishers,
         hooks: Hooks,
+        sync: Sync[SceneCommand],
         sync_driver: SyncDriver,
         sync_info: SyncInfo,
         stepper: FrameStepper,
@@ -58,7 +58,8 @@ class SceneChanges:
             interfaces: get other network settings with a scenario.
             publishers: forget the messages that real time was to repeat.
             hooks: `on_scene_change` and `on_reset` are called.
-            sync_driver: pauses the world, and forgets what waits for frames.
+            sync: forgets what waits for frames.
+            sync_driver: pauses the world.
             sync_info: announces the new frame.
             stepper: tells whether frames are being computed.
             time: follows the new frame.
@@ -70,6 +71,7 @@ class SceneChanges:
         self._interfaces = interfaces
         self._publishers = publishers
         self._hooks = hooks
+        self._sync = sync
         self._sync_driver = sync_driver
         self._sync_info = sync_info
         self._stepper = stepper
@@ -153,8 +155,8 @@ class SceneChanges:
         """
         egos, world = self._egos, self._scene.world
         for setting in settings:
-            if setting.index <= LAST_RESERVED:
-                raise FieldError(f"ego_index: expected {FIRST_EGO}, {LAST_RESERVED + 1} or more, got {setting.index}")
+            if setting.index < FIRST_FREE_EGO:
+                raise FieldError(f"ego_index: expected {FIRST_EGO}, {FIRST_FREE_EGO} or more, got {setting.index}")
         if len(egos) + len(settings) > MAX_EGOS:
             raise FieldError(f"ego_index: there are {MAX_EGOS} egos at most")
         if len(world) + len(settings) > MAX_ENTITIES:
@@ -162,7 +164,8 @@ class SceneChanges:
         added: list[Ego] = []
         try:
             for setting in settings:
-                uid = self._scene.add_ego(egos.first.uid, setting.pose, setting.gear or egos.first.gear)
+                gear = setting.gear or egos.first.gear
+                uid = self._scene.add_ego(egos.first.uid, setting.pose, gear, setting.model)
                 ego = egos.create(setting.index, uid)
                 added.append(ego)
                 self._ego_interfaces.bind(ego)
@@ -172,4 +175,19 @@ class SceneChanges:
                 world.remove(ego.uid)
             raise
         egos.add(added)
+        self._static_tf.announce(now)
+
+    def drop_egos(self, gone: Sequence[Ego], now: float) -> None:
+        """Take further egos away, with their topics and services. Commands that wait for them are forgotten.
+
+        Args:
+            gone: none of them is the first.
+            now: monotonic time [s].
+        """
+        for ego in gone:
+            self._ego_interfaces.drop(ego, now)
+            if ego.is_there:
+                self._scene.world.remove(ego.uid)
+            self._sync.drop(partial(moves, uid=ego.uid))
+        self._egos.drop(gone)
         self._static_tf.announce(now)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypeVar
 
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.catalogue import BUILT_IN, Catalogue
@@ -38,6 +38,7 @@ from rosbridge_sim.world.state import World
 __all__ = ["NodeSettings", "SimulatorNode"]
 
 _log = logging.getLogger("rosbridge_sim.morai")
+C = TypeVar("C", bound=Component)
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,6 +259,10 @@ class SimulatorNode:
             Topics that have something to publish, each with its message.
         """
         return list(self.context.publishers.current())
+
+    def component(self, kind: type[C]) -> C:
+        """Return the component of a class, of which there is one."""
+        return next(each for each in self.components if isinstance(each, kind))
 
     def _open_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """Add the topics and services of a further ego."""

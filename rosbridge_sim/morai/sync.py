@@ -319,7 +319,7 @@ class Sync(Generic[C]):
             num_ticks: how many; there must be as many.
             now: monotonic time [s].
         """
-        self._settle(sum(self._ticks.popleft() for _ in range(num_ticks)), is_given_up=True)
+        self._give_up_frames(sum(self._ticks.popleft() for _ in range(num_ticks)))
         if not self._ticks:
             self._follow(_Happening(SyncEvent.GIVEN_UP, now))
 
@@ -331,21 +331,28 @@ class Sync(Generic[C]):
         """
         return bool(self._ticks) and not self._is_early(frame + self._ticks[0])
 
-    def take_turn(self, frame: int, now: float) -> int:
+    def take_turn(self, frame: int, now: float, *, prepare: Callable[[], object] | None = None) -> int:
         """Let the first tick that waits have its turn, if all commands of its frames are ready.
 
         Args:
             frame: the world's.
             now: monotonic time [s].
+            prepare: called before the frames are computed; see `enter`.
 
         Returns:
             How many frames have been computed; 0 if no tick can be carried out now.
         """
-        if not self.has_turn(frame):
+        ticks = self._ticks
+        if not ticks or (self._unready and self._is_early(frame + ticks[0])):
             return 0
-        num_frames = self._ticks.popleft()
-        self._settle(num_frames)
-        self._follow(_Happening(SyncEvent.TURN if self._ticks else SyncEvent.LAST_TURN, now, num_frames))
+        num_frames = ticks.popleft()
+        if prepare is not None:
+            prepare()
+        self._num_settled += num_frames
+        self._num_owed -= num_frames
+        if not ticks:
+            self._forget_delays()
+        self._follow(_Happening(SyncEvent.TURN if ticks else SyncEvent.LAST_TURN, now, num_frames))
         return num_frames
 
     def submit(
@@ -542,7 +549,7 @@ class Sync(Generic[C]):
 
     def _refuse(self, happening: _Happening[C]) -> None:
         self._ticks.clear()
-        self._settle(self._num_owed, is_given_up=True)
+        self._give_up_frames(self._num_owed)
         for refuse in self.hooks.refuse:
             refuse(_WHY_REFUSED.get(happening.event, _HAS_ENDED), happening.now)
 
@@ -554,13 +561,13 @@ class Sync(Generic[C]):
         for announce in self.hooks.announce:
             announce(happening.now)
 
-    def _settle(self, num_frames: int, *, is_given_up: bool = False) -> None:
-        """Take note that the first frames of the ticks that wait are being computed, or never will be.
+    def _give_up_frames(self, num_frames: int) -> None:
+        """Take note that the first frames of the ticks that wait will never be computed.
 
-        A command that came behind frames that are given up goes before the frame that it would have had without them.
+        A command that came behind them goes before the frame that it would have had without them.
         """
         start, end = self._num_settled, self._num_settled + num_frames
-        if is_given_up and self._delayed:
+        if self._delayed:
             for i, (due, arrival, command) in enumerate(self._waiting):
                 named, num_before = self._delayed.get(arrival, (due, start))
                 moved = max(named, due - max(0, min(end, num_before) - start))
@@ -570,8 +577,12 @@ class Sync(Generic[C]):
             heapq.heapify(self._waiting)
         self._num_settled, self._num_owed = end, self._num_owed - num_frames
         if not self._num_owed:
-            self._num_settled = 0
-            self._delayed.clear()
+            self._forget_delays()
+
+    def _forget_delays(self) -> None:
+        """No tick waits: commands have the frames that they will keep."""
+        self._num_settled = 0
+        self._delayed.clear()
 
     def _is_early(self, end: int) -> bool:
         """Whether a command of a frame up to this one is not ready."""

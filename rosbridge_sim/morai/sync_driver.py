@@ -76,7 +76,7 @@ class Steps(Protocol):
     """A call for ticks that may wait.
 
     Attributes:
-        num_left: ticks that are still to be carried out; counted by the driver.
+        num_left: ticks that are still to be carried out, the one in hand not among them.
         is_wanted: false if the caller has left or waits no longer; then the ticks that are left are given up.
     """
 
@@ -87,7 +87,7 @@ class Steps(Protocol):
         """See above."""
 
     def before_tick(self) -> None:
-        """Prepare the tick that follows, such as by commands that go before its first frame."""
+        """Count the tick that follows, and prepare it, such as by commands that go before its first frame."""
 
     def after_tick(self) -> bool:
         """Return whether the ticks that are left are to be given up, since a condition to stop is met."""
@@ -106,7 +106,8 @@ class _OneTick:
         self.end = on_end
 
     def before_tick(self) -> None:
-        """Do nothing."""
+        """Count the tick."""
+        self.num_left = 0
 
     def after_tick(self) -> bool:
         """Return that nothing is left to give up."""
@@ -380,45 +381,37 @@ class SyncDriver:
 
         Call it again while `has_turn`, when all others have been served.
         """
-        read_clock = self.read_clock
+        read_clock, sync, world, calls = self.read_clock, self._sync, self._world, self._calls
         until = None if read_clock is None else read_clock() + TURN_TIME
-        while self._calls and not self._stepper.is_moving:
-            call = self._calls[0]
-            if not call.steps.is_wanted:
-                self._calls.popleft()
+        while calls and not self._stepper.is_moving:
+            call = calls[0]
+            steps = call.steps
+            if not steps.is_wanted:
+                calls.popleft()
                 self._finish(call, now)
-            elif not self._sync.has_turn(self._world.frame):
-                return
             else:
-                self._calls.popleft()
-                if not self._carry_out(call, now):
+                calls.popleft()
+                self._call_in_hand = call
+                try:
+                    num_frames = sync.take_turn(world.frame, now, prepare=steps.before_tick)
+                except GraphError as error:
+                    calls.appendleft(call)
+                    self._refuse_ticks(str(error), now)
                     return
+                finally:
+                    self._call_in_hand = None
+                if not num_frames:
+                    calls.appendleft(call)
+                    return
+                is_enough = steps.after_tick()
+                if call.why is not None:  # the tick has brought it about
+                    call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=call.why), now)
+                elif is_enough or not steps.num_left:
+                    self._finish(call, now)
+                else:
+                    calls.appendleft(call)
             if until is not None and read_clock is not None and read_clock() >= until:
                 return
-
-    def _carry_out(self, call: _Waiting, now: float) -> bool:
-        """Carry out the next tick of a call that was taken from those that wait; return whether the world still can."""
-        steps = call.steps
-        self._call_in_hand = call
-        try:
-            steps.before_tick()
-            steps.num_left -= 1
-            self._sync.take_turn(self._world.frame, now)
-        except GraphError as error:
-            steps.num_left += 1
-            self._calls.appendleft(call)
-            self._refuse_ticks(str(error), now)
-            return False
-        finally:
-            self._call_in_hand = None
-        is_enough = steps.after_tick()
-        if call.why is not None:  # the tick has brought it about
-            call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=call.why), now)
-        elif is_enough or not steps.num_left:
-            self._finish(call, now)
-        else:
-            self._calls.appendleft(call)
-        return True
 
     def _finish(self, call: _Waiting, now: float) -> None:
         """Answer a call; the ticks that it has left are not wanted."""

@@ -44,6 +44,8 @@ _RESTORE: Final = _calling("/sim/restore")
 _EVENT: Final = _calling("/Service_MoraiEventCmd")
 _PLACE: Final = _publishing("/ego_setting")
 _BARRIER: Final = _calling("/sim/barrier/join", "/sim/barrier/leave")
+_SET: Final = _calling("/sim/set")
+_COME_AND_GO: Final = _calling("/sim/spawn", "/sim/remove")
 _TICK: Final = _calling("/SyncModeWaitForTick")
 _STEP: Final = _calling("/sim/step")
 
@@ -61,17 +63,25 @@ _SAME_AS: Final = {way: row for row in _SAME for way in row}
 _EFFECTS: Final = (
     PolicyEffect(
         "move an ego",
-        (*_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"), *_PLACE, *_calling("/SyncModeCtrlCmd"), *_STEP),
+        (
+            *_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"),
+            *_PLACE,
+            *_calling("/SyncModeCtrlCmd"),
+            *_STEP,
+            *_SET,
+        ),
         (*_EVENT, *_REPLAYS, *_LOADS, *_RESET, *_RESTORE),  # the event service can make an ego drive itself
     ),
-    PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), _PLACE),
-    PolicyEffect("choose who drives an ego", _EVENT, _PLACE),
-    PolicyEffect("switch an ego's lamps", (*_publishing("/lamps"), *_EVENT), _PLACE),
+    PolicyEffect("shift an ego's gear", (*_calling("/SyncModeSetGear"), *_EVENT), (*_PLACE, *_SET)),
+    PolicyEffect("choose who drives an ego", _EVENT, (*_PLACE, *_SET)),
+    PolicyEffect("switch an ego's lamps", (*_publishing("/lamps"), *_EVENT), (*_PLACE, *_SET)),
     PolicyEffect(
         "add, move or remove others",
         (
             *_publishing("/NpcGhost_Topic", "/SyncModeAddObj", "/SyncModeRemoveObj"),
             *_calling("/SyncModeAddObject", "/SyncModeRemoveObject"),
+            *_COME_AND_GO,
+            *_SET,
         ),
         (*_PLACE, *_REPLAYS, *_LOADS, *_RESET, *_RESTORE),
     ),

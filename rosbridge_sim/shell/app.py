@@ -33,6 +33,7 @@ from rosbridge_sim.morai.node_factory import make_node
 from rosbridge_sim.morai.reading import Reader
 from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
 from rosbridge_sim.morai.replays.recording_builder import Recordings
+from rosbridge_sim.morai.sim_services.road_services import RoadServices
 from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.morai.ways import SimulatorWays
 from rosbridge_sim.protocol.outbox import OutboxLimits
@@ -52,6 +53,7 @@ from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
 from rosbridge_sim.shell.log_limits import LineLimiter
 from rosbridge_sim.shell.loop_thread import LoopStoppedError, LoopThread
+from rosbridge_sim.shell.map_page import MapPage
 from rosbridge_sim.shell.masking import mask_of
 from rosbridge_sim.shell.metrics import Metrics
 from rosbridge_sim.shell.port_file import PortFile
@@ -271,9 +273,7 @@ class Simulator:
         scheduler = Scheduler(loop, bus, clocks, self._give_up)
         recordings.on_done = reader.on_done = scheduler.look
         server = Server(bus, limits, scheduler.turn)
-        if node is not None:
-            server.why_unhealthy = lambda: node.failure
-        server.describe = partial(_describe, node)
+        _tell_of_world(server, node, reader)
         await self._listen(server, certificate)
         try:
             await _check_bridges(settings.attach, server)
@@ -488,6 +488,14 @@ def _make_node(
         raise DocumentError("\n".join(mistakes))
     node.limit_turns(time.perf_counter)
     return node
+
+
+def _tell_of_world(server: Server, node: SimulatorNode | None, reader: Reader) -> None:
+    """Have the pages of the server tell of the world: `/healthz` and `/map.json`."""
+    server.describe = partial(_describe, node)
+    if node is not None:
+        server.why_unhealthy = lambda: node.failure
+        server.ask_map = MapPage(asyncio.get_running_loop(), node.component(RoadServices), reader).ask
 
 
 def _describe(node: SimulatorNode | None) -> dict[str, object]:

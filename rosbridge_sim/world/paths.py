@@ -258,10 +258,7 @@ class Paths:
             ValueError: the keys are used up. The store is as it was.
         """
         first, count, base = self.num, len(segments), self._next_base
-        # One key beyond the end of the path keeps an entity that stands exactly there on its own path.
-        next_base = base + int(segments[-1, END] * KEYS_PER_METRE) + 2
-        if next_base > MAX_KEY:
-            raise ValueError(f"path: the paths in use are longer together than {MAX_KEY / KEYS_PER_METRE:g} m")
+        next_base = self.check_room(segments)
         if first + count > len(self._keys):
             self._reserve(2 * (first + count))
         self._segments[first : first + count] = segments
@@ -271,6 +268,18 @@ class Paths:
         self.num_live += count
         self._bind(first + count)
         return base
+
+    def check_room(self, segments: Segments) -> int:
+        """Return the first free key behind a path that is added now.
+
+        Raises:
+            ValueError: the keys would be used up.
+        """
+        # One key beyond the end of the path keeps an entity that stands exactly there on its own path.
+        next_base = self._next_base + int(segments[-1, END] * KEYS_PER_METRE) + 2
+        if next_base > MAX_KEY:
+            raise ValueError(f"path: the paths in use are longer together than {MAX_KEY / KEYS_PER_METRE:g} m")
+        return next_base
 
     def remove(self, path: int) -> bool:
         """Remove a path.

@@ -10,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
-from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, World, check_pose
+from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, Kind, World, check_pose
 
-__all__ = ["place_ghost", "place_ghosts", "set_ghost", "show_ghosts", "teleport"]
+__all__ = ["place_ghost", "place_ghosts", "set_ghost", "set_speed", "show_ghosts", "teleport"]
 
 
 def teleport(
@@ -47,6 +47,28 @@ def teleport(
     world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.roll[row], world.pitch[row] = roll, pitch
     set_ghost(world, row, is_ghost=False)
+
+
+def set_speed(world: World, row: int, speed: float) -> None:
+    """Set the speed of a row at once. Its path or lane and its commands stay; it waits for no ego any more.
+
+    A ghost stops being one.
+
+    Args:
+        world: written in place.
+        row: any row in use.
+        speed: along the heading, the path or the lane; not negative on a path or a lane [m/s].
+
+    Raises:
+        ValueError: not finite, out of bounds, or negative on a path or a lane. Nothing has changed.
+    """
+    check_pose(speed=speed)
+    if speed < 0.0 and (world.has_path[row] or (world.has_lane[row] and world.kind[row] != Kind.EGO)):
+        raise ValueError(f"speed: expected >= 0 on a path or a lane, got {speed!r}")
+    world.speed[row] = speed
+    world.start_within[row] = world.start_speed[row] = 0.0
+    set_ghost(world, row, is_ghost=False)
+    world.touch()  # it may move now, or no longer
 
 
 def place_ghost(

@@ -8,13 +8,15 @@ point of the line beside them.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.geometry import FloatArray, IntArray
-from rosbridge_sim.world.lane_position import find_ahead, join_lane, leave_lane
+from rosbridge_sim.world.lane_position import check_route, find_ahead, join_lane, leave_lane
+from rosbridge_sim.world.road_places import find_lane, place_on_lane
 from rosbridge_sim.world.state import Gear, Kind, Mode, World
 
 __all__ = ["MAX_LATERAL_OFFSET", "SelfDrivingEgos", "start_self_driving"]
@@ -35,7 +37,9 @@ MIN_LOOK_AHEAD: Final = 4.0
 _POSE: Final = ("x", "y", "z", "yaw", "speed")
 
 
-def start_self_driving(world: World, row: int) -> bool:
+def start_self_driving(
+    world: World, row: int, *, route: Sequence[int] = (), is_loop: bool = False, desired_speed: float = math.inf
+) -> bool:
     """Have an ego drive itself along the lanes, until `leave_lane` or until something places it elsewhere.
 
     It decides on the frames of decision (`lane_following.DECISION`); a `command` from outside holds until then.
@@ -43,21 +47,31 @@ def start_self_driving(world: World, row: int) -> bool:
     Args:
         world: written in place.
         row: row of an EGO.
+        route: rows of lanes, each a successor of the one before; it starts on the first. At its end, or without a
+            route, chance chooses.
+        is_loop: the route begins again; its first lane is then a successor of its last.
+        desired_speed: speed that the driver wants; limits, bends and other traffic make it slower [m/s].
 
     Returns:
         Whether there is a lane that it can drive on. If not, nothing has changed.
 
     Raises:
-        ValueError: the row is no ego in use.
+        ValueError: the row is no ego in use, or the route does not lead along lanes.
     """
     if world.kind[row] != Kind.EGO or not world.alive[row]:
         raise ValueError(f"row {row} is not driven")
-    near = world.roads.nearest(world.x[row], world.y[row], world.yaw[row])
-    is_along = math.cos(near.yaw[0] - world.yaw[row]) >= math.cos(MAX_HEADING_ERROR)
-    if not (near.distance[0] <= MAX_LATERAL_OFFSET and is_along):
+    check_route(world.roads, route, is_loop=is_loop)
+    x, y, yaw = (float(getattr(world, name)[row]) for name in ("x", "y", "yaw"))
+    roads = world.roads
+    near = place_on_lane(roads, route[0], x, y, MAX_LATERAL_OFFSET) if len(route) else find_lane(roads, x, y, yaw)
+    if near is None or near.distance > MAX_LATERAL_OFFSET:
+        return False
+    if math.cos(near.yaw - yaw) < math.cos(MAX_HEADING_ERROR):
         return False
     leave_lane(world, row)
-    join_lane(world, row, int(near.lane[0]), float(near.s[0]), desired_speed=math.inf, is_loop=False)
+    if len(route):
+        world.routes[int(world.uid[row])] = np.array(route, dtype=np.int64)
+    join_lane(world, row, near.lane, near.s, desired_speed=desired_speed, is_loop=is_loop and len(route) > 0)
     world.touch()
     return True
 

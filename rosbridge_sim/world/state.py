@@ -244,11 +244,33 @@ class World(EntityArrays):
         if kind == Kind.EGO:
             self._equip(row, body)
         if segments is not None:
-            self.has_path[row], self.is_loop[row] = True, is_loop
-            self.path_base[row], self.path_length[row] = base, segments[-1, END]
-            self._enter_path(row, segments)
+            self._join_path(row, base, segments, is_loop=is_loop)
         self.touch()
         return uid
+
+    def follow_path(self, row: int, path: FloatArray, *, is_loop: bool) -> None:
+        """Have an entity leave its path or lane and follow another path, from the point of it nearest to the entity on.
+
+        Speed and ghost mark stay as they are.
+
+        Args:
+            row: row of an entity that is no EGO, with a speed that is not negative.
+            path: see `spawn`.
+            is_loop: see `spawn`.
+
+        Raises:
+            ValueError: the path has no length or is too long, or this row can follow none. Nothing has changed.
+        """
+        speed = float(self.speed[row])
+        if self.kind[row] == Kind.EGO or not self.alive[row] or speed < 0.0:
+            raise ValueError(f"path: expected an entity that is no ego and has a speed >= 0, got speed {speed!r}")
+        x, y, z, yaw = (float(getattr(self, name)[row]) for name in ("x", "y", "z", "yaw"))
+        reach = _reach_of(Kind(self.kind.item(row)), self.bodies[row])
+        segments = lay_segments(_in_space(path, z), is_loop=is_loop, reach=reach)
+        self.paths.check_room(segments)
+        self.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
+        self._join_path(row, self.paths.add(int(self.uid[row]), segments), segments, is_loop=is_loop)
+        self.touch()
 
     @contextmanager
     def room_for(self, num: int) -> Iterator[None]:
@@ -531,6 +553,12 @@ class World(EntityArrays):
         update_control_columns(self, row)
         if self.is_scoring:
             self._begin_score(row)
+
+    def _join_path(self, row: int, base: int, segments: Segments, *, is_loop: bool) -> None:
+        """Have a row follow a path that is in the store already."""
+        self.has_path[row], self.is_loop[row] = True, is_loop
+        self.path_base[row], self.path_length[row] = base, segments[-1, END]
+        self._enter_path(row, segments)
 
     def _enter_path(self, row: int, segments: Segments) -> None:
         """Place a row on its path, at the point nearest to it."""

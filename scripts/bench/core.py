@@ -4,6 +4,9 @@ One peer with one subscription, of `/Ego_topic`, repeatedly calls `/SyncModeWait
 objects (the demo scene with added ones). The time is that from the arrival of the frame until the topic's message and
 the answer are in the outbox, as bytes of the wire.
 
+A second row is a call of `/sim/step` for 100 ticks that asks for `/Object_topic`, beside what it cannot do without: 100
+frames, and that message encoded once. Nobody listens to any topic there.
+
     ./.venv/bin/python scripts/bench/core.py [--objects N] [--rounds N] [--json FILE]
 """
 
@@ -38,20 +41,28 @@ __all__ = ["Core"]
 
 TICKS_PER_ROUND = 1_000
 
+STEPS = 100
+"""Ticks in one call of `/sim/step`."""
+
+CALLS_PER_ROUND = 5
+
 
 class Core:
     """A world in synchronous mode and one client, connected by the core alone."""
 
-    def __init__(self, num_objects: int) -> None:
+    def __init__(self, num_objects: int, *, is_listening: bool = True) -> None:
         library = DiskLibrary()
         bus = Bus(Store(read_definitions("22.R2"), leniency=LENIENCY))
         self.world = World(0)
-        node = make_node(bus, self.world, library, library.opening_scenario("demo"), NodeSettings(start="sync"))
+        node = self._node = make_node(
+            bus, self.world, library, library.opening_scenario("demo"), NodeSettings(start="sync")
+        )
         self._outbox = Outbox(OutboxLimits(), _nothing, _nothing)
         self._peer = Peer(bus, Session(self._outbox, _ignore))
         start = {"user_id": "bench", "start_sync_mode": True, "time_step": 20}
         self._send({"op": "call_service", "service": "/SyncModeCmd", "args": {"request": start}})
-        self._send({"op": "subscribe", "topic": "/Ego_topic"})
+        if is_listening:
+            self._send({"op": "subscribe", "topic": "/Ego_topic"})
         for i in range(num_objects - self.num_objects):
             new = {"name": "2016_Hyundai_Ioniq", "position": {"x": 10.0 * i, "y": 500.0, "z": 0.0}, "frame": 0}
             self._send({"op": "publish", "topic": "/SyncModeAddObj", "type": "morai_msgs/SyncModeAddObj", "msg": new})
@@ -60,8 +71,10 @@ class Core:
             {"op": "call_service", "service": "/SyncModeWaitForTick", "id": "tick", "args": tick}
         )
         self._outbox.take(2**30)
-        topic, answer = (orjson.loads(frame) for frame in self.tick())
-        assert topic["op"] == "publish", topic
+        steps = {"user_id": "bench", "n": STEPS, "topics": ["/Object_topic"]}
+        self._steps = orjson.dumps({"op": "call_service", "service": "/sim/step", "id": "step", "args": steps})
+        *topics, answer = (orjson.loads(frame) for frame in self.tick())
+        assert [topic["op"] for topic in topics] == ["publish"] * is_listening, topics
         assert answer["values"]["response"]["tick_status"], answer
         assert self.num_objects == num_objects, f"{self.num_objects} objects in place of {num_objects}"
         assert node.num_ticks == 1
@@ -80,6 +93,22 @@ class Core:
         self._peer.receive(self._frame, 0.0)
         return self._outbox.take(2**30)
 
+    def step(self) -> list[bytes]:
+        """One call for many ticks: the frames that it sent."""
+        self._peer.receive(self._steps, 0.0)
+        return self._outbox.take(2**30)
+
+    def compute(self) -> bytes:
+        """As many frames, and one message encoded: what a call for them cannot do without."""
+        context = self._node.context
+        for _ in range(STEPS):
+            context.stepper.compute(0.0, is_tick=True, is_last=True)
+        publisher = context.publishers.find("/Object_topic")
+        assert publisher is not None
+        message = context.publishers.sample(publisher)
+        assert message is not None
+        return message.json
+
     def _send(self, op: dict[str, object]) -> None:
         self._peer.receive(orjson.dumps(op), 0.0)
 
@@ -90,6 +119,24 @@ def _ignore(_due: float) -> None:
 
 def _nothing() -> None:
     """Do nothing: no socket waits for the outbox."""
+
+
+def measure_steps(num_objects: int, rounds: int) -> tuple[float, float]:
+    """Return the CPU time of a call for `STEPS` ticks [s], and its ratio to what it cannot do without: medians."""
+    core = Core(num_objects, is_listening=False)
+    (answer,) = core.step()
+    assert orjson.loads(answer)["values"]["steps"] == STEPS, answer[:300]
+    core.compute()
+    times, ratios = [], []
+    for _ in range(rounds):
+        cuts = [time.process_time()]
+        for work in (core.step, core.compute):
+            for _ in range(CALLS_PER_ROUND):
+                work()
+            cuts.append(time.process_time())
+        times.append((cuts[1] - cuts[0]) / CALLS_PER_ROUND)
+        ratios.append((cuts[1] - cuts[0]) / (cuts[2] - cuts[1]))
+    return median(times), median(ratios)
 
 
 def main() -> None:
@@ -116,8 +163,14 @@ def main() -> None:
         f"1 ego and {args.objects} objects, one subscriber of /Ego_topic: {median(rates):,.0f} ticks per second of CPU"
         f" ({min(rates):,.0f}..{max(rates):,.0f}); a tick p50 {cuts[49] * 1e6:.1f} us, p99 {cuts[98] * 1e6:.1f} us"
     )
+    call, ratio = measure_steps(args.objects, args.rounds)
+    print(
+        f"/sim/step for {STEPS} ticks: {call * 1e3:.2f} ms of CPU, {ratio:.2f} x the frames and one encoding of what is"
+        " asked for (wanted: at most 1.1)"
+    )
     if args.json:
         figures = {"ticks_per_second": median(rates), "p50_us": cuts[49] * 1e6, "p99_us": cuts[98] * 1e6}
+        figures |= {"step_call_ms": call * 1e3, "step_call_of_frames": ratio}
         args.json.write_text(json.dumps({"machine": machine(), "objects": args.objects} | figures, indent=1))
 
 

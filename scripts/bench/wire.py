@@ -45,6 +45,7 @@ WINDOW_BYTES = 128 * 2**10
 Figures = dict[str, float]
 
 RATE, CPU, P50, P99, LOAD, MEMORY, TIME = "per second", "CPU us each", "p50 ms", "p99 ms", "CPU %", "memory", "ms"
+THREE = "three calls per second"
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,11 +262,67 @@ class _Tick:
         return {RATE: result.num / result.seconds, CPU: cpu / result.num * 1e6} | _percentiles(result)
 
 
+class _Step:
+    """One step for each call of `/sim/step`, beside the three calls of synchronous mode that do the same."""
+
+    def __init__(self) -> None:
+        command = {"longlCmdType": 2, "velocity": 30.0}
+        args = {"user_id": "bench", "n": 1, "commands": [{"ego": 0, "commands": [command]}]}
+        self._call = {"op": "call_service", "service": "/sim/step", "id": "step", "args": args}
+        requests = (
+            ("/SyncModeCtrlCmd", {"frame": 0, "command": command}),
+            ("/SyncModeSetGear", {"frame": 0, "gear": 4}),
+            ("/SyncModeWaitForTick", {"user_id": "bench", "frame": 0}),
+        )
+        self._three = [
+            {"op": "call_service", "service": service, "id": "call", "args": {"request": request}}
+            for service, request in requests
+        ]
+        self._answer_size = 0
+
+    def on_server(self, program: Program, seconds: float) -> Figures:
+        """The step, and the three calls."""
+        (client,) = _connect(program, 1)
+        start = {"user_id": "bench", "start_sync_mode": True, "time_step": 20}
+        client.tell(op="call_service", service="/SyncModeCmd", id="start", args={"request": start})
+        assert orjson.loads(client.payload())["values"]["response"]["result"], "no synchronous mode"
+        client.tell(**self._call)
+        answer = client.payload()
+        assert orjson.loads(answer)["values"]["steps"] == 1, f"no step: {answer!r}"
+        self._answer_size = len(answer)
+        frames = [masked(orjson.dumps(call)) for call in self._three]
+        return self._measure(program, client, masked(orjson.dumps(self._call)), frames, seconds)
+
+    def on_floor(self, program: Program, seconds: float) -> Figures:
+        """The bare echo, and three of them."""
+        (client,) = _connect(program, 1)
+        frame = masked(orjson.dumps(self._call | {"op": "echo", "size": self._answer_size}))
+        return self._measure(program, client, frame, [frame] * 3, seconds)
+
+    @staticmethod
+    def _measure(program: Program, client: Socket, frame: bytes, three: Sequence[bytes], seconds: float) -> Figures:
+        round_trips(client, client, frame, lambda _: True, seconds / 4)
+        cpu = program.cpu()
+        result = round_trips(client, client, frame, lambda _: True, seconds)
+        cpu = program.cpu() - cpu
+        num, begin = 0, time.perf_counter()
+        while time.perf_counter() < begin + seconds:
+            for one in three:
+                client.raw.sendall(one)
+                client.payload()
+            num += 1
+        three_rate = num / (time.perf_counter() - begin)
+        client.close()
+        rate = result.num / result.seconds
+        return {RATE: rate, CPU: cpu / result.num * 1e6, THREE: three_rate} | _percentiles(result)
+
+
 def _row(name: str, run: Callable[[Program, float], Figures], *wanted: str, is_fresh: bool = False) -> Row:
     return Row(name, run, run, dict.fromkeys(wanted, 0.7), is_fresh=is_fresh)
 
 
 _tick = _Tick()
+_step = _Step()
 
 ROWS = (
     _row("publish 94 B", _flood("std_msgs/String", bodies.text(), 1), RATE, CPU),
@@ -280,6 +337,7 @@ ROWS = (
     _row("100 listeners at 50 Hz, 0.7 kB", _pulse(100, 50.0), P50, LOAD),
     _row("200 connections", _connections(200), is_fresh=True),
     Row("tick, beside an echo as long", _tick.on_server, _tick.on_floor, {P50: 1 / 1.6}, is_world=True),
+    Row("step, beside an echo as long", _step.on_server, _step.on_floor, {P50: 1 / 1.3}, is_world=True),
     Row("start and idle memory", _idle(10), _idle(10), is_world=True, is_fresh=True),
 )
 
@@ -335,7 +393,9 @@ def _summary(rows: Sequence[Row], measured: dict[str, list[tuple[Figures, Figure
         for name in measured[row.name][0][0]:
             ours = [server[name] for server, _ in measured[row.name]]
             theirs = [floor[name] for _, floor in measured[row.name]]
-            ratios = [a / b if name == RATE else b / a for a, b in zip(ours, theirs, strict=True) if a > 0 and b > 0]
+            ratios = [
+                a / b if name in {RATE, THREE} else b / a for a, b in zip(ours, theirs, strict=True) if a > 0 and b > 0
+            ]
             entries.append(
                 {
                     "row": row.name,

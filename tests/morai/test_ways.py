@@ -90,6 +90,7 @@ def test_every_input_and_service_with_an_effect_is_in_the_log_table(harness: Sim
     """Whoever adds one has to say what it does, so that the log can name it."""
     known = {way for effect in _EFFECTS for way in (*effect.ways, *effect.also)}
     alone = {"/SensorPosControl", "/Service_MoraiVehicleSpec", "/Service_MoraiMapSpec"}
+    alone |= {"/sim/catalogue", "/sim/map", "/sim/route", "/sim/nearest_lane"}  # they tell what no drive changes
 
     def is_known(item: ListedInterface) -> bool:
         use = Use.SERVICE if item.kind is InterfaceKind.SERVICE else Use.PUBLISH
@@ -210,8 +211,8 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         {"publish": "/ctrl_cmd"},
         (
             "--deny-publish /ctrl_cmd leaves these ways open to move an ego: publishing /ghost_ctrl_cmd, /ego_setting,"
-            " calling /SyncModeCtrlCmd, /sim/step, /Service_MoraiEventCmd, publishing /ReplayInfo_topic,"
-            " calling /Morai_SimProc, publishing /ScenarioLoad, and 4 more"
+            " calling /SyncModeCtrlCmd, /sim/step, /sim/set, /Service_MoraiEventCmd, publishing /ReplayInfo_topic,"
+            " calling /Morai_SimProc, and 5 more"
         ),
     ),
     (

@@ -7,12 +7,12 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.world.lane_position import keep_lane
+from rosbridge_sim.world.lane_position import LaneStart, keep_lane, keep_lanes
 from rosbridge_sim.world.placement import teleport
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import Kind, World
 from tests.world.lane_drives import lane_of, run, world_of
-from tests.world.road_factory import CAR, car, ego, line, make, ring, road
+from tests.world.road_factory import CAR, car, crossing, ego, line, make, ring, road
 
 
 @pytest.mark.parametrize(
@@ -87,3 +87,31 @@ def test_vehicle_passes_very_short_lanes() -> None:
     row = car(world, "l0", 0.0, speed=10.0)
     run(world, 20.0)
     assert lane_of(world, row) == "l200"
+
+
+def test_many_vehicles_put_onto_lanes_at_once_are_as_one_by_one() -> None:
+    worlds = World(seed=4), World(seed=4)
+    starts = [("w", 10.0, ""), ("s", 195.0, "s sn n"), ("we", 15.0, ""), ("e", 500.0, "")]
+    for world in worlds:
+        world.lay_roads(crossing())
+        for _ in starts:
+            world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=3.0)
+    one, many = worlds
+    batch = []
+    for row, (lane, s, route) in enumerate(starts):
+        lanes = tuple(one.roads.row(name) for name in route.split())
+        keep_lane(one, row, one.roads.row(lane), s, desired_speed=9.0, route=lanes)
+        batch.append(LaneStart(row, one.roads.row(lane), s, 9.0, lanes))
+    keep_lanes(many, batch)
+    keep_lanes(many, [])
+    assert many.digest() == one.digest()
+
+
+def test_no_vehicle_moves_if_one_of_many_cannot_keep_its_lane() -> None:
+    world = World()
+    world.lay_roads(crossing())
+    rows = [world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0)) for _ in range(2)]
+    before = world.digest()
+    with pytest.raises(ValueError, match="lane: expected 0"):
+        keep_lanes(world, [LaneStart(rows[0], 0, 1.0), LaneStart(rows[1], 99, 1.0)])
+    assert world.digest() == before

@@ -202,3 +202,33 @@ def test_entity_never_leaves_its_path(walkers: list[tuple[list[tuple[float, floa
         for row, line in enumerate(lines):
             assert abs(nearest_on_polyline(line, world.x[row], world.y[row]).lateral[0]) < 1e-6
             assert -math.pi < world.yaw[row] <= math.pi
+
+
+def test_entity_that_takes_a_path_later_follows_it_as_one_that_had_it_from_the_start() -> None:
+    worlds = World(), World()
+    for i, world in enumerate(worlds):
+        npc(world, path=CIRCLE, is_loop=True, speed=3.0)
+        row = npc(world, y=0.1, speed=3.0, path=BENT if i else None)
+        if not i:
+            world.follow_path(row, BENT, is_loop=False)
+    for _ in range(300):
+        for world in worlds:
+            step(world)
+    assert worlds[0].digest() == worlds[1].digest()
+    assert worlds[0].x[1] > 10.0
+
+
+def test_path_that_cannot_be_followed_leaves_the_old_one() -> None:
+    world = World()
+    row = npc(world, path=CIRCLE, speed=3.0)
+    step(world)
+    before = world.digest()
+    for path in (BENT[:1], BENT * math.nan, BENT * 1e6):
+        with pytest.raises(ValueError, match="path: expected"):
+            world.follow_path(row, path, is_loop=False)
+    assert world.digest() == before
+    world.follow_path(row, BENT, is_loop=True)
+    assert (world.paths.num_live, bool(world.is_loop[row])) == (len(world.paths.segments), True)
+    backwards = npc(world, speed=-1.0)
+    with pytest.raises(ValueError, match="speed >= 0"):
+        world.follow_path(backwards, BENT, is_loop=False)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.placement import place_ghost, place_ghosts, teleport
+from rosbridge_sim.world.placement import place_ghost, place_ghosts, set_speed, teleport
 from rosbridge_sim.world.state import Body, Gear, Kind, World
 from rosbridge_sim.world.step import step
 from tests.world.driven_cars import CAR, ego, pedals, speeds
@@ -108,4 +108,28 @@ def test_one_out_of_range_ghost_moves_none(wrong: float) -> None:
         poses[figure, 1] = wrong
         with pytest.raises(ValueError, match="expected finite numbers"):
             place_ghosts(world, np.array([0, 1]), poses)
+    assert world.digest() == before
+
+
+def test_speed_is_set_at_once_and_ends_waiting_and_ghost() -> None:
+    world = World()
+    uid = world.spawn(Kind.PEDESTRIAN, Body.box(0.5, 0.5, 1.7), name="p", x=0.0, y=0.0, speed=1.0, start_within=5.0)
+    row = world.row(uid)
+    set_speed(world, row, -2.0)
+    step(world)
+    assert (world.x[row], world.speed[row]) == (pytest.approx(-0.04), -2.0)
+    place_ghost(world, row, x=0.0, y=0.0, z=0.0, yaw=0.0, speed=3.0)
+    set_speed(world, row, 1.0)
+    step(world)
+    assert world.x[row] == pytest.approx(0.02)
+
+
+def test_speed_that_cannot_be_is_refused() -> None:
+    world = World()
+    path = np.array([[0.0, 0.0], [9.0, 0.0]])
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="c", x=0.0, y=0.0, speed=1.0, path=path))
+    before = world.digest()
+    for speed in (math.nan, 2e3, -1.0):
+        with pytest.raises(ValueError, match="speed: expected"):
+            set_speed(world, row, speed)
     assert world.digest() == before

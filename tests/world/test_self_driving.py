@@ -161,3 +161,31 @@ def test_a_restored_self_driving_ego_drives_on_to_the_bit() -> None:
     run(world, 3.0)
     assert world.digest() == end
     assert world.kind[0] == Kind.EGO
+
+
+def test_route_is_followed_and_its_first_lane_is_taken() -> None:
+    roads = make(
+        a=(line((0, 0), (100, 0)), "b c"),
+        b=(line((100, 0), (200, 0)), ""),
+        c=(line((100, 0), (200, 40)), ""),
+        other=(line((0, 1), (100, 1)), ""),
+    )
+    for goal in ("b", "c"):
+        world = world_of(roads)
+        row = ego(world, 10.0, 0.9)
+        route = (roads.row("a"), roads.row(goal))
+        assert start_self_driving(world, row, route=route, desired_speed=5.0)
+        assert (world.lane[row], world.ahead_1[row], world.desired_speed[row]) == (*route, 5.0)
+        leave_lane(world, row)
+        assert not world.routes
+
+
+def test_route_that_does_not_lead_along_lanes_is_refused() -> None:
+    world = world_of(make(a=(line((0, 0), (100, 0)), ""), b=(line((0, 50), (100, 50)), "")))
+    row = ego(world, 10.0, 0.0)
+    before = world.digest()
+    for route, why in (((0, 1), "lane 1 does not follow lane 0"), ((7,), "expected 0")):
+        with pytest.raises(ValueError, match=why):
+            start_self_driving(world, row, route=route)
+    assert not start_self_driving(world, row, route=(1,)), "it is 50 m away"
+    assert world.digest() == before

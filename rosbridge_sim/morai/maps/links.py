@@ -15,12 +15,30 @@ import numpy as np
 from pydantic import Field, TypeAdapter
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.documents import Document, LenientBool, Mistake, Number, find_mistakes, read_document
+from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.morai.documents import (
+    Document,
+    KeptAsWritten,
+    LenientBool,
+    Mistake,
+    Number,
+    find_mistakes,
+    read_document,
+)
 from rosbridge_sim.morai.units import KMH_TO_MPS
 from rosbridge_sim.world.geometry import FloatArray, nearest_on_polyline
 from rosbridge_sim.world.roads import Roads
 
-__all__ = ["MAX_LINKS", "MAX_MAP_BYTES", "Identifier", "Lanes", "find_lane_mistakes", "read_lanes", "read_line"]
+__all__ = [
+    "MAX_LINKS",
+    "MAX_MAP_BYTES",
+    "Border",
+    "Identifier",
+    "Lanes",
+    "find_lane_mistakes",
+    "read_lanes",
+    "read_line",
+]
 
 MAX_MAP_BYTES: Final = 1 << 28
 """Largest size of a file: 256 MiB, ten times the link_set of a large city."""
@@ -68,11 +86,33 @@ class _Link(Document):
 class _Border(Document):
     idx: Identifier
     points: list[tuple[float, float, float]]
+    lane_type: KeptAsWritten = None
+    lane_shape: KeptAsWritten = None
+    lane_color: KeptAsWritten = None
 
 
 _NODES: Final = TypeAdapter(Annotated[list[_Node], Field(max_length=MAX_LINKS)])
 _LINKS: Final = TypeAdapter(Annotated[list[_Link], Field(max_length=MAX_LINKS)])
 _BORDERS: Final = TypeAdapter(Annotated[list[_Border], Field(max_length=MAX_LINKS)])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Border:
+    """A line that is painted on the road, or a kerb: for drawings.
+
+    Attributes:
+        name: as the map has it.
+        line: (k, 3) its points, map frame [m].
+        type: MGeo's `lane_type`, such as 501 for a centre line and 530 for a stop line; 0 where the map has no number.
+        shape: MGeo's `lane_shape`: "Solid" or "Broken", of each of its lines.
+        colour: MGeo's `lane_color`.
+    """
+
+    name: str
+    line: FloatArray
+    type: int = 0
+    shape: tuple[str, ...] = ()
+    colour: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,10 +122,12 @@ class Lanes:
     Attributes:
         roads: the lanes, in the order of the file.
         related_signal: movement that each lane's light is for ("straight", "left_unprotected", ...), or "".
+        borders: painted lines and kerbs, in the order of the file.
     """
 
     roads: Roads
     related_signal: tuple[str, ...]
+    borders: tuple[Border, ...] = ()
 
 
 def read_lanes(
@@ -137,9 +179,10 @@ def read_lanes(
         left=left,
         right=right,
         is_stop=[link.to_node_idx is not None and stops[link.to_node_idx] for link in only],
-        borders=dict(_distances(only, lines, borders)),
+        borders=dict(_distances(only, lines, {name: border.line for name, border in borders.items()})),
     )
-    return Lanes(roads, tuple((link.related_signal or "").strip().lower() for link in only))
+    signals = tuple((link.related_signal or "").strip().lower() for link in only)
+    return Lanes(roads, signals, tuple(borders.values()))
 
 
 def find_lane_mistakes(
@@ -218,7 +261,7 @@ def _neighbours(
     return left, right
 
 
-def _read_borders(border_file: tuple[bytes, str] | None) -> dict[str, FloatArray]:
+def _read_borders(border_file: tuple[bytes, str] | None) -> dict[str, Border]:
     """Return the edges of lanes by name; an edge without length is left out."""
     if border_file is None:
         return {}
@@ -228,8 +271,36 @@ def _read_borders(border_file: tuple[bytes, str] | None) -> dict[str, FloatArray
     borders = {}
     for i, entry in enumerate(entries):
         if any(point[:2] != entry.points[0][:2] for point in entry.points):
-            borders[entry.idx] = read_line(entry.points, f"{border_file[1]}: [{i}].points")
+            line = read_line(entry.points, f"{border_file[1]}: [{i}].points")
+            borders[entry.idx] = Border(
+                entry.idx, line, _number_of(entry.lane_type), _words_of(entry.lane_shape), _words_of(entry.lane_color)
+            )
     return borders
+
+
+MAX_WORDS: Final = 8
+"""Words about one border that are kept: a double line has two."""
+
+MAX_WORD: Final = 40
+"""Characters of such a word."""
+
+
+def _number_of(value: JsonValue) -> int:
+    """Return a number that a map writes as one, as text or, for several, as a list; 0 where it is none of these."""
+    if isinstance(value, list):
+        value = value[0] if value else 0
+    text = str(value)
+    return int(text) if text.isdecimal() and len(text) <= MAX_DIGITS else 0
+
+
+MAX_DIGITS: Final = 9
+"""Of a border's type: it fits an int32."""
+
+
+def _words_of(value: JsonValue) -> tuple[str, ...]:
+    """Return the words that a map writes as text or as a list."""
+    words = value if isinstance(value, list) else [value]
+    return tuple(word[:MAX_WORD] for word in words[:MAX_WORDS] if isinstance(word, str) and word)
 
 
 def _distances(

@@ -24,7 +24,7 @@ from rosbridge_sim.morai.maps.lights import (
     read_crosswalks,
     read_lights,
 )
-from rosbridge_sim.morai.maps.links import MAX_MAP_BYTES, find_lane_mistakes, read_lanes
+from rosbridge_sim.morai.maps.links import MAX_MAP_BYTES, Border, find_lane_mistakes, read_lanes
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
 
@@ -98,6 +98,7 @@ class RoadMap:
         roads: its lanes, in the order of the file.
         plan: its traffic lights; None if it has none.
         crosswalks: its crosswalks.
+        borders: painted lines and kerbs.
         notes: remarks about ignored or reinterpreted entries: a line each, for the log.
     """
 
@@ -108,6 +109,7 @@ class RoadMap:
     plan: SignalPlan | None = None
     crosswalks: tuple[Crosswalk, ...] = ()
     notes: tuple[str, ...] = ()
+    borders: tuple[Border, ...] = ()
 
 
 def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
@@ -138,6 +140,7 @@ def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
         plan=plan if plan.lights else None,
         crosswalks=crosswalks,
         notes=tuple(_short(notes)),
+        borders=lanes.borders,
     )
 
 

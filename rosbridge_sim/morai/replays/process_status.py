@@ -81,8 +81,8 @@ class ProcessStatus:
         self._sync_state = None
 
     def save_state(self) -> PlainData:
-        """Return the end of the last command and its time."""
-        return (self._result.value, self._commanded_ns)
+        """Return the end of the last command, its time, and whether the next frame publishes in any case."""
+        return (self._result.value, self._commanded_ns, not self._published)
 
     def load_state(self, data: PlainData, now: float) -> None:
         """Become what was saved, and publish it.
@@ -90,12 +90,14 @@ class ProcessStatus:
         Raises:
             ValueError: it is no such data.
         """
-        result, commanded_ns = data
-        if type(commanded_ns) is not int or not 0 <= commanded_ns < MAX_STAMP:
+        result, commanded_ns, is_due = data
+        if type(commanded_ns) is not int or not 0 <= commanded_ns < MAX_STAMP or type(is_due) is not bool:
             raise ValueError("replay: expected the time of a command")
         self._result, self._commanded_ns = ReplayResult(result), commanded_ns
         self._published, self._sync_state = (), self._sync.state
         self.announce(now)
+        if is_due:
+            self._published, self._sync_state = (), None
 
     def settle(self, now: float) -> None:
         """Publish a pause or its end; called after each frame. All other changes are announced where they happen.

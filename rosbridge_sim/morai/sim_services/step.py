@@ -116,6 +116,7 @@ class _StepCall:
         self._service = service
         self._call = call
         self._sampled = [sample for sample in plan.samples if sample.is_sampled]
+        self._is_plain = not (plan.commands or plan.watch or self._sampled)
         self._hook = self._after_frame if plan.watch is not None or self._sampled else None
 
     @property
@@ -124,20 +125,24 @@ class _StepCall:
         return not self._call.is_done
 
     def before_tick(self) -> None:
-        """Have the commands of the step carried out before its first frame."""
-        context = self._service.context
-        for commands in self.plan.commands:
+        """Count the step, and have its commands carried out before its first frame."""
+        self.num_left -= 1
+        if self._is_plain:
+            return
+        context, plan = self._service.context, self.plan
+        for commands in plan.commands:
             context.sync.enter(commands.at(self.num_done), context.world.frame)
-        if self.plan.watch is not None:
-            self.plan.watch.begin_tick()
+        if plan.watch is not None:
+            plan.watch.begin_tick()
         if self._hook is not None:
             context.hooks.after_frame.append(self._hook)
 
     def after_tick(self) -> bool:
-        """Count the step; return whether a condition to stop is met."""
-        if self._hook is not None:
-            self._service.context.hooks.after_frame.remove(self._hook)
+        """Count the step as done; return whether a condition to stop is met."""
         self.num_done += 1
+        if self._hook is None:
+            return False
+        self._service.context.hooks.after_frame.remove(self._hook)
         return self.plan.watch is not None and bool(self.plan.watch.met)
 
     def end(self, result: TickResult) -> None:

@@ -31,6 +31,7 @@ from websockets.http11 import Request, Response
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.shell.map_page import MapText
 from rosbridge_sim.shell.websocket.access import Refusal
 from rosbridge_sim.shell.websocket.client import Client
 from rosbridge_sim.shell.websocket.connections import (
@@ -66,6 +67,9 @@ STOPPING = "the server is shutting down"
 _VERSION = json.dumps({"name": "rosbridge-sim", "version": __version__, "protocol": "rosbridge v2.0"})
 """Answer of `/version`; the protocol has the name that its specification uses."""
 
+MAP_SERVICE = "/sim/map"
+"""The service that gives the map in pages; who may not call it may not read `/map.json` either."""
+
 UNAUTHENTICATED = "no token"
 """Name in the log and on `/sim/refusals` for all connections that have not sent the token."""
 
@@ -80,6 +84,8 @@ class Server:
         describe: called for `/healthz`; returns values about the simulator, by name.
         render_metrics: called for `/metrics` with the `Accept` header; returns the body and its content type. None if
             there is no such page.
+        ask_map: called for `/map.json` with the `If-None-Match` header; returns the text once it is written, or None if
+            the settings switch it off. None if there is no such page.
         num_bugs: number of frames and requests that failed by an internal error; each is in the log with its traceback.
             Errors counted by the bus's guard are not included.
         port: the real port, after the start.
@@ -101,6 +107,7 @@ class Server:
         self.why_unhealthy: Callable[[], str | None] = lambda: None
         self.describe: Callable[[], Mapping[str, object]] = dict
         self.render_metrics: Callable[[str], Awaitable[tuple[bytes, str]]] | None = None
+        self.ask_map: Callable[[str], asyncio.Future[MapText] | None] | None = None
         self.num_bugs = 0
         self.port = 0
         self.addresses: tuple[str, ...] = ()
@@ -317,6 +324,13 @@ class Server:
             return self._tell_version(connection, request)
         if path == "/metrics" and self.render_metrics is not None:
             return self._tell_metrics(connection, request, self.render_metrics)
+        if path == "/map.json" and self.ask_map is not None:
+            return self._tell_map(connection, request, self.ask_map)
+        return self._judge_root(connection, request, path)
+
+    def _judge_root(
+        self, connection: ServerConnection, request: Request, path: str
+    ) -> Response | Awaitable[Response | None] | None:
         if path not in {"", "/"}:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
         if "Upgrade" not in request.headers:
@@ -409,6 +423,43 @@ class Server:
         except Exception:  # noqa: BLE001 - an internal error; see `_process_request`
             return self._regret_request(connection)
         return _answer(connection, HTTPStatus.OK, body, content_type)
+
+    def _tell_map(
+        self,
+        connection: ServerConnection,
+        request: Request,
+        ask: Callable[[str], asyncio.Future[MapText] | None],
+    ) -> Response | Awaitable[Response]:
+        """Answer the map as JSON; with a token set, only to those who show it. Patterns for `/sim/map` hold for it."""
+        if not self._limits.access.is_shown(request):
+            return self._want_token(connection, "/map.json")
+        if not self._limits.policy.may_call(MAP_SERVICE):
+            return connection.respond(
+                HTTPStatus.FORBIDDEN, f"Not allowed to call {MAP_SERVICE}, which tells the same\n"
+            )
+        asked = ask(", ".join(request.headers.get_all("If-None-Match")))
+        if asked is None:
+            return connection.respond(HTTPStatus.NOT_FOUND, f"The settings have {MAP_SERVICE} turned off\n")
+        return self._answer_map(connection, asked)
+
+    async def _answer_map(self, connection: ServerConnection, asked: asyncio.Future[MapText]) -> Response:
+        assert isinstance(connection, ServedConnection)
+        ends: list[asyncio.Future[MapText] | asyncio.Future[None]] = [asked, connection.lost]
+        await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+        if not asked.done():  # it has gone, or the server stops
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "The connection has ended\n")
+        text = asked.result()
+        if text.why_not:
+            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, text.why_not)
+        if text.body is None:
+            response = connection.respond(HTTPStatus.NOT_MODIFIED, "")
+            for name in ("Content-Type", "Content-Length"):  # they would be those of the text
+                del response.headers[name]
+        else:
+            response = _answer(connection, HTTPStatus.OK, text.body, _JSON)
+        response.headers["ETag"] = text.etag
+        response.headers["Cache-Control"] = "no-cache"  # ask again each time: another scenario may bring another map
+        return response
 
     def _want_token(self, connection: ServerConnection, page: str) -> Awaitable[Response]:
         """Refuse a page to requests without the token."""

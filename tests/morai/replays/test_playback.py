@@ -201,6 +201,20 @@ def test_stop_restores_the_world() -> None:
     assert positions[0] == positions[1]
 
 
+def test_replay_leaves_no_trace_in_scores_and_those_begun_meanwhile_begin_anew(
+    client: Client, harness: SimHarness
+) -> None:
+    replay(client, PLAY, FILE, "drive")
+    client.call("/sim/score", {"reset": False})
+    for _ in range(5):
+        client.tick()
+    assert harness.world.score_distance[0] > 0.0
+    replay(client, STOP)
+    assert harness.world.is_scoring
+    assert harness.world.score_distance[0] == 0.0
+    assert harness.world.score_since[0] == harness.world.frame
+
+
 def test_replay_of_vehicles_only_leaves_the_ego_to_its_driver(recordings: MemoryRecordings) -> None:
     harness = SimHarness(start="sync", recordings=recordings)
     client = harness.client()

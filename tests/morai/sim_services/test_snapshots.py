@@ -426,7 +426,7 @@ X, LANE, KIND, UID = FLOATS.index("x"), INTS.index("lane"), INTS.index("kind"), 
         (put("components", "Replay", "process", (1, False)), "recording"),
         (put("components", "Replay", "process", (9, False)), "state"),
         (put("components", "Replay", "playback", 3), "state"),
-        (put("components", "Replay", "status", ("x", -1)), "state"),
+        (put("components", "Replay", "status", ("x", -1, False)), "state"),
     ],
     ids=lambda value: value if isinstance(value, str) else None,
 )

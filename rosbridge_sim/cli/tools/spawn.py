@@ -1,0 +1,43 @@
+"""`spawn`: place an object into a running simulator, and show its number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rosbridge_sim.cli.tools.client import Bridge, Frame
+from rosbridge_sim.cli.tools.text import put, put_json
+from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
+
+__all__ = ["spawn"]
+
+SERVICE = "/sim/spawn"
+
+
+async def spawn(bridge: Bridge, request: Mapping[str, object], *, is_json: bool) -> int:
+    """Place one object, and show the number that it got.
+
+    Args:
+        bridge: to the simulator.
+        request: the fields of a `rosbridge_sim_msgs/SpawnObject`.
+        is_json: show the answer as it is.
+
+    Raises:
+        RefusedError: the simulator says no, or there is none.
+        BridgeError: there is no answer.
+    """
+    answer = await bridge.call(SERVICE, {"objects": [request]}, bridge.patience)
+    if answer is None:
+        raise BridgeError(f"{SERVICE}: no answer within {bridge.patience:g} s; --timeout waits longer")
+    if not answer.is_ok or not isinstance(answer.values, dict):
+        text = safe(str(answer.values))
+        raise RefusedError(f"{text}; is a simulator there?" if "not exist" in text else text)
+    values: Frame = answer.values
+    ids = values.get("unique_ids")
+    if values.get("result") is not True or not isinstance(ids, list):
+        raise RefusedError(safe(str(values.get("message", "")).removeprefix("objects[0].")))
+    if is_json:
+        put_json(values)
+    else:
+        put(" ".join(str(number) for number in ids))
+    return 0
