@@ -254,6 +254,51 @@ async def test_malformed_answers_give_an_error_without_a_traceback() -> None:
     assert (done.code, done.out[:22]) == (0, "frame 0  time 5 s  x n")
 
 
+# sync
+
+
+async def test_sync_shows_the_mode_and_its_master() -> None:
+    async with Simulator(port=0) as free:
+        (line,) = (await in_the_background("sync", url=free.url)).lines
+        assert line.startswith("synchronous mode is off, frame ")
+
+
+async def test_sync_names_the_master(standing: Simulator) -> None:
+    (line,) = (await in_the_background("sync", url=standing.url)).lines
+    assert line.endswith("there is no master; rosbridge-sim tick N --start moves the world")
+    async with await Client.open(standing.url) as master:
+        await lead(master)
+        done = await in_the_background("sync", url=standing.url)
+        assert done.lines == ["synchronous mode is on, frame 0: the master is 'planner'"]
+        assert (await in_the_background("sync", "--json", url=standing.url)).json["barrier"] is None
+
+
+async def test_sync_shows_the_members_of_a_barrier(standing: Simulator) -> None:
+    async with await Client.open(standing.url) as one, await Client.open(standing.url) as other:
+        await one.values("/sim/barrier/join", {"user_id": "one", "deadline_s": 60.0})
+        await other.values("/sim/barrier/join", {"user_id": "other"})
+        request = {"request": {"user_id": "one", "frame": 1}}
+        await one.send("call_service", service="/SyncModeWaitForTick", id="tick", args=request)
+        await one.settle()
+        done = await in_the_background("sync", url=standing.url)
+        assert done.lines == [
+            "synchronous mode is on, frame 0: a barrier leads, 20 ms a tick, deadline 60 s",
+            "  one  has ticked",
+            "  other  is waited for",
+        ]
+        done = await in_the_background("sync", "--json", url=standing.url)
+        assert (done.json["sync"]["master_id"], done.json["barrier"]["waited_for"]) == ("/sim/barrier", ["other"])
+        done = await in_the_background("tick", "--id", "stranger", url=standing.url)
+        assert done.code == 1
+        assert done.complaint.endswith("rosbridge-sim sync shows the members of the barrier")
+
+
+async def test_sync_tells_that_there_is_no_simulator() -> None:
+    async with Simulator(port=0, world=False) as bridge:
+        done = await in_the_background("sync", url=bridge.url)
+        assert (done.code, done.complaint) == (1, "no message on /SyncModeInfo; is a simulator there?")
+
+
 # step
 
 
