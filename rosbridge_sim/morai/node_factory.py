@@ -1,4 +1,4 @@
-"""The simulator, put together: the context first, then the components, then the node."""
+"""Builder of the simulator: first the context, then the components, then the node."""
 
 from __future__ import annotations
 
@@ -65,18 +65,18 @@ def make_node(
     networks: Networks | None = None,
     reader: Reader | None = None,
 ) -> SimulatorNode:
-    """The simulator with its opening scene, on the bus; nothing of it is seen before it is whole.
+    """Return the simulator with its opening scene, on the bus; clients see nothing of it before it is complete.
 
     Args:
-        bus: where its topics and services are.
+        bus: gets its topics and services.
         world: empty.
-        library: where scenarios and maps come from.
+        library: source of scenarios and maps.
         scenario: the opening scene.
         settings: None for the defaults.
-        archive: where sensors' data is saved; None where there is no place for it.
-        recordings: where those come from that are to be replayed; None for nowhere.
-        networks: where scenarios' network settings are; None where there are none.
-        reader: reads what clients load; None has everybody wait meanwhile.
+        archive: saves sensor data; None if there is no folder for it.
+        recordings: source of recordings for replays; None for no recordings.
+        networks: source of scenarios' network settings; None for no such settings.
+        reader: reads documents that clients load; with None all clients wait meanwhile.
 
     Raises:
         DocumentError: the scenario does not fit its map, or the network settings do not fit.

@@ -21,7 +21,7 @@ MAX_FAST_FRAMES: Final = 100
 """The same in frames, where the world runs as fast as possible: what the smallest scene does in `TURN_TIME`."""
 
 MAX_FRAMES_AT_ONCE: Final = 5
-"""Frames that one `advance` computes at most, so that catching up does not keep everybody else waiting."""
+"""Frames that one `advance` computes at most, so that catching up does not keep clients waiting."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -72,7 +72,7 @@ class RealTime:
         failure.raise_unless_serving()
 
     def next_due(self, now: float) -> float | None:
-        """When `advance` has something to do next [s]; None while only a call can move the world."""
+        """Return the time of the next call of `advance` [s]; None while only a service call can move the world."""
         failure, sync, publishers, pacer = (
             self._context.failure,
             self._context.sync,

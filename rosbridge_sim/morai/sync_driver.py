@@ -1,11 +1,11 @@
-"""Synchronous mode on the simulator: ticks are carried out, and what the mode says is done to the world.
+"""Synchronous mode of the simulator: carries out its ticks and its effects on the world.
 
 A service call moves the frames of one time step within the call, and everything that those frames publish is in the
 listeners' hands before the answer is given. Two kinds of ticks wait, and `take_turns` carries them out; their caller is
 held meanwhile. One is a tick whose frames need a scenario that is still being read. The other are the ticks of a call
 for many steps: they are done in turns of a few milliseconds, so that all others are served in between.
 
-`Sync` decides, and calls what is registered here; all that changes the mode goes through this file.
+`Sync` decides, and calls the functions that are registered here. All changes of the mode go through this file.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ class ModeResult(NamedTuple):
 
 
 class TickResult(NamedTuple):
-    """How a tick ended.
+    """Result of a tick.
 
     Attributes:
         is_accepted: its frames have been computed.
-        is_paused: the simulation was paused when that was decided.
+        is_paused: the simulation was paused at the time of the decision.
         why: for a refusal, a text for the peer; empty otherwise.
         reason: the kind of refusal that `why` puts into words.
     """
@@ -173,7 +173,7 @@ class SyncDriver:
             pacer: counts real time.
             publishers: stop what only real time has, and publish in a pause.
             hooks: `after_move` and `on_mode_change` are called.
-            failure: refuses ticks, and is told of a step that fails.
+            failure: refuses ticks, and records a failed step.
         """
         self.num_ticks = 0
         self.read_clock: Callable[[], float] | None = None
@@ -199,7 +199,7 @@ class SyncDriver:
     # The mode
 
     def start(self, user_id: str, step_ms: int, caller: Participant, now: float) -> ModeResult:
-        """Have a master, or another time step; see `Sync.start` and `Barrier.start`."""
+        """Start the mode, or change its time step; see `Sync.start` and `Barrier.start`."""
         barrier = self._barrier
         if barrier.is_on:
             return self._result_of_barrier(barrier.start(user_id, step_ms, caller, now), caller)
@@ -222,7 +222,7 @@ class SyncDriver:
         return ModeResult(outcome.is_accepted, self._barrier.why(outcome, caller), outcome.reason)
 
     def pause(self, now: float) -> None:
-        """Have the world stand still; the mode stays as it is."""
+        """Pause the world; the mode stays as it is."""
         self._sync.pause(now)
         self._barrier.pause(now)
         self._settle(now)
@@ -258,7 +258,7 @@ class SyncDriver:
             self._settle(now)
 
     def _settle(self, now: float) -> None:
-        """Do what follows from the mode as it is now, whatever has happened."""
+        """Apply the current mode to the publishers, and tell the components."""
         if not self._sync.is_free:
             self._publishers.forget_repeats()
         self._publishers.set_paused(is_paused=self._sync.state is SyncState.FREE_PAUSED, now=now)
@@ -306,7 +306,7 @@ class SyncDriver:
     # Ticks
 
     def ask_tick(self, user_id: str, named: int, caller: Participant, on_end: OnTick, now: float) -> None:
-        """Move the world by one time step, and publish every frame of it, if the mode allows that.
+        """Move the world by one time step, and publish every frame of it, if the mode allows it.
 
         Args:
             user_id: the master, or the member of a barrier, that the caller takes itself for.
@@ -421,7 +421,7 @@ class SyncDriver:
         call.end(TickResult(is_accepted=True, is_paused=False), now)
 
     def hold(self, participant: Participant) -> Callable[[float], None]:
-        """Hold a peer's input while something takes its time; a master does not lose its lease by that.
+        """Hold back a peer's input while its request is being carried out; its lease does not run out meanwhile.
 
         Returns:
             Releases it; takes monotonic time [s] and must be called once.

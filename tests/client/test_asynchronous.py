@@ -149,10 +149,10 @@ async def test_wait_that_is_in_vain_says_how_many_came(client: AsyncClient) -> N
         await client.wait_for("/Ego_topic", timeout=NO_TIME)
     await client.start_sync()
     async with await client.subscribe("/Ego_topic") as egos:
-        with pytest.raises(AnswerTimeoutError, match=r"0\.01 s; in synchronous mode the world stands until tick\(\)$"):
+        with pytest.raises(AnswerTimeoutError, match=r"0\.01 s; in synchronous mode the world moves only by tick\(\)$"):
             await egos.next(timeout=NO_TIME)
         await client.tick(3)
-        with pytest.raises(AnswerTimeoutError, match=r"no message within 0\.01 s; of 3 that came none fits$"):
+        with pytest.raises(AnswerTimeoutError, match=r"no message within 0\.01 s; 3 came, but none of them fits$"):
             await egos.wait_for(lambda _: False, timeout=NO_TIME)
     assert client._subscriptions == {}
 
