@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.morai.barrier import Barrier
 from rosbridge_sim.morai.command_executor import CommandExecutor
 from rosbridge_sim.morai.command_topics import CommandTopics
 from rosbridge_sim.morai.component import Component
@@ -30,6 +31,7 @@ from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
+from rosbridge_sim.morai.sim_services.barrier import BarrierServices
 from rosbridge_sim.morai.sim_services.population import Population
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.road_services import RoadServices
@@ -94,6 +96,7 @@ def make_node(
         CommandTopics(context),
         replay,
         StepService(context),
+        BarrierServices(context),
         RealTimeFactor(context),
         Scores(context, is_always=chosen.score),
         Population(context),
@@ -133,6 +136,12 @@ def _make_context(
         is_strict=settings.sync_frames == "strict",
         may_anyone_stop=settings.anyone_may_stop,
     )
+    barrier = Barrier(
+        sync,
+        lease=settings.sync_lease,
+        is_strict=settings.sync_frames == "strict",
+        may_anyone_stop=settings.anyone_may_stop,
+    )
     hooks = Hooks()
     interfaces = InterfaceRegistry(participant, bus, settings.network)
     publishers = Publishers(participant, bus, interfaces)
@@ -155,7 +164,14 @@ def _make_context(
         sync_info=sync_info,
     )
     sync_driver = SyncDriver(
-        world=world, sync=sync, stepper=stepper, pacer=pacer, publishers=publishers, hooks=hooks, failure=failure
+        world=world,
+        sync=sync,
+        barrier=barrier,
+        stepper=stepper,
+        pacer=pacer,
+        publishers=publishers,
+        hooks=hooks,
+        failure=failure,
     )
     ego_interfaces = EgoInterfaces(interfaces, publishers, hooks)
     scene_changes = SceneChanges(
@@ -181,6 +197,7 @@ def _make_context(
         scene=scene,
         egos=egos,
         sync=sync,
+        barrier=barrier,
         hooks=hooks,
         warnings=WarnOnce(),
         interfaces=interfaces,

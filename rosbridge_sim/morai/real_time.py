@@ -81,7 +81,8 @@ class RealTime:
         )
         if failure.why is not None:
             return None if failure.is_serving_on else now
-        dues = [sync.lease_due, publishers.pause_due(now), now if self._context.sync_driver.has_turn else None]
+        driver = self._context.sync_driver
+        dues = [driver.due(now), publishers.pause_due(now), now if driver.has_turn else None]
         if sync.is_free:
             dues += [pacer.due_at if pacer.is_started else now, publishers.repeat_due]
         return min((due for due in dues if due is not None), default=None)

@@ -29,6 +29,7 @@ The decisions, and why:
   what becomes of the world. Commands that still waited are dropped. A holder whose input the server
   holds back cannot send, so its silence does not count.
 - Ids are made from a counter, so that two runs give the same ones.
+- Several clients that tick together are one master here: their barrier (`barrier.py`).
 """
 
 from __future__ import annotations
@@ -81,12 +82,14 @@ class SyncHooks:
         refuse: `(text for the callers, now)`, for REFUSE.
         flow: `(now)`, for FLOW.
         announce: `(now)`, for ANNOUNCE.
+        hear: `(holder, now)`, for a command of any peer, and for the end of a time in which its input was held back.
     """
 
     move: list[Callable[[int, float], object]] = field(default_factory=list)
     refuse: list[Callable[[str, float], object]] = field(default_factory=list)
     flow: list[Callable[[float], object]] = field(default_factory=list)
     announce: list[Callable[[float], object]] = field(default_factory=list)
+    hear: list[Callable[[object, float], object]] = field(default_factory=list)
 
 
 class _Happening(NamedTuple, Generic[C]):
@@ -375,8 +378,7 @@ class Sync(Generic[C]):
             now: monotonic time [s].
             is_ready: it can be carried out. Otherwise no tick computes its frame before `ready` or `withdraw`.
         """
-        if holder in self._holders:
-            self._heard_at = now
+        self._note_life(holder, now)
         frame += self._num_owed
         if named > frame + MAX_AHEAD:
             return self._follow(_Happening(SyncEvent.COMMAND_TOO_FAR, now))
@@ -440,8 +442,11 @@ class Sync(Generic[C]):
         self._mute[holder] -= 1
         if self._mute[holder] <= 0:
             del self._mute[holder]
-        if holder in self._holders:
-            self._heard_at = now
+        self._note_life(holder, now)
+
+    def is_muted(self, holder: object) -> bool:
+        """Return whether a peer's input is held back."""
+        return holder in self._mute
 
     def due(self, frame: int) -> list[C]:
         """Remove and return the commands to be carried out before a frame.
@@ -531,6 +536,13 @@ class Sync(Generic[C]):
     def _hear(self, holder: object, now: float) -> None:
         self._holders[holder] = None
         self._heard_at = now
+
+    def _note_life(self, holder: object, now: float) -> None:
+        """Take note that a peer is alive, whoever leads."""
+        if holder in self._holders:
+            self._heard_at = now
+        for hear in self.hooks.hear:
+            hear(holder, now)
 
     def _make_id(self) -> str:
         self._num_ids += 1
