@@ -156,7 +156,7 @@ def test_nobody_restores_while_nobody_is_master() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     snapshot(client, "a")
-    assert "nobody is master" in restore(client, "a", user_id="").message
+    assert "there is no master" in restore(client, "a", user_id="").message
 
 
 def test_mode_master_pause_and_subscriptions_stay() -> None:
