@@ -189,6 +189,7 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
         for name in (
             "topic",
             "service",
+            "sync",
             "tick",
             "step",
             "score",

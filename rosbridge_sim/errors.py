@@ -85,9 +85,11 @@ class Reason(Enum):
     SYNC_OFF = "sync_off"
     NOT_MASTER = "not_master"
     NO_MASTER = "no_master"
+    NOT_MEMBER = "not_member"
     PAUSED = "paused"
     LATE_FRAME = "late_frame"
     FAR_FRAME = "far_frame"
+    LATE_TICK = "late_tick"
     # all other reasons
     NOT_NOW = "not_now"
     REFUSED = "refused"

@@ -20,6 +20,7 @@ ROOT = Path(__file__).resolve().parent.parent
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
+from scripts.docs_pages.barrier import draw_barrier, write_barrier  # noqa: E402
 from scripts.docs_pages.fields import write_fields  # noqa: E402
 from scripts.docs_pages.flags import write_flags  # noqa: E402
 from scripts.docs_pages.rooms import draw_rooms  # noqa: E402
@@ -34,7 +35,9 @@ GENERATED: Final[dict[str, Callable[[], str]]] = {
     "reference/fields_22.md": lambda: write_fields("22.R2"),
     "reference/fields_26.md": lambda: write_fields("26.R1"),
     "reference/sync_table.md": write_table,
+    "reference/barrier_table.md": write_barrier,
     "images/sync_mode.svg": draw_states,
+    "images/barrier.svg": draw_barrier,
     "images/rooms.svg": lambda: draw_rooms(ROOT / "rosbridge_sim"),
 }
 """File in `docs/` -> function that returns its text."""

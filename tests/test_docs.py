@@ -13,10 +13,13 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.cli.bridge_commands import TOOLS
+from rosbridge_sim.morai.barrier_table import BarrierEvent
 from rosbridge_sim.morai.sync_table import SYNC_TABLE
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.server_topics import TOPICS
 from scripts.check_site import find_loads, find_loads_in_css, find_loads_in_html
+from scripts.docs_pages.barrier import EVENTS as BARRIER_EVENTS
+from scripts.docs_pages.barrier import list_barrier_edges
 from scripts.docs_pages.fields import SERVER_TOPICS, FieldRow, read_fields
 from scripts.docs_pages.rooms import read_arrows
 from scripts.docs_pages.sync_mode import list_edges
@@ -162,6 +165,12 @@ def test_every_arrow_between_rooms_is_permitted() -> None:
     drawn = read_arrows(ROOT / "rosbridge_sim")
     assert drawn
     assert drawn <= permitted
+
+
+def test_diagram_of_the_barrier_has_an_arrow_for_each_change_of_state() -> None:
+    numbers = re.findall(r">(\d+)</text>", (DOCS / "images" / "barrier.svg").read_text("utf-8"))
+    assert sorted(map(int, numbers)) == list(range(1, len(list_barrier_edges()) + 1))
+    assert set(BARRIER_EVENTS) == set(BarrierEvent)
 
 
 def test_diagram_has_an_arrow_for_each_change_of_state() -> None:

@@ -198,7 +198,7 @@ def test_failed_test_is_told_messages_picture_and_command(run_tests: RunTests, f
     assert "\n  /SyncModeInfo {" in drive
     assert re.search(r'\n  /Ego_topic \{"header":\{"seq":3,', drive)
     assert re.search(r"\n  /chatter \{.*\.\.\. \(5,\d+ bytes\)\n", drive)
-    heard, _, unheard = drive.partition("topics without a listener, as they would be now:\n")
+    heard, _, unheard = drive.partition("topics without a subscriber, as they would be now:\n")
     assert "/Object_topic" in unheard
     assert "/Object_topic" not in heard
     assert "\n  rosbridge-sim serve --max-clients 5 --scenario town --start sync --seed 7\n" in drive
@@ -208,7 +208,7 @@ def test_failed_test_is_told_messages_picture_and_command(run_tests: RunTests, f
     (path,) = re.findall(r"picture of frame 3: (.*)\n", drive)
     with Image.open(path) as picture:
         assert picture.format == "PNG"
-    assert "picture: none, since the simulator was closed" in "".join(sections)
+    assert "picture: none, because the simulator was closed" in "".join(sections)
 
 
 def test_pytest_finds_the_plugin_by_an_entry_point() -> None:
@@ -292,4 +292,4 @@ def test_world_that_fails(rosbridge_client, rosbridge_simulator):
         rosbridge_client.tick()
 """)
     assert (run.counts.get("passed"), run.counts.get("error")) == (1, 1), run.out
-    assert "faults of the simulator itself, with tracebacks in the log" in run.out
+    assert "internal errors of the simulator, with tracebacks in the log" in run.out

@@ -68,9 +68,9 @@ def test_any_bytes_have_a_weight(data: bytes) -> None:
 
 def test_error_beyond_the_limit_names_the_limit() -> None:
     assert FULL.excess(Weight(0, 0, 0)) is None
-    assert LIGHT.excess(Weight(15_001, 0, 0)) == "at most 15,000 objects and lists are taken, and it has 15,001"
-    assert LIGHT.excess(Weight(0, 60_001, 0)) == "at most 60,000 texts are taken, and it has 60,001"
-    assert FULL.excess(Weight(0, 0, 4_500_001)) == "at most 4,500,000 values are taken, and it has 4,500,001"
+    assert LIGHT.excess(Weight(15_001, 0, 0)) == "at most 15,000 objects and lists are accepted, and it has 15,001"
+    assert LIGHT.excess(Weight(0, 60_001, 0)) == "at most 60,000 texts are accepted, and it has 60,001"
+    assert FULL.excess(Weight(0, 0, 4_500_001)) == "at most 4,500,000 values are accepted, and it has 4,500,001"
 
 
 @pytest.mark.parametrize(

@@ -484,6 +484,24 @@ def _run_score(options: Options) -> int:
     return _with_bridge(options, lambda bridge: score.show(bridge, is_reset=options.reset, is_json=options.json))
 
 
+def _sync(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim sync",
+        description="Show the state of synchronous mode: the master, or the members of the barrier.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    _add_bridge(parser)
+    parser.set_defaults(run=_run_sync)
+    return run_command(parser, argv)
+
+
+def _run_sync(options: Options) -> int:
+    from rosbridge_sim.cli.tools.sync import show_sync  # noqa: PLC0415
+
+    return _with_bridge(options, lambda bridge: show_sync(bridge, is_json=options.json))
+
+
 def _snapshot(argv: Sequence[str]) -> int:
     parser = Parser(
         prog="rosbridge-sim snapshot",
@@ -645,6 +663,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "map": run_map,
     "docs": run_docs,
     "record": _record,
+    "sync": _sync,
     "tick": _tick,
     "step": _step,
     "score": _score,

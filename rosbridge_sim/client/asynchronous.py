@@ -198,6 +198,7 @@ class _SyncMode:
     user_id: str
     step_ms: int
     frame: int
+    is_member: bool = False  # of a barrier, in place of the master
 
 
 class AsyncClient:
@@ -874,7 +875,7 @@ class AsyncClient:
         async with self._ticking:
             sync = self._sync
             if sync is None:
-                raise ClientError("tick: expected synchronous mode; call start_sync() first")
+                raise ClientError("tick: expected synchronous mode; call start_sync() first, or join_barrier()")
             for _ in range(n):
                 request = {"user_id": sync.user_id, "frame": sync.frame + sync.step_ms // FRAME_MS}
                 response = await self._ask_sync("tick_status", "/SyncModeWaitForTick", request, timeout)
@@ -1067,6 +1068,56 @@ class AsyncClient:
         return response
 
     # Time as a tool
+
+    async def join_barrier(
+        self, *, user_id: str = "", step_ms: int = 0, deadline: float = 0.0, timeout: float | None = None
+    ) -> int:
+        """Tick together with other clients; return the frame that the world stands at.
+
+        The world moves when all members have called `tick`, or when the deadline has passed. The first member starts
+        synchronous mode, and its `step_ms` and `deadline` hold for all.
+
+        Args:
+            user_id: name of the member; the server makes one if it is empty.
+            step_ms: how far a tick of all moves the world, a multiple of 20; 0: that of the first member, or 20 [ms].
+            deadline: longest wait for the others, from 0.01 to 60; 0 takes that of the first member, or 1 [s].
+            timeout: longest wait for the answer [s].
+
+        Raises:
+            ServiceRefusedError: there is a master, or the first member has chosen otherwise; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        request = {"user_id": user_id, "time_step": step_ms, "deadline_s": deadline}
+        values = await self._ask_barrier("/sim/barrier/join", request, timeout)
+        self._sync = _SyncMode(str(values["user_id"]), int(values["time_step"]), int(values["frame"]), is_member=True)
+        return self._sync.frame
+
+    async def leave_barrier(self, *, timeout: float | None = None) -> None:
+        """Leave the barrier; the last member ends synchronous mode. Nothing if this client is no member.
+
+        Args:
+            timeout: longest wait for the answer [s].
+
+        Raises:
+            ServiceRefusedError: the simulator says no; the error has the reason.
+            AnswerTimeoutError: no answer in time.
+            ConnectionLostError: the connection has ended.
+        """
+        if self._sync is not None and self._sync.is_member:
+            await self._ask_barrier("/sim/barrier/leave", {"user_id": self._sync.user_id}, timeout)
+            self._sync = None
+
+    async def _ask_barrier(self, service: str, request: Mapping[str, object], timeout: float | None) -> Frame:
+        """Return the answer of a service of the barrier.
+
+        Raises:
+            ServiceRefusedError: it says no; the error has the reason.
+        """
+        values = await self.call(service, request, timeout=timeout)
+        if values.get("result") is not True:
+            raise ServiceRefusedError(service, str(values.get("message", "")), values)
+        return values
 
     async def score(self, *, reset: bool = False, timeout: float | None = None) -> list[Frame]:
         """Return the scores of all egos, each a `rosbridge_sim_msgs/EgoScore`; the first call begins to keep them.

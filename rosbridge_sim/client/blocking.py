@@ -302,6 +302,16 @@ class Client:
 
     # Time as a tool
 
+    def join_barrier(
+        self, *, user_id: str = "", step_ms: int = 0, deadline: float = 0.0, timeout: float | None = None
+    ) -> int:
+        """See `AsyncClient.join_barrier`."""
+        return self.run(self._client.join_barrier(user_id=user_id, step_ms=step_ms, deadline=deadline, timeout=timeout))
+
+    def leave_barrier(self, *, timeout: float | None = None) -> None:
+        """See `AsyncClient.leave_barrier`."""
+        self.run(self._client.leave_barrier(timeout=timeout))
+
     def score(self, *, reset: bool = False, timeout: float | None = None) -> list[Frame]:
         """See `AsyncClient.score`."""
         return self.run(self._client.score(reset=reset, timeout=timeout))

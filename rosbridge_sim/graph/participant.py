@@ -25,11 +25,13 @@ __all__ = [
     "Notify",
     "OfferKind",
     "Participant",
+    "Remarkable",
     "decode_body",
     "explain",
     "gives_way",
     "hold",
     "notifier",
+    "remark",
     "resolve",
     "size_of_body",
     "take_over",
@@ -118,6 +120,22 @@ class Explaining(Protocol):
             text: a line of text.
             reason: kind of mistake.
         """
+
+
+@runtime_checkable
+class Remarkable(Protocol):
+    """An owner that can be told what others have done; `notify` would count as a mistake of its own."""
+
+    def remark(self, level: str, text: str) -> None:
+        """Say something that concerns no request of this owner."""
+
+
+def remark(owner: Participant, level: str, text: str) -> None:
+    """Tell an owner what others have done."""
+    if isinstance(owner, Remarkable):
+        owner.remark(level, text)
+    else:
+        owner.notify(level, text)
 
 
 def explain(owner: Participant, level: str, text: str, reason: Reason) -> None:

@@ -182,7 +182,7 @@ class PeerTopics:
         near = hint(topic.name, [each.name for each in published])
         alike = [each.name for each in published if each.type is topic.type][:MAX_ALIKE]
         of_type = f"; of this type there is {listing(alike)}" if alike else ""
-        text = f"{topic.name} ({topic.type.name}) is subscribed to, and nobody publishes it"
+        text = f"{topic.name} ({topic.type.name}) is subscribed to, but has no publisher"
         text += f"{self._bus.unpublished.advise(topic)}{near}{of_type}"
         _log.info("%s: %s", self._peer.address, text, extra={"client": self._peer.address})
         self._peer.remark("info", text)

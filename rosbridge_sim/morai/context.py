@@ -1,8 +1,8 @@
 """Objects that the components of a simulator share. It is complete before the first component is made.
 
 Each member is built from the members listed above it, so no code can use a part of the simulator that is not there
-yet. State that lasts from one frame to the next is in `world`, `scene`, `egos`, `sync`, `publishers`, `pacer` and the
-components; the other members only act on it.
+yet. State that lasts from one frame to the next is in `world`, `scene`, `egos`, `sync`, `barrier`, `publishers`,
+`pacer` and the components; the other members only act on it.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.morai.barrier import Barrier
 from rosbridge_sim.morai.convert import Converter
 from rosbridge_sim.morai.ego_interfaces import EgoInterfaces
 from rosbridge_sim.morai.egos import EgoRegistry
@@ -47,6 +48,7 @@ class SimulatorContext:
         scene: the population and the map.
         egos: the ego vehicles, by number.
         sync: synchronous mode; components read it and submit commands that wait for a frame.
+        barrier: clients that tick together; while it has members, it is the master of `sync`.
         hooks: moments at which components act.
         warnings: sends a warning once, for mistakes that a client may repeat.
         interfaces: the simulator's topics and services, by name.
@@ -70,6 +72,7 @@ class SimulatorContext:
     scene: Scene
     egos: EgoRegistry
     sync: Sync[SceneCommand]
+    barrier: Barrier
     hooks: Hooks
     warnings: WarnOnce
     interfaces: InterfaceRegistry

@@ -1,4 +1,4 @@
-"""The egos of a simulator, by the numbers that clients call them."""
+"""The egos of a simulator, by their numbers on the wire."""
 
 from __future__ import annotations
 
@@ -14,26 +14,26 @@ from rosbridge_sim.world.state import World
 __all__ = ["FIRST_NUMBER", "EgoRegistry"]
 
 FIRST_NUMBER: Final = -1
-"""Another number of the first ego: clients that know of one ego only send it."""
+"""Another number of the first ego, sent by clients that know of only one ego."""
 
 
 class EgoRegistry:
-    """The egos in order: the first one has the bare names, ego 2 those under `/Ego-2/`.
+    """The egos in order: the first one has topics without a prefix, ego 2 those under `/Ego-2/`.
 
-    One object for the whole life of a simulator; what changes is who is in it.
+    There is one registry for the whole life of a simulator; its content changes.
 
     Attributes:
         first: the ego that is always there.
     """
 
     def __init__(self, world: World, convert: Converter, ctrl_mode: CtrlMode, roads: Callable[[], Roads]) -> None:
-        """Have the first ego, which stands in the world already.
+        """Add the first ego, which stands in the world already.
 
         Args:
-            world: where they are.
+            world: has their rows.
             convert: makes their messages.
-            ctrl_mode: who drives an ego that is new, and the first one after a reset.
-            roads: gives the lanes that they drive on.
+            ctrl_mode: driver of a new ego, and of the first one after a reset.
+            roads: returns the lanes of the map in use.
         """
         self._world = world
         self._convert = convert
@@ -43,7 +43,7 @@ class EgoRegistry:
         self._egos = [self.first]
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of egos."""
         return len(self._egos)
 
     def __iter__(self) -> Iterator[Ego]:
@@ -51,34 +51,56 @@ class EgoRegistry:
         return iter(self._egos)
 
     def __getitem__(self, i: int) -> Ego:
-        """Return the ego at this place of the order."""
+        """Return the ego at an index in the order."""
         return self._egos[i]
 
     def find(self, unique_id: int) -> Ego | None:
-        """Return the ego that a client calls by this number (-1 is the first one too), or None."""
+        """Return the ego of a number.
+
+        Args:
+            unique_id: its number on the wire; -1 is the first ego too.
+
+        Returns:
+            The ego, or None.
+        """
         wanted = FIRST_EGO if unique_id == FIRST_NUMBER else unique_id
         return next((ego for ego in self._egos if ego.index == wanted), None)
 
     def unique_id(self, row: int) -> int:
-        """Return the number that clients have for the entity in this row of the world: an ego's is not its uid."""
+        """Return the number on the wire of an entity; an ego's differs from its uid.
+
+        Args:
+            row: of the entity in the world.
+
+        Returns:
+            The number.
+        """
         uid: int = self._world.uid.item(row)
         return next((ego.index for ego in self._egos if ego.uid == uid), uid)
 
     def create(self, index: int, uid: int) -> Ego:
-        """Return an ego for an entity of the world; it is not in the registry before `add`."""
+        """Return an ego for an entity of the world; it is not in the registry before `add`.
+
+        Args:
+            index: its number on the wire.
+            uid: id of the entity in the world.
+
+        Returns:
+            The ego.
+        """
         return Ego(self._world, self._convert, uid, self._ctrl_mode, index=index, roads=self._roads)
 
     def add(self, egos: Iterable[Ego]) -> None:
-        """Have further egos, behind those that are here."""
+        """Add further egos, after the present ones."""
         self._egos.extend(egos)
 
     def drop(self, egos: Iterable[Ego]) -> None:
-        """Have these egos no longer; the first one stays."""
+        """Remove these egos; the first one stays."""
         gone = [ego for ego in egos if ego is not self.first]
         self._egos[:] = [ego for ego in self._egos if ego not in gone]
 
     def reset(self) -> None:
-        """Have the first ego alone, as a simulator starts with it."""
+        """Keep only the first ego, with the controls of a simulator's start."""
         self.drop(self._egos)
         self.first.ctrl_mode = self._ctrl_mode
         self.first.reset_controls()
@@ -89,6 +111,6 @@ class EgoRegistry:
         assert self._egos[0] is self.first
 
     def forget_statuses(self) -> None:
-        """Have each EgoVehicleStatus made again when it is needed: the world has changed."""
+        """Make each EgoVehicleStatus anew when it is needed, because the world has changed."""
         for ego in self._egos:
             ego.forget_status()

@@ -1,8 +1,9 @@
-"""The simulator, put together: the context first, then the components, then the node."""
+"""Builder of the simulator: first the context, then the components, then the node."""
 
 from __future__ import annotations
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.morai.barrier import Barrier
 from rosbridge_sim.morai.command_executor import CommandExecutor
 from rosbridge_sim.morai.command_topics import CommandTopics
 from rosbridge_sim.morai.component import Component
@@ -30,6 +31,7 @@ from rosbridge_sim.morai.scene_commands import SceneCommand
 from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
+from rosbridge_sim.morai.sim_services.barrier import BarrierServices
 from rosbridge_sim.morai.sim_services.population import Population
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.road_services import RoadServices
@@ -63,18 +65,18 @@ def make_node(
     networks: Networks | None = None,
     reader: Reader | None = None,
 ) -> SimulatorNode:
-    """The simulator with its opening scene, on the bus; nothing of it is seen before it is whole.
+    """Return the simulator with its opening scene, on the bus; clients see nothing of it before it is complete.
 
     Args:
-        bus: where its topics and services are.
+        bus: gets its topics and services.
         world: empty.
-        library: where scenarios and maps come from.
+        library: source of scenarios and maps.
         scenario: the opening scene.
         settings: None for the defaults.
-        archive: where sensors' data is saved; None where there is no place for it.
-        recordings: where those come from that are to be replayed; None for nowhere.
-        networks: where scenarios' network settings are; None where there are none.
-        reader: reads what clients load; None has everybody wait meanwhile.
+        archive: saves sensor data; None if there is no folder for it.
+        recordings: source of recordings for replays; None for no recordings.
+        networks: source of scenarios' network settings; None for no such settings.
+        reader: reads documents that clients load; with None all clients wait meanwhile.
 
     Raises:
         DocumentError: the scenario does not fit its map, or the network settings do not fit.
@@ -94,6 +96,7 @@ def make_node(
         CommandTopics(context),
         replay,
         StepService(context),
+        BarrierServices(context),
         RealTimeFactor(context),
         Scores(context, is_always=chosen.score),
         Population(context),
@@ -133,6 +136,12 @@ def _make_context(
         is_strict=settings.sync_frames == "strict",
         may_anyone_stop=settings.anyone_may_stop,
     )
+    barrier = Barrier(
+        sync,
+        lease=settings.sync_lease,
+        is_strict=settings.sync_frames == "strict",
+        may_anyone_stop=settings.anyone_may_stop,
+    )
     hooks = Hooks()
     interfaces = InterfaceRegistry(participant, bus, settings.network)
     publishers = Publishers(participant, bus, interfaces)
@@ -155,7 +164,14 @@ def _make_context(
         sync_info=sync_info,
     )
     sync_driver = SyncDriver(
-        world=world, sync=sync, stepper=stepper, pacer=pacer, publishers=publishers, hooks=hooks, failure=failure
+        world=world,
+        sync=sync,
+        barrier=barrier,
+        stepper=stepper,
+        pacer=pacer,
+        publishers=publishers,
+        hooks=hooks,
+        failure=failure,
     )
     ego_interfaces = EgoInterfaces(interfaces, publishers, hooks)
     scene_changes = SceneChanges(
@@ -181,6 +197,7 @@ def _make_context(
         scene=scene,
         egos=egos,
         sync=sync,
+        barrier=barrier,
         hooks=hooks,
         warnings=WarnOnce(),
         interfaces=interfaces,

@@ -21,7 +21,7 @@ MAX_FAST_FRAMES: Final = 100
 """The same in frames, where the world runs as fast as possible: what the smallest scene does in `TURN_TIME`."""
 
 MAX_FRAMES_AT_ONCE: Final = 5
-"""Frames that one `advance` computes at most, so that catching up does not keep everybody else waiting."""
+"""Frames that one `advance` computes at most, so that catching up does not keep clients waiting."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -72,7 +72,7 @@ class RealTime:
         failure.raise_unless_serving()
 
     def next_due(self, now: float) -> float | None:
-        """When `advance` has something to do next [s]; None while only a call can move the world."""
+        """Return the time of the next call of `advance` [s]; None while only a service call can move the world."""
         failure, sync, publishers, pacer = (
             self._context.failure,
             self._context.sync,
@@ -81,7 +81,8 @@ class RealTime:
         )
         if failure.why is not None:
             return None if failure.is_serving_on else now
-        dues = [sync.lease_due, publishers.pause_due(now), now if self._context.sync_driver.has_turn else None]
+        driver = self._context.sync_driver
+        dues = [driver.due(now), publishers.pause_due(now), now if driver.has_turn else None]
         if sync.is_free:
             dues += [pacer.due_at if pacer.is_started else now, publishers.repeat_due]
         return min((due for due in dues if due is not None), default=None)

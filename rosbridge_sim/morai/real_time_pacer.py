@@ -1,7 +1,7 @@
-"""Which frames real time owes: 50 a second from an anchor, without drift, and without racing after a stall.
+"""Frames that real time owes: 50 a second from an anchor, without drift, and without a race after a stall.
 
 Frame n since the anchor is due at anchor + n * 20 ms, whatever happened before, so a late step is made up for and no
-rounding adds up. Who has fallen behind by more than `STALL` is not to race through what was missed (a laptop that slept
+rounding adds up. A world that is behind by more than `STALL` must not race through missed frames (a laptop that slept
 for a night owes two million frames): the anchor moves instead, and the world goes on from where it stands.
 
 The *real-time factor* says how many simulated seconds go by in a second: with 2, a frame is due every 10 ms. With 0 a
@@ -34,7 +34,7 @@ WINDOW: Final = 1.0
 """Least time over which the factor is measured [s]."""
 
 STALL: Final = 0.5
-"""How far behind the world may fall and still catch up [s]."""
+"""Largest delay that the world still catches up with [s]."""
 
 
 def why_no_factor(factor: float) -> str:
@@ -72,7 +72,7 @@ class ShowLimit:
 
 
 class RealTimePacer:
-    """The clockwork of real time.
+    """Counter of the frames of real time.
 
     Attributes:
         factor: simulated seconds in a second; 0.0 for as fast as possible.
@@ -98,7 +98,7 @@ class RealTimePacer:
 
     @property
     def is_started(self) -> bool:
-        """Whether time has ever been counted."""
+        """True once `start` has been called."""
         return self._anchor is not None
 
     @property
@@ -108,13 +108,13 @@ class RealTimePacer:
 
     @property
     def shown_at(self) -> float:
-        """When the last frame was due, late or not [s]."""
+        """Time at which the last frame was due, late or not [s]."""
         assert self._anchor is not None
         return self._anchor + self._num_done * self.frame_time
 
     @property
     def due_at(self) -> float:
-        """When the next frame is due [s]. It is owed from this very number on: no busy waiting, no early step."""
+        """Time at which the next frame is due [s]. It is owed from exactly then on: no busy waiting, no early step."""
         assert self._anchor is not None
         return self._anchor + (self._num_done + 1) * self.frame_time if self.factor else -math.inf
 
@@ -141,7 +141,7 @@ class RealTimePacer:
         return (self._num_counted - num) * DT / (now - since) if now > since else 0.0
 
     def count(self) -> None:
-        """The next frame has been computed."""
+        """Note that the next frame has been computed."""
         self._num_done += 1
         self._num_counted += 1
 

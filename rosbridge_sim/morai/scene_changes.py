@@ -140,7 +140,7 @@ class SceneChanges:
         egos.forget_statuses()
         self._sync_info.announce(now)
         self._static_tf.announce_again(now)  # the latched message is of frame 0 again
-        self._sync.forget(now)  # last, because the ticks that waited are answered with the new frame
+        self._sync_driver.forget(now)  # last, because the ticks that waited are answered with the new frame
 
     def add_egos(self, settings: Sequence[EgoSetting], now: float) -> None:
         """Add further egos to the world, each with its own topics and services; all of them or none.

@@ -97,17 +97,17 @@ class Services(Component):
         request = request_of(call)
         context, sync, driver = self._context, self._context.sync, self._context.sync_driver
         if request.start_sync_mode:
-            outcome = driver.start(request.user_id, request.time_step, call.caller, now)
-            user_id = sync.master_id
+            result = driver.start(request.user_id, request.time_step, call.caller, now)
+            user_id = request.user_id if result.is_accepted and context.barrier.is_on else sync.master_id
         else:
-            outcome = driver.stop(request.user_id, now)
-            user_id = request.user_id if outcome.is_accepted else sync.master_id
-        if outcome.is_accepted:
+            result = driver.stop(request.user_id, now)
+            user_id = request.user_id if result.is_accepted else sync.master_id
+        if result.is_accepted:
             what = f"on, master {user_id!r}, {sync.step_ms} ms a tick" if sync.is_on else "off"
             _log.info("synchronous mode %s, frame %d", what, context.world.frame)
         else:
-            explain(call.caller, "warning", f"{call.service.name}: {sync.why(outcome)}", outcome.reason)
-        respond(call, self._make_cmd(user_id, context.world.frame, outcome.is_accepted, sync.step_ms))
+            explain(call.caller, "warning", f"{call.service.name}: {result.why}", result.reason)
+        respond(call, self._make_cmd(user_id, context.world.frame, result.is_accepted, sync.step_ms))
 
     def _wait_for_tick(self, ego: Ego, call: Call, now: float) -> None:
         request, context = request_of(call), self._context

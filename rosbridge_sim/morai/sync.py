@@ -1,20 +1,19 @@
-"""Synchronous mode: who may move the world, when, and by how much; it knows no bus and no world.
+"""Synchronous mode: the client that may move the world, the time, and the number of frames. It uses no bus or world.
 
-The methods of `Sync` find out which event has happened; `SYNC_TABLE` decides; the outcome holds the effects. All of
-them are carried out at once, in their order, by `Sync` alone (`_follow`). Those that reach beyond the mode (MOVE,
-REFUSE, FLOW, ANNOUNCE) call what was registered in `SyncHooks`. No other file moves the state or looks at an outcome's
-effects.
+The methods of `Sync` find the event that has happened; `SYNC_TABLE` decides; the outcome holds the effects. `Sync`
+carries out all of them at once, in their order (`_follow`). Effects beyond the mode (MOVE, REFUSE, FLOW, ANNOUNCE) call
+the functions registered in `SyncHooks`. No other file changes the state or uses an outcome's effects.
 
 The decisions, and why:
 
-- A tick moves exactly time_step / 20 frames *whatever frame it names*. A published course ticks with ever staler
-  numbers and works, so the real simulator cannot be refusing them. `is_strict` accepts only the frame that the tick
-  will end on, for people who test their own client's counting.
+- A tick moves exactly time_step / 20 frames *whatever frame it names*. A published course sends outdated frame numbers
+  and works, so the real simulator does not refuse them. `is_strict` accepts only the frame that the tick will end on,
+  for users who test the counting of their own client.
 - A refusal always answers the state as it is (current master, frame, time step), so that a second client can attach.
-- `time_step` 0 means 20: clients send it, at start and at stop. At stop it is ignored.
-- A command waits for its frame and is carried out before that frame is computed; one whose frame is not in the
-  future goes before the next one. Among those of one frame the order of arrival holds. They are bounded in number
-  and in reach, because a peer that never ticks must not fill the memory.
+- `time_step` 0 means 20, because clients send it at start and at stop. At stop it is ignored.
+- A command waits for its frame and is carried out before that frame is computed. If its frame is not in the future, it
+  is carried out before the next frame. Commands of one frame keep their order of arrival. Their number and their frames
+  are limited, because a peer that never ticks must not fill the memory.
 - A command may have to be read from a disk first (a scenario). It takes its place in the order when it arrives, and
   is *ready* later. A tick is one whole: it waits before its first frame if a command of any of its frames is not
   ready, so no client ever sees the world in the middle of a tick. Ticks that come meanwhile wait behind it, each with
@@ -24,12 +23,13 @@ The decisions, and why:
   served in between. If it ends early (a stop condition, a caller that has left), commands that came meanwhile move
   forward by the frames that are not computed.
 - A pause, the end of the mode and a reset refuse the ticks that wait: the world never moves against a later word.
-- Anybody may send commands while the mode is on: the wire gives them no user id.
+- Every client may send commands while the mode is on, because the wire's commands have no user id.
 - The master is an id, not a connection: several clients may use it. They are its *holders*. The lease is theirs:
   when the last of them leaves, or when all have been silent for `lease` seconds, the mode is lost and `on_loss` says
-  what becomes of the world. Whatever still waited dies with the mode it was meant for. A holder whose input the server
-  holds back cannot speak: its silence does not count.
+  what becomes of the world. Commands that still waited are dropped. A holder whose input the server
+  holds back cannot send, so its silence does not count.
 - Ids are made from a counter, so that two runs give the same ones.
+- Several clients that tick together are one master here: their barrier (`barrier.py`).
 """
 
 from __future__ import annotations
@@ -70,28 +70,30 @@ _WHY_REFUSED: Final = {SyncEvent.PAUSE: _WAS_PAUSED, SyncEvent.RESET: _WAS_RESET
 """The events that refuse the ticks that wait, and the text for their callers; for all others it is `_HAS_ENDED`."""
 
 C = TypeVar("C")
-"""What a command is; the caller's business."""
+"""Type of a command; the caller chooses it."""
 
 
 @dataclass(frozen=True, slots=True)
 class SyncHooks:
-    """What carries out the effects that reach beyond the mode; `now` is monotonic time [s].
+    """Functions for the effects beyond the mode; `now` is monotonic time [s].
 
     Attributes:
-        move: `(how many frames, now)`, for MOVE; each frame after what `Sync.due` gives for it.
+        move: `(number of frames, now)`, for MOVE; the commands of `Sync.due` are carried out before each frame.
         refuse: `(text for the callers, now)`, for REFUSE.
         flow: `(now)`, for FLOW.
         announce: `(now)`, for ANNOUNCE.
+        hear: `(holder, now)`, for a command of any peer, and for the end of a time in which its input was held back.
     """
 
     move: list[Callable[[int, float], object]] = field(default_factory=list)
     refuse: list[Callable[[str, float], object]] = field(default_factory=list)
     flow: list[Callable[[float], object]] = field(default_factory=list)
     announce: list[Callable[[float], object]] = field(default_factory=list)
+    hear: list[Callable[[object, float], object]] = field(default_factory=list)
 
 
 class _Happening(NamedTuple, Generic[C]):
-    """An event with what its effects need.
+    """An event with the data for its effects.
 
     Attributes:
         event: what has happened.
@@ -123,13 +125,13 @@ class _Happening(NamedTuple, Generic[C]):
 class Sync(Generic[C]):
     """The mode of one world. The frame count is the world's: it is an argument wherever it matters.
 
-    A `holder` is whatever stands for a peer; it must be hashable, and so must a command that is not ready.
+    A `holder` is any object that represents a peer. It must be hashable, and so must a command that is not ready.
 
     Attributes:
-        state: where in the table we are.
-        master_id: the id that may tick; empty while nobody may.
+        state: the current state of the table.
+        master_id: the id that may tick; empty while there is no master.
         step_ms: the time step in force, or the one last in force [ms].
-        hooks: what carries out the effects that reach beyond the mode.
+        hooks: functions for the effects beyond the mode.
     """
 
     def __init__(
@@ -141,14 +143,14 @@ class Sync(Generic[C]):
         is_strict: bool = False,
         may_anyone_stop: bool = False,
     ) -> None:
-        """A world that runs free, or with `is_on` one that waits for its first master.
+        """Start with a free world, or with `is_on` with one that waits for its first master.
 
         Args:
             is_on: begin in OPEN.
             on_loss: what becomes of the world when the lease ends.
             lease: silence after which the master is taken for lost [s]; None counts departures only.
             is_strict: a tick must name the frame that it will end on.
-            may_anyone_stop: take a stop from anybody, not from the master alone.
+            may_anyone_stop: accept a stop from any client, not only from the master.
         """
         self.state = SyncState.OPEN if is_on else SyncState.FREE
         self.master_id = ""
@@ -184,42 +186,42 @@ class Sync(Generic[C]):
 
     @property
     def is_on(self) -> bool:
-        """Whether synchronous mode is on, with a master or without."""
+        """True while synchronous mode is on, with or without a master."""
         return self.state in ON
 
     @property
     def is_paused(self) -> bool:
-        """Whether somebody has paused the world."""
+        """True while the world is paused."""
         return self.state in PAUSED
 
     @property
     def is_free(self) -> bool:
-        """Whether real time moves the world now."""
+        """True while real time moves the world."""
         return self.state is SyncState.FREE
 
     @property
     def can_send_tick(self) -> bool:
-        """Whether a tick of the master would be accepted now."""
+        """True while a tick of the master would be accepted."""
         return self.state is SyncState.LED or self.state is SyncState.WAITING
 
     @property
     def num_frames(self) -> int:
-        """How many frames one tick moves."""
+        """Number of frames of one tick."""
         return self.step_ms // FRAME_MS
 
     @property
     def num_waiting(self) -> int:
-        """How many commands wait for their frame."""
+        """Number of commands that wait for their frame."""
         return len(self._waiting)
 
     @property
     def num_ticks(self) -> int:
-        """How many ticks wait for their turn."""
+        """Number of ticks that wait for their turn."""
         return len(self._ticks)
 
     @property
     def lease_due(self) -> float | None:
-        """When `expire` would find the master silent for too long [s]; None if silence does not matter now."""
+        """Time at which `expire` ends the lease of a silent master [s]; None if silence does not count now."""
         if self._lease is None or self.state in NO_MASTER:
             return None
         if any(holder in self._holders for holder in self._mute):
@@ -227,18 +229,21 @@ class Sync(Generic[C]):
         return self._heard_at + self._lease
 
     def why(self, outcome: SyncOutcome) -> str:
-        """Return why an event was refused, with the master's name where that is another one; call it at once.
+        """Return the reason of a refusal, with the name of the other master if there is one; call it at once.
 
         Args:
             outcome: of the last event; a refusal.
+
+        Returns:
+            A text for the peer.
         """
         return f"{outcome.why}: {self.master_id!r}" if outcome.reason is Reason.NOT_MASTER else outcome.why
 
     def start(self, user_id: str, step_ms: int, holder: object, now: float) -> SyncOutcome:
-        """Somebody wants to be master, or the master wants another time step.
+        """Handle a request to become master, or the master's request for another time step.
 
         Args:
-            user_id: the id that it wants; empty has one made.
+            user_id: the wanted id; with an empty one an id is made.
             step_ms: the time step [ms]; 0 means one frame.
             holder: the peer who asks.
             now: monotonic time [s].
@@ -254,7 +259,15 @@ class Sync(Generic[C]):
         return self._follow(_Happening(event, now, user_id=user_id, step_ms=step, holder=holder))
 
     def stop(self, user_id: str, now: float) -> SyncOutcome:
-        """Somebody wants the world to run by itself again. What still waited is dropped."""
+        """Handle a request to end the mode, so that real time moves the world again. Waiting commands are dropped.
+
+        Args:
+            user_id: the id that the peer stops with.
+            now: monotonic time [s].
+
+        Returns:
+            The outcome.
+        """
         is_allowed = self._is_master(user_id) or (self._may_anyone_stop and self.state not in NO_MASTER)
         return self._follow(_Happening(SyncEvent.STOP_BY_MASTER if is_allowed else SyncEvent.STOP_BY_OTHER, now))
 
@@ -268,10 +281,10 @@ class Sync(Generic[C]):
         *,
         on_wait: Callable[[], object] | None = None,
     ) -> SyncOutcome:
-        """Somebody wants the world to move by one time step.
+        """Handle a request to move the world by one time step.
 
         Args:
-            user_id: the master, as the peer believes.
+            user_id: the id that the peer ticks with.
             named: the frame that it asks for; without meaning unless frames are strict.
             frame: the world's.
             holder: the peer who asks.
@@ -355,18 +368,17 @@ class Sync(Generic[C]):
     def submit(
         self, command: C, named: int, frame: int, holder: object, now: float, *, is_ready: bool = True
     ) -> SyncOutcome:
-        """Have a command wait for the frame it names, or for the next one if that is past.
+        """Let a command wait for the frame that it names, or for the next one if that is past.
 
         Args:
-            command: what `due` gives back.
+            command: returned by `due`.
             named: the frame before whose computation it is to be carried out.
             frame: the world's.
-            holder: the peer who sends it; anybody may.
+            holder: the peer that sends it; every peer may.
             now: monotonic time [s].
-            is_ready: it can be carried out. Else no tick computes its frame before `ready` or `withdraw`.
+            is_ready: it can be carried out. Otherwise no tick computes its frame before `ready` or `withdraw`.
         """
-        if holder in self._holders:
-            self._heard_at = now
+        self._note_life(holder, now)
         frame += self._num_owed
         if named > frame + MAX_AHEAD:
             return self._follow(_Happening(SyncEvent.COMMAND_TOO_FAR, now))
@@ -390,7 +402,7 @@ class Sync(Generic[C]):
         heapq.heappush(self._waiting, (frame + 1, self._num_arrived, command))
 
     def ready(self, command: C) -> None:
-        """Take note that a command that was not ready can be carried out; one that was dropped is no error."""
+        """Note that a command that was not ready can now be carried out; one that was dropped is no error."""
         self._unready.pop(command, None)
 
     def withdraw(self, command: C) -> None:
@@ -400,9 +412,13 @@ class Sync(Generic[C]):
             heapq.heapify(self._waiting)
 
     def drop(self, is_void: Callable[[C], bool]) -> int:
-        """Forget the waiting commands of which `is_void` is true, and return how many these were.
+        """Drop some of the waiting commands. Call `take_turn` afterwards, if one of them may have been not ready.
 
-        Call `take_turn` afterwards if one of them was perhaps not ready.
+        Args:
+            is_void: returns true for a command to drop.
+
+        Returns:
+            The number of dropped commands.
         """
         kept = [entry for entry in self._waiting if not is_void(entry[2])]
         num_dropped = len(self._waiting) - len(kept)
@@ -413,19 +429,34 @@ class Sync(Generic[C]):
         return num_dropped
 
     def mute(self, holder: object) -> None:
-        """Take note that a peer's input is held back: its silence does not count before as many calls of `unmute`."""
+        """Note that a peer's input is held back; its silence does not count until as many calls of `unmute`."""
         self._mute[holder] += 1
 
     def unmute(self, holder: object, now: float) -> None:
-        """Take note that a peer may speak again."""
+        """Note that a peer's input is read again.
+
+        Args:
+            holder: the peer.
+            now: monotonic time [s].
+        """
         self._mute[holder] -= 1
         if self._mute[holder] <= 0:
             del self._mute[holder]
-        if holder in self._holders:
-            self._heard_at = now
+        self._note_life(holder, now)
+
+    def is_muted(self, holder: object) -> bool:
+        """Return whether a peer's input is held back."""
+        return holder in self._mute
 
     def due(self, frame: int) -> list[C]:
-        """Take out the commands to be carried out before `frame` is computed, in their order."""
+        """Remove and return the commands to be carried out before a frame.
+
+        Args:
+            frame: the frame to be computed.
+
+        Returns:
+            The commands, in their order.
+        """
         due: list[C] = []
         while self._waiting and self._waiting[0][0] <= frame:
             due.append(heapq.heappop(self._waiting)[2])
@@ -457,7 +488,7 @@ class Sync(Generic[C]):
         return self._is_master(user_id)
 
     def forget(self, now: float) -> SyncOutcome:
-        """The world has begun anew: what waits was meant for frames of the old one. The mode stays as it is."""
+        """Drop everything that waits, because the world was reset. The mode stays as it is."""
         outcome = self._follow(_Happening(SyncEvent.RESET, now))
         self._num_arrived = 0
         if self.state in NO_MASTER:
@@ -465,7 +496,7 @@ class Sync(Generic[C]):
         return outcome
 
     def pause(self, now: float) -> SyncOutcome:
-        """Stand still; the mode stays as it is."""
+        """Pause the world; the mode stays as it is."""
         return self._follow(_Happening(SyncEvent.PAUSE, now))
 
     def resume(self, now: float) -> SyncOutcome:
@@ -473,14 +504,29 @@ class Sync(Generic[C]):
         return self._follow(_Happening(SyncEvent.RESUME, now))
 
     def leave(self, holder: object, now: float) -> SyncOutcome | None:
-        """A peer is gone. The outcome if the master went with it, else None."""
+        """Note that a peer has left.
+
+        Args:
+            holder: the peer.
+            now: monotonic time [s].
+
+        Returns:
+            The outcome if the master is lost by that, else None.
+        """
         if holder not in self._holders:
             return None
         del self._holders[holder]
         return None if self._holders else self._follow(_Happening(self._loss, now))
 
     def expire(self, now: float) -> SyncOutcome | None:
-        """Time has passed. The outcome if the master has been silent for too long, else None."""
+        """End the lease of a master that has been silent for too long.
+
+        Args:
+            now: monotonic time [s].
+
+        Returns:
+            The outcome; None if the lease has not ended.
+        """
         due = self.lease_due
         return None if due is None or now < due else self._follow(_Happening(self._loss, now))
 
@@ -491,12 +537,19 @@ class Sync(Generic[C]):
         self._holders[holder] = None
         self._heard_at = now
 
+    def _note_life(self, holder: object, now: float) -> None:
+        """Take note that a peer is alive, whoever leads."""
+        if holder in self._holders:
+            self._heard_at = now
+        for hear in self.hooks.hear:
+            hear(holder, now)
+
     def _make_id(self) -> str:
         self._num_ids += 1
         return f"sync-{self._num_ids}"
 
     def _follow(self, happening: _Happening[C]) -> SyncOutcome:
-        """Move along the table, and carry out all effects of the row: the one place for it."""
+        """Change the state by the table, and carry out all effects of the row; no other code does this."""
         outcome = SYNC_TABLE[self.state][happening.event]
         self.state = outcome.state
         for effect in outcome.effects:
@@ -573,5 +626,5 @@ class Sync(Generic[C]):
         self._delayed.clear()
 
     def _is_early(self, end: int) -> bool:
-        """Whether a command of a frame up to this one is not ready."""
+        """Return whether a command of a frame up to this one is not ready."""
         return bool(self._unready) and min(self._unready.values()) <= end

@@ -1,22 +1,21 @@
 """The table of synchronous mode: states, events, and what follows from each event in each state.
 
-Why a table. The published pages describe five services and say nothing of what happens when two clients want
-the same thing, when a number is odd or when a client dies; every stand-in answers that somewhere, mostly by
-accident. Here each answer is one row: a state, an event, and what follows. `SYNC_TABLE` is what runs (in `sync.py`),
-what the tests walk over and what a diagram can be drawn from.
+The reason for a table: the published pages describe five services. They do not describe two clients that want the same
+thing, a wrong number, or a client that crashes. Here each such case is one row: a state, an event, and the effects.
+`sync.py` runs `SYNC_TABLE`, the tests check all of it, and the diagram of the documentation is drawn from it.
 
-The states are four. Three have a paused twin, because a pause is another client's wish (the event service, a
-scenario that asks for it) and must survive a change of master:
+There are four states. Three of them also exist paused, because a pause comes from other requests (the event service, a
+scenario) and must survive a change of master:
 
-    FREE     real time drives the world
-    OPEN     synchronous, nobody is master: the world stands until somebody starts (`--start sync`,
+    FREE     real time moves the world
+    OPEN     synchronous without a master: the world stands until a client starts the mode (`--start sync`,
              `--sync-on-loss wait`)
     LED      synchronous, one user id is master: the world moves by that id's ticks alone
     WAITING  as LED, and ticks of the master wait: for a command of their frames that is still being read, or, those of
              a call for many steps, for their turn
 
-An event is what was said together with *who* said it: `TICK_BY_OTHER` rather than a tick and an `if`. `Sync` finds out
-which event it is, and carries out the effects of its row.
+An event includes its sender: there is `TICK_BY_OTHER` rather than a tick and an `if`. `Sync` finds the event, and
+carries out the effects of its row.
 """
 
 from __future__ import annotations
@@ -54,17 +53,17 @@ MAX_STEP_MS: Final = 1_000
 """The longest time step of one tick [ms]: fifty frames, so that one call cannot hold the process for long."""
 
 MAX_WAITING_COMMANDS: Final = 1_000
-"""Commands that may wait at once."""
+"""Largest number of commands that wait at one time."""
 
 MAX_AHEAD: Final = 10_000
-"""How far ahead of the world a command's frame may lie: 200 simulated seconds."""
+"""Largest distance of a command's frame from the world's frame: 200 simulated seconds."""
 
 MAX_USER_ID: Final = 256
-"""Characters of a user id; it goes out with every SyncModeInfo."""
+"""Longest user id [characters], because every SyncModeInfo contains it."""
 
 
 class SyncState(IntEnum):
-    """Who moves the world, and whether somebody has paused it."""
+    """Mover of the world, and the pause."""
 
     FREE = 0
     FREE_PAUSED = 1
@@ -81,12 +80,12 @@ PAUSED: Final = frozenset({SyncState.FREE_PAUSED, SyncState.OPEN_PAUSED, SyncSta
 
 
 class SyncEvent(IntEnum):
-    """What was said, and by whom. `MASTER` is a peer that names the master's id, `OTHER` any other peer."""
+    """Request or condition, with its sender: `MASTER` is a peer with the master's id, `OTHER` any other peer."""
 
     START_BY_MASTER = 0
     START_BY_OTHER = 1
-    START_MISFIT = 2  # a time step or an id that cannot be had
-    STOP_BY_MASTER = 3  # or by anybody, where that is allowed
+    START_MISFIT = 2  # a time step or an id that is not valid
+    STOP_BY_MASTER = 3  # or by any client, where that is allowed
     STOP_BY_OTHER = 4
     TICK_BY_MASTER = 5
     TICK_BY_OTHER = 6
@@ -118,16 +117,16 @@ OF_A_MASTER: Final = frozenset(
         SyncEvent.LOSS_TO_WAIT,
     }
 )
-"""Events that take a master to happen: the table has no row for them in the states of `NO_MASTER`."""
+"""Events that need a master: the table has no row for them in the states of `NO_MASTER`."""
 
 OF_WAITING: Final = frozenset({SyncEvent.TURN, SyncEvent.LAST_TURN, SyncEvent.GIVEN_UP})
 """Events that take a tick that waits: the table has rows for them in WAITING alone."""
 
 
 class SyncEffect(StrEnum):
-    """What follows from an event.
+    """Effect of an event.
 
-    LEAD: the caller is master, with this time step. RELEASE: nobody is master. DROP: the commands that wait are
+    LEAD: the caller is master, with this time step. RELEASE: there is no master. DROP: the commands that wait are
     forgotten. QUEUE: the command waits. MOVE: the frames of one tick are computed. WAIT: the tick waits for its turn,
     see `take_turn`. REFUSE: the ticks that wait are refused. FLOW: real time counts from now on. ANNOUNCE: SyncModeInfo
     has changed.
@@ -176,7 +175,7 @@ def _no(state: SyncState, why: str) -> SyncOutcome:
 
 _OFF: Final = "synchronous mode is off"
 _TAKEN: Final = "another user id is the master"
-_LEADERLESS: Final = "nobody is master: start synchronous mode first"
+_LEADERLESS: Final = "there is no master: start synchronous mode first"
 _IS_PAUSED: Final = "the simulation is paused"
 _MISFIT: Final = (
     f"time_step must be a multiple of {FRAME_MS} ms and at most {MAX_STEP_MS}, user_id at most {MAX_USER_ID} characters"

@@ -43,6 +43,7 @@ _RESET: Final = _calling("/sim/reset")
 _RESTORE: Final = _calling("/sim/restore")
 _EVENT: Final = _calling("/Service_MoraiEventCmd")
 _PLACE: Final = _publishing("/ego_setting")
+_BARRIER: Final = _calling("/sim/barrier/join", "/sim/barrier/leave")
 _SET: Final = _calling("/sim/set")
 _COME_AND_GO: Final = _calling("/sim/spawn", "/sim/remove")
 _TICK: Final = _calling("/SyncModeWaitForTick")
@@ -89,7 +90,7 @@ _EFFECTS: Final = (
     PolicyEffect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET, *_RESTORE)),
     PolicyEffect(
         "stop time or let it go on",
-        (*_EVENT, *_calling("/SyncModeCmd"), *_TICK, *_STEP, *_calling("/sim/real_time_factor")),
+        (*_EVENT, *_calling("/SyncModeCmd"), *_TICK, *_STEP, *_calling("/sim/real_time_factor"), *_BARRIER),
         (*_LOADS, *_calling("/Morai_SimProc")),
     ),
     PolicyEffect("keep or remove snapshots", _calling("/sim/snapshot", "/sim/snapshots")),
@@ -118,7 +119,13 @@ _EFFECTS: Final = (
     PolicyEffect(
         "learn the simulated time",
         (*_hearing("/clock"), *_calling("/rosapi/get_time")),
-        (*_hearing("/SyncModeInfo", "/sim/state_hash"), *_calling("/SyncModeCmd", "/sim/state_hash"), *_TICK, *_STEP),
+        (
+            *_hearing("/SyncModeInfo", "/sim/state_hash", "/sim/barrier"),
+            *_calling("/SyncModeCmd", "/sim/state_hash"),
+            *_BARRIER,
+            *_TICK,
+            *_STEP,
+        ),
     ),
 )
 """Effects, and knowledge, that several topics or services give; by default names."""

@@ -177,11 +177,16 @@ def read_score(world: World, row: int) -> Score:
         max_lane_offset=world.max_lane_offset.item(row),
         jerk=world.jerk.item(row),
         max_jerk=world.max_jerk.item(row),
-        rms_jerk=math.sqrt(world.jerk_square_sum.item(row) / num),
+        rms_jerk=_root(world.jerk_square_sum.item(row) / num),
         lateral_accel=world.lateral_accel.item(row),
         max_lateral_accel=world.max_lateral_accel.item(row),
-        rms_lateral_accel=math.sqrt(world.lateral_accel_square_sum.item(row) / num),
+        rms_lateral_accel=_root(world.lateral_accel_square_sum.item(row) / num),
     )
+
+
+def _root(mean_square: float) -> float:
+    """Return the root of a mean of squares; a snapshot from elsewhere may hold a negative one."""
+    return math.sqrt(max(mean_square, 0.0))
 
 
 def _count_contacts(world: World, rows: IntArray, before: IntArray) -> None:

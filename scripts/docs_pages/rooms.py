@@ -14,21 +14,18 @@ PACKAGE: Final = "rosbridge_sim"
 
 ROOMS: Final[dict[str, tuple[Point, Point, str]]] = {
     "cli": ((40, 30), (800, 92), "commands of the command line, and the tools behind them"),
-    "shell": ((40, 160), (800, 92), "sockets, clock, disk: with cli the only room that knows the outside"),
-    "morai": (
-        (40, 306),
-        (800, 92),
-        "what MORAI calls things: services, units, scenarios, maps, synchronous mode",
-    ),
-    "graph": ((40, 436), (480, 92), "who talks to whom: topics, services, parameters, actions, rosapi"),
-    "protocol": ((40, 566), (230, 92), "the wire of one client"),
-    "schema": ((290, 566), (230, 92), "message definitions, compiled"),
-    "world": ((560, 436), (280, 92), "motion, lanes, lights, traffic: numpy"),
+    "client": ((40, 160), (800, 92), "client for programs and tests, blocking and asynchronous; used by the tools"),
+    "shell": ((40, 290), (800, 92), "sockets, tasks, clock, disk, signals"),
+    "morai": ((40, 436), (800, 92), "MORAI's services, units, scenarios and maps; synchronous mode"),
+    "graph": ((40, 566), (480, 92), "participants, topics, services, parameters, actions, rosapi"),
+    "protocol": ((40, 696), (230, 92), "the wire of one client"),
+    "schema": ((290, 696), (230, 92), "message definitions, compiled"),
+    "world": ((560, 566), (280, 92), "motion, lanes, lights, traffic: numpy"),
 }
 """Upper left corner, size [px] and meaning of each room, the highest first."""
 
-OUTSIDE_FLOOR: Final = 280.0
-"""Height of the line between what knows the outside and what is pure [px]."""
+OUTSIDE_FLOOR: Final = 410.0
+"""Height of the line between rooms that do I/O and pure rooms [px]."""
 
 
 def read_arrows(root: Path) -> set[tuple[str, str]]:
@@ -79,7 +76,7 @@ def draw_rooms(root: Path) -> str:
         imported = [other for other in order if (name, other) in arrows]
         lines.append("imports: " + (", ".join(imported) or "no other room"))
         parts.append(box(at, size, lines))
-    return document(880, 690, "Rooms of the package; an arrow leads from a room to a room that it imports", parts)
+    return document(880, 820, "Rooms of the package; an arrow leads from a room to a room that it imports", parts)
 
 
 def _ends(first: str, second: str) -> tuple[Point, Point]:

@@ -8,7 +8,7 @@ from typing import Final
 from rosbridge_sim.morai.sync_table import SYNC_TABLE, SyncEvent, SyncState
 from scripts.docs_pages.svg import INK, PAPER, PAUSED_FILL, Point, arrow, box, document, quadratic_point, text
 
-__all__ = ["draw_states", "list_edges", "write_table"]
+__all__ = ["SIZE", "badge", "beside", "border", "draw_states", "list_edges", "write_table"]
 
 SIZE: Final = (150.0, 54.0)
 """Width and height of a state's box [px]."""
@@ -92,10 +92,10 @@ def draw_states() -> str:
     badges: list[str] = []
     for number, edge in enumerate(list_edges(), 1):
         start, end = (MIDDLES[state] for state in edge)
-        bend = _beside(start, end, BENDS.get(edge, USUAL_BEND))
-        begin, finish = _border(start, bend), _border(end, bend)
+        bend = beside(start, end, BENDS.get(edge, USUAL_BEND))
+        begin, finish = border(start, bend), border(end, bend)
         arrows.append(arrow(begin, finish, bend))
-        badges.append(_badge(quadratic_point(begin, bend, finish, BADGE_AT), number))
+        badges.append(badge(quadratic_point(begin, bend, finish, BADGE_AT), number))
     starts = [
         *(arrow((24, 186), (60, 222)), text((20, 178), "--start run", size=12, anchor="start")),
         *(arrow((290, 30), (340, 62)), text((230, 24), "--start sync", size=12, anchor="start")),
@@ -113,14 +113,14 @@ def draw_states() -> str:
     return document(960, 740, title, [*arrows, *starts, *boxes, *badges])
 
 
-def _beside(start: Point, end: Point, distance: float) -> Point:
+def beside(start: Point, end: Point, distance: float) -> Point:
     """Return the control point of a curve whose middle lies so far to the right of the straight line."""
     dx, dy = end[0] - start[0], end[1] - start[1]
     length = math.hypot(dx, dy)
     return (start[0] + end[0]) / 2 - 2 * distance * dy / length, (start[1] + end[1]) / 2 + 2 * distance * dx / length
 
 
-def _border(middle: Point, towards: Point) -> Point:
+def border(middle: Point, towards: Point) -> Point:
     """Return where the line from the middle of a box towards a point leaves the box."""
     dx, dy = towards[0] - middle[0], towards[1] - middle[1]
     shares = [half / abs(way) for half, way in ((SIZE[0] / 2, dx), (SIZE[1] / 2, dy)) if way]
@@ -128,7 +128,8 @@ def _border(middle: Point, towards: Point) -> Point:
     return middle[0] + share * dx, middle[1] + share * dy
 
 
-def _badge(at: Point, number: int) -> str:
+def badge(at: Point, number: int) -> str:
+    """Return a number in a circle."""
     return (
         f'<circle cx="{at[0]:.1f}" cy="{at[1]:.1f}" r="11" fill="{PAPER}" stroke="{INK}"/>'
         f"{text((at[0], at[1] + 4), str(number), size=12)}"

@@ -16,9 +16,9 @@ from tests.support import PATIENCE, ROOT, ServerProcess
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        (("topic",), "topic: expected a command: list, info, echo, hz, pub; rosbridge-sim topic --help says more"),
+        (("topic",), "topic: expected a command: list, info, echo, hz, pub; see rosbridge-sim topic --help"),
         (("schema", "lsit"), "no such command: lsit (did you mean list?); expected list, show"),
-        (("topic", "list", "--foo"), "unrecognized arguments: --foo; rosbridge-sim topic --help says more"),
+        (("topic", "list", "--foo"), "unrecognized arguments: --foo; see rosbridge-sim topic --help"),
         (("topic", "list", "--verb"), "unrecognized arguments: --verb"),
         (("topic", "echo"), "the following arguments are required: NAME"),
         (("topic", "echo", "/x", "-n", "0"), "-n/--count: expected a number from 1 on; got '0'"),

@@ -70,9 +70,9 @@ def test_help_without_a_command_is_the_help_of_serve() -> None:
     [
         (("--prot", "1"), "no such flag: --prot (did you mean --port?); --help lists them all"),
         (("serve", "--port", "x"), "--port: expected a whole number from 0 to 65,535; got 'x'"),
-        (("sevre",), "no such command: sevre (did you mean serve?); --help says what there is"),
-        (("demo",), "no such command: demo; --help says what there is"),
-        (("atach", "h"), "no such command: atach (did you mean attach?); --help says what there is"),
+        (("sevre",), "no such command: sevre (did you mean serve?); --help lists them"),
+        (("demo",), "no such command: demo; --help lists them"),
+        (("atach", "h"), "no such command: atach (did you mean attach?); --help lists them"),
         (("attach", "h", "--port", "1"), "--port: is a flag of serve; attach has no clients of its own"),
         (
             ("attach", "ws://h:x"),

@@ -149,10 +149,10 @@ async def test_wait_that_is_in_vain_says_how_many_came(client: AsyncClient) -> N
         await client.wait_for("/Ego_topic", timeout=NO_TIME)
     await client.start_sync()
     async with await client.subscribe("/Ego_topic") as egos:
-        with pytest.raises(AnswerTimeoutError, match=r"0\.01 s; in synchronous mode the world stands until tick\(\)$"):
+        with pytest.raises(AnswerTimeoutError, match=r"0\.01 s; in synchronous mode the world moves only by tick\(\)$"):
             await egos.next(timeout=NO_TIME)
         await client.tick(3)
-        with pytest.raises(AnswerTimeoutError, match=r"no message within 0\.01 s; of 3 that came none fits$"):
+        with pytest.raises(AnswerTimeoutError, match=r"no message within 0\.01 s; 3 came, but none of them fits$"):
             await egos.wait_for(lambda _: False, timeout=NO_TIME)
     assert client._subscriptions == {}
 
@@ -384,6 +384,37 @@ async def test_servers_that_send_rubbish_do_no_harm(caplog: pytest.LogCaptureFix
         assert client.statuses[-1].text == "\x1b[2J"
     assert "\x1b" not in caplog.text
     assert "a fragment that cannot be used" in caplog.text
+
+
+# The barrier
+
+
+async def test_members_of_a_barrier_tick_together(sim: Simulator, client: AsyncClient) -> None:
+    async with AsyncClient(sim.url, timeout=PATIENCE) as other:
+        assert await client.join_barrier(user_id="one", step_ms=40) == 0
+        assert await other.join_barrier() == 0
+        ticks = await asyncio.gather(client.tick(3), other.tick(3))
+        assert [tick.frame for tick in ticks] == [6, 6]
+        await other.leave_barrier()
+        assert (await client.tick()).frame == 8
+        await client.leave_barrier()
+        await client.leave_barrier()
+        assert (await client.wait_for("/sim/barrier"))["members"] == []
+        with pytest.raises(ClientError, match="join_barrier"):
+            await client.tick()
+
+
+async def test_other_terms_than_those_in_force_are_refused_with_the_reason(sim: Simulator, client: AsyncClient) -> None:
+    async with AsyncClient(sim.url, timeout=PATIENCE) as other:
+        await client.join_barrier(step_ms=40, deadline=0.5)
+        with pytest.raises(ServiceRefusedError, match=r"time_step 40 ms, deadline_s 0\.5"):
+            await other.join_barrier(step_ms=20)
+
+
+async def test_stop_of_a_member_leaves_the_barrier(client: AsyncClient) -> None:
+    await client.join_barrier()
+    await client.stop_sync()
+    assert (await client.wait_for("/SyncModeInfo"))["status"] is False
 
 
 # Time

@@ -76,6 +76,15 @@ def test_first_drive(client: Client) -> None:
     assert client.wait_for("/SyncModeInfo")["status"] is False
 
 
+def test_barrier_of_two_threads(sim: Simulator, client: Client) -> None:
+    with Client(sim.url, timeout=PATIENCE) as other, ThreadPoolExecutor() as pool:
+        client.join_barrier()
+        other.join_barrier()
+        ticks = [pool.submit(one.tick) for one in (client, other)]
+        assert {tick.result().frame for tick in ticks} == {1}
+        other.leave_barrier()
+
+
 def test_methods_of_all_kinds_reach_the_server(client: Client) -> None:
     assert client.ask("/Service_MoraiVehicleSpec", unique_id=0)
     assert client.send("set_level", level="error").startswith("set_level:")

@@ -174,6 +174,6 @@ def test_names_that_are_both_value_and_namespace_are_merged_up_to_a_bound(monkey
     parameters.put("/a/y", "2", client)
     assert json.loads(parameters.tree("/", list(parameters))) == {"a": {"x": 1, "y": 2}}
     parameters.put("/b", "3", client)
-    with pytest.raises(GraphError, match=r"too much in it to be merged: expected 2 parameters .* Read its parts"):
+    with pytest.raises(GraphError, match=r"too large to merge: expected 2 parameters .* Read its parts"):
         parameters.tree("/", list(parameters))
     assert parameters.tree("/a", ["/a/y"]) == '{"y":2}'

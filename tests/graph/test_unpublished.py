@@ -49,7 +49,7 @@ def test_subscriber_of_an_unpublished_topic_is_told_once_after_five_seconds(capl
     bus.expire(UNPUBLISHED_AFTER)
     assert told(outbox) == []
     bus.expire(1.0 + UNPUBLISHED_AFTER)
-    text = "/chater (std_msgs/String) is subscribed to, and nobody publishes it"
+    text = "/chater (std_msgs/String) is subscribed to, but has no publisher"
     assert told(outbox) == [{"op": "status", "level": "info", "msg": text}]
     bus.expire(1e9)
     assert (told(outbox), bus.next_deadline()) == ([], None)
@@ -66,7 +66,7 @@ def test_hint_names_the_nearest_topic_and_topics_of_the_same_type() -> None:
     subscribe(peer, "chater")
     bus.expire(UNPUBLISHED_AFTER)
     (status,) = told(outbox)
-    assert status["msg"].endswith("publishes it (did you mean /chatter?); of this type there is /chatter")
+    assert status["msg"].endswith("has no publisher (did you mean /chatter?); of this type there is /chatter")
 
 
 def test_client_below_info_level_gets_no_hint() -> None:
@@ -129,4 +129,4 @@ def test_hint_does_not_name_denied_topics() -> None:
     subscribe(peer, "/_secret_topic")
     bus.expire(UNPUBLISHED_AFTER)
     (status,) = told(outbox)
-    assert status["msg"].endswith("nobody publishes it")
+    assert status["msg"].endswith("has no publisher")

@@ -91,6 +91,7 @@ def test_every_input_and_service_with_an_effect_is_in_the_log_table(harness: Sim
     known = {way for effect in _EFFECTS for way in (*effect.ways, *effect.also)}
     alone = {"/SensorPosControl", "/Service_MoraiVehicleSpec", "/Service_MoraiMapSpec"}
     alone |= {"/sim/catalogue", "/sim/map", "/sim/route", "/sim/nearest_lane"}  # they tell what no drive changes
+    alone |= {"/sim/score"}  # no other service tells or resets scores
 
     def is_known(item: ListedInterface) -> bool:
         use = Use.SERVICE if item.kind is InterfaceKind.SERVICE else Use.PUBLISH

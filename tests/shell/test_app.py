@@ -171,7 +171,7 @@ async def test_gateway_relays_transforms(connect: Connect) -> None:
         is_last = lambda msg: msg["transforms"][0]["transform"]["translation"]["x"] == 4  # noqa: E731 - one line
         await page.message_where(name, is_last)
         await robot.send("publish", topic="/tf", id="bad", msg={"transforms": [{**transform, "transform": {}}]})
-        assert "is no orientation" in (await robot.take("status", id="bad"))["msg"]
+        assert "is not an orientation" in (await robot.take("status", id="bad"))["msg"]
 
 
 async def test_client_may_be_the_simulator_without_a_world(connect: Connect) -> None:
@@ -352,7 +352,7 @@ async def test_data_folder_that_is_of_no_use_is_told_at_the_start(
         pass
     async with Simulator(port=0, data_dir=tmp_path / "new"), Simulator(port=0, world=False, data_dir=tmp_path / "file"):
         pass
-    why = f"clients can save nothing there: {tmp_path / 'file'} is no folder"
+    why = f"clients can save nothing there: {tmp_path / 'file'} is not a folder"
     lines = [record.getMessage() for record in caplog.records if "--data-dir" in record.getMessage()]
     assert lines == [f"--data-dir {tmp_path / 'file'}: {why}"]
 
@@ -399,7 +399,7 @@ async def test_port_in_use_is_an_error() -> None:
         with pytest.raises(AddressError) as caught:
             await Simulator(port=port, world=False).start()
         assert str(caught.value) == (
-            f"cannot listen on 127.0.0.1 port {port}: the port is taken, perhaps by a server that still runs;"
+            f"cannot listen on 127.0.0.1 port {port}: the port is in use, perhaps by a server that still runs;"
             " --port 0 takes a free one"
         )
 
@@ -654,7 +654,7 @@ async def test_log_says_that_patterns_do_not_hold_behind_a_bridge(caplog: pytest
             [
                 line
                 for line in caplog.messages
-                if line.startswith("--allow and --deny patterns apply to clients of this server only")
+                if line.startswith("--allow and --deny patterns apply only to clients of this server")
             ]
         )
         == 1

@@ -304,7 +304,7 @@ async def test_bridge_with_a_socket_limit_gives_few_log_lines(lines: Callable[[]
         gateway(max_clients=5) as bridge,
         Simulator(attach=bridge.url, attach_sockets="per-topic", listen=False, attach_retry=0.5),
     ):
-        await until(lambda: any("takes no more clients now" in line for line in lines()))
+        await until(lambda: any("accepts no more clients now" in line for line in lines()))
         assert len(lines()) < 20
 
 
@@ -466,7 +466,7 @@ async def test_missing_package_is_one_log_line_and_the_rest_works(
         assert "/Ego_topic" in far_side.graph.topics
         await until(lambda: any("package" in line for line in lines()))
         (line,) = [line for line in lines() if "does not know the package" in line]
-        assert "tf2_msgs, and so not /tf, /tf_static" in line
+        assert "tf2_msgs, so it lacks /tf, /tf_static" in line
 
 
 @pytest.mark.slow

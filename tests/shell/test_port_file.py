@@ -60,10 +60,10 @@ def test_file_that_cannot_be_written_is_told_with_its_path(tmp_path: Path) -> No
     (tmp_path / "file").touch()
     (tmp_path / "circle").symlink_to(tmp_path / "circle")
     for path, why in (
-        (tmp_path / "nowhere" / "port", f"the folder {tmp_path / 'nowhere'} is not there; make it first"),
-        (tmp_path, "expected a file, or a name that is free; got something else"),
-        (Path("/dev/null"), "expected a file, or a name that is free; got something else"),
-        (tmp_path / "file" / "port", f"{tmp_path / 'file'} is no folder"),
+        (tmp_path / "nowhere" / "port", f"the folder {tmp_path / 'nowhere'} does not exist; create it first"),
+        (tmp_path, "expected a file or an unused name; got something else"),
+        (Path("/dev/null"), "expected a file or an unused name; got something else"),
+        (tmp_path / "file" / "port", f"{tmp_path / 'file'} is not a folder"),
         (tmp_path / ("x" * 300), "File name too long"),
         (tmp_path / "circle", ""),
     ):

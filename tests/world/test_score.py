@@ -183,6 +183,13 @@ def test_jerk_is_the_change_of_the_acceleration_between_two_frames() -> None:
     assert score.rms_jerk == pytest.approx(math.sqrt(sum(jerk * jerk for jerk in jerks) / 5))
 
 
+def test_restored_sum_of_squares_that_cannot_be_reads_as_zero() -> None:
+    world = scored()
+    row = ego(world, 0.0, 0.0)
+    world.jerk_square_sum[row] = world.lateral_accel_square_sum[row] = -1.0
+    assert (read_score(world, row).rms_jerk, read_score(world, row).rms_lateral_accel) == (0.0, 0.0)
+
+
 def test_teleport_is_no_jerk() -> None:
     world = scored()
     row = ego(world, 0.0, 0.0, speed=8.0)

@@ -52,7 +52,7 @@ async def show(bridge: Bridge, *, is_reset: bool, is_json: bool) -> int:
         raise BridgeError(f"{SCORE}: no answer within {bridge.patience:g} s; --timeout waits longer")
     if not answer.is_ok or not isinstance(answer.values, dict):
         text = safe(str(answer.values))
-        raise RefusedError(f"{text}; is a simulator there?" if "not exist" in text else text)
+        raise RefusedError(f"{text}; does the rosbridge have a simulator?" if "not exist" in text else text)
     values = answer.values
     if is_json:
         put_json(values)

@@ -1,4 +1,4 @@
-"""`tick` and `step`: use synchronous mode from a shell; and the reason for a silent topic, which is often this mode."""
+"""`sync`, `tick`, `step`: use synchronous mode from a shell; and the reason for a silent topic, often this mode."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ from rosbridge_sim.cli.tools.text import put, put_json
 from rosbridge_sim.shell.terminal_text import safe
 from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
 
-__all__ = ["SyncInfo", "read_sync_info", "step", "tick", "why_silent", "why_standing"]
+__all__ = ["SyncInfo", "read_sync_info", "show_sync", "step", "tick", "why_silent", "why_standing"]
 
 SYNC_INFO = "/SyncModeInfo"
+
+BARRIER = "/sim/barrier"
+"""Latched state of the barrier, and the master's id while one leads."""
 
 PROCESS = "/sim/process/state/msg/MoraiSimProcStatus"
 """Latched state of the simulation, running or paused, which `/SyncModeInfo` does not contain."""
@@ -131,7 +134,71 @@ async def why_standing(bridge: Bridge) -> str:
         return f": the world is paused, in synchronous mode with {leader or 'no master'}; {RESUME}"
     if not leader:
         return ": the world stands until a master ticks, and there is no master; rosbridge-sim tick N --start moves it"
-    return f": the world stands until a master ticks; the master is {safe(info.master_id)!r}"
+    members = "; rosbridge-sim sync shows the members of the barrier" if info.master_id == BARRIER else ""
+    return f": the world stands until a master ticks; the master is {safe(info.master_id)!r}{members}"
+
+
+# sync
+
+
+async def show_sync(bridge: Bridge, *, is_json: bool) -> int:
+    """Show the state of synchronous mode, and the members of the barrier if there is one.
+
+    Args:
+        bridge: to the simulator.
+        is_json: show both messages as they are; `barrier` is null where there is none.
+
+    Raises:
+        RefusedError: there is no simulator.
+    """
+    info = await _read_latched(bridge, SYNC_INFO)
+    if info is None:
+        raise RefusedError(f"no message on {SYNC_INFO}; is a simulator there?")
+    barrier = await _read_latched(bridge, BARRIER)
+    if barrier is not None and not barrier.get("members"):
+        barrier = None
+    if is_json:
+        put_json({"sync": info, "barrier": barrier})
+        return 0
+    frame = _whole(info.get("frame"))
+    master = str(info.get("master_id", ""))
+    if info.get("status") is not True:
+        put(f"synchronous mode is off, frame {frame}")
+    elif not master:
+        put(f"synchronous mode is on, frame {frame}: there is no master; rosbridge-sim tick N --start moves the world")
+    elif barrier is None:
+        put(f"synchronous mode is on, frame {frame}: the master is {safe(master)!r}")
+    else:
+        put(f"synchronous mode is on, frame {frame}: a barrier leads, {_describe_terms(barrier)}")
+    if barrier is not None:
+        for line in _describe_members(barrier):
+            put(line)
+    return 0
+
+
+def _describe_terms(barrier: Frame) -> str:
+    deadline = barrier.get("deadline_s")
+    text = f"{deadline:g}" if isinstance(deadline, (int, float)) else "?"
+    paused = ", paused" if barrier.get("is_paused") is True else ""
+    return f"{_whole(barrier.get('time_step'))} ms a tick, deadline {text} s{paused}"
+
+
+def _describe_members(barrier: Frame) -> list[str]:
+    """Return a line for each member: what it does, and how often it was late."""
+    members, counts = _list(barrier, "members"), _list(barrier, "late_counts")
+    states = {"waited_for": "is waited for", "ticked": "has ticked", "joining": "joins", "leaving": "leaves"}
+    lines: list[str] = []
+    for i, member in enumerate(members):
+        does = [text for key, text in states.items() if member in _list(barrier, key)] or ["rests"]
+        num = _whole(counts[i]) if i < len(counts) else 0
+        times = "once" if num == 1 else f"{num} times"
+        lines.append(f"  {safe(str(member))}  {', '.join(does)}" + (f"; was late {times}" if num else ""))
+    return lines
+
+
+def _list(frame: Frame, key: str) -> list[object]:
+    value = frame.get(key)
+    return value if isinstance(value, list) else []
 
 
 # tick
@@ -298,6 +365,8 @@ async def _refusal(bridge: Bridge, what: str, user_id: str, reason: str = "") ->
         return RefusedError(f"{text}; --start starts the mode")
     if info.master_id == user_id:
         return RefusedError(text if info.can_send_tick else f"{text}; {RESUME}")
+    if info.master_id == BARRIER:
+        return RefusedError(f"{text}; rosbridge-sim sync shows the members of the barrier")
     master = safe(info.master_id)
     named = "" if repr(info.master_id) in text else f"; the master is {master!r}"
     return RefusedError(f"{text}{named}; --id {master} ticks in its name")

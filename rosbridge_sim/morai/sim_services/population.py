@@ -2,8 +2,9 @@
 
 Each call is wholly done or not at all, at once: between two frames, in synchronous mode and in real time. So a program
 that ticks knows at which frame it acts, and the same calls between the same ticks give the same bytes. A call that
-comes within a frame is refused, since a listener of the frame's topics could make it; so is one that comes while a tick
-waits for a scenario that is being read, and one during a replay. The component holds no state.
+comes within a frame is refused, since a listener of the frame's topics could make it. So is one that comes while a tick
+waits for a scenario that is being read, between the frames of a `/sim/step`, or during a replay. The component holds no
+state.
 """
 
 from __future__ import annotations
@@ -117,7 +118,7 @@ class Population(Component):
         if context.stepper.is_moving:
             raise GraphError("a frame is being computed; call between two ticks", reason=Reason.NOT_NOW)
         if context.sync.state is SyncState.WAITING:
-            text = "a tick waits for a scenario that is being read; call after its answer"
+            text = "a tick or a /sim/step is under way; call after its answer"
             raise GraphError(text, reason=Reason.NOT_NOW)
         if context.scene.is_replaying:
             raise GraphError("a recording is replayed; stop it by /Morai_SimProc first", reason=Reason.NOT_NOW)

@@ -278,14 +278,18 @@ class Snapshots(Component):
         """Check that nothing stands in the way of a restore by this client.
 
         Raises:
-            _Refusal: it does not have the master's id, or frames are being computed.
+            _Refusal: it does not have the id of the master or of a member of the barrier, or frames are being computed.
         """
         context, sync = self._context, self._context.sync
         if context.failure.why is not None:
             raise _Refusal(context.failure.why, Reason.REFUSED)
         if context.stepper.is_moving:
             raise _Refusal("the world is moving: restore between two frames", Reason.NOT_NOW)
-        if sync.is_on and not sync.is_master(user_id):
+        if context.barrier.is_on:
+            outcome = context.barrier.ask_restore(user_id)
+            if not outcome.is_accepted:
+                raise _Refusal(context.barrier.why(outcome), outcome.reason)
+        elif sync.is_on and not sync.is_master(user_id):
             if not sync.master_id:
                 raise _Refusal("nobody is master: start synchronous mode first", Reason.NO_MASTER)
             raise _Refusal(f"another user id is the master: {sync.master_id!r}", Reason.NOT_MASTER)
@@ -382,6 +386,7 @@ class Snapshots(Component):
         if restoration.recording is not None:
             self._replay.hand_over(restoration.recording)
         self._state.restore(state, now, expected_hash=head.state_hash if is_foreign else "")
+        self._context.barrier.restored(now)
         frame = self._context.world.frame
         _log.info("restored by %s, frame %d", call.caller.name, frame)
         call.answer(call.service.type.response.struct_type(True, "", frame, head.state_hash))  # noqa: FBT003 - `result`

@@ -35,7 +35,7 @@ class Parser(argparse.ArgumentParser):
             known = re.findall(r"[\w-]+", unknown["known"])
             message = f"no such command: {unknown['name']}{hint(unknown['name'], known)}; expected {', '.join(known)}"
         elif message.startswith((_STRANGE_WORDS, _MISSING_WORDS)):
-            message += f"; {self.prog} --help says more"
+            message += f"; see {self.prog} --help"
         raise SettingError(message)
 
 

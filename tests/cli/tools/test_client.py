@@ -112,7 +112,7 @@ async def test_wss_url_of_a_plain_server_gives_an_error() -> None:
     async with other_server(answering(topics=NAMES)) as url:
         done = await in_the_background("topic", "list", url=url.replace("ws:", "wss:"))
     assert done.code == 2
-    assert "no TLS there" in done.complaint
+    assert "the server seems to have no TLS" in done.complaint
 
 
 # A token
@@ -130,7 +130,7 @@ async def test_token_gives_access_to_a_server_that_wants_one() -> None:
         refused = await in_the_background("topic", "list", "--token", "other", url=url)
     assert done.lines == ["/a", "/b"]
     assert refused.code == 2
-    assert refused.complaint == f"{url}: it wants a token (--token) (HTTP 401 Unauthorized): no token, no entry"
+    assert refused.complaint == f"{url}: it needs a token (--token) (HTTP 401 Unauthorized): no token, no entry"
 
 
 @pytest.mark.parametrize("token", ["two words", "line\r\nX: y", "토큰"])
@@ -277,7 +277,7 @@ async def test_publish_to_a_silent_server_reports_that_it_is_silent() -> None:
             "topic", "pub", "chatter", "p/A", "{x: 1}", "--once", "--timeout", SHORT, url=url
         )
     assert done.code == 0
-    assert "So nobody says whether the message was taken" in done.err
+    assert "So it is not known if the message was accepted" in done.err
     assert done.err.endswith("rosbridge-sim: published 1 message to /chatter\n")
     by_op = {frame["op"]: frame for frame in heard}
     assert (by_op["advertise"]["topic"], by_op["advertise"]["type"]) == ("/chatter", "p/A")
@@ -292,7 +292,7 @@ async def test_status_reply_to_set_level_is_not_shown() -> None:
 
     async with other_server(reply) as url:
         done = await in_the_background("topic", "pub", "chatter", "p/A", "--once", url=url)
-    assert (done.code, done.complaint) == (0, "published 1 message to /chatter (heard by /n)")
+    assert (done.code, done.complaint) == (0, "published 1 message to /chatter (subscribers: /n)")
 
 
 # Services there
@@ -353,7 +353,7 @@ async def test_service_of_an_unknown_type_is_shown_without_a_definition() -> Non
     async with other_server(answering(**services)) as url:
         done = await in_the_background("service", "info", "/s", url=url)
         for_programs = await in_the_background("service", "info", "/s", "--json", url=url)
-    assert done.out == "Type: p/S\nProvider: unknown\n\nIts definition is known neither there nor here.\n"
+    assert done.out == "Type: p/S\nProvider: unknown\n\nIts definition is unknown, on the server and here.\n"
     nothing = {"provider": None, "request": None, "response": None}
     assert for_programs.json == {"service": "/s", "type": "p/S", **nothing}
 

@@ -50,7 +50,7 @@ def test_map_info_describes_a_map(folder: Path) -> None:
         "  read: global_info.json, node_set.json, link_set.json, lane_boundary_set.json,"
     )
     for line in (
-        "  there, but not needed: lane_node_set.json, traffic_sign_set.json, notes.txt",
+        "  present, but not needed: lane_node_set.json, traffic_sign_set.json, notes.txt",
         "version: 2.9",
         "projection: UTM 52N, WGS84 (+proj=utm +zone=52 +ellps=WGS84)",
         "origin: 300,000.000 east, 4,000,000.000 north, 0.000 up",
@@ -161,7 +161,7 @@ def test_picture_of_the_town_shows_its_lanes_lights_and_crosswalks(tmp_path: Pat
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        ((), "map: expected a command: info; rosbridge-sim map --help says more"),
+        ((), "map: expected a command: info; see rosbridge-sim map --help"),
         (("info",), "the following arguments are required: DIR|NAME"),
         (("info", "track", "town", "--picture", "x.png"), "--picture: expected a single map to draw, got 2"),
         (("info", "track", "--picture", "x.gif"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'x.gif'"),
@@ -229,7 +229,7 @@ def test_legend_of_a_narrow_map_is_complete(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("width", [900, 2000, 200, 1])
 def test_legend_entries_stay_on_the_paper_and_do_not_overlap(width: int) -> None:
-    legend = [("#000000", what) for what in ("lane", "within an intersection", "leads nowhere", "stop line") * 3]
+    legend = [("#000000", what) for what in ("lane", "within an intersection", "dead end", "stop line") * 3]
     places = _lay_legend(legend, width * FINE, 300.0)
     lines = [line for _, line in places]
     assert lines == sorted(lines)

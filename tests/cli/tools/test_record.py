@@ -122,7 +122,7 @@ async def test_deleted_output_file_is_reported(tmp_path: Path, clock: dict[str, 
     async with other_server(reply) as url:
         done = await in_the_background("record", str(path), url=url)
     assert done.code == 2
-    assert done.err.endswith(f"rosbridge-sim: {path}: was deleted while it was recorded: what was recorded is lost\n")
+    assert done.err.endswith(f"rosbridge-sim: {path}: was deleted during the recording: everything recorded is lost\n")
 
 
 def test_unknown_suffix_and_existing_file_are_refused(tmp_path: Path, server: ServerProcess) -> None:
@@ -133,4 +133,4 @@ def test_unknown_suffix_and_existing_file_are_refused(tmp_path: Path, server: Se
     )
     (tmp_path / "a.bag").write_text("precious")
     done = run("record", str(tmp_path / "a.bag"), url=server.url)
-    assert (done.code, done.complaint.split(": ")[1]) == (2, "exists already; no recording is written over")
+    assert (done.code, done.complaint.split(": ")[1]) == (2, "exists already; recordings are not overwritten")

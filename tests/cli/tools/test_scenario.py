@@ -51,7 +51,7 @@ def test_scenario_check_describes_a_good_file(folder: Path) -> None:
         ["egoVehicle", "2015_Kia_K5", "0", "1.00", "0.00", "0.0", "0", "driven from outside, in drive"],
         ["vehicleList[0]", "Vehicle_30200001 (size by class)", "7", "50.00", "0.00", "0.0", "0", "stands"],
     ]
-    assert "path of 2 waypoints, 10 m, round and round" in done.out
+    assert "path of 2 waypoints, 10 m, repeated" in done.out
     assert "  vehicleList[]: velocityTyp (1) (did you mean velocityType?)" in done.lines
 
 
@@ -213,7 +213,7 @@ def test_truncated_file_is_reported_with_line_and_column(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "line"),
     [
-        ((), "scenario: expected a command: check; rosbridge-sim scenario --help says more"),
+        ((), "scenario: expected a command: check; see rosbridge-sim scenario --help"),
         (("check",), "the following arguments are required: FILE"),
         (("check", "nowhere"), "no scenario 'nowhere'; known are demo, loop, town"),
         (("check", "./nowhere.json"), "nowhere.json: cannot be read: No such file or directory"),

@@ -57,7 +57,7 @@ async def test_server_without_a_simulator_is_one_line() -> None:
     async with Simulator(port=0, world=False) as sim:
         done = await in_the_background("score", url=sim.url)
         followed = await in_the_background("score", "--follow", url=sim.url)
-    assert (done.code, done.complaint) == (1, "Service /sim/score does not exist; is a simulator there?")
+    assert (done.code, done.complaint) == (1, "Service /sim/score does not exist; does the rosbridge have a simulator?")
     assert followed.code == 1
     assert followed.complaint.startswith("no topic /sim/score here")
 

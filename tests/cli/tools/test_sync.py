@@ -11,7 +11,8 @@ import pytest
 import pytest_asyncio
 
 from rosbridge_sim import Simulator
-from rosbridge_sim.cli.tools.sync import RESUME
+from rosbridge_sim.cli.tools.client import open_bridge
+from rosbridge_sim.cli.tools.sync import RESUME, why_silent
 from rosbridge_sim.morai.sync_table import SyncState
 from tests.cli.tool_fixture import Frame, Result, answering, in_the_background, other_server
 from tests.support import Client
@@ -43,7 +44,7 @@ async def test_waiting_tool_times_out_and_says_that_the_world_waits_for_ticks(
     standing: Simulator, words: tuple[str, ...]
 ) -> None:
     done = await in_the_background(*words, "--timeout", "0.1", url=standing.url)
-    text = "no message on /Ego_topic within 0.1 s: the world stands until a master ticks, and nobody is master;"
+    text = "no message on /Ego_topic within 0.1 s: the world stands until a master ticks, and there is no master;"
     assert (done.code, done.out) == (1, "")
     assert done.complaint == f"{text} rosbridge-sim tick N --start moves it"
 
@@ -92,15 +93,16 @@ async def test_waiting_tool_reports_a_paused_replay(mode: int, status: int, text
             yield json.dumps({"op": "publish", "topic": frame["topic"], "msg": latched[frame["topic"]]})
         yield from answering(publishers={"publishers": ["/a"]}, topic_type={"type": "a/B"})(frame)
 
-    async with other_server(reply) as url:
-        done = await in_the_background("topic", "echo", "/x", "--type", "a/B", "--timeout", "0.05", url=url)
-    assert done.complaint.startswith(f"no message on /x within 0.05 s{text}")
+    # The wait for a message is over; the answers about its cause may take their time.
+    async with other_server(reply) as url, open_bridge(url, None, 5.0) as bridge:
+        error = await why_silent(bridge, "/x", 0.05)
+    assert str(error).startswith(f"no message on /x within 0.05 s{text}")
 
 
 async def test_waiting_tool_reports_a_topic_without_a_publisher(standing: Simulator) -> None:
     words = ("topic", "echo", "/x", "--type", "std_msgs/String", "--timeout", "0.1")
     done = await in_the_background(*words, url=standing.url)
-    assert (done.code, done.complaint) == (1, "no message on /x within 0.1 s: nobody publishes it")
+    assert (done.code, done.complaint) == (1, "no message on /x within 0.1 s: it has no publisher")
 
 
 async def test_recording_without_messages_times_out_and_is_complete(standing: Simulator, tmp_path: Path) -> None:
@@ -182,7 +184,7 @@ async def test_refused_tick_shows_the_reason_and_a_remedy() -> None:
     async with Simulator(port=0) as sim, await Client.open(sim.url) as master:
         assert sim.node is not None
         done = await in_the_background("tick", url=sim.url)
-        text = "the tick is refused: /SyncModeWaitForTick: synchronous mode is off; --start starts it"
+        text = "the tick is refused: /SyncModeWaitForTick: synchronous mode is off; --start starts the mode"
         assert (done.code, done.complaint) == (1, text)
         await lead(master)
         who = "another user id is the master: 'planner'; --id planner ticks in its name"
@@ -221,7 +223,10 @@ async def test_tick_names_the_exact_frame_under_strict_frames() -> None:
 async def test_tick_reports_a_server_without_a_simulator() -> None:
     async with Simulator(port=0, world=False) as sim:
         done = await in_the_background("tick", "--start", url=sim.url)
-    assert (done.code, done.complaint) == (1, "Service /SyncModeCmd does not exist; is a simulator there?")
+    assert (done.code, done.complaint) == (
+        1,
+        "Service /SyncModeCmd does not exist; does the rosbridge have a simulator?",
+    )
 
 
 @pytest.mark.parametrize(
@@ -247,6 +252,51 @@ async def test_malformed_answers_give_an_error_without_a_traceback() -> None:
     async with other_server(reply) as url:
         done = await in_the_background("tick", "--start", url=url)
     assert (done.code, done.out[:22]) == (0, "frame 0  time 5 s  x n")
+
+
+# sync
+
+
+async def test_sync_shows_the_mode_and_its_master() -> None:
+    async with Simulator(port=0) as free:
+        (line,) = (await in_the_background("sync", url=free.url)).lines
+        assert line.startswith("synchronous mode is off, frame ")
+
+
+async def test_sync_names_the_master(standing: Simulator) -> None:
+    (line,) = (await in_the_background("sync", url=standing.url)).lines
+    assert line.endswith("there is no master; rosbridge-sim tick N --start moves the world")
+    async with await Client.open(standing.url) as master:
+        await lead(master)
+        done = await in_the_background("sync", url=standing.url)
+        assert done.lines == ["synchronous mode is on, frame 0: the master is 'planner'"]
+        assert (await in_the_background("sync", "--json", url=standing.url)).json["barrier"] is None
+
+
+async def test_sync_shows_the_members_of_a_barrier(standing: Simulator) -> None:
+    async with await Client.open(standing.url) as one, await Client.open(standing.url) as other:
+        await one.values("/sim/barrier/join", {"user_id": "one", "deadline_s": 60.0})
+        await other.values("/sim/barrier/join", {"user_id": "other"})
+        request = {"request": {"user_id": "one", "frame": 1}}
+        await one.send("call_service", service="/SyncModeWaitForTick", id="tick", args=request)
+        await one.settle()
+        done = await in_the_background("sync", url=standing.url)
+        assert done.lines == [
+            "synchronous mode is on, frame 0: a barrier leads, 20 ms a tick, deadline 60 s",
+            "  one  has ticked",
+            "  other  is waited for",
+        ]
+        done = await in_the_background("sync", "--json", url=standing.url)
+        assert (done.json["sync"]["master_id"], done.json["barrier"]["waited_for"]) == ("/sim/barrier", ["other"])
+        done = await in_the_background("tick", "--id", "stranger", url=standing.url)
+        assert done.code == 1
+        assert done.complaint.endswith("rosbridge-sim sync shows the members of the barrier")
+
+
+async def test_sync_tells_that_there_is_no_simulator() -> None:
+    async with Simulator(port=0, world=False) as bridge:
+        done = await in_the_background("sync", url=bridge.url)
+        assert (done.code, done.complaint) == (1, "no message on /SyncModeInfo; is a simulator there?")
 
 
 # step
@@ -279,7 +329,10 @@ async def test_step_says_why_it_stopped_and_json_output_is_the_answer(standing: 
 async def test_refused_step_shows_the_reason_and_a_remedy() -> None:
     async with Simulator(port=0) as sim, await Client.open(sim.url) as master:
         done = await in_the_background("step", url=sim.url)
-        assert (done.code, done.complaint) == (1, "the step is refused: synchronous mode is off; --start starts it")
+        assert (done.code, done.complaint) == (
+            1,
+            "the step is refused: synchronous mode is off; --start starts the mode",
+        )
         await lead(master)
         done = await in_the_background("step", url=sim.url)
         who = "another user id is the master: 'planner'; --id planner ticks in its name"

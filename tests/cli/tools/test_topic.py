@@ -128,8 +128,8 @@ async def wait_for_listener(client: Client, topic: str) -> None:
 @pytest.mark.parametrize(
     ("path", "line"),
     [
-        ("clok", "no clok (did you mean clock?); there are clock"),
-        ("clock.sec", "no sec in clock (did you mean secs?); there are secs, nsecs"),
+        ("clok", "no clok (did you mean clock?); it has clock"),
+        ("clock.sec", "no sec in clock (did you mean secs?); it has secs, nsecs"),
         ("clock.secs.x", "no x in clock.secs"),
         ("clock[0]", "no list in clock, so there is no [0]"),
     ],
@@ -245,7 +245,7 @@ async def test_pub_once_reaches_subscribers(server: ServerProcess, connect: Conn
     text = "{frame_id: 'map', stamp: {secs: 3}}"
     done = await in_the_background("topic", "pub", "tools/chatter", "std_msgs/Header", text, "--once", url=server.url)
     assert (done.code, done.out) == (0, "")
-    assert done.complaint == "published 1 message to /tools/chatter (heard by /rosbridge_websocket)"
+    assert done.complaint == "published 1 message to /tools/chatter (subscribers: /rosbridge_websocket)"
     assert await client.message("/tools/chatter") == {"seq": 0, "stamp": {"secs": 3, "nsecs": 0}, "frame_id": "map"}
 
 
@@ -265,7 +265,7 @@ async def test_latched_message_reaches_later_subscribers(server: ServerProcess, 
     with start("topic", "pub", "/tools/kept", "std_msgs/String", "data: hi", "--latch", url=server.url) as process:
         assert process.stderr is not None
         line = await asyncio.to_thread(process.stderr.readline)
-        assert line.endswith("published to /tools/kept (nobody listens); kept until Ctrl-C for those who come later\n")
+        assert line.endswith("published to /tools/kept (no subscribers); kept until Ctrl-C for later subscribers\n")
         await client.send("subscribe", topic="/tools/kept")
         assert await client.message("/tools/kept") == {"data": "hi"}
         process.send_signal(signal.SIGINT)

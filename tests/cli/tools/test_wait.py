@@ -43,7 +43,7 @@ async def test_silent_port_does_not_extend_the_wait() -> None:
 async def test_wrong_token_ends_the_wait_at_once() -> None:
     async with Simulator(port=0, world=False, token="right") as sim:  # noqa: S106 - of this test
         done = await in_the_background("wait", "--token", "wrong", "--timeout", "1000", url=sim.url)
-    assert (done.code, "it wants a token" in done.complaint) == (1, True)
+    assert (done.code, "it needs a token" in done.complaint) == (1, True)
 
 
 @pytest.mark.parametrize(("words", "text"), [((), "--url: expected a URL"), (("--token", "a b"), "--token: expected")])

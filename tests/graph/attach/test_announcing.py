@@ -308,7 +308,7 @@ def test_lost_rosapi_is_one_warning_and_its_return_repeats_all_announcements(
     lines()
     num_before = len(harness.far.frames)
     lose_rosapi(harness)
-    text = "rosapi does not answer there any more: was its ROS master restarted? All is announced when it does"
+    text = "rosapi there stopped answering (ROS master restarted?); all is announced again when it answers"
     assert [line for line in lines() if "rosapi" in line] == [f"ws://far:9090: {text}"]
     assert not [f for f in harness.far.frames[num_before:] if f["op"] != "call_service"], "the stream goes on as it was"
     num_before = len(harness.far.frames)
@@ -326,7 +326,7 @@ def test_lost_rosapi_is_one_warning_and_its_return_repeats_all_announcements(
     ]
     assert ("publish", "/plate") in anew, "what is latched"
     assert [line for line in lines() if "rosapi" in line] == [
-        "ws://far:9090: rosapi answers again: everything is announced anew"
+        "ws://far:9090: rosapi answers again: everything is announced again"
     ]
     program = Program(harness.far)
     program.send("call_service", service="/honk", args={"data": True})

@@ -17,9 +17,7 @@ def test_existing_services_are_taken_over_with_one_log_line(lines: Callable[[], 
     other.send("advertise_service", service="/honk", type="std_srvs/SetBool")
     harness.attach()
     taken = [line for line in lines() if "already" in line]
-    assert taken == [
-        "ws://far:9090: it has /honk already, of another program or of one that is gone; ours take their place"
-    ]
+    assert taken == ["ws://far:9090: it already has /honk, from another or an earlier program; ours replace them"]
     harness.cut()
     harness.attach()
     assert [line for line in lines() if "already" in line] == []
@@ -32,9 +30,7 @@ def test_missing_package_at_the_far_bridge_is_one_log_line(lines: Callable[[], l
     assert not any("package" in line for line in lines())  # it may take a while
     harness.run(until=sum(SURVEY_DELAYS) + 1.0)
     found = [line for line in lines() if "package" in line]
-    text = (
-        "it does not know the package std_srvs, and so not /honk: build the package where it runs, and start it again"
-    )
+    text = "it does not know the package std_srvs, so it lacks /honk: build the package on its machine, and restart it"
     assert found == [f"ws://far:9090: {text}"]
     harness.cut()
     harness.attach()
@@ -49,7 +45,7 @@ def test_missing_topic_at_the_far_bridge_is_reported_as_possibly_denied(lines: C
     harness.attach()
     harness.run(until=10.0)
     (line,) = [line for line in lines() if "globs" in line]
-    assert "it does not have /state (std_msgs/Int32): its std_msgs may be of another release" in line
+    assert "it does not have /state (std_msgs/Int32): its std_msgs may be another release" in line
 
 
 def test_topic_of_another_type_at_the_far_bridge_is_reported(lines: Callable[[], list[str]]) -> None:
@@ -57,7 +53,7 @@ def test_topic_of_another_type_at_the_far_bridge_is_reported(lines: Callable[[],
     Program(harness.far).send("advertise", topic="/state", type="std_msgs/String")
     harness.attach()
     harness.run(until=10.0)
-    assert any("/state is std_msgs/String there and not std_msgs/Int32" in line for line in lines())
+    assert any("/state has type std_msgs/String there, not std_msgs/Int32" in line for line in lines())
 
 
 def test_status_about_a_missing_package_gives_the_same_log_line(
@@ -67,7 +63,7 @@ def test_status_about_a_missing_package_gives_the_same_log_line(
     for name in ("/state", "/plate"):
         harness.receive({"op": "status", "level": "error", "msg": text, "id": f"advertise:{name}"})
     (line,) = lines()
-    assert "it does not know the package std_msgs, and so not /state, /plate, /pedal: build the package" in line
+    assert "it does not know the package std_msgs, so it lacks /state, /plate, /pedal: build the package" in line
 
 
 def test_status_about_an_unknown_package_is_logged_verbatim(
@@ -86,7 +82,7 @@ def test_second_simulator_at_the_far_bridge_is_one_log_line(lines: Callable[[], 
     harness.attach()
     warnings = [line for line in lines() if "attached" not in line]
     assert len(warnings) == 1
-    assert "it has a simulator of its own (/car)" in warnings[0]
+    assert "it runs its own simulator (/car)" in warnings[0]
 
 
 def test_far_bridge_of_the_other_ros_version_is_reported(lines: Callable[[], list[str]]) -> None:
@@ -98,4 +94,4 @@ def test_far_bridge_of_the_other_ros_version_is_reported(lines: Callable[[], lis
     harness.receive(
         {"op": "service_response", "service": PROBE, "id": question["id"], "values": values, "result": True}
     )
-    assert any("it is of ROS 2" in line and "--ros 2" in line for line in lines())
+    assert any("it runs ROS 2" in line and "--ros 2" in line for line in lines())

@@ -234,15 +234,15 @@ def test_orientations_are_normalised() -> None:
 @pytest.mark.parametrize(
     ("parent", "child", "pose", "text"),
     [
-        ("", "x", IDENTITY, "without a name"),
-        ("map", "/", IDENTITY, "without a name"),
-        ("map", "/map", IDENTITY, "map -> map: a frame cannot stand in itself"),
+        ("", "x", IDENTITY, "needs a name"),
+        ("map", "/", IDENTITY, "needs a name"),
+        ("map", "/map", IDENTITY, "map -> map: a frame cannot be its own parent"),
         ("map", "x" * 257, IDENTITY, "at most 256"),
-        ("map", "x", Transform(0, 0, 0, 0, 0, 0, 0), r"map -> x: rotation \(0, 0, 0, 0\) is no orientation"),
-        ("map", "x", Transform(0, 0, 0, math.nan, 0, 0, 1), "no orientation"),
-        ("map", "x", Transform(0, 0, 0, 1e200, 0, 0, 1), "no orientation"),
-        ("map", "x", Transform(0, math.nan, 0, 0, 0, 0, 1), "no place"),
-        ("map", "x", Transform(math.inf, 0, 0, 0, 0, 0, 1), "no place"),
+        ("map", "x", Transform(0, 0, 0, 0, 0, 0, 0), r"map -> x: rotation \(0, 0, 0, 0\) is not an orientation"),
+        ("map", "x", Transform(0, 0, 0, math.nan, 0, 0, 1), "not an orientation"),
+        ("map", "x", Transform(0, 0, 0, 1e200, 0, 0, 1), "not an orientation"),
+        ("map", "x", Transform(0, math.nan, 0, 0, 0, 0, 1), "not a position"),
+        ("map", "x", Transform(math.inf, 0, 0, 0, 0, 0, 1), "not a position"),
     ],
 )
 def test_invalid_transform_is_refused_and_nothing_is_kept(parent: str, child: str, pose: Transform, text: str) -> None:

@@ -299,7 +299,7 @@ def test_invalid_transform_is_reported_to_its_sender_and_valid_ones_are_used() -
     who = scene.somebody()
     who.send("a", "b", "c")
     broken = written("map", "b", Transform(0, 0, 0, 0, 0, 0, 0))
-    with pytest.raises(GraphError, match=r"map -> b: rotation \(0.0, 0.0, 0.0, 0.0\) is no orientation"):
+    with pytest.raises(GraphError, match=r"map -> b: rotation \(0.0, 0.0, 0.0, 0.0\) is not an orientation"):
         scene.world.publish(written("map", "a", at(1.0)), broken, written("map", "c", at(2.0)))
     assert who.places() == [("a", 1.0), ("c", 2.0)]
 
@@ -462,13 +462,13 @@ def test_roslib_1_client_subscribes_by_the_action_topics_of_ros_1() -> None:
 @pytest.mark.parametrize(
     ("fields", "text"),
     [
-        ({"target": ""}, "without a name"),
+        ({"target": ""}, "needs a name"),
         ({"target": "x" * 300}, "at most 256"),
         ({"rate": -1.0}, "rate: expected 0 or more, got -1.0"),
         ({"rate": math.nan}, "rate: expected 0 or more, got nan"),
         ({"trans_thres": -0.5}, "trans_thres: expected 0 or more"),
         ({"angular_thres": math.inf}, "angular_thres: expected 0 or more"),
-        ({"source": ""}, "without a name"),
+        ({"source": ""}, "needs a name"),
     ],
 )
 def test_malformed_request_is_refused(fields: dict[str, Any], text: str) -> None:

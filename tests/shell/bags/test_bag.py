@@ -109,7 +109,7 @@ def test_repeated_topic_is_written_once(tmp_path: Path, stores: dict[Generation,
 @pytest.mark.parametrize("name", NAMES)
 def test_existing_file_is_not_overwritten(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"precious")
-    with pytest.raises(DocumentError, match=f"{name}: exists already; no recording is written over"):
+    with pytest.raises(DocumentError, match=f"{name}: exists already; recordings are not overwritten"):
         open_bag(tmp_path / name)
     assert (tmp_path / name).read_bytes() == b"precious"
 
@@ -166,7 +166,7 @@ def test_deleted_bag_is_reported_and_closed(
     file_of(path).unlink()
     with pytest.raises(BagGoneError) as caught:
         getattr(bag, step)()
-    assert str(caught.value) == f"{path}: was deleted while it was recorded: what was recorded is lost"
+    assert str(caught.value) == f"{path}: was deleted during the recording: everything recorded is lost"
     bag.abort()
     bag.close()
 
@@ -185,7 +185,7 @@ def test_moved_bag_gets_its_index_at_its_new_place(
     original.rename(moved)
     if is_replaced:
         original.write_text("somebody's notes")
-    with pytest.raises(BagGoneError, match="was moved or replaced while it was recorded"):
+    with pytest.raises(BagGoneError, match="was moved or replaced during the recording"):
         getattr(bag, step)()
     bag.abort()
     bag.close()

@@ -213,7 +213,7 @@ def test_broken_bag_gives_one_error_line(tmp_path: Path, name: str) -> None:
             read(path)
         texts.append(str(caught.value))
     assert all(text.startswith(f"b-{name}: ") and "\n" not in text for text in texts)
-    assert all("is no bag, or has no end" in text for text in texts[:3])
+    assert all("is not a bag, or has no index" in text for text in texts[:3])
 
 
 @pytest.mark.slow

@@ -178,9 +178,12 @@ async def test_unknown_type_is_logged_once_and_left_out(
         for _ in range(3):
             await client.send("publish", topic="/odd", msg={"a": 1})
         await client.settle()
-    assert [line for line in caplog.messages if line.startswith("topic /odd is recorded in part or not at all")] != []
+    assert [
+        line for line in caplog.messages if line.startswith("topic /odd is recorded only in part, or not at all")
+    ] != []
     assert (
-        len([line for line in caplog.messages if line.startswith("topic /odd is recorded in part or not at all")]) == 1
+        len([line for line in caplog.messages if line.startswith("topic /odd is recorded only in part, or not at all")])
+        == 1
     )
     assert stamps_of(read_bag(tmp_path / "a.bag"), "/odd") == []
 
@@ -201,10 +204,9 @@ async def test_topic_has_the_type_of_its_first_publisher_in_the_bag(
             await talker.send("publish", topic="/t", type="std_msgs/Int32", msg={"data": 7})
         await talker.settle()
     assert [one.data for topic, _, one in read_bag(tmp_path / "a.bag") if topic == "/t"] == ["first"]
-    told = [line for line in caplog.messages if line.startswith("topic /t is recorded in part or not at all")]
-    assert told == [
-        "topic /t is recorded in part or not at all: expected std_msgs/String, as the topic began; got std_msgs/Int32"
-    ]
+    told = [line for line in caplog.messages if line.startswith("topic /t is recorded only in part, or not at all")]
+    why = "expected std_msgs/String, as the topic began; got std_msgs/Int32"
+    assert told == [f"topic /t is recorded only in part, or not at all: {why}"]
 
 
 async def test_full_disk_ends_only_the_recording(
@@ -248,7 +250,7 @@ async def test_deleted_file_ends_only_the_recording(
         assert answer["frame"] == 3
         assert "/recorder" not in (await client.values("/rosapi/nodes"))["nodes"]
     errors = [record.getMessage() for record in caplog.records if record.levelno >= logging.ERROR]
-    why = f"{path}: was deleted while it was recorded: what was recorded is lost"
+    why = f"{path}: was deleted during the recording: everything recorded is lost"
     assert errors == [f"the recording has ended: {why}"]
     assert not path.exists()
 
@@ -258,7 +260,7 @@ async def test_file_deleted_just_before_the_end_is_reported(tmp_path: Path, capl
     async with Simulator(port=0, start="sync", record=path):
         path.unlink()
     assert [line for line in caplog.messages if "has ended" in line] == [
-        f"the recording has ended: {path}: was deleted while it was recorded: what was recorded is lost"
+        f"the recording has ended: {path}: was deleted during the recording: everything recorded is lost"
     ]
 
 

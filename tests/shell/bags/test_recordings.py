@@ -74,7 +74,7 @@ def test_recording_name_outside_the_data_folder_is_refused(tmp_path: Path) -> No
         with pytest.raises(DocumentError, match="leads out of --data-dir"):
             find_recording(data, name)
     for name in ("", "  ", "a\0b", "a\nb", "x" * 500):
-        with pytest.raises(DocumentError, match="is no name of a recording"):
+        with pytest.raises(DocumentError, match="is not a recording's name"):
             find_recording(data, name)
     for name in (".", "Replay", "x" * 300):
         with pytest.raises(DocumentError, match="no recording"):
@@ -127,7 +127,7 @@ async def test_unusable_recording_has_its_result_code(
         client = await connect(sim.url)
         await client.send("subscribe", topic=STATUS)
         for name, code, why in (
-            ("broken.bag", 32, "broken.bag: is no bag, or has no end"),
+            ("broken.bag", 32, "broken.bag: is not a bag, or has no index"),
             ("../x.bag", 32, "'../x.bag' leads out of --data-dir"),
             ("chat", 48, "it holds no ego and no objects that can be replayed"),
         ):

@@ -182,7 +182,7 @@ def test_unsupported_library_version_is_reported_before_a_file_is_created(tmp_pa
     words = [sys.executable, "-c", OTHER.format(gone=gone), str(path)]
     done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.stdout == (
-        f"bags are written by rosbags, of which {version('rosbags')} is installed and >=0.11.6,<0.12 is expected:"
+        f"bags need rosbags >=0.11.6,<0.12, but {version('rosbags')} is installed:"
         " pip install 'rosbags>=0.11.6,<0.12'\n"
     ), done.stderr
     assert not path.exists()

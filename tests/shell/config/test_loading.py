@@ -287,7 +287,7 @@ def test_network_settings_may_stand_in_a_whole_settings_file(tmp_path: Path, cap
     file.write_text('port = 1\nno-world = true\n[publishers]\n"tf" = { rate = 5 }\n')
     with caplog.at_level("INFO"):
         assert read_network(file) == NetworkSettings(publishers={"/tf": InterfaceChoice(rate=5.0)})
-    assert caplog.messages == [f"{file}: ignored keys that are no network settings: port, no-world"]
+    assert caplog.messages == [f"{file}: ignored keys that are not network settings: port, no-world"]
     file.write_text("[publisher]\n")
     with pytest.raises(SettingError, match=r"n.toml:1: publisher: expected .* \(did you mean publishers\?\)"):
         read_network(file)
@@ -310,7 +310,7 @@ def test_printed_config_names_the_place_of_secrets_and_shows_none(tmp_path: Path
     text = format_config(check_options({"token": "geheim", "attach": urls}), [])
     assert "geheim" not in text
     assert "# token is set, and is not printed: write it here, or into ROSBRIDGE_SIM_TOKEN\n" in text
-    assert '# a token or a password in a URL is not printed: write it where it belongs\nattach = ["ws://a:9090"' in text
+    assert '# a token or a password in a URL is not printed: add it to the URL here\nattach = ["ws://a:9090"' in text
     (tmp_path / "s.toml").write_text(text.replace("# token is set", 'token = "geheim"\n# token is set'))
     assert read_settings(["--config", str(tmp_path / "s.toml")], {}).token == "geheim"  # noqa: S105 - a test's own
     assert "not printed" not in format_config(check_options({"attach": "ws://a/x"}), [])
@@ -456,7 +456,7 @@ def test_contradicting_switches_in_one_source_are_an_error() -> None:
         ),
         ("subscribers = 3\n", 's.toml:1: subscribers: expected a table such as "/NAME" = { on = true }; got 3'),
         ("[host]\nx = 1\n", "s.toml:1: host: expected a host name or address; got {'x': 1}"),
-        ('config = "b.toml"\n', "s.toml:1: config: a settings file cannot name another one"),
+        ('config = "b.toml"\n', "s.toml:1: config: a settings file cannot name another settings file"),
         ("world = true\nno-world = true\n", "s.toml:2: no-world: world and no-world contradict each other"),
         (b"# \xe9\nport = 1\n# \xff", "s.toml:1: expected UTF-8 text"),
         ("a = " + "[" * 100_000, "s.toml: nested too deeply"),

@@ -26,7 +26,7 @@ def test_folder_that_is_not_there_is_judged_by_the_innermost_one_that_is(tmp_pat
 def test_file_is_no_folder(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     assert not is_writable(tmp_path / "file" / "sub")
-    assert why_not_writable(tmp_path / "file" / "sub") == f"{tmp_path / 'file'} is no folder"
+    assert why_not_writable(tmp_path / "file" / "sub") == f"{tmp_path / 'file'} is not a folder"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="users have no numbers there")
@@ -35,8 +35,8 @@ def test_refusal_names_folder_user_owner_and_what_helps(tmp_path: Path, error: O
     tmp_path.chmod(0o755)
     uid = os.geteuid()
     assert why_not_writable(tmp_path / "new", error) == (
-        f"user {uid} may not write into {tmp_path} (owner {uid}, mode 755); give it the folder"
-        f" (chown {uid} {tmp_path}; for a container, on the host) or name another one"
+        f"user {uid} has no write access to {tmp_path} (owner {uid}, mode 755); change the owner"
+        f" (chown {uid} {tmp_path}; for a container, on the host) or name another folder"
     )
 
 
@@ -93,8 +93,8 @@ def test_an_ordinary_user_is_told_the_folder_that_it_may_not_write(place: Path) 
     )
     assert done.returncode == 0, done.stderr
     why = (
-        f"user {ORDINARY_USER} may not write into {place} (owner 0, mode 755); give it the folder"
-        f" (chown {ORDINARY_USER} {place}; for a container, on the host) or name another one"
+        f"user {ORDINARY_USER} has no write access to {place} (owner 0, mode 755); change the owner"
+        f" (chown {ORDINARY_USER} {place}; for a container, on the host) or name another folder"
     )
     assert done.stdout.splitlines() == [
         "False False",

@@ -128,7 +128,7 @@ HEAD = "DataID,name,class,length,width,height,wheelbase,rear_overhang,max_steer,
         ("1,A,vehicle,4,2,1,5,,,", "m.csv:2: wheelbase: expected wheelbase and rear overhang to be at most the length"),
         ("1,A,vehicle,4,2,1,,,0.6,", "m.csv:2: max_steer: expected a number from 1 to 80 [deg], got '0.6'"),
         ("1,A,vehicle,4,2,1,,,,1e9", "m.csv:2: mass: expected a number from 0 to 1e+06 [kg], got '1e9'"),
-        ("1,A,obstacle,4,2,1,3,,,", "m.csv:2: wheelbase: expected nothing: only vehicles have it"),
+        ("1,A,obstacle,4,2,1,3,,,", "m.csv:2: wheelbase: expected no value: only vehicles have it"),
         ("1,A,vehicle,4,2,1,,,,,7", "m.csv:2: expected 10 columns, got 11"),
         ('1,"A,vehicle,4,2,1', "m.csv:3: not valid CSV: unexpected end of data"),
         ("", "m.csv: expected at least one model, below a first line DataID,name,class,length,width,height,...; found"),
@@ -173,18 +173,16 @@ def test_unknown_and_duplicate_columns_are_errors(tmp_path: Path) -> None:
     text = refusal("DataID,lenght\n", tmp_path, "m.csv")
     assert text.startswith("m.csv:1: 'lenght': expected one of DataID, name,")
     assert text.endswith("(did you mean length?)")
-    assert refusal("Data ID,data_id\n1,2\n", tmp_path, "m.csv") == "m.csv:1: DataID: stands there twice"
+    assert refusal("Data ID,data_id\n1,2\n", tmp_path, "m.csv") == "m.csv:1: DataID: given twice"
 
 
 def test_duplicate_model_names_both_places(tmp_path: Path) -> None:
     rows = "1,A,vehicle,4,2,1,,,,\n2,a,vehicle,4,2,1,,,,\n1,B,vehicle,4,2,1,,,,\n1,C,obstacle,4,2,1,,,,\n"
     text = refusal(HEAD + rows, tmp_path, "m.csv")
-    assert text == (
-        "m.csv:3: name: 'a' stands there already, at m.csv:2; m.csv:4: DataID: 1 stands there already, at m.csv:2"
-    )
+    assert text == ("m.csv:3: name: 'a' is already used at m.csv:2; m.csv:4: DataID: 1 is already used at m.csv:2")
     tables = "[[model]]\nname='A'\nclass='car'\nlength=4\nwidth=2\nheight=1\n"
     text = refusal(tables * 2, tmp_path, "m.toml")
-    assert text.startswith("m.toml:8: name: 'A' stands there already, at ")
+    assert text.startswith("m.toml:8: name: 'A' is already used at ")
 
 
 def test_number_of_reported_errors_is_bounded(tmp_path: Path) -> None:

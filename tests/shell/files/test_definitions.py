@@ -125,7 +125,7 @@ def test_folder_without_definitions_is_refused(lay: Lay) -> None:
     assert mistake(root / "empty") == (
         f"{root}/empty: expected ROS packages (PACKAGE/msg/Type.msg); found no definition"
     )
-    assert "'bad-name' is no name of a ROS package" in mistake(root)
+    assert "'bad-name' is not a ROS package name" in mistake(root)
 
 
 def test_oversized_definition_is_refused(lay: Lay) -> None:

@@ -48,7 +48,7 @@ def test_scenario_name_of_two_maps_is_reported(lay: Lay, demo: str, caplog: pyte
     root = lay({"A/one.json": demo, "B/one.json": "broken"})
     DiskLibrary([root]).scenario("one")
     assert caplog.messages == [
-        f"took {root}/A/one.json, one of several scenarios named one.json; name one with MAP/NAME"
+        f"took {root}/A/one.json, but several scenarios are named one.json; use MAP/NAME to choose one"
     ]
 
 
@@ -76,7 +76,7 @@ def test_scenario_name_of_two_maps_is_reported(lay: Lay, demo: str, caplog: pyte
 )
 def test_name_outside_the_folder_is_refused(lay: Lay, demo: str, name: str) -> None:
     root = lay({"in/mine.json": demo, "secret.json": demo})
-    with pytest.raises(DocumentError, match="is no name of a scenario") as caught:
+    with pytest.raises(DocumentError, match="is not a scenario's name") as caught:
         DiskLibrary([root / "in"]).scenario(name)
     assert "\n" not in str(caught.value)
 

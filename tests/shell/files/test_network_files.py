@@ -39,7 +39,7 @@ def test_missing_network_file_and_missing_folder_are_fine(folder: Path) -> None:
 )
 def test_name_outside_the_folder_is_refused(folder: Path, name: str) -> None:
     (folder.parent / "x.toml").write_text(TEXT)
-    with pytest.raises(DocumentError, match="is no name of a scenario"):
+    with pytest.raises(DocumentError, match="is not a scenario's name"):
         DiskNetworks(folder.parent).network(name)
 
 

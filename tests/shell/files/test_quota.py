@@ -90,7 +90,7 @@ def test_refusal_names_the_quota_and_its_flag_and_is_logged_once_a_minute(
     for _ in range(5):
         with pytest.raises(DocumentError) as caught:
             quota.check(1, 1)
-        assert str(caught.value) == f"the quota of --data-dir is used up: {said}"
+        assert str(caught.value) == f"the quota of --data-dir is reached: {said}"
     assert caplog.messages == [f"{tmp_path}: {caught.value}"]
     setting.now += COUNT_PERIOD
     assert not fits(quota, 1, 1)
@@ -189,7 +189,7 @@ async def test_client_is_notified_of_a_used_up_quota(connect: Connect, tmp_path:
             await client.send("publish", topic="/SaveSensorData", type="morai_msgs/SaveSensorData", msg={}, id=mark)
         told = await client.take("status", id="b")
         assert told["msg"].endswith(
-            "the quota of --data-dir is used up: 4 of 4 files; delete some or raise --data-quota-files"
+            "the quota of --data-dir is reached: 4 of 4 files; delete some or raise --data-quota-files"
         )
         await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
         await client.ask("/SyncModeCtrlCmd", frame=1, command={}, sensor_capture=True)

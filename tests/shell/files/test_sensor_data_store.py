@@ -157,7 +157,7 @@ def test_save_beyond_the_quota_is_refused_completely(root: Path, max_bytes: int 
     archive = DiskArchive(root, DataQuota(root, max_bytes, max_files, aside=never))
     files = {"Ego-2/GPS_{}.csv": b"12345678", "Ego-2/IMU_{}.csv": b""}
     archive.save("", "a", files)
-    with pytest.raises(DocumentError, match="the quota of --data-dir is used up"):
+    with pytest.raises(DocumentError, match="the quota of --data-dir is reached"):
         archive.save("new/folder", "b", files)
     assert sorted(path.name for path in root.rglob("*")) == ["Ego-2", "GPS_a.csv", "IMU_a.csv", "SensorData"]
 

@@ -340,7 +340,7 @@ async def test_client_above_the_limit_is_refused_until_there_is_room(listen: Lis
     third = await enter(url)
     status, text, _ = await turned_away(url)
     assert status == 503
-    assert text == "There are 3 clients already, and no room for more; try again later\n"
+    assert text == "At most 3 clients; try again later\n"
     await pair.go_on()
     await third.close()
     while len(server.clients) > 2:
@@ -428,7 +428,7 @@ HELLO: dict[str, object] = {"op": "publish", "topic": "/t", "type": "std_msgs/St
 def test_rate_limit_is_reported_once_a_second_and_excess_refused() -> None:
     client = GuardedClient(max_rate=200)
     assert [client.says(0.0, HELLO) for _ in range(200)] == [[]] * 200
-    why = "Too fast: at most 200 frames a second are taken from one client"
+    why = "Too fast: at most 200 frames a second are accepted from one client"
 
     def told(count: int) -> list[dict[str, Any]]:
         return [{"op": "status", "level": "error", "msg": f"{why}; refused so far: {count}"}]

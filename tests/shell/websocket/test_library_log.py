@@ -178,7 +178,7 @@ async def test_no_token_stands_in_any_log_or_answer_at_any_level(serve: Serve, t
     refused = await asyncio.create_subprocess_exec(sys.executable, *words, cwd=ROOT, stderr=subprocess.PIPE)
     assert refused.stderr is not None
     async with asyncio.timeout(PATIENCE):
-        said += (await refused.stderr.readuntil(b"it wants a token")).decode()
+        said += (await refused.stderr.readuntil(b"it needs a token")).decode()
         refused.terminate()
         said += (await refused.stderr.read()).decode()
         await refused.wait()

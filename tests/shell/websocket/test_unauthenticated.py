@@ -375,7 +375,7 @@ async def test_connection_without_a_token_is_closed_after_a_time_out_with_a_reas
     client = await enter(port.url)
     (status,) = await read_to_the_end(client)
     assert status["msg"] == NO_TOKEN
-    assert (client.socket.close_code, client.socket.close_reason) == (1008, "no token was shown in time")
+    assert (client.socket.close_code, client.socket.close_reason) == (1008, "no token was sent in time")
     await port.is_serving()
 
 
@@ -504,7 +504,7 @@ async def test_unauthenticated_connections_take_no_place_of_a_client_with_the_to
     await strangers[1].send_raw(AUTH)
     assert await read_to_the_end(strangers[1]) == []
     assert strangers[1].socket.close_code == 1013
-    assert strangers[1].socket.close_reason == "there are 5 clients already; try again later"
+    assert strangers[1].socket.close_reason == "at most 5 clients; try again later"
     assert len(port.server.clients) == 5
     await owners[0].close()
     await until(lambda: len(port.server.clients) == 4)

@@ -1,0 +1,148 @@
+"""The state diagram of the barrier and the table of all its transitions, from `BARRIER_TABLE`."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rosbridge_sim.morai.barrier_table import BARRIER_TABLE, BarrierEvent, BarrierState
+from scripts.docs_pages.svg import Point, arrow, box, document, quadratic_point
+from scripts.docs_pages.sync_mode import SIZE, badge, beside, border
+
+__all__ = ["draw_barrier", "list_barrier_edges", "write_barrier"]
+
+MIDDLES: Final[dict[BarrierState, Point]] = {
+    BarrierState.EMPTY: (110, 200),
+    BarrierState.RESTING: (400, 60),
+    BarrierState.GATHERING: (690, 200),
+    BarrierState.MOVING: (400, 340),
+}
+"""Middle of each state's box [px]."""
+
+BEND: Final = 22.0
+"""How far the middle of an arrow lies beside the straight line [px]: an arrow and its way back are two lines."""
+
+BADGE_AT: Final = 0.45
+"""Where on its arrow a number stands, nearer to the start."""
+
+MEANINGS: Final = {
+    BarrierState.EMPTY: "no barrier",
+    BarrierState.RESTING: "no tick waits",
+    BarrierState.GATHERING: "ticks wait for others",
+    BarrierState.MOVING: "the world moves",
+}
+
+EVENTS: Final = {
+    BarrierEvent.JOIN: "join by a new id",
+    BarrierEvent.JOIN_AGAIN: "join by a member",
+    BarrierEvent.JOIN_MISFIT: "join with a bad time step, deadline or id",
+    BarrierEvent.JOIN_OTHER_TERMS: "join with another time step or deadline",
+    BarrierEvent.JOIN_SHARED: "join or start from a connection of another member",
+    BarrierEvent.JOIN_TAKEN: "join while a master leads",
+    BarrierEvent.JOIN_TOO_MANY: "join while there are too many members",
+    BarrierEvent.LEAVE: "leave, or stop by a member",
+    BarrierEvent.LEAVE_BY_OTHER: "leave by another id",
+    BarrierEvent.START_BY_MEMBER: "start by a member",
+    BarrierEvent.START_OTHER_STEP: "start by a member, another time step",
+    BarrierEvent.START_BY_OTHER: "start by another id",
+    BarrierEvent.STOP_BY_OTHER: "stop by another id",
+    BarrierEvent.STOP_BY_ANYONE: "stop by another id (anyone may stop)",
+    BarrierEvent.TICK: "tick by a member",
+    BarrierEvent.TICK_PAUSED: "tick by a member in a pause",
+    BarrierEvent.TICK_MISFIT: "tick for a wrong frame (strict)",
+    BarrierEvent.TICK_SHARED: "tick from a connection of another member",
+    BarrierEvent.TICK_TOO_MANY: "tick while too many of this member wait",
+    BarrierEvent.TICK_BY_OTHER: "tick by another id",
+    BarrierEvent.ALL_TICKED: "all have ticked",
+    BarrierEvent.DEADLINE: "deadline",
+    BarrierEvent.STILL_TICKED: "ticks that came early or late wait",
+    BarrierEvent.NONE_TICKED: "all that had ticked are lost",
+    BarrierEvent.MOVED: "the world has moved",
+    BarrierEvent.NOT_MOVED: "the tick of all was refused",
+    BarrierEvent.LOSS: "member lost",
+    BarrierEvent.LAST_LEFT: "last member has left",
+    BarrierEvent.LAST_LOST: "last member is lost",
+    BarrierEvent.PAUSE: "pause",
+    BarrierEvent.RESET: "reset",
+    BarrierEvent.RESTORED: "snapshot restored",
+    BarrierEvent.STEP_ALONE: "/sim/step by the only member",
+    BarrierEvent.STEP_TOGETHER: "/sim/step by one of several",
+    BarrierEvent.STEP_BY_OTHER: "/sim/step by another id",
+    BarrierEvent.RESTORE_BY_MEMBER: "/sim/restore by a member",
+    BarrierEvent.RESTORE_BY_OTHER: "/sim/restore by another id",
+    BarrierEvent.CUT: "one of several connections of a member lost",
+}
+"""Each event in words."""
+
+Edge = tuple[BarrierState, BarrierState]
+
+
+def list_barrier_edges() -> dict[Edge, list[BarrierEvent]]:
+    """Return the pairs of different states that some event leads between, with these events."""
+    edges: dict[Edge, list[BarrierEvent]] = {}
+    for state, outcomes in BARRIER_TABLE.items():
+        for event, outcome in outcomes.items():
+            if outcome.state is not state:
+                edges.setdefault((state, outcome.state), []).append(event)
+    return edges
+
+
+def draw_barrier() -> str:
+    """Return the state diagram as SVG: an arrow for each edge, with its number in `write_barrier`."""
+    arrows: list[str] = []
+    badges: list[str] = []
+    for number, edge in enumerate(list_barrier_edges(), 1):
+        start, end = (MIDDLES[state] for state in edge)
+        bend = beside(start, end, BEND)
+        begin, finish = border(start, bend), border(end, bend)
+        arrows.append(arrow(begin, finish, bend))
+        badges.append(badge(quadratic_point(begin, bend, finish, BADGE_AT), number))
+    boxes = [
+        box((x - SIZE[0] / 2, y - SIZE[1] / 2), SIZE, [state.name, MEANINGS[state]])
+        for state, (x, y) in MIDDLES.items()
+    ]
+    title = "States of the barrier; the numbers stand in the table of the barrier"
+    return document(800, 400, title, [*arrows, *boxes, *badges])
+
+
+def write_barrier() -> str:
+    """Return the page with the picture's legend and with every outcome of the table."""
+    lines = [
+        "# Table of the barrier",
+        "",
+        "Generated by `scripts/write_docs.py` from `BARRIER_TABLE` in `rosbridge_sim/morai/barrier_table.py`, the",
+        "table that runs. [Barrier](../time-tools.md#barrier) explains what it is for. While there is no barrier,",
+        "the [table of synchronous mode](sync_table.md) decides; a barrier is the one master there.",
+        "",
+        "![States of the barrier](../images/barrier.svg)",
+        "",
+        "## Arrows of the picture",
+        "",
+        "| number | from | to | event |",
+        "|---|---|---|---|",
+    ]
+    for number, ((start, end), events) in enumerate(list_barrier_edges().items(), 1):
+        lines.append(f"| {number} | {start.name} | {end.name} | {'; '.join(EVENTS[event] for event in events)} |")
+    lines += [
+        "",
+        "## Every event in every state",
+        "",
+        "*Effects* in the order in which they happen: `lead`, `end` and `lose` begin and end synchronous mode;",
+        "`admit`, `hold`, `remove` and `clear` change the members or their connections; `cut` drops the ticks of a",
+        "connection; `settle` has members come and go that joined or left before the boundary; `queue` keeps a tick;",
+        "`wait` lets the deadline count; `move` computes frames; `answer` and `refuse` end ticks; `late` counts and",
+        "tells late members, and `forget` clears these counts; `announce` publishes `/sim/barrier`.",
+        "",
+    ]
+    for state, outcomes in BARRIER_TABLE.items():
+        lines += [
+            f"### {state.name}",
+            "",
+            "| event | answer | next state | effects, or reason of the refusal |",
+            "|---|---|---|---|",
+        ]
+        for event, outcome in sorted(outcomes.items()):
+            more = ", ".join(effect.value for effect in outcome.effects) or outcome.why or "none"
+            answer = "yes" if outcome.is_accepted else "no"
+            lines.append(f"| {EVENTS[event]} | {answer} | {outcome.state.name} | {more} |")
+        lines.append("")
+    return "\n".join(lines)
