@@ -294,7 +294,7 @@ class Snapshots(Component):
                 raise _Refusal("there is no master: start synchronous mode first", Reason.NO_MASTER)
             raise _Refusal(f"another user id is the master: {sync.master_id!r}", Reason.NOT_MASTER)
         if sync.num_ticks:
-            raise _Refusal("a tick waits for a scenario that is being read", Reason.NOT_NOW)
+            raise _Refusal("ticks or steps are waiting for their turn: restore when they are done", Reason.NOT_NOW)
 
     def _check_fits(self, head: SnapshotHead) -> None:
         """Check that a snapshot was made by a simulator like this one.
