@@ -35,6 +35,9 @@ MAX_DEPTH: Final = 32
 MAX_AXES: Final = 4
 """Axes of an array: our own have two."""
 
+MAX_ITEMS: Final = 2**32
+"""Product of the axes of an array that are not 0: more than any bytes hold, and within what numpy can shape."""
+
 _KINDS: Final = {
     b"f": np.dtype("<f8"),
     b"i": np.dtype("<i8"),
@@ -189,6 +192,9 @@ class _Reader:
             raise self.error("expected an array's type and number of axes before this")
         shape = [_COUNT.unpack(self.take(_COUNT.size))[0] for _ in range(num_axes)]
         content = self.take(math.prod(shape) * kind.itemsize)
+        # An axis of 0 makes an array of no bytes, whatever the others are; numpy refuses lengths that are too large.
+        if math.prod(filter(None, shape)) > MAX_ITEMS:
+            raise self.error(f"expected an array's axes of at most {MAX_ITEMS:,} items before this")
         if kind == np.bool_ and bytes(content).translate(None, b"\x00\x01"):
             raise self.error("expected bytes 0 and 1 before this")
         return np.frombuffer(content, dtype=kind).reshape(shape).copy()
