@@ -29,7 +29,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.config.loading import read_settings, strange_variables
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import SettingError
-from rosbridge_sim.shell.log_format import formatter_of
+from rosbridge_sim.shell.monitoring.log_format import formatter_of
 from rosbridge_sim.shell.signals import on_stop_signals, stop_signals
 from rosbridge_sim.shell.websocket.memory import keep_memory
 from rosbridge_sim.suggestions import hint

@@ -16,7 +16,7 @@ from rosbridge_sim.cli.bridge_commands import TOOLS
 from rosbridge_sim.morai.barrier_table import BarrierEvent
 from rosbridge_sim.morai.sync_table import SYNC_TABLE
 from rosbridge_sim.shell.config.loading import read_settings
-from rosbridge_sim.shell.server_topics import TOPICS
+from rosbridge_sim.shell.monitoring.server_topics import TOPICS
 from scripts.check_site import find_loads, find_loads_in_css, find_loads_in_html
 from scripts.docs_pages.barrier import EVENTS as BARRIER_EVENTS
 from scripts.docs_pages.barrier import list_barrier_edges

@@ -22,7 +22,7 @@ ROOT = Path(__file__).parent.parent / PACKAGE
 _BASE = {"errors", "loose_types", "printable", "suggestions"}
 _SCENE = {"morai", "morai.interfaces", "morai.maps", "morai.replays", "morai.scenarios", "morai.sim_services"}
 _BELOW_SHELL = {*_BASE, *_SCENE, "graph", "graph.attach", "graph.tf", "protocol", "schema", "world"}
-_SHELL = {"shell", "shell.bags", "shell.config", "shell.files", "shell.websocket"}
+_SHELL = {"shell", "shell.bags", "shell.config", "shell.files", "shell.monitoring", "shell.websocket"}
 
 ARROWS: dict[str, set[str]] = {
     "errors": set(),
@@ -44,15 +44,19 @@ ARROWS: dict[str, set[str]] = {
     "morai.sim_services": {*_BASE, *_SCENE, "graph", "protocol", "schema", "world"},
     "morai.scenarios": {*_BASE, "morai", "morai.maps", "world"},
     "shell": {*_BELOW_SHELL, *_SHELL, "version"},
-    "shell.websocket": {*_BASE, "graph", "protocol", "schema", "shell", "version"},
-    "shell.config": {*_BASE, "morai", "morai.interfaces", "shell.websocket"},
+    "shell.monitoring": {*_BASE, "graph", "morai", "protocol", "schema", "shell", "shell.websocket", "version"},
+    "shell.websocket": {*_BASE, "graph", "protocol", "schema", "shell", "shell.monitoring", "version"},
+    "shell.config": {*_BASE, "morai", "morai.interfaces", "shell.monitoring", "shell.websocket"},
     "shell.files": {*_BASE, *_SCENE, "schema", "shell.config", "world"},
     "shell.bags": {*_BASE, "graph", "morai.replays", "schema", "shell.files"},
     "cli": {"errors", "cli.tools", "shell.config", "shell.websocket"},
     "cli.tools": {*_BELOW_SHELL, *_SHELL, "client"},
-    "client": {*_BASE, "protocol", "shell", "shell.websocket"},
+    "client": {*_BASE, "protocol", "shell", "shell.monitoring", "shell.websocket"},
     "pytest_plugin": {"", "client", "shell"},
-    "__main__": {"", "cli", "errors", "shell", "shell.config", "shell.websocket", "suggestions", "version"},
+    "__main__": {
+        *("", "cli", "errors", "suggestions", "version"),
+        *("shell", "shell.config", "shell.monitoring", "shell.websocket"),
+    },
     "": {"errors", "shell", "shell.config", "version"},
 }
 """Room -> rooms that it may import, beside itself. The empty name is the package's own `__init__`. A folder within a

@@ -12,20 +12,10 @@ once; a test checks that their signatures are equal. The `websockets` library se
 
 from __future__ import annotations
 
-from rosbridge_sim.client.asynchronous import (
-    DEFAULT_URL,
-    AsyncClient,
-    AsyncSubscription,
-    Command,
-    RealTimeFactor,
-    Snapshot,
-    Status,
-    Steps,
-    StopCondition,
-    Tick,
-)
+from rosbridge_sim.client.asynchronous import DEFAULT_URL, AsyncClient, AsyncSubscription, Status
 from rosbridge_sim.client.blocking import Client, Subscription
 from rosbridge_sim.client.frames import Frame
+from rosbridge_sim.client.simulator_requests import Command, RealTimeFactor, Snapshot, Steps, StopCondition, Tick
 from rosbridge_sim.errors import (
     AnswerTimeoutError,
     ClientError,

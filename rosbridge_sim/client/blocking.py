@@ -16,22 +16,24 @@ from rosbridge_sim.client.asynchronous import (
     DEFAULT_KEEP,
     DEFAULT_TIMEOUT,
     DEFAULT_URL,
-    DEFAULT_USER_ID,
-    FRAME_MS,
     AsyncClient,
     AsyncSubscription,
-    Command,
     Predicate,
-    RealTimeFactor,
-    Snapshot,
     Status,
     StatusLevel,
+)
+from rosbridge_sim.client.frames import Frame
+from rosbridge_sim.client.objects import ObjectChange, ObjectOptions, RoadPoint
+from rosbridge_sim.client.simulator_requests import (
+    DEFAULT_USER_ID,
+    FRAME_MS,
+    Command,
+    RealTimeFactor,
+    Snapshot,
     Steps,
     StopCondition,
     Tick,
 )
-from rosbridge_sim.client.frames import Frame
-from rosbridge_sim.client.objects import ObjectChange, ObjectOptions, RoadPoint
 from rosbridge_sim.errors import ClientError, ConnectionLostError
 from rosbridge_sim.shell.loop_thread import LoopStoppedError, LoopThread
 from rosbridge_sim.shell.websocket.urls import shown_url

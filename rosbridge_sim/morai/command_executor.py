@@ -80,7 +80,11 @@ class CommandExecutor:
         if action.gear is None:
             return
         ego = self._find_ego(action.uid)
-        why = f"gear {action.gear.name} refused: ego {action.index} is gone" if ego is None else ego.shift(action.gear)
+        why = (
+            f"gear {action.gear.name} refused: ego {action.index} has been removed"
+            if ego is None
+            else ego.shift(action.gear)
+        )
         if why is not None:
             command.notify("warning", f"{command.source}: {why}")
 

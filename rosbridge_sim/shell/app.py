@@ -43,7 +43,6 @@ from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import URLS, SettingError
-from rosbridge_sim.shell.descriptors import DescriptorWatch
 from rosbridge_sim.shell.files.access_rights import is_writable, why_not_writable
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary
@@ -51,15 +50,16 @@ from rosbridge_sim.shell.files.network_files import DiskNetworks
 from rosbridge_sim.shell.files.quota import DataQuota, in_thread
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
-from rosbridge_sim.shell.log_limits import LineLimiter
 from rosbridge_sim.shell.loop_thread import LoopStoppedError, LoopThread
 from rosbridge_sim.shell.map_page import MapPage
-from rosbridge_sim.shell.masking import mask_of
-from rosbridge_sim.shell.metrics import Metrics
+from rosbridge_sim.shell.monitoring.descriptors import DescriptorWatch
+from rosbridge_sim.shell.monitoring.log_limits import LineLimiter
+from rosbridge_sim.shell.monitoring.masking import mask_of
+from rosbridge_sim.shell.monitoring.metrics import Metrics
+from rosbridge_sim.shell.monitoring.refusals import RefusalLog
+from rosbridge_sim.shell.monitoring.server_topics import TOPICS, WHO_IS_CONNECTED, ServerTopics
 from rosbridge_sim.shell.port_file import PortFile
-from rosbridge_sim.shell.refusals import RefusalLog
 from rosbridge_sim.shell.scheduler import Clock, Scheduler
-from rosbridge_sim.shell.server_topics import TOPICS, WHO_IS_CONNECTED, ServerTopics
 from rosbridge_sim.shell.wall_clock import WallClock
 from rosbridge_sim.shell.websocket.access import Access, load_certificate
 from rosbridge_sim.shell.websocket.limits import ServerLimits

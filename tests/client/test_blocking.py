@@ -42,7 +42,9 @@ def shown(kind: type) -> dict[str, str]:
         name: str(inspect.signature(member).replace(return_annotation=inspect.Signature.empty))
         if inspect.isfunction(member)
         else ""
-        for name, member in vars(kind).items()
+        for base in reversed(kind.__mro__)
+        if base.__module__.startswith("rosbridge_sim.")
+        for name, member in vars(base).items()
         if not name.startswith("_") and (inspect.isfunction(member) or isinstance(member, property))
     }
 

@@ -206,7 +206,7 @@ def test_load_overtaken_by_a_reset_fails() -> None:
     before = one.world.digest()
     one.reader.hand_over()
     status, answer, after = [json.loads(frame) for frame in client.frames]
-    assert "the simulation was reset before the scenario was read" in status["msg"]
+    assert "the simulation was reset or restored before the scenario was read" in status["msg"]
     assert answer["values"]["response"] == {"result": False}
     assert after["service"] == "/Service_MoraiEventCmd"
     assert one.world.digest() == before

@@ -41,6 +41,7 @@ class BarrierServices(Component):
         hooks.tell.append(_tell)
         hooks.warn.append(_warn)
         hooks.announce.append(self._announce)
+        context.hooks.on_mode_change.append(self._follow_pause)
 
     def publish(self, publishers: Publishers) -> None:
         """What the world has once."""
@@ -106,6 +107,12 @@ class BarrierServices(Component):
         why = self._context.barrier.why(outcome, call.caller)
         explain(call.caller, "warning", f"{call.service.name}: {why}", outcome.reason)
         return why
+
+    def _follow_pause(self, now: float) -> None:
+        """Publish the barrier when a pause has begun or ended."""
+        topic = self._topic
+        if topic is not None and topic.value is not None and topic.value.is_paused != self._context.sync.is_paused:
+            self._announce(now)
 
     def _announce(self, now: float) -> None:
         """Publish the barrier as it is."""

@@ -291,10 +291,10 @@ class Snapshots(Component):
                 raise _Refusal(context.barrier.why(outcome), outcome.reason)
         elif sync.is_on and not sync.is_master(user_id):
             if not sync.master_id:
-                raise _Refusal("nobody is master: start synchronous mode first", Reason.NO_MASTER)
+                raise _Refusal("there is no master: start synchronous mode first", Reason.NO_MASTER)
             raise _Refusal(f"another user id is the master: {sync.master_id!r}", Reason.NOT_MASTER)
         if sync.num_ticks:
-            raise _Refusal("a tick waits for a scenario that is being read", Reason.NOT_NOW)
+            raise _Refusal("ticks or steps are waiting for their turn: restore when they are done", Reason.NOT_NOW)
 
     def _check_fits(self, head: SnapshotHead) -> None:
         """Check that a snapshot was made by a simulator like this one.

@@ -203,6 +203,17 @@ def test_pause_refuses_the_ticks_that_wait_and_those_that_come() -> None:
     assert b.tick("b")["frame"] == 1
 
 
+def test_topic_follows_a_pause_with_and_without_members() -> None:
+    harness = SimHarness()
+    watcher = harness.client()
+    watcher.listen("/sim/barrier")
+    for names in ((), ("a",)):
+        enter(harness, *names)
+        for is_paused in (True, False):
+            watcher.ask("/Service_MoraiEventCmd", option=8, set_pause=is_paused)
+            assert watcher.messages("/sim/barrier")[-1]["is_paused"] is is_paused
+
+
 def test_reset_refuses_the_ticks_that_wait_and_answers_with_frame_0() -> None:
     harness, (a, b) = members("a", "b")
     tick(a, harness, "a")

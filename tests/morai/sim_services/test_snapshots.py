@@ -156,7 +156,7 @@ def test_nobody_restores_while_nobody_is_master() -> None:
     harness = SimHarness(start="sync")
     client = harness.client()
     snapshot(client, "a")
-    assert "nobody is master" in restore(client, "a", user_id="").message
+    assert "there is no master" in restore(client, "a", user_id="").message
 
 
 def test_mode_master_pause_and_subscriptions_stay() -> None:
@@ -617,3 +617,17 @@ def test_world_that_has_failed_restores_nothing(monkeypatch: pytest.MonkeyPatch)
 def test_every_topic_of_the_world_is_heard_here() -> None:
     harness = SimHarness("crossing")
     assert {topic.name for topic, _ in harness.node.current_messages()} <= set(HEARD)
+
+
+def test_restore_is_refused_while_a_tick_waits_for_its_turn() -> None:
+    reader = ManualReader()
+    harness, client = in_sync(reader=reader)
+    snapshot(client, "a")
+    held: list[Answer] = []
+    load = {"request": {"frame": 1, "file_name": "parked", **ALL}}
+    harness.bus.call(harness.client(), "/SyncModeScenarioLoad", load, held.append, now=0.0)
+    harness.bus.call(harness.client(), "/SyncModeWaitForTick", {"request": {"user_id": "me"}}, held.append, now=0.0)
+    assert "waiting for their turn" in restore(client, "a").message
+    reader.hand_over()
+    assert len(held) == 2
+    assert restore(client, "a").result

@@ -281,8 +281,8 @@ async def test_retrying_page_does_not_hide_the_warning_for_another(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     caplog.set_level(logging.INFO, "rosbridge_sim.server")
-    monkeypatch.setattr("rosbridge_sim.shell.log_limits.PLACE_BURST", 5.0)
-    monkeypatch.setattr("rosbridge_sim.shell.log_limits.PLACE_RATE", 0.0)
+    monkeypatch.setattr("rosbridge_sim.shell.monitoring.log_limits.PLACE_BURST", 5.0)
+    monkeypatch.setattr("rosbridge_sim.shell.monitoring.log_limits.PLACE_RATE", 0.0)
     async with Simulator(port=0, world=False) as sim:
         for _ in range(10):
             assert (await shake_hands(sim.port, "Host: localhost", "Origin: http://a.example"))[0] == 403

@@ -26,7 +26,7 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.files.definitions import read_definitions
-from rosbridge_sim.shell.log_limits import PLACE_BURST, TRACEBACK_COST
+from rosbridge_sim.shell.monitoring.log_limits import PLACE_BURST, TRACEBACK_COST
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.client import Client as Served
 from rosbridge_sim.shell.websocket.limits import ServerLimits

@@ -11,7 +11,7 @@ from typing import cast
 import pytest
 
 from rosbridge_sim import Simulator
-from rosbridge_sim.shell.log_limits import (
+from rosbridge_sim.shell.monitoring.log_limits import (
     CLIENT_BURST,
     CLIENT_RATE,
     LOGGERS,

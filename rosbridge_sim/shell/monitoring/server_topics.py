@@ -22,7 +22,7 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.graph.ways import PolicyEffect, Use, Way
 from rosbridge_sim.loose_types import JsonValue, Struct
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.shell.refusals import RefusalLog, escape
+from rosbridge_sim.shell.monitoring.refusals import RefusalLog, escape
 from rosbridge_sim.shell.websocket.client import Client
 from rosbridge_sim.shell.websocket.server import Server
 

@@ -10,7 +10,7 @@ import pytest
 from websockets.asyncio.client import connect
 
 from rosbridge_sim import Simulator
-from rosbridge_sim.shell.masking import MIN_MASKED, mask_of
+from rosbridge_sim.shell.monitoring.masking import MIN_MASKED, mask_of
 from tests.support import Client
 
 TOKEN = "s3cret/+="  # noqa: S105 - a test's own

@@ -12,7 +12,7 @@ from typing import Literal
 
 import pytest
 
-from rosbridge_sim.shell.log_format import formatter_of
+from rosbridge_sim.shell.monitoring.log_format import formatter_of
 from tests.conftest import Serve
 from tests.support import PATIENCE, ROOT
 

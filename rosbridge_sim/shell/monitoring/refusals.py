@@ -21,7 +21,7 @@ from typing import Final
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.refusals import RefusedRequest
-from rosbridge_sim.shell.masking import Mask, mask_of
+from rosbridge_sim.shell.monitoring.masking import Mask, mask_of
 
 __all__ = ["MAX_REFUSAL_TEXT", "Noted", "RefusalLog", "escape"]
 

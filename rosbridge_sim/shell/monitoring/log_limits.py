@@ -16,7 +16,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from rosbridge_sim.shell.masking import Mask, mask_of
+from rosbridge_sim.shell.monitoring.masking import Mask, mask_of
 
 __all__ = ["LOGGERS", "LineLimiter"]
 

@@ -12,7 +12,7 @@ import pytest
 import pytest_asyncio
 
 from rosbridge_sim.shell.app import Simulator
-from rosbridge_sim.shell.server_topics import ServerTopics
+from rosbridge_sim.shell.monitoring.server_topics import ServerTopics
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.server import Server
 from tests.graph.bus_fixture import make_bus

@@ -18,7 +18,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Final
 
 from rosbridge_sim.morai.simulator_node import SimulatorNode
-from rosbridge_sim.shell.refusals import RefusalLog
+from rosbridge_sim.shell.monitoring.refusals import RefusalLog
 from rosbridge_sim.shell.websocket.server import Server
 from rosbridge_sim.version import __version__
 

@@ -12,7 +12,7 @@ import pytest_asyncio
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.shell.app import Simulator
-from rosbridge_sim.shell.refusals import (
+from rosbridge_sim.shell.monitoring.refusals import (
     MAX_CLIENTS,
     MAX_KEPT,
     MAX_KINDS,

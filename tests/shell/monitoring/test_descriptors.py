@@ -16,7 +16,7 @@ from typing import cast
 
 import pytest
 
-from rosbridge_sim.shell.descriptors import QUIET, DescriptorWatch
+from rosbridge_sim.shell.monitoring.descriptors import QUIET, DescriptorWatch
 from tests.shell.bags.bag_reading import read_bag
 from tests.support import PATIENCE, ROOT, Client, read_line
 

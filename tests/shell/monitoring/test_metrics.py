@@ -12,7 +12,7 @@ from prometheus_client.parser import text_string_to_metric_families as parse_tex
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.shell.metrics import FRAME_BOUNDS, FrameHistogram
+from rosbridge_sim.shell.monitoring.metrics import FRAME_BOUNDS, FrameHistogram
 from tests.conftest import Connect
 from tests.support import PATIENCE, ROOT
 
