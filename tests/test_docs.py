@@ -158,6 +158,14 @@ def test_field_is_read_from_its_line_with_unit_frame_and_remark() -> None:
     ]
 
 
+@pytest.mark.parametrize("name", ["fields_22.md", "fields_26.md"])
+def test_topic_with_the_type_name_of_a_service_shows_fields_of_the_message(name: str) -> None:
+    text = (DOCS / "reference" / name).read_text("utf-8")
+    topics = text.partition("\n## Topics that the simulator publishes\n")[2].partition("\n## Services\n")[0]
+    assert "### /sim/state_hash\n" in topics
+    assert "(response)" not in topics
+
+
 def test_every_arrow_between_rooms_is_permitted() -> None:
     permitted: set[tuple[str, str]] = set()
     for room, targets in ARROWS.items():

@@ -98,7 +98,7 @@ class Steps:
 
 @dataclass(frozen=True, slots=True)
 class RealTimeFactor:
-    """How fast the world runs while real time moves it.
+    """Speed of the world while real time moves it, as set and as measured.
 
     Attributes:
         factor: simulated seconds in a second; 0 for as fast as possible.

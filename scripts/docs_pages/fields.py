@@ -157,8 +157,10 @@ def _write_item(item: ListedInterface, bus: Bus, types: _Types) -> Iterator[str]
         way = "simulator to programs" if is_out else "programs to simulator"
         if is_out:
             way += f" · {item.rate:g} Hz" if item.rate is not None else " · at each change, latched"
-    yield from (f"### {_heading(item)}", "", f"`{type_name}` · {way}. {types.meaning(type_name)}", "")
-    yield from types.write(type_name)
+    is_service = item.kind is InterfaceKind.SERVICE
+    meaning = types.meaning(type_name, is_service=is_service)
+    yield from (f"### {_heading(item)}", "", f"`{type_name}` · {way}. {meaning}", "")
+    yield from types.write(type_name, is_service=is_service)
 
 
 def _heading(item: ListedInterface) -> str:
@@ -178,15 +180,15 @@ class _Types:
         self._services = {f"{package}/{name}": text for (package, kind, name), text in texts.items() if kind == "srv"}
         self._inner: dict[str, None] = {}
 
-    def meaning(self, type_name: str) -> str:
+    def meaning(self, type_name: str, *, is_service: bool = False) -> str:
         """Return the comment above the fields of a definition, on one line."""
-        text = self._services.get(type_name) or self._messages.get(type_name, "")
+        text = (self._services if is_service else self._messages).get(type_name, "")
         above = re.match(r"(?:#.*\n)*", text)
         return " ".join(line.lstrip("# ") for line in above[0].splitlines()) if above else ""
 
-    def write(self, type_name: str) -> list[str]:
-        """Return the table of a message's fields, or of both halves of a service."""
-        if type_name not in self._services:
+    def write(self, type_name: str, *, is_service: bool = False) -> list[str]:
+        """Return the table of a message's fields, or of both halves of a service; one name may be that of both."""
+        if not is_service:
             return self._table(self._rows(type_name, ""))
         request, _, response = self._services[type_name].partition("\n---\n")
         return self._table([*self._half(request, "request"), *self._half(response, "response")])

@@ -96,7 +96,7 @@ def test_failed_start_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         for words, said in (
-            (("--port", port), "the port is taken"),
+            (("--port", port), "the port is in use"),
             (("--port", "0", "--scenario", str(tmp_path / "bad.json")), "bad.json:1:"),
             (("--port", "0", "--schema-path", str(tmp_path)), "found no definition"),
             (("attach",), "attach: expected URLs of rosbridges"),

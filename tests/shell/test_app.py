@@ -508,7 +508,7 @@ def test_blocking_start_that_fails_leaves_no_thread_and_can_be_tried_again() -> 
     before = threading.active_count()
     with socket.create_server(("127.0.0.1", 0)) as taken:
         sim = Simulator(port=taken.getsockname()[1], world=False)
-        with pytest.raises(AddressError, match="the port is taken"):
+        with pytest.raises(AddressError, match="the port is in use"):
             sim.open()
         assert threading.active_count() == before
     with sim:

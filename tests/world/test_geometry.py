@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.geometry import (
@@ -113,27 +113,29 @@ def corners(box: tuple[float, float, float], middle: complex) -> list[complex]:
     return [middle + complex(u * a, v * b) * np.exp(1j * yaw) for u, v in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
 
 
-def gap(one: list[complex], other: list[complex]) -> float:
-    """The widest strip between two sets of points, of those across the lines through any two of them; < 0: none."""
+def gap(one: list[complex], other: list[complex], *yaws: float) -> float:
+    """The widest strip between two sets of points: across and along the lines through two of them, and by `yaws`.
+
+    The yaws are those of the boxes: the edge of a box without size has no direction that could be computed from it.
+    """
     points = [*one, *other]
+    pairs = [b - a for i, a in enumerate(points) for b in points[i + 1 :]]
+    directions = [pair / abs(pair) for pair in pairs if abs(pair) >= 1e-3] + [np.exp(1j * yaw) for yaw in yaws]
     widest = -math.inf
-    for i, point in enumerate(points):
-        for following in points[i + 1 :]:
-            if abs(following - point) < 1e-3:
-                continue
-            normal = (following - point) * 1j / abs(following - point)
-            mine, theirs = ([(c * normal.conjugate()).real for c in box] for box in (one, other))
-            widest = max(widest, min(mine) - max(theirs), min(theirs) - max(mine))
+    for normal in [turned for direction in directions for turned in (direction, direction * 1j)]:
+        mine, theirs = ([(c * normal.conjugate()).real for c in box] for box in (one, other))
+        widest = max(widest, min(mine) - max(theirs), min(theirs) - max(mine))
     return widest
 
 
 @settings(max_examples=60, deadline=None)
 @given(PLACE, PLACE, BOX, BOX)
+@example(1e-9 + 0j, 1e-9 + 0j, (4.9e-4, 0.0, -2.0), (1e-9, 0.0, -1.9))
 def test_sweeping_boxes_meet_if_their_traces_overlap(
     first: complex, last: complex, one: tuple[float, float, float], other: tuple[float, float, float]
 ) -> None:
     # What a box passes on a straight line is the hull of where it begins and where it ends.
-    wide = gap(corners(one, 0.0), corners(other, first) + corners(other, last))
+    wide = gap(corners(one, 0.0), corners(other, first) + corners(other, last), one[2], other[2])
     if abs(wide) > 1e-3:
         assert meet(first, last, one, other) == (wide < 0.0)
 

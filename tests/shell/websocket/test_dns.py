@@ -69,7 +69,7 @@ async def test_unknown_host_is_an_error(name: str) -> None:
 async def test_silent_name_server_times_out(name_server: NameServer) -> None:
     with pytest.raises(socket.gaierror) as caught:
         await HostLookup("robot").addresses(0.01)
-    assert "no name server answers" in why_not("ws://robot", caught.value, 5.0, flag="attach", token="")
+    assert "no DNS server answers" in why_not("ws://robot", caught.value, 5.0, flag="attach", token="")
     assert name_server.num_asked == 1
 
 
