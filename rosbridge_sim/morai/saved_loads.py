@@ -45,8 +45,8 @@ __all__ = [
 MAX_KEPT: Final = 8
 """Loads and maps whose bytes or digests are kept: a client that branches goes to and fro between a few."""
 
-MAX_VALUES: Final = 2_000_000
-"""Values in a prepared load: 20,000 objects have some 30 each, and the points of 200,000 pieces of paths 4 each."""
+MAX_VALUES: Final = 3_000_000
+"""Values in a prepared load: 20,000 objects have some 95 each, and the points of 200,000 pieces of paths 4 each."""
 
 _PLAIN_ACTIONS: Final[dict[str, type[ControlEgo | ShiftEgo | AddObject | RemoveObject]]] = {
     "control": ControlEgo,
