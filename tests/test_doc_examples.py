@@ -112,8 +112,7 @@ def run(command: list[str], cwd: Path, **variables: str) -> str:
     """What a program prints; it must write nothing to stderr."""
     env = {**os.environ, "PYTHONPATH": str(ROOT), **variables}
     done = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=3 * PATIENCE, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stderr == "", done.stdout + done.stderr
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
     return done.stdout
 
 

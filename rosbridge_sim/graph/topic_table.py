@@ -298,7 +298,7 @@ class TopicTable:
         for topic in list(takewhile(lambda topic: _is_over(topic, now), self._orphans)):
             attempt("forgetting a topic", self._forget, topic)
         for topic, notify in self.unpublished.take_due(now):
-            attempt("a word about a topic that nobody publishes", notify, topic)
+            attempt("a note about a topic without publishers", notify, topic)
 
     def leave(self, owner: Participant, now: float) -> None:
         """End the subscriptions and advertisements of an owner.

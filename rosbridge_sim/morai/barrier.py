@@ -9,13 +9,13 @@ The decisions, and why:
 - A member is a user id, as the master is; its *holders* are the connections that have used the id. A connection belongs
   to one member, because a bridge is one connection, and a lost one must not hide behind another. So peers behind one
   bridge are one member.
-- The deadline counts from the first tick that waits, not from the last boundary. While no member ticks, nobody waits,
-  and the world stands.
+- The deadline counts from the first tick that waits, not from the last boundary. While no member ticks, none waits, and
+  the world stands.
 - A member that has not ticked when the deadline passes is late. It is told, once until it ticks again. Its tick counts
   for the next boundary: a tick is always one time step, and none is lost.
 - Ticks that a member sends ahead wait, one for each boundary. The caller's other requests are not held back meanwhile,
   so a member can steer, or leave, while its tick waits.
-- At most one boundary is passed in one call. What could follow at once waits for `expire`, so nobody else waits for
+- At most one boundary is passed in one call. What could follow at once waits for `expire`, so no other client waits for
   several time steps.
 - A member that leaves is not waited for from then on, and its own tick that waits still counts. A member that is lost
   goes at once, and its ticks with it.
@@ -63,7 +63,7 @@ _WHY_REFUSED: Final = {
 
 @dataclass(frozen=True, slots=True)
 class BarrierHooks:
-    """What carries out the effects that reach beyond the members; `now` is monotonic time [s].
+    """Functions that carry out the effects beyond the members; `now` is monotonic time [s].
 
     Attributes:
         lead: `(time step [ms], now)`, for LEAD.
@@ -145,7 +145,7 @@ class _Happening(NamedTuple):
     Attributes:
         event: what has happened.
         now: monotonic time [s].
-        user_id: whom it is about.
+        user_id: the member that it is about.
         holder: the connection that asks.
         step_ms: time step of a first member [ms].
         deadline: longest wait that a first member chooses [s].
@@ -232,7 +232,7 @@ class Barrier:
 
     @property
     def is_on(self) -> bool:
-        """Whether the barrier has members, and so leads synchronous mode."""
+        """True if the barrier has members, and so leads synchronous mode."""
         return self.state is not BarrierState.EMPTY
 
     @property
@@ -499,12 +499,12 @@ class Barrier:
         return None
 
     def _takes_part(self, user_id: str) -> bool:
-        """Whether it is a member that has not left."""
+        """Return whether it is a member that has not left."""
         member = self._members.get(user_id)
         return member is not None and not member.is_leaving
 
     def _is_shared(self, user_id: str, holder: object) -> bool:
-        """Whether the connection belongs to another member than this one."""
+        """Return whether the connection belongs to another member than this one."""
         own = self._member_of.get(holder)
         return own is not None and own is not self._members.get(user_id)
 
@@ -514,7 +514,7 @@ class Barrier:
         return [member for member in members if not (member.ticks or member.is_joining or member.is_leaving)]
 
     def _has_ticked(self) -> bool:
-        """Whether a tick waits that counts for the next boundary."""
+        """Return whether a tick waits that counts for the next boundary."""
         return any(member.ticks and not member.is_joining for member in self._members.values())
 
     def _end_of_next_tick(self, member: _Member, frame: int) -> int:

@@ -60,7 +60,7 @@ MAX_TICKS_AHEAD: Final = 16
 
 
 class BarrierState(IntEnum):
-    """What the members wait for."""
+    """State of the barrier: the thing that its members wait for."""
 
     EMPTY = 0
     RESTING = 1
@@ -69,7 +69,7 @@ class BarrierState(IntEnum):
 
 
 class BarrierEvent(IntEnum):
-    """What was said, and by which user id; or what has become true."""
+    """Request and the user id that sent it; or a condition that has become true."""
 
     # /sim/barrier/join
     JOIN = 0  # by an id that is no member
@@ -95,7 +95,7 @@ class BarrierEvent(IntEnum):
     TICK_TOO_MANY = 18  # the same, while too many of its ticks wait
     TICK_BY_OTHER = 19
     # What has become true
-    ALL_TICKED = 20  # nobody is waited for any more
+    ALL_TICKED = 20  # no member is waited for any more
     DEADLINE = 21
     STILL_TICKED = 22  # behind a boundary: ticks that came too late for it, or were sent ahead
     NONE_TICKED = 23  # those who had ticked are lost
@@ -118,7 +118,7 @@ class BarrierEvent(IntEnum):
 
 
 class BarrierEffect(StrEnum):
-    """What follows from an event.
+    """Consequence of an event.
 
     LEAD: synchronous mode begins, with the barrier as its master. END: synchronous mode ends. LOSE: the master of
     synchronous mode is lost. ADMIT: the caller is a member. ADMIT_LATER: it becomes one at the boundary. HOLD: another

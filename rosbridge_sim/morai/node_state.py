@@ -56,10 +56,10 @@ NUM_TRIALS: Final = 2
 """Steps that a world from outside is tried out with: the first one makes what is derived, the second one uses it."""
 
 ROW_SIZE: Final = 100
-"""What a row takes beside the arrays [bytes]: a name, a body and an id, most of them shared."""
+"""Memory of a row beside the arrays [bytes]: a name, a body and an id, most of them shared."""
 
 BASE_SIZE: Final = 4_000
-"""What any state takes [bytes]: its objects, the generator of chance, the egos."""
+"""Memory of the smallest state [bytes]: its objects, the generator of chance, the egos."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 

@@ -35,6 +35,14 @@ MAX_DEPTH: Final = 32
 MAX_AXES: Final = 4
 """Axes of an array: our own have two."""
 
+MAX_VALUES: Final = 500_000
+"""Values in one: a full world of 20,000 objects with a name and a route each has 60,000, and 1,000 network settings that
+wait have some 300 each. They take 0.25 s to read, and all clients wait meanwhile; 16 MiB of one letter each would take
+5 s."""
+
+MAX_ITEMS: Final = 2**32
+"""Product of the axes of an array that are not 0: more than any bytes hold, and within what numpy can shape."""
+
 _KINDS: Final = {
     b"f": np.dtype("<f8"),
     b"i": np.dtype("<i8"),
@@ -60,16 +68,17 @@ def encode(value: PlainData) -> bytes:
     return b"".join(parts)
 
 
-def decode(data: bytes | memoryview) -> PlainData:
+def decode(data: bytes | memoryview, *, max_values: int = MAX_VALUES) -> PlainData:
     """Return the value of some bytes; arrays are copies that may be written.
 
     Args:
         data: from anywhere.
+        max_values: most values in it; the items of an array, a text or bytes do not count.
 
     Raises:
-        DocumentError: these are not the bytes of one value; the text says at which byte.
+        DocumentError: these are not the bytes of one value, or there are too many in it; the text says at which byte.
     """
-    reader = _Reader(memoryview(data))
+    reader = _Reader(memoryview(data), max_values)
     value = reader.value(0)
     if reader.at != len(reader.data):
         raise reader.error("expected the end")
@@ -136,11 +145,15 @@ class _Reader:
     Attributes:
         data: all bytes.
         at: the first one that has not been read.
+        max_values: most values that are read.
+        num_values: values read so far.
     """
 
-    def __init__(self, data: memoryview) -> None:
+    def __init__(self, data: memoryview, max_values: int) -> None:
         self.data = data
         self.at = 0
+        self.max_values = max_values
+        self.num_values = 0
 
     def error(self, expected: str) -> DocumentError:
         """Return the error for the byte that is read next."""
@@ -150,6 +163,9 @@ class _Reader:
         """Read a value that stands in so many others."""
         if depth > MAX_DEPTH:
             raise self.error(f"expected at most {MAX_DEPTH} levels")
+        self.num_values += 1
+        if self.num_values > self.max_values:
+            raise self.error(f"expected at most {self.max_values:,} values")
         kind = bytes(self.take(1))
         read = _READERS.get(kind)
         if read is None:
@@ -189,6 +205,9 @@ class _Reader:
             raise self.error("expected an array's type and number of axes before this")
         shape = [_COUNT.unpack(self.take(_COUNT.size))[0] for _ in range(num_axes)]
         content = self.take(math.prod(shape) * kind.itemsize)
+        # An axis of 0 makes an array of no bytes, whatever the others are; numpy refuses lengths that are too large.
+        if math.prod(filter(None, shape)) > MAX_ITEMS:
+            raise self.error(f"expected an array's axes of at most {MAX_ITEMS:,} items before this")
         if kind == np.bool_ and bytes(content).translate(None, b"\x00\x01"):
             raise self.error("expected bytes 0 and 1 before this")
         return np.frombuffer(content, dtype=kind).reshape(shape).copy()

@@ -103,7 +103,7 @@ class RealTimePacer:
 
     @property
     def frame_time(self) -> float:
-        """How long a frame lasts [s]; 0.0 for as fast as possible."""
+        """Duration of a frame [s]; 0.0 for as fast as possible."""
         return DT / self.factor if self.factor else 0.0
 
     @property

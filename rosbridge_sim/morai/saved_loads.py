@@ -45,6 +45,9 @@ __all__ = [
 MAX_KEPT: Final = 8
 """Loads and maps whose bytes or digests are kept: a client that branches goes to and fro between a few."""
 
+MAX_VALUES: Final = 3_000_000
+"""Values in a prepared load: 20,000 objects have some 95 each, and the points of 200,000 pieces of paths 4 each."""
+
 _PLAIN_ACTIONS: Final[dict[str, type[ControlEgo | ShiftEgo | AddObject | RemoveObject]]] = {
     "control": ControlEgo,
     "shift": ShiftEgo,
@@ -136,7 +139,7 @@ def unpack_load(data: object, maps: Maps) -> Load:
         return known
     if blake2b(packed.data, digest_size=16).digest() != packed.digest:
         raise DocumentError("load: the digest is that of another one")
-    fields = read_as(dict[str, Any], decode(packed.data), "load")
+    fields = read_as(dict[str, Any], decode(packed.data, max_values=MAX_VALUES), "load")
     name, is_clearing = read_as(tuple[str, bool], (fields.get("name"), fields.get("is_clearing")), "load")
     key = MapKey(*read_as(tuple[str, bytes], fields.get("map"), "load.map"))
     egos, others = (read_as(tuple[Spawn, ...], fields.get(part), f"load.{part}") for part in ("egos", "others"))

@@ -36,7 +36,7 @@ _HEAD_AT: Final = len(MAGIC) + _START.size
 
 @dataclass(frozen=True, slots=True)
 class SnapshotHead:
-    """What a snapshot fits, and what it leads to.
+    """Conditions for a restore of a snapshot, and the state that it gives.
 
     Attributes:
         layout: stands for the columns of the world's arrays.

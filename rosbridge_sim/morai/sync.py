@@ -538,7 +538,7 @@ class Sync(Generic[C]):
         self._heard_at = now
 
     def _note_life(self, holder: object, now: float) -> None:
-        """Take note that a peer is alive, whoever leads."""
+        """Take note that a peer is alive, with any master."""
         if holder in self._holders:
             self._heard_at = now
         for hear in self.hooks.hear:

@@ -84,7 +84,7 @@ BOOLS: Final = (
 )
 
 NUM_CORE: Final = (FLOATS.index("score_distance"), INTS.index("score_since"), BOOLS.index("has_collided"))
-"""Columns of each block without those of `score`, which are zeros while nobody has asked for scores."""
+"""Columns of each block without those of `score`, which are zeros while no scores are kept."""
 
 
 class EntityArrays:

@@ -66,7 +66,7 @@ MAX_EDGE: Final = 20.0
 
 @dataclass(frozen=True, slots=True)
 class Before:
-    """What `judge` wants to know of the world as the step began.
+    """State of the world before the step, which `judge` compares with the state after it.
 
     Attributes:
         uid: (n,) int64.
@@ -304,7 +304,7 @@ def _are_on_any(roads: Roads, x: FloatArray, y: FloatArray) -> BoolArray:
 
 
 class _Edges:
-    """Where the lanes of a map have painted edges.
+    """Painted edges of the lanes of a map.
 
     Args:
         roads: the lanes.

@@ -88,6 +88,21 @@ def test_array_beyond_the_bytes_is_refused_before_anything_is_allocated() -> Non
         decode(b"af\x02" + struct.pack("<II", 2**32 - 1, 2**32 - 1) + b"\0" * 8)
 
 
+@pytest.mark.parametrize("zero_at", [0, 3])
+def test_array_of_no_items_with_huge_axes_is_refused(zero_at: int) -> None:
+    axes = [2**32 - 1] * 4
+    axes[zero_at] = 0
+    with pytest.raises(DocumentError, match="axes"):
+        decode(b"af\x04" + struct.pack("<4I", *axes))
+
+
+def test_more_values_than_the_limit_are_refused() -> None:
+    data = encode([None] * 9)
+    assert decode(data, max_values=10) == [None] * 9
+    with pytest.raises(DocumentError, match="at most 9 values"):
+        decode(data, max_values=9)
+
+
 def test_deep_nesting_is_refused() -> None:
     data = (b"l" + struct.pack("<I", 1)) * (MAX_DEPTH + 2) + b"N"
     with pytest.raises(DocumentError, match="levels"):

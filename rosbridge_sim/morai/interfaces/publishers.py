@@ -160,7 +160,7 @@ class PeriodicPublisher(_Publisher):
         return frame * self._up // self._down - (frame - 1) * self._up // self._down
 
     def num_due_in_real_time(self, frame: int) -> int:
-        """How many publications this frame brings while real time moves the world, which may set a limit."""
+        """Return how many publications this frame brings while real time moves the world, which may set a limit."""
         return frame * self._real_up // self._real_down - (frame - 1) * self._real_up // self._real_down
 
 

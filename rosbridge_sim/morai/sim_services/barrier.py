@@ -44,12 +44,12 @@ class BarrierServices(Component):
         context.hooks.on_mode_change.append(self._follow_pause)
 
     def publish(self, publishers: Publishers) -> None:
-        """What the world has once."""
+        """Publish the topics that exist once, not for each ego."""
         self._topic = publishers.keep("/sim/barrier", "rosbridge_sim_msgs/Barrier")
         self._announce(0.0)
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """What the world has once."""
+        """Offer the services that exist once, not for each ego."""
         bindings.provide("sim/barrier/join", "rosbridge_sim_msgs/BarrierJoin", self._join)
         bindings.provide("sim/barrier/leave", "rosbridge_sim_msgs/BarrierLeave", self._leave)
 

@@ -64,7 +64,7 @@ _EMERGENCY_SIGNALS: Final = (0, 1)
 
 
 class Behaviour(Enum):
-    """How something moves by itself; the values are the words of the wire."""
+    """Way in which an object moves by itself; the values are the words of the wire."""
 
     STAND = "stand"
     STRAIGHT = "straight"
@@ -74,7 +74,7 @@ class Behaviour(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Spot:
-    """Where something is to stand, in the world's units.
+    """Place for an object, in the world's units.
 
     Attributes:
         x, y, z: reference point [m].
@@ -95,7 +95,7 @@ class Spot:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Motion:
-    """How something is to move.
+    """Motion of an object.
 
     Attributes:
         behaviour: which way.
@@ -162,7 +162,7 @@ class Change:
 
     @property
     def is_for_egos(self) -> bool:
-        """Whether it has something that egos alone have."""
+        """True if it changes something that only egos have."""
         return self.gear is not None or self.ctrl_mode is not None or self.lamps is not None
 
 

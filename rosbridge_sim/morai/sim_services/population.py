@@ -81,7 +81,7 @@ class Population(Component):
         )
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """What the world has once."""
+        """Offer the services that exist once, not for each ego."""
         bindings.provide("sim/spawn", "rosbridge_sim_msgs/Spawn", self._spawn)
         bindings.provide("sim/remove", "rosbridge_sim_msgs/Remove", self._remove)
         bindings.provide("sim/set", "rosbridge_sim_msgs/Set", self._set)

@@ -30,7 +30,7 @@ class RealTimeFactor(Component):
         self._context = context
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """What the world has once."""
+        """Offer the services that exist once, not for each ego."""
         bindings.provide("sim/real_time_factor", "rosbridge_sim_msgs/RealTimeFactor", self._handle)
 
     def _handle(self, call: Call, now: float) -> None:

@@ -63,7 +63,7 @@ class RoadServices(Component):
         self._make_point = maker(context.bus.store, "geometry_msgs/Point", "x", "y", "z")
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """What the world has once."""
+        """Offer the services that exist once, not for each ego."""
         bindings.provide("sim/map", "rosbridge_sim_msgs/Map", self._tell_map)
         bindings.provide("sim/route", "rosbridge_sim_msgs/Route", self._tell_route)
         bindings.provide("sim/nearest_lane", "rosbridge_sim_msgs/NearestLane", self._tell_nearest_lane)
@@ -72,7 +72,7 @@ class RoadServices(Component):
 
     @property
     def is_offered(self) -> bool:
-        """Whether the network settings have `/sim/map` on."""
+        """True if the network settings have `/sim/map` on."""
         return bool(self._context.interfaces.settings.choice(InterfaceKind.SERVICE, "/sim/map").is_on)
 
     @property

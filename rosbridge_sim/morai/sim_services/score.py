@@ -1,9 +1,8 @@
 """The component of `/sim/score`, topic and service: what the driver of each ego is judged by.
 
-The world keeps scores from the moment when somebody first asks for them until it is reset: somebody subscribes to the
-topic, calls the service, or the server was started with `--score`. Those that subscribe to all topics there are (far
-bridges, recorders) have not asked; they get the topic once it is there. After a reset of the world, scores begin anew
-at frame 0 where the server keeps them always, or a subscriber is still there.
+The world keeps scores from the first request until its reset. A request is a subscription to the topic, a call of the
+service, or `--score` at the start. Subscribers of all topics (far bridges, recorders) make no request; they get the
+topic once it is there. After a reset, scores begin again at frame 0 with `--score`, or if the topic has a subscriber.
 
 The component holds no state: the figures are columns of the world. What they mean is in `world.score`.
 """
@@ -61,21 +60,21 @@ class Scores(Component):
         context.hooks.on_reset.append(self._start_if_wanted)
 
     def publish(self, publishers: Publishers) -> None:
-        """What the world has once."""
+        """Publish the topics that exist once, not for each ego."""
         self._publisher = publishers.add(SCORE, "rosbridge_sim_msgs/Scores", self._message, is_shown_in_pause=True)
         self._start_if_wanted()
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """What the world has once."""
+        """Offer the services that exist once, not for each ego."""
         bindings.provide(SCORE[1:], "rosbridge_sim_msgs/Score", self._tell)
 
     def _note_subscriber(self, topic: Topic) -> None:
-        """Keep scores from now on if somebody has subscribed to this topic."""
+        """Keep scores from now on if a client has subscribed to this topic."""
         if self._publisher is not None and topic is self._publisher.topic:
             self._start_if_wanted()
 
     def _start_if_wanted(self) -> None:
-        """Keep scores from this frame on if somebody wants them."""
+        """Keep scores from this frame on if a client wants them."""
         world = self._context.world
         if world.is_scoring:
             return

@@ -122,7 +122,7 @@ class Snapshots(Component):
         self._topic = publishers.add("/sim/state_hash", "rosbridge_sim_msgs/StateHash", self._hash_message)
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """What the world has once."""
+        """Offer the services that exist once, not for each ego."""
         bindings.provide("sim/snapshot", "rosbridge_sim_msgs/Snapshot", self._snapshot)
         bindings.provide("sim/restore", "rosbridge_sim_msgs/Restore", self._restore)
         bindings.provide("sim/snapshots", "rosbridge_sim_msgs/Snapshots", self._list)

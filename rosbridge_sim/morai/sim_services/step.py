@@ -121,7 +121,7 @@ class _StepCall:
 
     @property
     def is_wanted(self) -> bool:
-        """Return whether somebody waits for the answer."""
+        """Return whether a client waits for the answer."""
         return not self._call.is_done
 
     def before_tick(self) -> None:
@@ -175,7 +175,7 @@ class StepService(Component):
         self._make_sample = maker(context.bus.store, "rosbridge_sim_msgs/TopicSample", "topic", "type", "message")
 
     def bind(self, bindings: SubscribersServices) -> None:
-        """What the world has once."""
+        """Offer the services that exist once, not for each ego."""
         bindings.provide("sim/step", "rosbridge_sim_msgs/Step", self._step)
 
     def _step(self, call: Call, now: float) -> None:

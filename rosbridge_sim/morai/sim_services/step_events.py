@@ -31,7 +31,7 @@ MAX_DISTANCE: Final = 1e9
 
 @dataclass(frozen=True, slots=True)
 class StopConditions:
-    """What ends a call early.
+    """Conditions that end a call early.
 
     Attributes:
         on_collision: an ego has touched something.

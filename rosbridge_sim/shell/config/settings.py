@@ -250,7 +250,7 @@ class Settings:
         default=False,
         group=_WORLD,
         kind=SWITCH,
-        text="keep scores of the egos from frame 0 on, and not only once somebody asks for /sim/score",
+        text="keep scores of the egos from frame 0 on, not only after the first request for /sim/score",
     )
     on_world_failure: Literal["exit", "serve"] = _flag(
         "exit",

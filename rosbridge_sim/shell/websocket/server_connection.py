@@ -34,6 +34,10 @@ __all__ = ["DirectConnection", "head_of"]
 MAX_HELD = 64 * 2**10
 """Received bytes that may wait for their turn before the transport stops reading."""
 
+PROBE_INTERVAL = 0.25
+"""Time between two pings to a client that has ended its side while its call is carried out [s]. The second one finds
+that it is dead: the simulator stops its work within half a second, and most calls end before the first one."""
+
 LARGE = 16 * 2**10
 """A frame of at least this size is not copied again to put its head in front [bytes]."""
 
@@ -41,7 +45,9 @@ _OPEN, _CLOSED = State.OPEN, State.CLOSED
 _CONTROL = 0x08
 """Bit of a frame's first byte: a ping, a pong or a close (RFC 6455 section 5.2)."""
 
+_CLOSE = 0x88
 _PING = 0x89
+_PONG = 0x8A
 _WHOLE = _TEXT, _BINARY = 0x81, 0x82
 """First byte of a frame with a complete message (RFC 6455 section 5.2: FIN and the opcode, no extension bits)."""
 
@@ -69,6 +75,7 @@ class DirectConnection(ReceivingConnection):
         super().__init__(*args, **kwargs)
         self._kept = bytearray()  # an incomplete frame, or frames that wait for their turn
         self._need = 0  # length of `_kept` at which reading can continue
+        self._num_scanned = 0  # bytes of `_kept` in which no ping or pong is left
         self._takes_more = True
         self._is_paused = False
         self._has_ended = False  # the other side sends nothing more
@@ -109,6 +116,7 @@ class DirectConnection(ReceivingConnection):
         """
         frame = head_of(message, mask_bit=0x80) + bytes(4) + message  # a masking key of zeros changes nothing
         self._kept[:0] = frame
+        self._num_scanned = 0
 
     def go_on(self, until: float) -> bool:
         """Handle data that was held back.
@@ -192,6 +200,8 @@ class DirectConnection(ReceivingConnection):
             kept = self._kept
             kept += data
             if self.is_held:
+                if not self._takes_more:
+                    self._take_out_pings()
                 if len(kept) > (MAX_HELD if self.is_trusted else MAX_EARLY):
                     self.pause()
                 return
@@ -217,9 +227,24 @@ class DirectConnection(ReceivingConnection):
         """
         self._has_ended = True
         if self.is_held and (self._kept or self._receiver is not None):
+            self.loop.call_later(PROBE_INTERVAL, self._probe)
             return True
         self._end()
         return False
+
+    def _probe(self) -> None:
+        """Find out whether the other side still reads, while data before its end is held back.
+
+        A client that waits for its last answers ignores a ping, or answers it in vain. A client that was killed has a
+        socket that refuses it: the next write fails, and the connection is lost. Without it, the call of a dead client
+        is carried out to its end, which may take a minute.
+        """
+        if not self._has_ended or not self.is_held or self.transport.is_closing() or self.core.state is not _OPEN:
+            return
+        if not self.is_full:
+            self.core.send_ping(b"")
+            self.flush()
+        self.loop.call_later(PROBE_INTERVAL, self._probe)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Drop everything that cannot be answered any more.
@@ -355,6 +380,35 @@ class DirectConnection(ReceivingConnection):
         if position < end:
             self._kept += view[position:]
             self._need = need
+            self._num_scanned = 0
         if not self._takes_more:
             self.is_held = True
+            self._take_out_pings()
         return has_worked
+
+    def _take_out_pings(self) -> None:
+        """Handle the pings and pongs among the frames that wait for the receiver.
+
+        RFC 6455 section 5.5 has them come between any other frames. A receiver may accept no next message for a minute.
+        The connection would be taken for dead meanwhile, here and on the other side.
+        """
+        kept = self._kept
+        position = self._num_scanned
+        while self.is_trusted and self.core.state is _OPEN and position + 6 <= len(kept):
+            first, size = kept[position], kept[position + 1] - 0x80
+            start = position + 6
+            if size >= 126:  # noqa: PLR2004 - a longer length, as in `_read`
+                start += 2 if size == 126 else 8  # noqa: PLR2004 - the same
+                if start > len(kept):
+                    break
+                size = int.from_bytes(kept[position + 2 : start - 4], "big")
+            stop = start + size
+            if size < 0 or stop > len(kept) or first == _CLOSE:
+                break
+            if first in {_PING, _PONG} and size < 126:  # noqa: PLR2004 - the library refuses a longer one in its turn
+                frame = bytes(kept[position:stop])
+                del kept[position:stop]
+                self._hand_over(frame)
+            else:
+                position = stop
+        self._num_scanned = position

@@ -740,6 +740,38 @@ async def test_client_that_fails_in_its_turn_does_not_take_the_turns_of_others(l
     await good.close()
 
 
+async def test_ping_of_a_client_is_answered_while_its_ops_wait(listen: Listen) -> None:
+    port = await listen()
+    (held, served), (other, _) = await connect_two(port)
+    release = served.peer.hold()
+    for id_ in ("first", "second"):
+        await held.send("call_service", service="/rosapi/get_time", id=id_)
+        async with asyncio.timeout(PATIENCE):
+            await (await held.socket.ping())  # without an answer to it, the client closes the connection
+            await (await served.socket.ping())  # and without the client's pong the server does
+    assert await other.settle() == []
+    release()
+    answers = [(await held.take("service_response"))["id"] for _ in range(2)]
+    assert answers == ["first", "second"]
+    await held.close()
+    await other.close()
+
+
+@pytest.mark.slow
+async def test_end_of_a_client_whose_ops_wait_is_noticed(listen: Listen) -> None:
+    port = await listen(ServerLimits(ping_interval=None))
+    (held, served), (other, _) = await connect_two(port)
+    release = served.peer.hold()
+    await held.send("call_service", service="/rosapi/get_time", id="waits")
+    held.socket.transport.abort()  # as the system does for a process that is killed
+    async with asyncio.timeout(PATIENCE):
+        while served.peer in port.bus.owners():  # noqa: ASYNC110 - what is waited for tells nobody
+            await asyncio.sleep(0)
+    release()
+    assert await other.settle() == []
+    await other.close()
+
+
 @pytest.mark.parametrize("seam", ["close", "forget"])
 async def test_client_that_cannot_be_closed_is_cut_off(
     listen: Listen, monkeypatch: pytest.MonkeyPatch, seam: str
