@@ -227,7 +227,7 @@ async def test_service_that_exists_at_the_bridge_is_one_log_line(build: Build, s
     simulator = start(bridge.url)
     client = await connect(bridge.url)
     await client.send("subscribe", topic="/clock", type="rosgraph_msgs/Clock")
-    (line,) = await lines_of(simulator, client, "/Service_MoraiEventCmd already")
+    (line,) = await lines_of(simulator, client, "it already has /Service_MoraiEventCmd")
     assert "WARNING" in line
 
 

@@ -535,7 +535,7 @@ async def test_token_in_a_url_is_not_shown(lines: Callable[[], list[str]]) -> No
 @pytest.mark.slow
 async def test_wrong_token_is_reported(lines: Callable[[], list[str]]) -> None:
     async with gateway(token=TOKEN) as bridge, Simulator(attach=f"{bridge.url}/?token=x", listen=False):
-        await until(lambda: any("wants a token (?token=... in its URL)" in line for line in lines()))
+        await until(lambda: any("it needs a token (?token=... in its URL)" in line for line in lines()))
 
 
 @pytest.mark.parametrize("host", ["127.0.0.1", "localhost", EVERYWHERE])
@@ -728,8 +728,8 @@ async def test_all_topics_return_after_a_restart_of_the_ros_master(
     async with FarSide() as far_side, attached(far_side.url) as sim:
         await until(lambda: sim.attachments[0].mirror.diagnostics._listed >= {"/Ego_topic", "/tf_static"})
         far_side.restart_master()
-        await until(lambda: any("any more" in line for line in lines()))
-        assert len([line for line in lines() if "any more" in line]) == 1
+        await until(lambda: any("stopped answering" in line for line in lines()))
+        assert len([line for line in lines() if "stopped answering" in line]) == 1
         far_side.start_rosapi()
         client = await connect(far_side.url)
         await provided(client, "/SyncModeWaitForTick")
