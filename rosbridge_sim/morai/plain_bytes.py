@@ -36,9 +36,9 @@ MAX_AXES: Final = 4
 """Axes of an array: our own have two."""
 
 MAX_VALUES: Final = 500_000
-"""Values in one: a full world of 20,000 objects with a name and a route each has 60,000, and 1,000 network settings that
-wait have some 300 each. They take 0.25 s to read, and all clients wait meanwhile; 16 MiB of one letter each would take
-5 s."""
+"""Values in one: a full world of 20,000 objects with a name and a route each has 60,000, and 1,000 network settings
+that wait have some 300 each. They take 0.25 s to read, and all clients wait meanwhile; 16 MiB of one letter each would
+take 5 s."""
 
 MAX_ITEMS: Final = 2**32
 """Product of the axes of an array that are not 0: more than any bytes hold, and within what numpy can shape."""
