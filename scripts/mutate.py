@@ -289,8 +289,12 @@ class Target:
             Their duration [s].
 
         Raises:
-            ValueError: the tests fail.
+            ValueError: the tests fail without a change, or do not run the changed code at all.
         """
+        if not self._fails_with(compile("raise ImportError", str(self._path), "exec"), 0, is_silent=True):
+            raise ValueError(
+                f"{self.file}: its tests pass without it, so they would notice no mutant: {TESTS[self.file][0]}"
+            )
         times = []
         for i in range(len(self._sets)):
             began = time.monotonic()
@@ -313,10 +317,13 @@ class Target:
 
     def _fails(self, mutant: Mutant | None, which: int) -> bool:
         tree = mutate(self._source, mutant) if mutant else ast.parse(self._source)
-        code = compile(tree, str(self._path), "exec")
+        return self._fails_with(compile(tree, str(self._path), "exec"), which, is_silent=mutant is not None)
+
+    def _fails_with(self, code: CodeType, which: int, *, is_silent: bool) -> bool:
+        """Return whether a set of tests fails, or does not end, with that code in place of the file's."""
         child = os.fork()
         if child == 0:
-            self._run(code, self._sets[which], is_silent=mutant is not None)
+            self._run(code, self._sets[which], is_silent=is_silent)
         give_up_at = time.monotonic() + self._patience[which]
         while True:
             ended, status = os.waitpid(child, os.WNOHANG)
@@ -338,7 +345,8 @@ class Target:
         try:
             resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
             sys.meta_path.insert(0, _Mutated(self._name, self._path, code))
-            options = ["-x", "-q", "-m", "not slow", "-p", "no:cacheprovider", "-p", "no:xdist"]
+            # pytest rewrites modules of packages with plugins, ours too: it would read the file and not the mutant
+            options = ["--assert=plain", "-x", "-q", "-m", "not slow", "-p", "no:cacheprovider", "-p", "no:xdist"]
             options += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # hypothesis is imported already
             status = int(pytest.main([*options, *tests], plugins=[_Quick()]))
         finally:
