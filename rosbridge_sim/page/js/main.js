@@ -4,6 +4,9 @@
 
 import { Layout } from "./layout.js";
 import { showConnectionState } from "./panels/connection_state.js";
+import { listenToMapKeys } from "./panels/map_controls.js";
+import { makeMapStage } from "./panels/map_stage.js";
+import { SceneStore } from "./scene/store.js";
 import { TEXTS } from "./texts.js";
 import { Connection, socketUrl } from "./wire/connection.js";
 
@@ -11,8 +14,13 @@ const connection = new Connection(socketUrl(location));
 const layout = new Layout(TEXTS);
 document.body.replaceChildren(...layout.elements);
 
-const context = { connection, texts: TEXTS };
+const scene = new SceneStore(connection);
+const context = { connection, scene, texts: TEXTS };
+const mapView = makeMapStage(context, layout.stage);
 showConnectionState(context, layout);
+if (mapView !== null) {
+  listenToMapKeys(mapView, TEXTS); // last: a key that another part takes is no key of the map
+}
 
 connection.setHidden(document.hidden);
 document.addEventListener("visibilitychange", () => connection.setHidden(document.hidden));

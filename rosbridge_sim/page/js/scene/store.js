@@ -1,0 +1,207 @@
+/**
+ * The scene as the server tells it: the map, the last state of all entities, and the selected one.
+ */
+
+import { loadMap } from "./map_loader.js";
+
+/** @typedef {import("../wire/connection.js").Connection} Connection */
+/** @typedef {import("./map_types.js").SceneMap} SceneMap */
+
+/**
+ * The message SceneState: entry i of each column belongs to the same entity. Its definition has the units.
+ * @typedef {{header: {stamp: {secs?: number, nsecs?: number, sec?: number, nanosec?: number}}, frame: number,
+ *   map_digest: string, scenario: string, id: Uint32Array, kind: Uint8Array, x: Float64Array, y: Float64Array,
+ *   z: Float32Array, roll: Float32Array, pitch: Float32Array, heading: Float32Array, speed: Float32Array,
+ *   length: Float32Array, width: Float32Array, height: Float32Array, center_x: Float32Array, lamps: Uint8Array,
+ *   flags: Uint8Array, light_state: Int16Array, light_time_left: Float32Array}} SceneState
+ */
+
+/** @typedef {{id: number, number: number, x: number, y: number, z: number, heading: number, speed: number, row: number}} SceneEgo */
+
+/** Values of `kind`. */
+export const KINDS = /** @type {const} */ (["ego", "vehicle", "pedestrian", "obstacle"]);
+
+/** Shortest time between two states [ms]: 20 a second look smooth with the steps between that the page draws. */
+const STATE_THROTTLE = 50;
+
+/** Wait before the page asks again for a map that did not come [ms]. */
+const MAP_RETRY = 3000;
+
+/** The scene. */
+export class SceneStore {
+  /** @type {SceneMap | null} */
+  map = null;
+  /** @type {SceneState | null} */
+  state = null;
+  /** Number of the selected entity; null without one. @type {number | null} */
+  selectedId = null;
+  /** The selected entity is an ego; an ego and an object may have the same number. */
+  isEgoSelected = false;
+
+  /**
+   * @param {Connection} connection
+   */
+  constructor(connection) {
+    this.connection = connection;
+    /** @type {Set<() => void>} */
+    this.stateTakers = new Set();
+    /** @type {Set<() => void>} */
+    this.mapTakers = new Set();
+    /** @type {Set<() => void>} */
+    this.selectTakers = new Set();
+    this.isLoading = false;
+    this.retryAt = 0;
+    connection.subscribe("/sim/scene/state", "rosbridge_sim_msgs/SceneState", (state) => this.takeState(state), {
+      encoding: "cbor",
+      throttleMs: STATE_THROTTLE,
+    });
+  }
+
+  /**
+   * Return the egos of the last state.
+   * @returns {SceneEgo[]}
+   */
+  egos() {
+    const { state } = this;
+    /** @type {SceneEgo[]} */
+    const egos = [];
+    for (let row = 0; state !== null && row < state.kind.length; row += 1) {
+      if (state.kind[row] === 0) {
+        const { x, y, z, heading, speed } = state;
+        const number = state.id[row];
+        egos.push({ id: number, number, x: x[row], y: y[row], z: z[row], heading: heading[row], speed: speed[row], row });
+      }
+    }
+    return egos;
+  }
+
+  /**
+   * Return the row of an entity; with a number of an ego and of an object, the ego's.
+   * @param {number | null} id
+   * @param {boolean} [isEgo] - only an ego, or only another entity
+   * @returns {number} -1: there is none
+   */
+  indexOf(id, isEgo) {
+    const { state } = this;
+    if (state === null || id === null || id < 0) {
+      return -1;
+    }
+    let found = -1;
+    for (let row = state.id.indexOf(id); row >= 0; row = state.id.indexOf(id, row + 1)) {
+      const isThisEgo = state.kind[row] === 0;
+      if (isThisEgo === (isEgo ?? true)) {
+        return row;
+      }
+      found = isEgo === undefined ? row : found;
+    }
+    return found;
+  }
+
+  /** @returns {number} row of the selected entity; -1: there is none */
+  selectedRow() {
+    return this.indexOf(this.selectedId, this.selectedId === null ? undefined : this.isEgoSelected);
+  }
+
+  /**
+   * Select an entity.
+   * @param {number | null} id - null selects nothing
+   * @param {boolean} [isEgo]
+   */
+  select(id, isEgo) {
+    const row = this.indexOf(id, isEgo);
+    const isNowEgo = row >= 0 && this.state?.kind[row] === 0;
+    const chosen = row >= 0 ? id : null;
+    if (chosen !== this.selectedId || isNowEgo !== this.isEgoSelected) {
+      this.selectedId = chosen;
+      this.isEgoSelected = isNowEgo;
+      tellAll(this.selectTakers);
+    }
+  }
+
+  /**
+   * Be told of each selection.
+   * @param {() => void} take
+   * @returns {() => void} ends it
+   */
+  onSelect(take) {
+    return addTaker(this.selectTakers, take);
+  }
+
+  /**
+   * Be told of each state.
+   * @param {() => void} take
+   * @returns {() => void} ends it
+   */
+  onState(take) {
+    return addTaker(this.stateTakers, take);
+  }
+
+  /**
+   * Be told of each map; at once if one is there.
+   * @param {() => void} take
+   * @returns {() => void} ends it
+   */
+  onMap(take) {
+    if (this.map !== null) {
+      take();
+    }
+    return addTaker(this.mapTakers, take);
+  }
+
+  /** @param {SceneState} state */
+  takeState(state) {
+    this.state = state;
+    if (this.selectedId !== null && this.selectedRow() < 0) {
+      this.select(null);
+    }
+    if (this.map?.digest !== state.map_digest) {
+      void this.loadMap();
+    }
+    tellAll(this.stateTakers);
+  }
+
+  async loadMap() {
+    if (this.isLoading || performance.now() < this.retryAt) {
+      return;
+    }
+    this.isLoading = true;
+    try {
+      const map = await loadMap(this.connection);
+      this.retryAt = map.digest === this.state?.map_digest ? 0 : performance.now() + MAP_RETRY;
+      if (map.digest !== this.map?.digest) {
+        this.map = map;
+        tellAll(this.mapTakers);
+      }
+    } catch {
+      this.retryAt = performance.now() + MAP_RETRY; // the next state asks again
+    } finally {
+      this.isLoading = false;
+    }
+  }
+}
+
+/**
+ * Return the simulated time of a state.
+ * @param {SceneState} state
+ * @returns {number} [s]
+ */
+export function stampOf({ header: { stamp } }) {
+  return (stamp.secs ?? stamp.sec ?? 0) + 1e-9 * (stamp.nsecs ?? stamp.nanosec ?? 0);
+}
+
+/**
+ * @param {Set<() => void>} takers
+ * @param {() => void} take
+ */
+function addTaker(takers, take) {
+  const taker = () => take();
+  takers.add(taker);
+  return () => void takers.delete(taker);
+}
+
+/** @param {Set<() => void>} takers */
+function tellAll(takers) {
+  for (const take of [...takers]) {
+    take();
+  }
+}
