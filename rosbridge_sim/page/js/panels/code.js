@@ -122,7 +122,7 @@ async function copyText(node) {
     await navigator.clipboard.writeText(node.textContent ?? "");
     return;
   }
-  const selection = getSelection();
+  const selection = document.getSelection();
   selection?.selectAllChildren(node);
   document.execCommand("copy");
 }

@@ -18,9 +18,13 @@
 /**
  * The part of the map that panels use.
  * @typedef {{
- *   pickPlace: (options?: {hint?: string, signal?: AbortSignal}) => Promise<{x: number, y: number, heading: number} | null>,
+ *   pickPlace: (options?: {hint?: string}) => Promise<{x: number, y: number, heading: number | null} | null>,
+ *   onDrop?: (kind: string, take: (place: {x: number, y: number}) => void) => void,
+ *   onLight?: (take: (name: string) => void) => void,
  * }} MapView
- *   pickPlace: the next click is the place, a drag from it the heading; null if the user gave it up
+ *   pickPlace: the next click is the place, a drag from it the heading; heading is null without a drag, and the result is
+ *   null if the user gave it up; onDrop: something of a kind (of `DataTransfer`) was dropped on the map; onLight: the user
+ *   has clicked a traffic light
  */
 
 /**

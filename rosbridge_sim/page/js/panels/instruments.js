@@ -4,7 +4,7 @@ import { element, setText, svgElement } from "../widgets/dom.js";
 import { GEAR_LETTERS, LAMP_BITS } from "./ego_values.js";
 
 /** @typedef {import("./ego_values.js").EgoValues} EgoValues */
-/** @typedef {import("../texts.js").TEXTS["ego"]} EgoTexts */
+/** @typedef {import("../layout.js").Texts["ego"]} EgoTexts */
 
 /** The steering wheel turns so much for an angle of the front wheels, as the gear of a usual car. */
 const STEERING_RATIO = 15;

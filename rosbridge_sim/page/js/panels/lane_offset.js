@@ -49,7 +49,8 @@ export class LaneIndex {
    * @param {number} x [m]
    * @param {number} y [m]
    * @param {number} heading [rad]
-   * @returns {{link: string, lateral: number} | null} lateral: left of the line is positive [m]; null beside the road
+   * @returns {{link: string, lateral: number, heading: number} | null} lateral: left of the line is positive [m]; heading
+   *   of the lane [rad]; null beside the road
    */
   nearest(x, y, heading) {
     const pieces = this.cells.get(`${laneCell(x)},${laneCell(y)}`) ?? [];
@@ -69,7 +70,7 @@ export class LaneIndex {
       const reach = side > 0 ? entryAt(lane.left, piece) : entryAt(lane.right, piece);
       if (cost < least && distance <= Math.min(FARTHEST, Math.abs(reach) + 0.5)) {
         least = cost;
-        found = { link: lane.link, lateral: side * distance };
+        found = { link: lane.link, lateral: side * distance, heading: Math.atan2(dy, dx) };
       }
     }
     return found;

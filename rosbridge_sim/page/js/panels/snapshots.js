@@ -35,7 +35,7 @@ export function makeSnapshotList({ connection, time, timeControls: controls, tex
   /** @param {{id: string, frame: number, size: number}[]} snapshots */
   const showList = (snapshots) => {
     goBack = [];
-    const rows = snapshots.toReversed().map(({ id, frame, size }) => {
+    const rows = [...snapshots].reverse().map(({ id, frame, size }) => {
       const restore = new ActionButton({
         ...texts.buttons.restore,
         name: texts.snapshots.restoreName(id),

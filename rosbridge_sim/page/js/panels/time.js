@@ -51,7 +51,7 @@ function section(title, content) {
 /**
  * The state in words.
  * @param {TimeState} state
- * @param {import("../texts.js").TEXTS["time"]} texts
+ * @param {import("../layout.js").Texts["time"]} texts
  */
 export function timeStateText(state, texts) {
   if (state.kind !== "synchronous") {

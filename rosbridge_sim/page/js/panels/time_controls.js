@@ -24,7 +24,7 @@ export class TimeControls {
   /**
    * @param {Actions} actions
    * @param {TimeWatch} watch
-   * @param {import("../texts.js").TEXTS["time"]["actions"]} titles
+   * @param {import("../layout.js").Texts["time"]["actions"]} titles
    */
   constructor(actions, watch, titles) {
     this.actions = actions;

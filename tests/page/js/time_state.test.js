@@ -6,7 +6,7 @@ import { isLedByOthers, masterName, timeReasons, timeStateOf } from "../../../ro
 const TEXTS = {
   notConnected: "not connected",
   moving: "moving",
-  otherMaster: (name) => `${name} is the master`,
+  otherMaster: (/** @type {string} */ name) => `${name} is the master`,
   alreadyPaused: "is paused",
   alreadyRuns: "runs",
   syncStands: "stands",
@@ -44,7 +44,7 @@ test("another master is respected and named", () => {
   const state = stateOf({ sync: { ...FREE, master_id: "planner", status: true } });
   const reasons = timeReasons(state, OPEN, TEXTS);
   assert.ok(isLedByOthers(state));
-  for (const name of ["step", "take", "run", "restore", "reset", "load", "drive"]) {
+  for (const name of /** @type {const} */ (["step", "take", "run", "restore", "reset", "load", "drive"])) {
     assert.equal(reasons[name], "planner is the master", name);
   }
   assert.equal(reasons.pause, "", "a pause holds the master's ticks");

@@ -14,7 +14,12 @@ import {
 
 const CAR = { speed: 0, steerLimit: 0.6 };
 
-/** Hold an input for a time, in steps of a thirtieth of a second. */
+/**
+ * Hold an input for a time, in steps of a thirtieth of a second.
+ * @param {PedalControls} controls
+ * @param {import("../../../rosbridge_sim/page/js/panels/driving_model.js").DriverInput} input
+ * @param {number} seconds
+ */
 function hold(controls, input, seconds, car = CAR) {
   for (let step = 0; step < Math.round(seconds * 30); step += 1) {
     controls.update(input, 1 / 30, car);
@@ -77,7 +82,7 @@ test("release lifts everything at once", () => {
 test("a worn stick at rest does nothing, and a full one is full", () => {
   const buttons = Array.from({ length: 17 }, () => ({ value: 0 }));
   assert.deepEqual(inputOfGamepad({ axes: [0.05, 0], buttons }), { ...NO_INPUT, isAnalog: true });
-  buttons[7].value = 1;
+  buttons[7] = { value: 1 };
   assert.deepEqual(inputOfGamepad({ axes: [-1, 0], buttons }), { throttle: 1, brake: 0, steer: 1, isAnalog: true });
   assert.deepEqual(inputOfGamepad({ axes: [], buttons: [] }), { ...NO_INPUT, isAnalog: true });
 });

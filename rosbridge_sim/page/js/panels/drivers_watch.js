@@ -1,0 +1,82 @@
+// Who drives each ego, from `/sim/drivers`.
+
+/** @typedef {import("../wire/connection.js").Connection} Connection */
+
+/** @typedef {{unique_id: number, ctrl_mode: number, gear: number, driver: string, client: string, publishers: string[]}} EgoDriver */
+
+/** @typedef {{time_step: number, master: string, master_clients: string[], egos: EgoDriver[]}} DriversMessage */
+
+export class DriversWatch {
+  /** @param {Connection} connection */
+  constructor(connection) {
+    /** @type {DriversMessage | null} */
+    this.message = null;
+    /** @type {Set<() => void>} */
+    this.listeners = new Set();
+    /** Address of this page as the server knows it, once it has published; empty before. */
+    this.ownAddress = "";
+    /** Publishers that were there before this page became one. @type {Set<string> | null} */
+    this.earlier = null;
+    connection.subscribe("/sim/drivers", "rosbridge_sim_msgs/Drivers", (message) => this.take(message));
+    connection.onState((state) => {
+      if (state !== "open") {
+        this.ownAddress = "";
+        this.earlier = null;
+        this.take(null);
+      }
+    });
+  }
+
+  /** @param {DriversMessage | null} message */
+  take(message) {
+    this.message = message;
+    for (const listener of this.listeners) {
+      listener();
+    }
+  }
+
+  /**
+   * @param {() => void} take called now and after each change
+   * @returns {() => void} function that ends it
+   */
+  onChange(take) {
+    this.listeners.add(take);
+    take();
+    return () => this.listeners.delete(take);
+  }
+
+  /**
+   * @param {number} number of the ego
+   * @returns {EgoDriver | null}
+   */
+  ofEgo(number) {
+    return this.message?.egos.find((ego) => ego.unique_id === number) ?? null;
+  }
+
+  /**
+   * Note that this page is about to publish the command of an ego: the next publisher that appears is the page.
+   * @param {number} number of the ego
+   */
+  willPublish(number) {
+    this.earlier ??= new Set(this.ofEgo(number)?.publishers ?? []);
+  }
+
+  /** Note that this page publishes no longer. */
+  endPublish() {
+    this.earlier = null;
+  }
+
+  /**
+   * Addresses of the other clients that publish the command of an ego.
+   * @param {number} number of the ego
+   * @returns {string[]}
+   */
+  otherPublishers(number) {
+    const publishers = this.ofEgo(number)?.publishers ?? [];
+    if (this.earlier && !this.ownAddress) {
+      const { earlier } = this;
+      this.ownAddress = publishers.find((address) => !earlier.has(address)) ?? "";
+    }
+    return publishers.filter((address) => address !== this.ownAddress);
+  }
+}
