@@ -32,6 +32,9 @@ from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.sim_services.barrier import BarrierServices
+from rosbridge_sim.morai.sim_services.contacts import Contacts
+from rosbridge_sim.morai.sim_services.describe import Describe
+from rosbridge_sim.morai.sim_services.drivers import Drivers
 from rosbridge_sim.morai.sim_services.population import Population
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.road_services import RoadServices
@@ -104,6 +107,9 @@ def make_node(
         Population(context),
         road_services,
         SceneState(context, road_services),
+        Contacts(context),
+        Drivers(context),
+        Describe(context),
     ]
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))

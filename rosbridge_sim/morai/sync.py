@@ -220,6 +220,11 @@ class Sync(Generic[C]):
         return len(self._ticks)
 
     @property
+    def holders(self) -> list[object]:
+        """The peers that use the master's id, in the order in which they first did."""
+        return list(self._holders)
+
+    @property
     def lease_due(self) -> float | None:
         """Time at which `expire` ends the lease of a silent master [s]; None if silence does not count now."""
         if self._lease is None or self.state in NO_MASTER:

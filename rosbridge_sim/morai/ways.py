@@ -48,7 +48,7 @@ _SET: Final = _calling("/sim/set")
 _COME_AND_GO: Final = _calling("/sim/spawn", "/sim/remove")
 _TICK: Final = _calling("/SyncModeWaitForTick")
 _STEP: Final = _calling("/sim/step")
-_SCENE: Final = _hearing("/sim/scene/state")
+_SCENE: Final = (*_hearing("/sim/scene/state"), *_calling("/sim/describe"))
 
 _SAME: Final = (
     _publishing("/ctrl_cmd", "/ctrl_cmd_0"),
@@ -112,7 +112,11 @@ _EFFECTS: Final = (
         _hearing("/Object_topic"),
         (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_SCENE, *_STEP),
     ),
-    PolicyEffect("learn of collisions", _hearing("/CollisionData", "/VehicleCollisionData"), (*_SCENE, *_STEP)),
+    PolicyEffect(
+        "learn of collisions",
+        _hearing("/CollisionData", "/VehicleCollisionData", "/sim/collisions"),
+        (*_SCENE, *_STEP),
+    ),
     PolicyEffect(
         "learn what traffic lights show",
         (*_hearing("/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"), *_calling("/Morai_TLSrv")),
@@ -122,7 +126,7 @@ _EFFECTS: Final = (
         "learn the simulated time",
         (*_hearing("/clock"), *_calling("/rosapi/get_time")),
         (
-            *_hearing("/SyncModeInfo", "/sim/state_hash", "/sim/barrier"),
+            *_hearing("/SyncModeInfo", "/sim/state_hash", "/sim/barrier", "/sim/collisions", "/sim/drivers"),
             *_SCENE,
             *_calling("/SyncModeCmd", "/sim/state_hash"),
             *_BARRIER,
