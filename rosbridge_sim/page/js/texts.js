@@ -61,13 +61,19 @@ export const TEXTS = {
     throttle: "Throttle",
     brake: "Brake",
     mode: "Control mode",
+    driver: "Driver",
+    /** @type {Record<string, string>} */
+    drivers: { "self-driving": "drives itself", replay: "a recording", nobody: "nobody" },
+    thisPage: "this page",
+    /** @param {string} driver */
+    headerDriver: (driver) => `Driver: ${driver}`,
+    /** @param {string} address */
+    client: (address) => `client ${address}`,
     place: "Place",
     heading: "Heading",
     lane: "Lane",
     offRoad: "on no lane",
     gears: "Gear",
-    /** @param {string} gear */
-    gearName: (gear) => `Gear ${gear}`,
     /** @param {string} gear */
     setGear: (gear) => `Gear ${gear}`,
     /**
@@ -185,6 +191,8 @@ export const TEXTS = {
        */
       synchronous: (master, isPaused) => `Synchronous, master: ${master}${isPaused ? "; paused" : ""}`,
     },
+    /** @param {number} frame */
+    headerFrame: (frame) => `frame ${frame}`,
     ownMaster: "this page",
     noMaster: "none yet",
     figures: {

@@ -7,6 +7,7 @@ import { DriversWatch } from "./drivers_watch.js";
 import { makeDrivingPanel } from "./driving.js";
 import { makeEgoPanel } from "./ego.js";
 import { EgoWatch } from "./ego_watch.js";
+import { makeHeaderValues } from "./header.js";
 import { makeObjectsPanel } from "./objects.js";
 import { makeScorePanel } from "./score.js";
 import { makeTimePanel } from "./time.js";
@@ -34,6 +35,7 @@ export function makePanelContext(base) {
  * @param {import("../layout.js").Layout} layout
  */
 export function addPanels(context, layout) {
+  layout.header.append(makeHeaderValues(context));
   layout.addPanel("ego", makeDrivingPanel(context));
   layout.addPanel("ego", makeEgoPanel(context));
   layout.addPanel("ego", makeScorePanel(context));

@@ -4,7 +4,7 @@
 
 /** @typedef {{unique_id: number, ctrl_mode: number, gear: number, driver: string, client: string, publishers: string[]}} EgoDriver */
 
-/** @typedef {{time_step: number, master: string, master_clients: string[], egos: EgoDriver[]}} DriversMessage */
+/** @typedef {{time_step: number, real_time_factor: number, master: string, master_clients: string[], egos: EgoDriver[]}} DriversMessage */
 
 export class DriversWatch {
   /** @param {Connection} connection */
@@ -13,15 +13,12 @@ export class DriversWatch {
     this.message = null;
     /** @type {Set<() => void>} */
     this.listeners = new Set();
-    /** Address of this page as the server knows it, once it has published; empty before. */
+    /** Address of this page as the server knows it, from the answer of `/sim/control_lease`; empty before. */
     this.ownAddress = "";
-    /** Publishers that were there before this page became one. @type {Set<string> | null} */
-    this.earlier = null;
     connection.subscribe("/sim/drivers", "rosbridge_sim_msgs/Drivers", (message) => this.take(message));
     connection.onState((state) => {
       if (state !== "open") {
         this.ownAddress = "";
-        this.earlier = null;
         this.take(null);
       }
     });
@@ -54,29 +51,12 @@ export class DriversWatch {
   }
 
   /**
-   * Note that this page is about to publish the command of an ego: the next publisher that appears is the page.
-   * @param {number} number of the ego
-   */
-  willPublish(number) {
-    this.earlier ??= new Set(this.ofEgo(number)?.publishers ?? []);
-  }
-
-  /** Note that this page publishes no longer. */
-  endPublish() {
-    this.earlier = null;
-  }
-
-  /**
    * Addresses of the other clients that publish the command of an ego.
    * @param {number} number of the ego
    * @returns {string[]}
    */
   otherPublishers(number) {
     const publishers = this.ofEgo(number)?.publishers ?? [];
-    if (this.earlier && !this.ownAddress) {
-      const { earlier } = this;
-      this.ownAddress = publishers.find((address) => !earlier.has(address)) ?? "";
-    }
     return publishers.filter((address) => address !== this.ownAddress);
   }
 }

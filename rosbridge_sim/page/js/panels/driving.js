@@ -3,7 +3,7 @@
 import { ActionButton, Notice } from "../widgets/action_button.js";
 import { element, setText } from "../widgets/dom.js";
 import { TouchPad } from "../widgets/touch_pad.js";
-import { controlModeRequest, egoName, gearRequest } from "../wire/requests.js";
+import { controlModeRequest, egoName, gearRequest, leaseRequest } from "../wire/requests.js";
 import { inputOfGamepad, inputOfKeys, inputOfPads, isDrivingKey, NO_INPUT, USUAL_STEER_LIMIT } from "./driving_model.js";
 import { COMMAND_INTERVAL, DrivingSession } from "./driving_session.js";
 
@@ -18,6 +18,9 @@ const EXTERNAL_MODE = 3;
 
 /** Slower than this the gear may change from D to R [m/s]. */
 const STANDSTILL = 0.3;
+
+/** The simulator lifts the pedals when so long no command has come [s]: 15 commands, more than a browser loses at once. */
+const LEASE = 0.5;
 
 /** A key that steps in synchronous mode of the page. */
 const STEP_KEY = "Period";
@@ -144,6 +147,7 @@ class Driving {
       await context.actions.run(texts.gearDrive, gearRequest(this.ego, DRIVE_GEAR));
     }
     await this.askSteerLimit();
+    await this.askLease(LEASE * Math.max(1, context.drivers.message?.real_time_factor ?? 1));
     this.session.begin();
     this.timer = setInterval(() => this.update(), COMMAND_INTERVAL);
     this.show();
@@ -161,9 +165,18 @@ class Driving {
     }
   }
 
+  /**
+   * Have the simulator lift the pedals when this page is lost.
+   * @param {number} seconds simulated; 0 ends that
+   */
+  async askLease(seconds) {
+    const { name, values } = leaseRequest(this.ego, seconds);
+    const answer = await this.context.connection.call(name, values);
+    this.context.drivers.ownAddress = answer.client;
+  }
+
   /** @param {import("../wire/requests.js").Operation} operation */
   send(operation) {
-    this.context.drivers.willPublish(this.ego);
     this.context.actions.send(this.texts.action, operation);
   }
 
@@ -186,7 +199,7 @@ class Driving {
     this.session.end();
     clearInterval(this.timer);
     this.context.connection.unadvertise(egoName(this.ego, "/ctrl_cmd"));
-    this.context.drivers.endPublish();
+    this.askLease(0).catch(() => {}); // without a connection the server has lifted the pedals by now
     this.notice.show(reason, "bad");
     this.show();
   }

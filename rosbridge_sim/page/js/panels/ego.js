@@ -68,10 +68,24 @@ function connectEgo({ ego, drivers, scene, texts: { ego: texts } }, instruments,
   const showState = () => {
     const driver = drivers.ofEgo(ego.number);
     const mode = driver ? (texts.modes[driver.ctrl_mode] ?? String(driver.ctrl_mode)) : texts.none;
-    instruments.showState({ gear: driver?.gear ?? 0, mode, lamps: lampsOf(scene, ego.number) });
+    const who = driver ? driverText(driver, drivers.ownAddress, texts) : texts.none;
+    instruments.showState({ gear: driver?.gear ?? 0, mode, driver: who, lamps: lampsOf(scene, ego.number) });
   };
   scene.onState(showState);
   drivers.onChange(showState);
+}
+
+/**
+ * Who drives an ego, in words.
+ * @param {import("./drivers_watch.js").EgoDriver} ego
+ * @param {string} ownAddress of this page
+ * @param {import("../layout.js").Texts["ego"]} texts
+ */
+export function driverText({ driver, client }, ownAddress, texts) {
+  if (driver !== "client") {
+    return texts.drivers[driver] ?? driver;
+  }
+  return client === ownAddress ? texts.thisPage : texts.client(client);
 }
 
 /**

@@ -24,9 +24,9 @@ export class Instruments {
     this.wheelText = element("span", { className: "wheel-text" });
     this.throttle = new PedalBar(texts.throttle, "throttle");
     this.brake = new PedalBar(texts.brake, "brake");
-    this.gears = [1, 2, 3, 4].map((gear) => element("span", { className: "gear" }, GEAR_LETTERS[gear]));
-    this.gearText = element("span", { className: "gears", role: "img" }, ...this.gears);
     this.mode = element("dd", {});
+    this.gear = element("dd", {});
+    this.driver = element("dd", {});
     this.place = element("dd", {});
     this.heading = element("dd", {});
     this.lane = element("dd", {});
@@ -43,26 +43,27 @@ export class Instruments {
       element(
         "div",
         { className: "instrument-row" },
-        element("div", { className: "speed" }, this.speed, element("span", { className: "unit" }, texts.speedUnit)),
+        element(
+          "div",
+          { className: "speed" },
+          element("div", {}, this.speed, element("span", { className: "unit" }, texts.speedUnit)),
+          element("div", { className: "lamps" }, ...this.lamps.map(({ mark }) => mark)),
+        ),
         element("div", { className: "wheel-box" }, this.wheelPicture, this.wheelText),
         element("div", { className: "pedals" }, this.brake.element, this.throttle.element),
       ),
       element(
-        "div",
-        { className: "instrument-row" },
-        this.gearText,
-        element("div", { className: "lamps" }, ...this.lamps.map(({ mark }) => mark)),
-      ),
-      element(
         "dl",
         { className: "figures" },
+        figure(texts.driver, this.driver),
         figure(texts.mode, this.mode),
+        figure(texts.gears, this.gear),
         figure(texts.lane, this.lane),
         figure(texts.place, this.place),
         figure(texts.heading, this.heading),
       ),
     );
-    this.showState({ gear: 0, mode: texts.none, lamps: 0 });
+    this.showState({ gear: 0, mode: texts.none, driver: texts.none, lamps: 0 });
   }
 
   /**
@@ -85,12 +86,12 @@ export class Instruments {
     setText(this.lane, link || texts.offRoad);
   }
 
-  /** @param {{gear: number, mode: string, lamps: number}} state lamps: bits of the scene's state */
-  showState({ gear, mode, lamps }) {
+  /** @param {{gear: number, mode: string, driver: string, lamps: number}} state lamps: bits of the scene's state */
+  showState({ gear, mode, driver, lamps }) {
     const { texts } = this;
-    this.gears.forEach((letter, index) => letter.classList.toggle("on", index + 1 === gear));
-    this.gearText.setAttribute("aria-label", texts.gearName(GEAR_LETTERS[gear] ?? texts.none));
+    setText(this.gear, GEAR_LETTERS[gear] ?? texts.none);
     setText(this.mode, mode);
+    setText(this.driver, driver);
     for (const { bit, name, mark } of this.lamps) {
       const isOn = (lamps & bit) !== 0;
       mark.classList.toggle("on", isOn);

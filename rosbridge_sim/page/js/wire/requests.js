@@ -163,6 +163,15 @@ export function controlMessage(ego, command) {
 }
 
 /**
+ * Pedals that the simulator lifts when this page is lost or silent.
+ * @param {number} ego
+ * @param {number} seconds simulated; 0 ends the lease
+ */
+export function leaseRequest(ego, seconds) {
+  return callOperation("/sim/control_lease", "rosbridge_sim_msgs/ControlLease", { unique_id: ego, seconds });
+}
+
+/**
  * A change of one object or ego.
  * @param {number} id
  * @param {Record<string, unknown>} change fields of ObjectState, with their `set_` flags
