@@ -33,6 +33,7 @@ from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.sim_services.barrier import BarrierServices
 from rosbridge_sim.morai.sim_services.contacts import Contacts
+from rosbridge_sim.morai.sim_services.control_lease import ControlLeases
 from rosbridge_sim.morai.sim_services.describe import Describe
 from rosbridge_sim.morai.sim_services.drivers import Drivers
 from rosbridge_sim.morai.sim_services.population import Population
@@ -103,6 +104,7 @@ def make_node(
         StepService(context),
         BarrierServices(context),
         RealTimeFactor(context),
+        ControlLeases(context),  # before Drivers, which forgets who drove when a client leaves
         Scores(context, is_always=chosen.score),
         Population(context),
         road_services,
