@@ -35,6 +35,7 @@ from rosbridge_sim.morai.sim_services.barrier import BarrierServices
 from rosbridge_sim.morai.sim_services.population import Population
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.road_services import RoadServices
+from rosbridge_sim.morai.sim_services.scene_markers import SceneMarkers
 from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.sim_services.snapshots import Snapshots
 from rosbridge_sim.morai.sim_services.step import StepService
@@ -101,6 +102,7 @@ def make_node(
         Scores(context, is_always=chosen.score),
         Population(context),
         RoadServices(context, reader),
+        SceneMarkers(context, reader),
     ]
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))

@@ -101,6 +101,7 @@ _EFFECTS: Final = (
         (
             *_calling("/sim/snapshot"),
             *_hearing("/Object_topic", "/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
+            *_hearing("/sim/scene/objects"),
             *_TICK,
             *_STEP,
         ),
@@ -108,19 +109,19 @@ _EFFECTS: Final = (
     PolicyEffect(
         "learn where others are",
         _hearing("/Object_topic"),
-        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_STEP),
+        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic", "/sim/scene/objects"), *_STEP),
     ),
     PolicyEffect("learn of collisions", _hearing("/CollisionData", "/VehicleCollisionData"), _STEP),
     PolicyEffect(
         "learn what traffic lights show",
         (*_hearing("/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"), *_calling("/Morai_TLSrv")),
-        _STEP,
+        (*_hearing("/sim/scene/objects"), *_STEP),
     ),
     PolicyEffect(
         "learn the simulated time",
         (*_hearing("/clock"), *_calling("/rosapi/get_time")),
         (
-            *_hearing("/SyncModeInfo", "/sim/state_hash", "/sim/barrier"),
+            *_hearing("/SyncModeInfo", "/sim/state_hash", "/sim/barrier", "/sim/scene/objects"),
             *_calling("/SyncModeCmd", "/sim/state_hash"),
             *_BARRIER,
             *_TICK,

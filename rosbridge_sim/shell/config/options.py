@@ -23,6 +23,7 @@ class SimulatorOptions(TypedDict, total=False):
     listen: bool
     attach: Sequence[str] | str
     attach_sockets: Literal["one", "per-topic"]
+    scene: bool
     attach_retry: float
     token: str | None
     allow_origin: Sequence[str] | str
