@@ -596,6 +596,40 @@ def _run_watch(options: Options) -> int:
     )
 
 
+def _layout(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim layout",
+        description="Print settings for a viewer that show the simulator there: a layout for Lichtblick, or a"
+        " configuration for RViz.",
+        epilog="rosbridge-sim layout lichtblick > sim.json, then import it in Lichtblick; or rosbridge-sim layout rviz"
+        " > sim.rviz, then rviz -d sim.rviz. RViz needs a bridge in ROS: rosbridge-sim attach URL --scene.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("viewer", metavar="VIEWER", choices=("lichtblick", "rviz"), help="lichtblick or rviz")
+    parser.add_argument(
+        "--ros", type=int, choices=(1, 2), help="generation of ROS: RViz or RViz 2 [1, or the server's]"
+    )
+    parser.add_argument("--url", help="take the names of topics from this server [the default names]")
+    token = os.environ.get(f"{PREFIX}TOKEN") or None
+    parser.add_argument("--token", default=token, help=f"token of the server, also as {PREFIX}TOKEN")
+    parser.set_defaults(run=_run_layout, patience=ANSWER_PATIENCE)
+    return run_command(parser, argv)
+
+
+def _run_layout(options: Options) -> int:
+    from rosbridge_sim.cli.tools import layout as tool  # noqa: PLC0415 - see above
+
+    if options.url is None:
+        return tool.print_layout(options.viewer, tool.choose_names({}), options.ros or 1)
+
+    async def work(bridge: Bridge) -> int:
+        names, ros = await tool.seen_names(bridge)
+        return tool.print_layout(options.viewer, names, options.ros or ros)
+
+    return _with_bridge(options, work)
+
+
 def _wait(argv: Sequence[str]) -> int:
     parser = Parser(
         prog="rosbridge-sim wait",
@@ -717,6 +751,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "restore": _restore,
     "spawn": _spawn,
     "watch": _watch,
+    "layout": _layout,
     "wait": _wait,
 }
 """Name -> function that runs the command with the words behind the name."""

@@ -36,6 +36,7 @@ from rosbridge_sim.morai.sim_services.population import Population
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.road_services import RoadServices
 from rosbridge_sim.morai.sim_services.scene_markers import SceneMarkers
+from rosbridge_sim.morai.sim_services.scene_state import SceneState
 from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.sim_services.snapshots import Snapshots
 from rosbridge_sim.morai.sim_services.step import StepService
@@ -88,6 +89,7 @@ def make_node(
     CommandExecutor(context, sensors)
     reader = reader or AtOnce()
     replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
+    road_services = RoadServices(context, reader)
     components: list[Component] = [
         StatePublishers(context),
         TrafficLightTopics(context),
@@ -101,7 +103,8 @@ def make_node(
         RealTimeFactor(context),
         Scores(context, is_always=chosen.score),
         Population(context),
-        RoadServices(context, reader),
+        road_services,
+        SceneState(context, road_services),
         SceneMarkers(context, reader),
     ]
     # The last one: its hash covers what all others do behind a frame.

@@ -85,6 +85,8 @@ class RealTime:
         dues = [driver.due(now), publishers.pause_due(now), now if driver.has_turn else None]
         if sync.is_free:
             dues += [pacer.due_at if pacer.is_started else now, publishers.repeat_due]
+        elif publishers.has_viewer_to_show():
+            return now
         return min((due for due in dues if due is not None), default=None)
 
     def _advance(self, now: float) -> None:
@@ -94,6 +96,7 @@ class RealTime:
         context.sync_driver.take_turns(now)
         publishers.show_in_pause(now)
         if not sync.is_free:
+            publishers.show_viewers(now)
             return
         if not pacer.is_started:
             pacer.start(now)

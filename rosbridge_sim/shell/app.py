@@ -58,6 +58,7 @@ from rosbridge_sim.shell.monitoring.masking import mask_of
 from rosbridge_sim.shell.monitoring.metrics import Metrics
 from rosbridge_sim.shell.monitoring.refusals import RefusalLog
 from rosbridge_sim.shell.monitoring.server_topics import TOPICS, WHO_IS_CONNECTED, ServerTopics
+from rosbridge_sim.shell.page.web_page import WebPage
 from rosbridge_sim.shell.port_file import PortFile
 from rosbridge_sim.shell.scheduler import Clock, Scheduler
 from rosbridge_sim.shell.wall_clock import WallClock
@@ -274,6 +275,7 @@ class Simulator:
         recordings.on_done = reader.on_done = scheduler.look
         server = Server(bus, limits, scheduler.turn)
         _tell_of_world(server, node, reader)
+        server.page = WebPage()
         await self._listen(server, certificate)
         try:
             await _check_bridges(settings.attach, server)
