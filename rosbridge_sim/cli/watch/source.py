@@ -88,7 +88,7 @@ class Source:
             except (DocumentError, RefusedError, ClientError) as error:
                 if not self.connected.is_set():
                     raise
-                self.scene.forget(f"{error}; connecting again")
+                self.scene.forget(f" connecting again: {error}")
             await asyncio.sleep(wait)
             wait = min(2.0 * wait, MAX_WAIT)
 

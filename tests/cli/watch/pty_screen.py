@@ -33,7 +33,12 @@ class PtyScreen:
     """
 
     def __init__(
-        self, *words: str, columns: int = 80, lines: int = 24, environ: Mapping[str, str] | None = None
+        self,
+        *words: str,
+        columns: int = 80,
+        lines: int = 24,
+        environ: Mapping[str, str] | None = None,
+        is_module: bool = True,
     ) -> None:
         self.screen = pyte.Screen(columns, lines)
         self.written = b""
@@ -44,7 +49,7 @@ class PtyScreen:
         self.attributes = termios.tcgetattr(theirs)
         usual = {key: value for key, value in os.environ.items() if key not in ("NO_COLOR", "COLORTERM")}
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "rosbridge_sim", *words],
+            [sys.executable, *(("-m", "rosbridge_sim") if is_module else ()), *words],
             stdin=theirs,
             stdout=theirs,
             stderr=theirs,
