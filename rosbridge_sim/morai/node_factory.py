@@ -39,6 +39,7 @@ from rosbridge_sim.morai.sim_services.drivers import Drivers
 from rosbridge_sim.morai.sim_services.population import Population
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.road_services import RoadServices
+from rosbridge_sim.morai.sim_services.scene_markers import SceneMarkers
 from rosbridge_sim.morai.sim_services.scene_state import SceneState
 from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.sim_services.snapshots import Snapshots
@@ -112,6 +113,7 @@ def make_node(
         Contacts(context),
         Drivers(context),
         Describe(context),
+        SceneMarkers(context, reader),
     ]
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))
