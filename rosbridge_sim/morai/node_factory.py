@@ -33,12 +33,14 @@ from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.sim_services.barrier import BarrierServices
 from rosbridge_sim.morai.sim_services.contacts import Contacts
+from rosbridge_sim.morai.sim_services.control_lease import ControlLeases
 from rosbridge_sim.morai.sim_services.describe import Describe
 from rosbridge_sim.morai.sim_services.drivers import Drivers
 from rosbridge_sim.morai.sim_services.population import Population
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.road_services import RoadServices
 from rosbridge_sim.morai.sim_services.scenarios import Scenarios, ScenarioShelf
+from rosbridge_sim.morai.sim_services.scene_markers import SceneMarkers
 from rosbridge_sim.morai.sim_services.scene_state import SceneState
 from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.sim_services.snapshots import Snapshots
@@ -106,6 +108,7 @@ def make_node(
         StepService(context),
         BarrierServices(context),
         RealTimeFactor(context),
+        ControlLeases(context),  # before Drivers, which forgets who drove when a client leaves
         Scores(context, is_always=chosen.score),
         Population(context),
         road_services,
@@ -114,6 +117,7 @@ def make_node(
         Drivers(context),
         Describe(context),
         Scenarios(context, reader, shelf),
+        SceneMarkers(context, reader),
     ]
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))

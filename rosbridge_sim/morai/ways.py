@@ -49,6 +49,7 @@ _COME_AND_GO: Final = _calling("/sim/spawn", "/sim/remove")
 _TICK: Final = _calling("/SyncModeWaitForTick")
 _STEP: Final = _calling("/sim/step")
 _SCENE: Final = (*_hearing("/sim/scene/state"), *_calling("/sim/describe"))
+_MARKERS: Final = _hearing("/sim/scene/objects")
 
 _SAME: Final = (
     _publishing("/ctrl_cmd", "/ctrl_cmd_0"),
@@ -102,6 +103,7 @@ _EFFECTS: Final = (
         (
             *_calling("/sim/snapshot"),
             *_SCENE,
+            *_MARKERS,
             *_hearing("/Object_topic", "/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
             *_TICK,
             *_STEP,
@@ -110,7 +112,7 @@ _EFFECTS: Final = (
     PolicyEffect(
         "learn where others are",
         _hearing("/Object_topic"),
-        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_SCENE, *_STEP),
+        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_SCENE, *_MARKERS, *_STEP),
     ),
     PolicyEffect(
         "learn of collisions",
@@ -120,7 +122,7 @@ _EFFECTS: Final = (
     PolicyEffect(
         "learn what traffic lights show",
         (*_hearing("/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"), *_calling("/Morai_TLSrv")),
-        (*_SCENE, *_STEP),
+        (*_SCENE, *_MARKERS, *_STEP),
     ),
     PolicyEffect(
         "learn the simulated time",
@@ -128,6 +130,7 @@ _EFFECTS: Final = (
         (
             *_hearing("/SyncModeInfo", "/sim/state_hash", "/sim/barrier", "/sim/collisions", "/sim/drivers"),
             *_SCENE,
+            *_MARKERS,
             *_calling("/SyncModeCmd", "/sim/state_hash"),
             *_BARRIER,
             *_TICK,

@@ -323,6 +323,12 @@ class Publishers:
         if publisher.topic is not None:
             self._bus.announce(self._owner, publisher.topic, Message(publisher.topic.type, value), now)
 
+    def forget(self, publisher: LatchedPublisher) -> None:
+        """Forget the value of a latched topic; late subscribers get nothing before the next `update`."""
+        publisher.value = None
+        if publisher.topic is not None:
+            publisher.topic.forget_messages_of(self._owner)
+
     def remove(self, prefix: str, now: float) -> None:
         """Stop to publish the topics of a further ego.
 
@@ -601,6 +607,9 @@ def _max_rate(factor: float) -> Fraction | None:
 def _viewers_to_show(publisher: PeriodicPublisher, topic: Topic) -> list[Subscription]:
     """Return the subscriptions that lack the current state of a topic for viewers."""
     listeners = [one for one in topic.subscriptions if not one.is_idle and not one.is_recording]
+    # A far bridge without a subscriber is idle; the subscriber that ends this has seen nothing.
+    if any(one.is_idle for one in publisher.shown_to):
+        publisher.shown_to = tuple([one for one in publisher.shown_to if not one.is_idle])
     if not listeners or publisher.is_stale:
         return listeners
     seen = publisher.shown_to
