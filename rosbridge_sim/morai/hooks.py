@@ -25,7 +25,8 @@ class Hooks:
         once_after_frame: `(now)` after the frame in progress, before `after_frame`. Each is called once, then the list
             is emptied. Commands append to it.
         after_frame: `(now)` after each frame, when its topics have been published.
-        after_move: `(now)` after all frames of a tick, or all frames that real time owed.
+        after_move: `(now)` after the frames of a turn: of a tick or several, of a part of one, or those that real time
+            owed.
         on_mode_change: `(now)` after synchronous mode was started, stopped, paused, resumed or lost, or after a client
             tried to do so.
         on_scene_change: `(now)` before a scenario is loaded or the world is reset: give back what was taken.

@@ -13,7 +13,7 @@ const BROWSER = [
   "HTMLTextAreaElement", "Element", "Image", "ImageBitmap", "ImageData", "IntersectionObserver", "KeyboardEvent",
   "MouseEvent", "Node", "OffscreenCanvas", "Path2D", "PointerEvent", "ResizeObserver", "SVGElement", "TextDecoder",
   "TextEncoder", "URL", "URLSearchParams", "WebGL2RenderingContext", "WebSocket", "WheelEvent", "atob", "btoa",
-  "cancelAnimationFrame", "clearInterval", "clearTimeout", "console", "createImageBitmap", "devicePixelRatio",
+  "cancelAnimationFrame", "clearInterval", "clearTimeout", "console", "createImageBitmap", "crypto", "devicePixelRatio",
   "document", "fetch", "getComputedStyle", "localStorage", "location", "matchMedia", "navigator", "performance",
   "queueMicrotask", "requestAnimationFrame", "sessionStorage", "setInterval", "setTimeout", "structuredClone", "window",
 ]; // prettier-ignore

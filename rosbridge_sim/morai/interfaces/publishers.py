@@ -17,7 +17,8 @@ a pause*: once a second, and at once to a new subscriber, with the current state
 the world waits for ticks they are not shown, because each message there belongs to a tick. Recordings do not get them.
 
 A topic for viewers says itself whether its last message is *stale*. While ticks or a pause hold the world, it goes out
-to a new subscriber at once, and to all of them after a change. Recordings do not get these messages either.
+to a new subscriber at once, and to all of them after a change. One that does not go out with frames does so at any
+time. Recordings do not get these messages either.
 
 Components use the default names of topics; the network settings give their names on the bus, turn them on or off, and
 set their rates.
@@ -113,12 +114,14 @@ class PeriodicPublisher(_Publisher):
         is_sampled: bool = False,
         is_shown_in_pause: bool = False,
         is_stale: Callable[[], bool] | None = None,
+        is_in_frames: bool = True,
         depth: int = 0,
     ) -> None:
         """Describe a topic; the arguments are those of `Publishers.add`."""
         super().__init__(name, type_name, is_exclusive=is_exclusive, rate=rate, depth=depth)
         self.make = make
         self.is_stale = is_stale
+        self.is_in_frames = is_in_frames
         self.is_sampled = is_sampled
         self.is_shown_in_pause = is_shown_in_pause
         self.free_at = -math.inf  # where wall time limits the rate: when the next message may go out [s]
@@ -228,6 +231,7 @@ class Publishers:
         is_sampled: bool = False,
         is_shown_in_pause: bool = False,
         is_stale: Callable[[], bool] | None = None,
+        is_in_frames: bool = True,
         is_everywhere: bool = True,
         depth: int = 0,
     ) -> PeriodicPublisher:
@@ -245,6 +249,7 @@ class Publishers:
             is_shown_in_pause: it is published while a pause stops real time; see the module's text.
             is_stale: for a topic for viewers, tells whether the state differs from that of the last message; see the
                 module's text. None for any other topic.
+            is_in_frames: it is published with the frames; if false, `is_stale` alone decides when.
             is_everywhere: every release has the type. If false, nothing is published where a release lacks it.
             depth: number of messages that are kept for late subscribers.
 
@@ -263,13 +268,15 @@ class Publishers:
             is_sampled=is_sampled,
             is_shown_in_pause=is_shown_in_pause,
             is_stale=is_stale,
+            is_in_frames=is_in_frames,
             depth=depth,
         )
-        if is_stale is not None:
-            self._for_viewers.append(publisher)
         publisher.limit(_max_rate(self._factor))
         self._items.add(publisher, is_everywhere=is_everywhere)
-        self._periodic.append(publisher)
+        if is_stale is not None:
+            self._for_viewers.append(publisher)
+        if is_in_frames:
+            self._periodic.append(publisher)
         return publisher
 
     def keep(self, name: str, type_name: str, *, is_exclusive: bool = True) -> LatchedPublisher:
@@ -409,16 +416,18 @@ class Publishers:
     @property
     def names(self) -> list[str]:
         """Return the names of all topics that are there."""
-        publishers: tuple[_Publisher, ...] = (*self._periodic, *self._latched)
-        return [publisher.topic.name for publisher in publishers if publisher.topic is not None]
+        return [publisher.topic.name for publisher in self._all() if publisher.topic is not None]
 
     def find(self, name: str) -> PeriodicPublisher | LatchedPublisher | None:
         """Return what publishes the topic of that absolute name; None where it is not one of these, or not there."""
-        publishers: tuple[PeriodicPublisher | LatchedPublisher, ...] = (*self._periodic, *self._latched)
-        for publisher in publishers:
+        for publisher in self._all():
             if publisher.topic is not None and publisher.topic.name == name:
                 return publisher
         return None
+
+    def _all(self) -> list[PeriodicPublisher | LatchedPublisher]:
+        others = [publisher for publisher in self._for_viewers if not publisher.is_in_frames]
+        return [*self._periodic, *others, *self._latched]
 
     def sample(self, publisher: PeriodicPublisher | LatchedPublisher) -> Message | None:
         """Return what a topic says of the last frame, or was kept there for those who come late; nothing is published.
@@ -442,7 +451,9 @@ class Publishers:
         Yields:
             Each topic that has a message, with the message.
         """
-        for publisher in self._periodic:
+        for publisher in self._all():
+            if isinstance(publisher, LatchedPublisher):
+                continue
             value = None if publisher.topic is None else publisher.make()
             if publisher.topic is not None and value is not None:
                 yield publisher.topic, Message(publisher.topic.type, value)
@@ -500,24 +511,33 @@ class Publishers:
                 assert publisher.topic is not None
                 self._bus.show(self._owner, publisher.topic, Message(publisher.topic.type, value), listeners, now)
 
-    def has_viewer_to_show(self) -> bool:
-        """Tell whether `show_viewers` has something to do. Ask only while no frame follows by itself."""
-        for publisher in self._for_viewers:  # called after each op in synchronous mode, so without a call if possible
+    def has_viewer_to_show(self, *, is_flowing: bool) -> bool:
+        """Tell whether `show_viewers` has something to do.
+
+        Args:
+            is_flowing: real time moves the world, so the next frame brings what goes out with frames.
+        """
+        for publisher in self._for_viewers:  # called after each op, so without a further call where nobody listens
             topic = publisher.topic
-            if topic is not None and topic.subscriptions and _viewers_to_show(publisher, topic):
+            if topic is None or not topic.subscriptions or (is_flowing and publisher.is_in_frames):
+                continue
+            if _viewers_to_show(publisher, topic):
                 return True
         return False
 
-    def show_viewers(self, now: float) -> None:
+    def show_viewers(self, now: float, *, is_flowing: bool) -> None:
         """Publish the current state on topics for viewers: to new subscribers, and to all after a change.
 
         Args:
             now: monotonic time [s].
+            is_flowing: see `has_viewer_to_show`.
         """
         for publisher in self._for_viewers:
             topic = publisher.topic
-            listeners = _viewers_to_show(publisher, topic) if topic is not None else []
-            if topic is not None and listeners:
+            if topic is None or not topic.subscriptions or (is_flowing and publisher.is_in_frames):
+                continue
+            listeners = _viewers_to_show(publisher, topic)
+            if listeners:
                 publisher.shown_to = topic.subscriptions
                 self._bus.show(self._owner, topic, Message(topic.type, publisher.make()), listeners, now)
 
