@@ -21,6 +21,9 @@ class SimulatorOptions(TypedDict, total=False):
     keyfile: str | Path | None
     port_file: str | Path | None
     listen: bool
+    page: bool
+    open: bool
+    page_frame_ancestors: Sequence[str] | str
     attach: Sequence[str] | str
     attach_sockets: Literal["one", "per-topic"]
     attach_retry: float

@@ -15,6 +15,7 @@ from rosbridge_sim.shell.config.value_types import (
     FILE,
     FOLDER_TYPE,
     FOLDERS,
+    FRAMES,
     HOSTS,
     ORIGINS,
     PATTERNS,
@@ -105,6 +106,20 @@ class Settings:
         group=_LISTEN,
         kind=SWITCH,
         text="accept clients on --port; with --no-listen the simulator is reachable through --attach only",
+    )
+
+    page: bool = _flag(
+        default=True,
+        group=_LISTEN,
+        kind=SWITCH,
+        text="serve a web page at http://HOST:PORT/ that shows and controls the simulation",
+    )
+    open: bool = _flag(default=False, group=_LISTEN, kind=SWITCH, text="open that page in a browser at the start")
+    page_frame_ancestors: tuple[str, ...] = _flag(
+        (),
+        _LISTEN,
+        FRAMES,
+        "web pages that may show that page in a frame, such as https://school.example; repeatable; without it none",
     )
 
     attach: tuple[str, ...] = _flag(

@@ -91,6 +91,9 @@ OTHER: dict[str, object] = {
     "log_level": "debug",
     "log_format": "json",
     "port_file": "/run/port.txt",
+    "page": False,
+    "open": True,
+    "page_frame_ancestors": ("https://*.example.org", "http://[::1]:8080"),
 }
 """A value other than the default for every setting that has one."""
 
