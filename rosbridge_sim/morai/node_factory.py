@@ -116,8 +116,8 @@ def make_node(
         Contacts(context),
         Drivers(context),
         Describe(context),
-        Scenarios(context, reader, shelf),
         SceneMarkers(context, reader),
+        Scenarios(context, reader, shelf),
     ]
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))
