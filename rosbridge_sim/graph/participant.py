@@ -23,10 +23,12 @@ __all__ = [
     "Explaining",
     "Guest",
     "Holdable",
+    "Located",
     "Notify",
     "OfferKind",
     "Participant",
     "Remarkable",
+    "address_of",
     "decode_body",
     "explain",
     "gives_way",
@@ -121,6 +123,22 @@ class Explaining(Protocol):
             text: a line of text.
             reason: kind of mistake.
         """
+
+
+@runtime_checkable
+class Located(Protocol):
+    """An owner with an address on the network.
+
+    Attributes:
+        address: `host:port`.
+    """
+
+    address: str
+
+
+def address_of(owner: Participant) -> str:
+    """Return the address of an owner, which tells clients apart; the name of its node if it has none."""
+    return owner.address if isinstance(owner, Located) else owner.name
 
 
 @runtime_checkable

@@ -227,6 +227,11 @@ class Sync(Generic[C]):
         return len(self._ticks)
 
     @property
+    def holders(self) -> list[object]:
+        """The peers that use the master's id, in the order in which they first did."""
+        return list(self._holders)
+
+    @property
     def is_in_tick(self) -> bool:
         """True if the first tick that waits has begun: some of its frames have been computed."""
         return self._is_in_tick

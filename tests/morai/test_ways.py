@@ -92,6 +92,7 @@ def test_every_input_and_service_with_an_effect_is_in_the_log_table(harness: Sim
     alone = {"/SensorPosControl", "/Service_MoraiVehicleSpec", "/Service_MoraiMapSpec"}
     alone |= {"/sim/catalogue", "/sim/map", "/sim/route", "/sim/nearest_lane"}  # they tell what no drive changes
     alone |= {"/sim/score"}  # no other service tells or resets scores
+    alone |= {"/sim/control_lease"}  # it lifts the pedals of its own caller
 
     def is_known(item: ListedInterface) -> bool:
         use = Use.SERVICE if item.kind is InterfaceKind.SERVICE else Use.PUBLISH
@@ -229,7 +230,8 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         {"service": "/Morai_TLSrv"},
         (
             "--deny-service /Morai_TLSrv leaves these ways open to learn what traffic lights show:"
-            " listening to /GetTrafficLightStatus, /InsnStatus, calling /sim/step"
+            " listening to /GetTrafficLightStatus, /InsnStatus, /sim/scene/state, calling /sim/describe,"
+            " /sim/step"
         ),
     ),
 )

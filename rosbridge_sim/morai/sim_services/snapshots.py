@@ -416,9 +416,15 @@ class Snapshots(Component):
     def _carry_out(self, restoration: _Restoration, state: SavedState, now: float) -> None:
         head, call = restoration.head, restoration.call
         assert head is not None
+        replay, recording = self._replay, self._replay.recording
         if restoration.recording is not None:
-            self._replay.hand_over(restoration.recording)
-        self._state.restore(state, now, expected_hash=head.state_hash if restoration.is_foreign else "")
+            replay.hand_over(restoration.recording)
+        self._state.restore(
+            state,
+            now,
+            expected_hash=head.state_hash if restoration.is_foreign else "",
+            before_undo=lambda: replay.hand_over(recording),
+        )
         self._context.barrier.restored(now)
         frame = self._context.world.frame
         _log.info("restored by %s, frame %d", call.caller.name, frame)

@@ -53,9 +53,11 @@ class _Commands:
     """The commands of one ego.
 
     Attributes:
+        ego: the ego.
         commands: one for all steps, or one for each.
     """
 
+    ego: Ego
     commands: Sequence[SceneCommand]
 
     def at(self, i: int) -> SceneCommand:
@@ -136,6 +138,7 @@ class _StepCall:
             return
         context, plan = self._service.context, self.plan
         for commands in plan.commands:
+            commands.ego.commander = self._call.caller
             context.sync.enter(commands.at(self.num_done), context.world.frame)
         if plan.watch is not None:
             plan.watch.begin_tick()
@@ -268,7 +271,7 @@ class StepService(Component):
             num = len(entry.commands)
             if num not in {1, request.n}:
                 raise FieldError(f"{where}.commands: expected 1 or n = {request.n} commands, got {num}")
-            egos[ego] = _Commands([self._read_command(ego, command, call) for command in entry.commands])
+            egos[ego] = _Commands(ego, [self._read_command(ego, command, call) for command in entry.commands])
             if ego.is_replayed:
                 self.context.warnings.warn(
                     call.caller, f"{call.service.name}: commands move nothing while a recording is replayed"

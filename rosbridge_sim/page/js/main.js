@@ -1,0 +1,19 @@
+/**
+ * The parts of the page, made and connected.
+ */
+
+import { Layout } from "./layout.js";
+import { showConnectionState } from "./panels/connection_state.js";
+import { TEXTS } from "./texts.js";
+import { Connection, socketUrl } from "./wire/connection.js";
+
+const connection = new Connection(socketUrl(location));
+const layout = new Layout(TEXTS);
+document.body.replaceChildren(...layout.elements);
+
+const context = { connection, texts: TEXTS };
+showConnectionState(context, layout);
+
+connection.setHidden(document.hidden);
+document.addEventListener("visibilitychange", () => connection.setHidden(document.hidden));
+connection.start();
