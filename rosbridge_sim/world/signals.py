@@ -19,7 +19,8 @@ from rosbridge_sim.world.geometry import BoolArray, IntArray
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import UNSET, Lamp, SignalPlan
 
-__all__ = ["FREE", "Signals", "SignalsSnapshot", "light_ahead"]
+__all__ = ["FREE", "NEVER_FRAME", "Signals", "SignalsSnapshot", "light_ahead"]
+
 
 NEVER_FRAME: Final = 2**62
 """A frame that is never reached."""
@@ -115,6 +116,26 @@ class Signals:
         shown = self.shown[light]
         is_silent = (light < 0) | (shown <= 0) | plan.is_warning[light] & ~is_forced[plan.group[light]]
         self.may_enter = is_silent | (shown & plan.pass_of_lane != 0)
+
+    def next_changes(self) -> IntArray:
+        """Return the frame at which each light shows something else, (lights,) int64; `NEVER_FRAME` if none is known.
+
+        The forcing of a light counts as changed when it ends.
+        """
+        plan = self.plan
+        at = np.full(plan.num_groups, NEVER_FRAME, dtype=np.int64)
+        run = np.flatnonzero(plan.controller >= 0)
+        controller = plan.controller[run]
+        interval = self._interval[controller]
+        after = plan.time_to_change()[interval, plan.column[run]]
+        into = (self.frame - self._origin[controller]) % plan.cycle[controller]
+        begun = self.frame - into + plan.interval_start[interval] - plan.base[controller]
+        at[run] = np.where(after >= 0, begun + after, NEVER_FRAME)
+        is_forced = self._until > self.frame
+        at[is_forced] = self._until[is_forced]
+        changes = at[plan.group]
+        changes[plan.is_warning & ~is_forced[plan.group]] = NEVER_FRAME
+        return changes
 
     # Intersections
 
