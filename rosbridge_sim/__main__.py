@@ -206,6 +206,8 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
             "snapshot",
             "restore",
             "spawn",
+            "watch",
+            "layout",
             "wait",
             "schema",
             "bag",

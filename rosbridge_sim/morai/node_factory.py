@@ -40,6 +40,7 @@ from rosbridge_sim.morai.sim_services.population import Population
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.road_services import RoadServices
 from rosbridge_sim.morai.sim_services.scenarios import Scenarios, ScenarioShelf
+from rosbridge_sim.morai.sim_services.scene_markers import SceneMarkers
 from rosbridge_sim.morai.sim_services.scene_state import SceneState
 from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.sim_services.snapshots import Snapshots
@@ -115,6 +116,7 @@ def make_node(
         Contacts(context),
         Drivers(context),
         Describe(context),
+        SceneMarkers(context, reader),
         Scenarios(context, reader, shelf),
     ]
     # The last one: its hash covers what all others do behind a frame.

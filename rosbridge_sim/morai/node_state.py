@@ -16,10 +16,12 @@ fails later is undone.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Any, Final
+
+import numpy as np
 
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.morai.component import Component
@@ -172,13 +174,17 @@ class NodeState:
 
     # In
 
-    def restore(self, saved: SavedState, now: float, *, expected_hash: str = "") -> None:
+    def restore(
+        self, saved: SavedState, now: float, *, expected_hash: str = "", before_undo: Callable[[], None]
+    ) -> None:
         """Become what was saved: the same calls from here on give the same messages.
 
         Args:
             saved: from `save`, or from `parse`.
             now: monotonic time [s].
             expected_hash: what `hash` must be then; empty for a state of this process, which need not be checked.
+            before_undo: called if the restore fails, before the state of now is put back: a component may need to be
+                given again what is not in its state.
 
         Raises:
             DocumentError: it is a state that this simulator cannot have. Nothing has changed.
@@ -193,6 +199,7 @@ class NodeState:
             if expected_hash and self.hash() != expected_hash:
                 raise DocumentError("state_hash: it is that of another state")  # noqa: TRY301 - undone as all failures
         except Exception as error:
+            before_undo()
             self._apply(before, self._bind_egos(before, now), now)
             if not expected_hash:
                 raise
@@ -324,10 +331,12 @@ def _try_out(saved: Snapshot) -> None:
         DocumentError: a step fails.
     """
     try:
-        world = World()
-        world.restore(saved)
-        for _ in range(NUM_TRIALS):
-            step(world)
+        # No step of a world of ours warns. What is no number once would spread, and no message could carry it.
+        with np.errstate(divide="raise", over="raise", invalid="raise"):
+            world = World()
+            world.restore(saved)
+            for _ in range(NUM_TRIALS):
+                step(world)
     except Exception as error:  # noqa: BLE001 - figures from outside, whatever they do
         _log.info("a snapshot was refused: a step of its world fails", exc_info=error)
         raise DocumentError(f"world: a step of it fails: {error!r:.200}") from None

@@ -361,6 +361,7 @@ class Simulator:
             _log.info("without --sync-lease, a crashed master behind a bridge cannot be detected; set --sync-lease")
         limits = AttachLimits(
             has_connection_each=settings.attach_sockets == "per-topic",
+            has_scene=settings.scene,
             max_wait=settings.attach_retry,
             max_frame_size=settings.max_frame_size,
             ping_interval=settings.ping_interval,
@@ -368,7 +369,8 @@ class Simulator:
             outbox=_outbox_limits(settings),
         )
         self.attachments = tuple(
-            Attachment(bus, node.participant, url, limits, scheduler.look) for url in settings.attach
+            Attachment(bus, node.participant, url, limits, scheduler.look, scene=node.scene_topics)
+            for url in settings.attach
         )
         for attachment in self.attachments:
             attachment.mirror.stamps = stamps
@@ -638,6 +640,8 @@ def _check_sense(settings: Settings) -> None:
         raise DocumentError("open: expected a server that listens and has its page; got --no-listen or --no-page")
     if settings.port_file is not None and not settings.listen:
         raise DocumentError("port-file: expected a server that listens; one that only attaches has no port")
+    if settings.scene and not settings.attach:
+        raise DocumentError("scene: expected with --attach; clients of this server can subscribe to the scene anyway")
     if not settings.attach and not settings.listen:
         raise DocumentError(f"attach: expected {URLS.expects}; got none, and --no-listen accepts no clients")
 

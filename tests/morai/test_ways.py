@@ -232,8 +232,8 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         {"service": "/Morai_TLSrv"},
         (
             "--deny-service /Morai_TLSrv leaves these ways open to learn what traffic lights show:"
-            " listening to /GetTrafficLightStatus, /InsnStatus, /sim/scene/state, calling /sim/describe,"
-            " /sim/step"
+            " listening to /GetTrafficLightStatus, /InsnStatus, /sim/scene/objects, /sim/scene/state,"
+            " calling /sim/describe, /sim/step"
         ),
     ),
 )

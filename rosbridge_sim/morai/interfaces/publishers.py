@@ -323,6 +323,12 @@ class Publishers:
         if publisher.topic is not None:
             self._bus.announce(self._owner, publisher.topic, Message(publisher.topic.type, value), now)
 
+    def forget(self, publisher: LatchedPublisher) -> None:
+        """Forget the value of a latched topic; late subscribers get nothing before the next `update`."""
+        publisher.value = None
+        if publisher.topic is not None:
+            publisher.topic.forget_messages_of(self._owner)
+
     def remove(self, prefix: str, now: float) -> None:
         """Stop to publish the topics of a further ego.
 

@@ -96,6 +96,11 @@ class Replay(Component):
         recording = self._playback.recording
         return RecordingKey(recording.name, digest_of(recording))
 
+    @property
+    def recording(self) -> Recording:
+        """Return the recording that moves the world; an empty one for none."""
+        return self._playback.recording
+
     def find_recording(self, key: RecordingKey) -> Recording | None:
         """Return the recording of a key, if it is the one that moves the world now."""
         return self._playback.recording if self.recording_key == key else None
@@ -127,6 +132,8 @@ class Replay(Component):
             recording = handed_over
         if (state is ReplayState.SIMULATING) != recording.is_empty:
             raise ValueError("replay: expected a recording")
+        if state is not ReplayState.FOLLOWING and data["message"] is not None:
+            raise ValueError("replay: expected no message")
         self._playback.load_state(data["playback"], recording)
         if self._playback.is_entered != (state is not ReplayState.SIMULATING):
             raise ValueError("replay: expected entities of the recording")

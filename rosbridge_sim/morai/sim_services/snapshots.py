@@ -383,9 +383,15 @@ class Snapshots(Component):
         is_foreign = state is None
         if state is None:
             state = self._state.parse(decode(restoration.packed), restoration.find_map)
+        replay, recording = self._replay, self._replay.recording
         if restoration.recording is not None:
-            self._replay.hand_over(restoration.recording)
-        self._state.restore(state, now, expected_hash=head.state_hash if is_foreign else "")
+            replay.hand_over(restoration.recording)
+        self._state.restore(
+            state,
+            now,
+            expected_hash=head.state_hash if is_foreign else "",
+            before_undo=lambda: replay.hand_over(recording),
+        )
         self._context.barrier.restored(now)
         frame = self._context.world.frame
         _log.info("restored by %s, frame %d", call.caller.name, frame)

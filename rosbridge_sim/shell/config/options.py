@@ -26,6 +26,7 @@ class SimulatorOptions(TypedDict, total=False):
     page_frame_ancestors: Sequence[str] | str
     attach: Sequence[str] | str
     attach_sockets: Literal["one", "per-topic"]
+    scene: bool
     attach_retry: float
     token: str | None
     allow_origin: Sequence[str] | str

@@ -135,6 +135,12 @@ class Settings:
         "sockets to each bridge: one, so that the topics of a tick arrive before its answer, or one for each topic and"
         " service",
     )
+    scene: bool = _flag(
+        default=False,
+        group=_ATTACH,
+        kind=SWITCH,
+        text="publish the scene there, too, for RViz: /sim/scene/map and /sim/scene/objects",
+    )
     attach_retry: float = _flag(
         10.0, _ATTACH, period(0.1, 3_600.0), "longest wait between two attempts to connect to a bridge"
     )

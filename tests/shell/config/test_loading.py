@@ -75,6 +75,7 @@ OTHER: dict[str, object] = {
     "listen": False,
     "attach": ("ws://a:9090", "wss://b/?token=abc"),
     "attach_sockets": "per-topic",
+    "scene": True,
     "attach_retry": 2.5,
     "service_timeout": 3.0,
     "max_frame_size": 2**20,
