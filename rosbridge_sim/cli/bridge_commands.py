@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
-from argparse import ArgumentTypeError
+from argparse import ArgumentTypeError, BooleanOptionalAction
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -564,8 +564,8 @@ def _watch(argv: Sequence[str]) -> int:
     parser.add_argument("address", metavar="URL", nargs="?", help="the same as --url")
     parser.add_argument("--once", action="store_true", help="print one picture, then end")
     parser.add_argument("--rate", type=_pictures, default=10.0, metavar="HZ", help="pictures a second, at most 60 [10]")
-    text = "draw without colours; NO_COLOR in the environment does so, too"
-    parser.add_argument("--no-colour", "--no-color", action="store_true", help=text)
+    text = "draw in colours [if it is a terminal that has them, and NO_COLOR is not set]"
+    parser.add_argument("--colour", "--color", action=BooleanOptionalAction, default=True, help=text)
     parser.add_argument(
         "--timeout",
         dest="patience",
@@ -591,7 +591,7 @@ def _run_watch(options: Options) -> int:
             options.patience,
             rate=options.rate,
             is_once=options.once,
-            has_colour=not options.no_colour,
+            has_colour=options.colour,
         )
     )
 

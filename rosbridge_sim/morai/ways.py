@@ -102,8 +102,8 @@ _EFFECTS: Final = (
         _hearing("/Ego_topic", "/tf", "/gps", "/imu"),
         (
             *_calling("/sim/snapshot"),
-            *_SCENE,
             *_MARKERS,
+            *_SCENE,
             *_hearing("/Object_topic", "/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
             *_TICK,
             *_STEP,
@@ -112,7 +112,7 @@ _EFFECTS: Final = (
     PolicyEffect(
         "learn where others are",
         _hearing("/Object_topic"),
-        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_SCENE, *_MARKERS, *_STEP),
+        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_MARKERS, *_SCENE, *_STEP),
     ),
     PolicyEffect(
         "learn of collisions",
@@ -122,15 +122,15 @@ _EFFECTS: Final = (
     PolicyEffect(
         "learn what traffic lights show",
         (*_hearing("/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"), *_calling("/Morai_TLSrv")),
-        (*_SCENE, *_MARKERS, *_STEP),
+        (*_MARKERS, *_SCENE, *_STEP),
     ),
     PolicyEffect(
         "learn the simulated time",
         (*_hearing("/clock"), *_calling("/rosapi/get_time")),
         (
             *_hearing("/SyncModeInfo", "/sim/state_hash", "/sim/barrier", "/sim/collisions", "/sim/drivers"),
-            *_SCENE,
             *_MARKERS,
+            *_SCENE,
             *_calling("/SyncModeCmd", "/sim/state_hash"),
             *_BARRIER,
             *_TICK,
