@@ -61,6 +61,7 @@ from rosbridge_sim.shell.monitoring.server_topics import TOPICS, WHO_IS_CONNECTE
 from rosbridge_sim.shell.page.page_address import open_browser, page_urls
 from rosbridge_sim.shell.page.web_page import WebPage
 from rosbridge_sim.shell.port_file import PortFile
+from rosbridge_sim.shell.scenario_shelf import DiskShelf
 from rosbridge_sim.shell.scheduler import Clock, Scheduler
 from rosbridge_sim.shell.wall_clock import WallClock
 from rosbridge_sim.shell.websocket.access import Access, load_certificate
@@ -305,7 +306,7 @@ class Simulator:
         self.descriptors = DescriptorWatch(loop)
         frame = (lambda: -1) if node is None else (lambda: node.world.frame)
         refusals = RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token))
-        self._reports = ServerTopics(bus, server, loop, refusals)
+        self._reports = ServerTopics(bus, server, loop, refusals, limits.policy)
         server.render_metrics = Metrics(loop, server, node, refusals, lambda: self.num_bugs).render
         self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._scheduler = bus, node, server, scheduler
@@ -503,6 +504,7 @@ def _make_node(
             recordings=recordings,
             networks=DiskNetworks(settings.data_dir),
             reader=reader,
+            shelf=DiskShelf(library, settings.data_dir),
         )
     except DocumentError as error:
         if not mistakes:

@@ -26,6 +26,7 @@ from rosbridge_sim.morai.replays.process_status import ProcessStatus
 from rosbridge_sim.morai.replays.recording import Recording, digest_of, from_plain, to_plain
 from rosbridge_sim.morai.replays.recording_builder import Recordings
 from rosbridge_sim.morai.replays.replay_info import ReplayInfoPublisher
+from rosbridge_sim.morai.replays.replay_status import ReplayStatus
 from rosbridge_sim.morai.replays.state_machine import ReplayState
 
 __all__ = ["RecordingKey", "Replay"]
@@ -60,6 +61,7 @@ class Replay(Component):
         self._process = ReplayProcess(context, self._playback)
         self._status = ProcessStatus(context, self._process)
         self._process.on_event.append(self._status.announce)
+        self._position = ReplayStatus(context, self._process, self._playback)
         self._service = ProcessService(context, self._process, self._playback, self._status, recordings)
         self._info = ReplayInfoPublisher(context, self._process, is_showing_drives=is_showing_drives)
         self._network = NetworkReplay(context, self._process, self._playback, self._info)
@@ -79,6 +81,7 @@ class Replay(Component):
         """Publish the replay and the state of the process."""
         self._info.publish(publishers)
         self._status.publish(publishers)
+        self._position.publish(publishers)
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Take commands and network replay."""

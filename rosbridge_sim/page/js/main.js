@@ -3,7 +3,9 @@
  */
 
 import { Layout } from "./layout.js";
+import { addPanels, makePanelContext } from "./panels/all_panels.js";
 import { showConnectionState } from "./panels/connection_state.js";
+import { SceneStore } from "./scene/store.js";
 import { TEXTS } from "./texts.js";
 import { Connection, socketUrl } from "./wire/connection.js";
 
@@ -11,7 +13,9 @@ const connection = new Connection(socketUrl(location));
 const layout = new Layout(TEXTS);
 document.body.replaceChildren(...layout.elements);
 
-const context = { connection, texts: TEXTS };
+const scene = new SceneStore(connection);
+const context = makePanelContext({ connection, scene, mapView: null, texts: TEXTS });
+addPanels(context, layout);
 showConnectionState(context, layout);
 
 connection.setHidden(document.hidden);

@@ -274,16 +274,29 @@ export const TEXTS = {
        * @param {string} map
        * @param {number} entities
        */
-      about: (map, entities) => `map ${map}, ${entities} ${entities === 1 ? "entity" : "entities"}`,
+      about: (map, entities) => `${map ? `map ${map}, ` : ""}${entities} ${entities === 1 ? "entity" : "entities"}`,
+      isLoaded: "loaded now",
     },
     replay: {
       title: "Replay",
       file: "Recording",
       speed: "Speed",
-      none: "No recording is replayed.",
+      position: "Position in the recording",
+      none: "No recording is played.",
+      noFiles: "The server has no recordings in --data-dir.",
+      plays: "The recording is played already.",
       play: { label: "Play", title: "Play the recording" },
-      pause: { label: "Pause", title: "Hold the replay" },
-      stop: { label: "Stop", title: "End the replay; the world returns to its state before" },
+      pause: { label: "Hold", title: "Hold the replay" },
+      stop: { label: "End", title: "End the replay; the world returns to its state before" },
+      /** @param {string} name */
+      playTitle: (name) => `Play ${name}`,
+      /** @param {string} seconds */
+      seekTitle: (seconds) => `Replay from ${seconds} s`,
+      /**
+       * @param {string} position
+       * @param {string} duration
+       */
+      clock: (position, duration) => `${position} / ${duration} s`,
     },
     actions: {
       pause: "Pause",

@@ -10,6 +10,7 @@ import { EgoWatch } from "./ego_watch.js";
 import { makeHeaderValues } from "./header.js";
 import { makeObjectsPanel } from "./objects.js";
 import { makeScorePanel } from "./score.js";
+import { ServerFiles } from "./server_files.js";
 import { makeTimePanel } from "./time.js";
 import { TimeControls } from "./time_controls.js";
 import { TimeWatch } from "./time_watch.js";
@@ -27,7 +28,7 @@ export function makePanelContext(base) {
   const time = new TimeWatch(connection, makeUserId(), texts.time.reasons);
   const timeControls = new TimeControls(actions, time, texts.time.actions);
   const [drivers, ego] = [new DriversWatch(connection), new EgoWatch(connection, scene)];
-  return { ...base, actions, time, timeControls, drivers, ego };
+  return { ...base, actions, time, timeControls, drivers, ego, files: new ServerFiles(connection) };
 }
 
 /**

@@ -8,6 +8,7 @@
  *   time: import("./time_watch.js").TimeWatch,
  *   timeControls: import("./time_controls.js").TimeControls,
  *   ego: import("./ego_watch.js").EgoWatch,
+ *   files: import("./server_files.js").ServerFiles,
  *   drivers: import("./drivers_watch.js").DriversWatch,
  *   mapView: MapView | null,
  *   texts: typeof import("../texts.js").TEXTS,

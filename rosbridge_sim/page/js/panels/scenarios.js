@@ -4,20 +4,28 @@ import { ActionButton, labelled, Notice } from "../widgets/action_button.js";
 import { element, replaceChildren } from "../widgets/dom.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
+/** @typedef {import("./server_files.js").ScenarioInfo} ScenarioInfo */
 
-/** @typedef {{name: string, map: string, title: string, num_entities: number}} ScenarioInfo */
+/** Size of a picture in the list [CSS pixels]; it is drawn twice as large, for fine screens. */
+const PICTURE_WIDTH = 112;
+const PICTURE_HEIGHT = 72;
+
+/** Drawing a large map takes seconds, and the pictures are drawn one after the other [ms]. */
+const PICTURE_TIMEOUT = 60_000;
 
 /**
  * @param {PanelContext} context
  * @returns {HTMLElement}
  */
 export function makeScenarioList(context) {
-  const { connection, time, timeControls: controls, texts: { time: texts } } = context;
+  const { connection, files, time, timeControls: controls, texts: { time: texts } } = context;
   const notice = new Notice();
   const list = element("ul", { className: "rows scenarios" });
   const name = element("input", { type: "text", autocomplete: "off" });
   /** @type {ActionButton[]} */
   let loads = [];
+  /** Pictures by the names of their scenarios, kept while the page is open. @type {Map<string, string>} */
+  const pictures = new Map();
 
   /** @param {string} scenario */
   const load = async (scenario) => {
@@ -27,6 +35,7 @@ export function makeScenarioList(context) {
     notice.show(texts.scenarios.loading(scenario));
     await controls.load(scenario);
     notice.show(texts.scenarios.loaded(scenario));
+    void files.refresh();
   };
   const loadNamed = new ActionButton({ ...texts.buttons.load, notice, act: () => load(name.value.trim()) });
   name.addEventListener("keydown", (event) => {
@@ -44,22 +53,50 @@ export function makeScenarioList(context) {
       act: () => load(info.name),
     });
     loads.push(button);
-    const picture = element("img", { alt: "", width: 96, height: 64, hidden: true });
-    showPicture(context, info.name, picture);
-    const about = texts.scenarios.about(info.map, Number(info.num_entities));
-    return element(
+    const picture = element("img", { alt: "", width: PICTURE_WIDTH, height: PICTURE_HEIGHT, src: pictures.get(info.name) });
+    picture.hidden = !pictures.has(info.name);
+    const about = info.problem || texts.scenarios.about(info.map, numEntities(info));
+    const mark = info.is_loaded ? element("small", { className: "loaded" }, texts.scenarios.isLoaded) : null;
+    const row = element(
       "li",
       {},
       picture,
-      element("span", { className: "row-name" }, info.name, element("small", {}, info.title), element("small", {}, about)),
+      element("span", { className: "row-name" }, info.name, element("small", {}, about), mark),
       button.element,
     );
+    return { info, picture, row };
   };
-  const refresh = async () => {
-    const answer = await connection.call("/sim/scenarios", {}, { timeoutMs: 20_000 });
+  const show = () => {
     loads = [];
-    replaceChildren(list, ...answer.scenarios.map(makeRow));
+    const rows = files.scenarios.map(makeRow);
+    replaceChildren(list, ...rows.map(({ row }) => row));
+    if (files.problem) {
+      notice.show(files.problem, "bad");
+    }
     showReasons();
+    void showPictures(rows);
+  };
+  /**
+   * Show the pictures, one after the other, while the list is seen: a server draws one at a time.
+   * @param {{info: ScenarioInfo, picture: HTMLImageElement}[]} rows
+   */
+  const showPictures = async (rows) => {
+    for (const { info, picture } of rows) {
+      if (!pictures.has(info.name) && !info.problem && picture.isConnected) {
+        await seen(list);
+        const request = { name: info.name, width: 2 * PICTURE_WIDTH, height: 2 * PICTURE_HEIGHT };
+        try {
+          const answer = await connection.call("/sim/scenario_picture", request, { timeoutMs: PICTURE_TIMEOUT });
+          if (answer.result) {
+            pictures.set(info.name, `data:image/png;base64,${answer.data}`);
+          }
+        } catch {
+          return; // the connection is lost, or the service is off: the list is of use without pictures
+        }
+      }
+      picture.src = pictures.get(info.name) ?? "";
+      picture.hidden = !pictures.has(info.name);
+    }
   };
   const showReasons = () => {
     for (const button of [loadNamed, ...loads]) {
@@ -67,11 +104,7 @@ export function makeScenarioList(context) {
     }
   };
   time.onChange(showReasons);
-  connection.onState((state) => {
-    if (state === "open") {
-      refresh().catch((error) => notice.showError(error));
-    }
-  });
+  files.onChange(show);
   return element(
     "div",
     {},
@@ -81,17 +114,24 @@ export function makeScenarioList(context) {
   );
 }
 
+/** @param {ScenarioInfo} info */
+function numEntities(info) {
+  return info.num_egos + info.num_vehicles + info.num_pedestrians + info.num_obstacles;
+}
+
 /**
- * @param {PanelContext} context
- * @param {string} scenario
- * @param {HTMLImageElement} picture
+ * Wait until an element is seen, so that a tab that nobody opens costs the server nothing.
+ * @param {HTMLElement} node
+ * @returns {Promise<void>}
  */
-async function showPicture({ connection }, scenario, picture) {
-  try {
-    const answer = await connection.call("/sim/scenario_picture", { name: scenario }, { timeoutMs: 60_000 });
-    picture.src = `data:image/png;base64,${answer.data}`;
-    picture.hidden = false;
-  } catch {
-    picture.hidden = true; // the list is of use without it
-  }
+function seen(node) {
+  return new Promise((resolve) => {
+    const observer = new IntersectionObserver((entries) => {
+      if (entries.some((entry) => entry.isIntersecting)) {
+        observer.disconnect();
+        resolve();
+      }
+    });
+    observer.observe(node);
+  });
 }
