@@ -187,6 +187,14 @@ async def test_latched_topics_reach_late_subscribers_at_a_bridge(connect: Connec
         assert (await client.message("/tf_static"))["transforms"]
 
 
+async def test_viewer_behind_a_bridge_gets_drivers_and_descriptions_of_a_world_that_waits(connect: Connect) -> None:
+    async with gateway() as bridge, attached(bridge.url):
+        client = await connect(bridge.url)
+        await client.send("subscribe", topic="/sim/drivers")
+        assert (await client.message("/sim/drivers"))["is_synchronous"]
+        assert (await client.values("/sim/describe", {"id": 0}))["behaviour"] == "driven"
+
+
 async def test_egos_added_at_run_time_appear_at_a_bridge(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url, start="run"):
         client = await connect(bridge.url)

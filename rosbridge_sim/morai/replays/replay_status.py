@@ -21,7 +21,7 @@ RATE: Final = 10.0
 
 
 class ReplayStatus:
-    """Publisher of the position. It holds no state but what it published last."""
+    """Publisher of the position. It holds no state."""
 
     def __init__(self, context: SimulatorContext, process: ReplayProcess, playback: Playback) -> None:
         """Publish nothing yet.
@@ -34,7 +34,6 @@ class ReplayStatus:
         self._context = context
         self._process = process
         self._playback = playback
-        self._last: tuple[object, ...] = ()
         self._make = maker(
             context.bus.store,
             "rosbridge_sim_msgs/Replay",
@@ -53,12 +52,11 @@ class ReplayStatus:
             self._message,
             rate=RATE,
             is_sampled=True,
-            is_stale=lambda: self._values() != self._last,
+            version=self._values,
         )
 
     def _message(self) -> Struct:
-        values = self._last = self._values()
-        return self._make(self._context.convert.header(self._context.world.frame), *values)
+        return self._make(self._context.convert.header(self._context.world.frame), *self._values())
 
     def _values(self) -> tuple[object, ...]:
         """Return the fields of the message behind the header."""
