@@ -133,7 +133,7 @@ class Playback:
         self._start_ns, self._position_ns, self.is_over = start_ns, position_ns, is_over
         # The last frame showed the position before, if it showed any since the start.
         last_ns = position_ns if position_ns == start_ns else position_ns - STEP_NS * speed
-        self.shown_ns = min(last_ns, recording.duration_ns)
+        self.shown_ns = 0 if recording.is_empty else min(last_ns, recording.duration_ns)
 
     # Questions before a recording is chosen
 
