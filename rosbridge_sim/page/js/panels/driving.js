@@ -245,6 +245,7 @@ class Driving {
       event.preventDefault();
       void this.changeGear();
     } else if (event.code === "Escape") {
+      event.preventDefault();
       this.end();
     }
   }
