@@ -117,9 +117,9 @@ async def test_keys_act_with_each_step_in_synchronous_mode_of_the_page(serve: Se
     await begin_drive(page)
     await page.keyboard.down("w")
     async with AsyncClient(server.url) as client:
-        for number in range(1, 6):
+        for _ in range(5):
             await page.keyboard.press(".")
-            await client.wait_for("/SyncModeInfo", lambda info, number=number: info["frame"] >= number)
+        await client.wait_for("/SyncModeInfo", lambda info: info["frame"] >= 2)
         state = await client.describe(0)
         assert state["speed"] > 0.0
 
