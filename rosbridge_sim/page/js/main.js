@@ -14,7 +14,7 @@ const layout = new Layout(TEXTS);
 document.body.replaceChildren(...layout.elements);
 
 const scene = new SceneStore(connection);
-const context = makePanelContext({ connection, scene, mapView: null, texts: TEXTS });
+const context = makePanelContext({ connection, scene, mapView: null, showTab: (id) => layout.tabs.show(id), texts: TEXTS });
 addPanels(context, layout);
 showConnectionState(context, layout);
 

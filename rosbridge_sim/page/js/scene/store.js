@@ -29,7 +29,9 @@ export class SceneStore {
     this.map = null;
     /** @type {SceneState | null} */
     this.state = null;
-    this.selectedId = -1;
+    /** Number of the selected entity; null without one. @type {number | null} */
+    this.selectedId = null;
+    this.isEgoSelected = false;
     this.digest = "";
     /** @type {Set<() => void>} */
     this.stateTakers = new Set();
@@ -48,8 +50,8 @@ export class SceneStore {
       this.digest = state.map_digest;
       void this.readMap();
     }
-    if (this.selectedId >= 0 && this.indexOf(this.selectedId) < 0) {
-      this.select(-1);
+    if (this.selectedId !== null && this.selectedRow() < 0) {
+      this.select(null);
     }
     for (const take of this.stateTakers) {
       take();
@@ -100,16 +102,35 @@ export class SceneStore {
   }
 
   /**
-   * Row of an entity, or -1.
-   * @param {number} id
+   * Return the row of an entity.
+   * @param {number | null} id
+   * @param {boolean} [isEgo] - only an ego, or only another entity
+   * @returns {number} -1: there is none
    */
-  indexOf(id) {
-    return this.state === null ? -1 : Array.prototype.indexOf.call(this.state.id, id);
+  indexOf(id, isEgo) {
+    const { state } = this;
+    for (let row = 0; state !== null && id !== null && row < state.id.length; row += 1) {
+      if (state.id[row] === id && (isEgo === undefined || isEgo === (state.kind[row] === KIND_OF_EGO))) {
+        return row;
+      }
+    }
+    return -1;
   }
 
-  /** @param {number} id -1 for none */
-  select(id) {
-    this.selectedId = id;
+  /** @returns {number} row of the selected entity; -1: there is none */
+  selectedRow() {
+    return this.indexOf(this.selectedId, this.selectedId === null ? undefined : this.isEgoSelected);
+  }
+
+  /**
+   * Select an entity.
+   * @param {number | null} id - null selects nothing
+   * @param {boolean} [isEgo]
+   */
+  select(id, isEgo) {
+    const row = this.indexOf(id, isEgo);
+    this.selectedId = row < 0 ? null : id;
+    this.isEgoSelected = row >= 0 && this.state?.kind[row] === KIND_OF_EGO;
     for (const take of this.selectTakers) {
       take();
     }
