@@ -72,7 +72,7 @@ class CommandTopics(Component):
         control = self._context.convert.control(command)
         if self._is_external(ego):
             ego.control(control)
-            ego.commander = sender
+            ego.commander, ego.command_frame = sender, self._context.world.frame
         else:
             self._decline(ego, bindings, name, bindings.service("SyncModeCtrlCmd"), sender)
 

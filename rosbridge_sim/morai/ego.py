@@ -73,6 +73,7 @@ class Ego:
         mountings: places of its sensors, by their frames, in the order of `SENSORS`.
         is_replayed: a recording moves it, and commands are ignored.
         commander: the participant whose command it followed last, for people who watch; None for none that is known.
+        command_frame: frame at which the last command of `/ctrl_cmd` came, for leases.
     """
 
     def __init__(
@@ -103,6 +104,7 @@ class Ego:
         self.mountings = dict.fromkeys(SENSORS, Mounting())
         self.is_replayed = False
         self.commander: Participant | None = None
+        self.command_frame = 0
         self._world = world
         self._convert = convert
         self._roads = roads

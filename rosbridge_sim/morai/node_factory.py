@@ -33,11 +33,14 @@ from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.sim_services.barrier import BarrierServices
 from rosbridge_sim.morai.sim_services.contacts import Contacts
+from rosbridge_sim.morai.sim_services.control_lease import ControlLeases
 from rosbridge_sim.morai.sim_services.describe import Describe
 from rosbridge_sim.morai.sim_services.drivers import Drivers
 from rosbridge_sim.morai.sim_services.population import Population
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.road_services import RoadServices
+from rosbridge_sim.morai.sim_services.scenarios import Scenarios, ScenarioShelf
+from rosbridge_sim.morai.sim_services.scene_markers import SceneMarkers
 from rosbridge_sim.morai.sim_services.scene_state import SceneState
 from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.sim_services.snapshots import Snapshots
@@ -68,6 +71,7 @@ def make_node(
     recordings: Recordings | None = None,
     networks: Networks | None = None,
     reader: Reader | None = None,
+    shelf: ScenarioShelf | None = None,
 ) -> SimulatorNode:
     """Return the simulator with its opening scene, on the bus; clients see nothing of it before it is complete.
 
@@ -81,6 +85,7 @@ def make_node(
         recordings: source of recordings for replays; None for no recordings.
         networks: source of scenarios' network settings; None for no such settings.
         reader: reads documents that clients load; with None all clients wait meanwhile.
+        shelf: lists what can be loaded; None for no lists.
 
     Raises:
         DocumentError: the scenario does not fit its map, or the network settings do not fit.
@@ -103,6 +108,7 @@ def make_node(
         StepService(context),
         BarrierServices(context),
         RealTimeFactor(context),
+        ControlLeases(context),  # before Drivers, which forgets who drove when a client leaves
         Scores(context, is_always=chosen.score),
         Population(context),
         road_services,
@@ -110,6 +116,8 @@ def make_node(
         Contacts(context),
         Drivers(context),
         Describe(context),
+        SceneMarkers(context, reader),
+        Scenarios(context, reader, shelf),
     ]
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))

@@ -19,8 +19,8 @@ from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.paths import END, NUM_COLUMNS, PathsSnapshot
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
-from rosbridge_sim.world.signals import SignalsSnapshot
-from rosbridge_sim.world.state import MAX_UID, Snapshot
+from rosbridge_sim.world.signals import FREE, SignalsSnapshot
+from rosbridge_sim.world.state import MAX_UID, Snapshot, label_of
 
 __all__ = ["LAYOUT", "from_plain", "to_plain"]
 
@@ -136,6 +136,11 @@ class _Reader:
         self._check_floats(floats)
         self._check_ints(ints, bools, paths)
         names, bodies = self._names(n), self._bodies(n)
+        self._check_labels(names, bodies, ints, bools)
+        is_scoring = self._int("is_scoring", 0, 1) == 1
+        if not is_scoring:
+            scores = [block[num:].any() for block, num in zip((floats, ints, bools), NUM_CORE, strict=True)]
+            _expect(not any(scores), "is_scoring", "zeros in the columns of scores while none are kept")
         contacts = self._array("contacts", np.int64, (None, 2))
         _expect(bool(np.isin(contacts, uids[:, 0]).all()), "contacts", "ids of entities")
         followers = ints[INTS.index("uid")][bools[BOOLS.index("has_lane")]]
@@ -156,7 +161,7 @@ class _Reader:
             signals=self._signals(frame),
             routes=routes,
             rng_state=self._rng(),
-            is_scoring=self._int("is_scoring", 0, 1) == 1,
+            is_scoring=is_scoring,
         )
 
     # Parts
@@ -176,6 +181,20 @@ class _Reader:
         _expect(is_good, "uids", "each id with the row that it is in")
         free = ~alive
         _expect(not (ints[:, free].any() or bools[:, free].any()), "ints", "zeros in free rows")
+
+    def _check_labels(
+        self,
+        names: tuple[str, ...],
+        bodies: tuple[Body, ...],
+        ints: IntArray,
+        bools: Any,  # noqa: ANN401 - of bools
+    ) -> None:
+        """Check that the labels stand for names and bodies: of these a digest of the world has the labels alone."""
+        alive = bools[BOOLS.index("alive")].tolist()
+        labels = ints[INTS.index("label")].tolist()
+        for is_alive, name, body, label in zip(alive, names, bodies, labels, strict=True):
+            is_good = label == label_of(name, body) if is_alive else (name, body) == ("", NO_BODY)
+            _expect(is_good, "bodies", "names and bodies with the labels of their rows")
 
     def _check_floats(self, floats: FloatArray) -> None:
         _expect(not bool(np.isnan(floats).any()), "floats", "numbers")
@@ -277,6 +296,10 @@ class _Reader:
         for name, values in (("origin", origin), ("forced", forced), ("until", until)):
             _expect(bool((np.abs(values) <= MAX_COUNT).all()), name, "frames and lamps")
         _expect(self._int("signals_frame", 0, MAX_COUNT) == frame, "signals_frame", "the frame of the world")
+        into, is_forced = frame - origin, until > frame
+        _expect(bool(((into >= 0) & (into < plan.cycle)).all()), "origin", "a begin of the present cycle")
+        _expect(bool((is_forced | (until == FREE)).all()), "until", f"a later frame, or {FREE}")
+        _expect(bool((is_forced | (forced == 0)).all()), "forced", "0 for a light that is not forced")
         return SignalsSnapshot(plan, frame, origin, forced, until)
 
     def _rng(self) -> dict[str, Any]:

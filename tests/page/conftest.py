@@ -6,10 +6,12 @@ from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any, Protocol
+from urllib.parse import urlsplit
 
 import pytest
 from playwright.async_api import Browser, ConsoleMessage, Page, async_playwright
 
+from rosbridge_sim.shell.page.page_address import page_urls
 from tests.support import PATIENCE, ServerProcess, require_tool
 
 FLAGS = (
@@ -20,7 +22,9 @@ FLAGS = (
     "--use-angle=swiftshader",  # WebGL without a graphics card
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
-    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",
+    "--disable-features=LocalNetworkAccessChecks,LocalNetworkAccessChecksWebSockets",  # for pages that a test makes up
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE localhost, "  # it speaks to nobody but us
+    + ", ".join(f"EXCLUDE {urlsplit(url).hostname}" for url in page_urls("0.0.0.0", 0, is_tls=False)),  # noqa: S104
 )
 
 

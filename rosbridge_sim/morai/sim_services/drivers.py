@@ -27,7 +27,7 @@ _EgoFields = tuple[int, int, int, str, str, tuple[str, ...]]
 
 
 class Drivers(Component):
-    """The component of drivers. It holds no state but the values of its last message."""
+    """The component of drivers. It holds no state."""
 
     def __init__(self, context: SimulatorContext) -> None:
         """Publish nothing yet.
@@ -36,7 +36,6 @@ class Drivers(Component):
             context: of the simulator.
         """
         self._context = context
-        self._last: tuple[Any, ...] = ()
         store = context.bus.store
         self._make = maker(
             store,
@@ -54,7 +53,7 @@ class Drivers(Component):
     def publish(self, publishers: Publishers) -> None:
         """Publish the topic that exists once, not for each ego."""
         publishers.add(
-            DRIVERS, "rosbridge_sim_msgs/Drivers", self._message, is_stale=self._is_stale, is_in_frames=False
+            DRIVERS, "rosbridge_sim_msgs/Drivers", self._message, version=self._values, is_in_frames=False, depth=1
         )
 
     def _forget(self, participant: Participant, _now: float) -> None:
@@ -62,12 +61,9 @@ class Drivers(Component):
             if ego.commander is participant:
                 ego.commander = None
 
-    def _is_stale(self) -> bool:
-        return self._values() != self._last
-
     def _message(self) -> Struct:
         context = self._context
-        values = self._last = self._values()
+        values = self._values()
         *fixed, masters, members, time_step, factor, egos = values
         return self._make(
             context.convert.header(context.world.frame),

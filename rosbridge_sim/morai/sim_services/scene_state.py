@@ -69,7 +69,6 @@ class SceneState(Component):
             *("header", "frame", "map_digest", "scenario", "id", "kind", "x", "y", "z", "roll", "pitch", "heading"),
             *("speed", "length", "width", "height", "center_x", "lamps", "flags", "light_state", "light_time_left"),
         )
-        self._made: tuple[object, ...] = ()
         # What the lights show changes rarely: their columns are kept with the array that they were made from.
         self._shown: IntArray | None = None
         self._light_state: NDArray[np.int16] = np.empty(0, dtype=np.int16)
@@ -78,21 +77,16 @@ class SceneState(Component):
 
     def publish(self, publishers: Publishers) -> None:
         """Publish the topic that exists once, not for each ego."""
-        publishers.add(SCENE_STATE, "rosbridge_sim_msgs/SceneState", self._message, is_stale=self._is_stale)
+        publishers.add(SCENE_STATE, "rosbridge_sim_msgs/SceneState", self._message, version=self._version)
 
-    def _version(self) -> tuple[object, ...]:
-        """Return what stays the same as long as the message does: compared by `is`, so nothing of it is copied."""
-        context = self._context
-        world, scene = context.world, context.scene
-        return world.derived(self._lay_out), world.signals.shown, world.contacts, scene.road_map, scene.loaded
-
-    def _is_stale(self) -> bool:
-        """Tell whether the scene differs from that of the last message."""
-        frame, lamps, *made = self._made or (None, None)
-        context = self._context
-        if frame != context.world.frame or lamps != self._ego_lamps():
-            return True
-        return any(before is not now for before, now in zip(made, self._version(), strict=True))
+    def _version(self) -> _Version:
+        """Return what is the same as long as the message is."""
+        world, scene = self._context.world, self._context.scene
+        layout = world.derived(self._lay_out)
+        return _Version(
+            (world.frame, *self._ego_lamps()),
+            (layout, world.signals.shown, world.contacts, scene.road_map, scene.loaded),
+        )
 
     def _ego_lamps(self) -> list[int]:
         """Return the lamps of all egos, in the order of the layout."""
@@ -112,7 +106,6 @@ class SceneState(Component):
         yaw, speed, z = motion[2:].astype(np.float32)
         roll, pitch = world.block("roll", "pitch").take(rows, axis=1).astype(np.float32)
         ego_lamps = self._ego_lamps()
-        self._made = (world.frame, ego_lamps, *self._version())
         return self._make(
             context.convert.header(world.frame, "map"),
             world.frame,
@@ -169,6 +162,27 @@ class SceneState(Component):
         left = ((self._light_ends - signals.frame) * DT).astype(np.float32)
         left[self._is_endless] = UNKNOWN_TIME
         return self._light_state, left
+
+
+class _Version:
+    """A state of the scene.
+
+    Attributes:
+        numbers: are equal for equal scenes.
+        objects: are the same for equal scenes, so nothing of them need be copied or compared.
+    """
+
+    __slots__ = ("numbers", "objects")
+    __hash__ = None  # type: ignore[assignment] # it is compared alone
+
+    def __init__(self, numbers: tuple[int, ...], objects: tuple[object, ...]) -> None:
+        self.numbers = numbers
+        self.objects = objects
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, _Version) or self.numbers != other.numbers:
+            return False
+        return all(one is another for one, another in zip(self.objects, other.objects, strict=True))
 
 
 class _Layout:

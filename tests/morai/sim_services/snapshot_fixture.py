@@ -16,6 +16,7 @@ HEARD = (
     *("/clock", "/Ego_topic", "/Object_topic", "/CollisionData", "/VehicleCollisionData", "/SyncModeInfo", "/tf"),
     *("/tf_static", "/gps", "/imu", "/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic", "/sim/state_hash"),
     *("/ReplayInfo_topic", "/sim/process/state/msg/MoraiSimProcStatus", "/sim/scene/state", "/sim/drivers"),
+    "/sim/replay",
 )
 """All that the simulator publishes of the world and the first ego."""
 

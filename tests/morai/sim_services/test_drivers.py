@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
@@ -21,9 +22,16 @@ class Neighbour(Client):
 def watched(scenario: str = "crossing", **settings: Any) -> tuple[SimHarness, Client]:  # noqa: ANN401 - NodeSettings'
     harness = SimHarness(scenario, **settings)
     viewer = harness.client()
-    viewer.listen(DRIVERS)
-    harness.run(0.0)
+    hear(harness, viewer)
     return harness, viewer
+
+
+def hear(harness: SimHarness, viewer: Client) -> None:
+    """Subscribe as a client of the server does, which gets the latched message."""
+    viewer.listen(DRIVERS)
+    for message in harness.bus.topics[DRIVERS].latched:
+        viewer.heard.append((DRIVERS, json.loads(message.json)))
+    harness.run(0.0)
 
 
 def now(harness: SimHarness, viewer: Client) -> dict[str, Any]:
@@ -41,9 +49,25 @@ def test_new_subscriber_is_told_once_and_nothing_follows_without_a_change() -> N
         {"unique_id": 0, "ctrl_mode": 3, "gear": 4, "driver": "nobody", "client": "", "publishers": []}
     ]
     other = harness.client()
-    other.listen(DRIVERS)
-    harness.run(0.0)
+    hear(harness, other)
     assert (len(other.messages(DRIVERS)), len(viewer.messages(DRIVERS))) == (1, 1)
+
+
+def test_late_subscriber_gets_the_present_state_alone_and_others_get_changes_once() -> None:
+    harness, viewer = watched()
+    harness.client().ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+    other = harness.client()
+    hear(harness, other)
+    assert [told["is_paused"] for told in viewer.messages(DRIVERS)] == [False, True]
+    assert [told["is_paused"] for told in other.messages(DRIVERS)] == [True]
+    viewer.leave()
+    other.leave()
+    harness.client().ask("/Service_MoraiEventCmd", option=8, set_pause=False)
+    last = harness.client()
+    hear(harness, last)
+    assert [told["is_paused"] for told in last.messages(DRIVERS)] == [False]
+    harness.run(1.0)
+    assert len(last.messages(DRIVERS)) == 1
 
 
 def test_client_that_commands_is_named_by_its_address_until_it_leaves() -> None:
@@ -122,3 +146,13 @@ def test_both_releases_have_the_topic_under_changed_names_too(release: str) -> N
     client = harness.client()
     harness.bus.advertise(client, "/drive", COMMAND)
     assert now(harness, viewer)["egos"][0]["publishers"] == [client.name]
+
+
+def test_sample_of_a_step_does_not_take_a_change_from_subscribers() -> None:
+    harness, viewer = watched(start="sync")
+    client = harness.client()
+    client.start()
+    harness.run(0.0)
+    client.ask("/Service_MoraiEventCmd", option=2, gear=1)
+    assert client.call("/sim/step", {"user_id": "me", "n": 1, "topics": [DRIVERS, "/sim/scene/state"]}).is_ok
+    assert now(harness, viewer)["egos"][0]["gear"] == 1

@@ -223,3 +223,21 @@ def test_both_releases_have_the_topic(release: str) -> None:
     client.listen(STATE)
     client.tick()
     assert len(last(client)["id"]) == len(harness.world)
+
+
+def test_viewer_steps_a_paused_world_frame_by_frame_and_sees_each() -> None:
+    harness = SimHarness()
+    viewer = harness.client()
+    viewer.listen(STATE)
+    harness.run(0.1)
+    viewer.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+    harness.run(1.0)
+    viewer.heard.clear()
+    viewer.start("viewer")
+    viewer.ask("/Service_MoraiEventCmd", option=8, set_pause=False)
+    harness.run(1.0)
+    assert viewer.messages(STATE) == []
+    for _ in range(2):
+        assert viewer.call("/sim/step", {"user_id": "viewer", "n": 1}).is_ok
+        harness.run(1.0)
+    assert [message["frame"] for message in viewer.messages(STATE)] == [6, 7]

@@ -124,6 +124,11 @@ export class Connection {
     return () => void this.statusTakers.delete(take);
   }
 
+  /** Whether the server was shown a token. */
+  get hasToken() {
+    return sessionStorage.getItem(TOKEN_KEY) !== null;
+  }
+
   /**
    * Connect with a token, which this tab keeps until it is closed.
    * @param {string} token
