@@ -14,8 +14,8 @@ const VAN_HEIGHT = 2;
 const CAR_LENGTH = 2.6;
 /** Vehicles that are shorter on the screen have the simplest form, without a shadow [pixels]. */
 const FAR_PIXELS = 22;
-/** The same behind the car, where a length is seen foreshortened: about 80 m away [pixels]. */
-const FAR_PIXELS_BEHIND = 45;
+/** The same behind the car, where a length is seen foreshortened: about 110 m away [pixels]. */
+const FAR_PIXELS_BEHIND = 30;
 /** Behind the car, entities are drawn up to here; farther away the fog hides them [m]. */
 const FARTHEST_ENTITY = 900;
 /** Least length on the screen of vehicles and of people, so that they are found on a large map [pixels]. */
