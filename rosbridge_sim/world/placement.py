@@ -45,7 +45,7 @@ def teleport(
     """
     check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch)
     world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
-    world.roll[row], world.pitch[row] = roll, pitch
+    world.tilt(row, roll=roll, pitch=pitch)
     set_ghost(world, row, is_ghost=False)
 
 
@@ -103,7 +103,7 @@ def place_ghost(
     """
     check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch)
     world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
-    world.roll[row], world.pitch[row] = roll, pitch
+    world.tilt(row, roll=roll, pitch=pitch)
     set_ghost(world, row, is_ghost=True)
 
 
@@ -126,6 +126,8 @@ def place_ghosts(world: World, rows: IntArray, poses: FloatArray) -> None:
         raise ValueError("poses: expected finite numbers within the bounds of the world")
     world.place_all(rows, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.roll[rows], world.pitch[rows] = roll, pitch
+    is_ego = world.kind[rows] == Kind.EGO
+    world.ground_roll[rows], world.ground_pitch[rows] = np.where(is_ego, roll, 0.0), np.where(is_ego, pitch, 0.0)
     world.is_ghost[rows] = True
     world.touch()
 

@@ -14,7 +14,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from rosbridge_sim.world.entity_arrays import BOOLS, FLOATS, INTS, NO_BODY, NUM_CORE
-from rosbridge_sim.world.entity_types import MAX_COORDINATE, Body, Gear, Kind, Mode
+from rosbridge_sim.world.entity_types import MAX_COORDINATE, Body, Dynamics, Gear, Kind, Mode
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.paths import END, NUM_COLUMNS, PathsSnapshot
 from rosbridge_sim.world.roads import Roads
@@ -37,7 +37,7 @@ MAX_COUNT: Final = 2**62
 
 _MAY_BE_INFINITE: Final = frozenset(
     {
-        *("leg_end", "desired_speed", "accel_max", "accel_min", "throttle_max", "target"),
+        *("leg_end", "desired_speed", "accel_max", "accel_min", "throttle_max", "target", "jerk_limit"),
         *("time_to_collision", "min_time_to_collision"),
     }
 )
@@ -75,6 +75,8 @@ def to_plain(saved: Snapshot) -> Plain:
         "until": signals.until,
         "routes": dict(saved.routes),
         "is_scoring": int(saved.is_scoring),
+        "dynamics": int(saved.dynamics),
+        "is_creeping": int(saved.is_creeping),
         "rng": _plain_rng(saved.rng_state),
     }
 
@@ -157,6 +159,8 @@ class _Reader:
             routes=routes,
             rng_state=self._rng(),
             is_scoring=self._int("is_scoring", 0, 1) == 1,
+            dynamics=Dynamics(self._int("dynamics", min(Dynamics), max(Dynamics))),
+            is_creeping=self._int("is_creeping", 0, 1) == 1,
         )
 
     # Parts
