@@ -15,7 +15,17 @@ import numpy.typing as npt
 from rosbridge_sim.world.entity_types import Body
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 
-__all__ = ["BOOLS", "FLOATS", "INTS", "KINEMATIC_ALL", "KINEMATIC_CORE", "LEG_COLUMNS", "NUM_CORE", "BoolArray", "EntityArrays"]
+__all__ = [
+    "BOOLS",
+    "FLOATS",
+    "INTS",
+    "KINEMATIC_ALL",
+    "KINEMATIC_CORE",
+    "LEG_COLUMNS",
+    "NUM_CORE",
+    "BoolArray",
+    "EntityArrays",
+]
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -100,7 +110,7 @@ NUM_CORE: Final = (FLOATS.index("score_distance"), INTS.index("score_since"), BO
 
 
 KINEMATIC_CORE: Final = np.array([FLOATS.index(name) for name in _KINEMATIC[: _KINEMATIC.index("score_distance")]])
-"""Rows of the float block that the kinematic model has, in its own order, without those of `score`: its digests must not
+"""Rows of the float block that the kinematic model has, in its own order, without those of `score`: its digests do not
 depend on the columns of other models."""
 
 KINEMATIC_ALL: Final = np.array([FLOATS.index(name) for name in _KINEMATIC])

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from typing import Final
 
-__all__ = ["MAX_COORDINATE", "MAX_SPEED", "ROAD_FRICTION", "Body", "Dynamics", "Gear", "Kind", "Mode"]
+__all__ = ["CG_SHARE", "MAX_COORDINATE", "MAX_SPEED", "ROAD_FRICTION", "Body", "Dynamics", "Gear", "Kind", "Mode"]
 
 MAX_COORDINATE: Final = 1e9
 """Bound of coordinates, and of angles that are wrapped later [m, rad]. It is far beyond any map, and keeps squares and
@@ -21,7 +21,10 @@ MAX_SPEED: Final = 1e3
 
 
 ROAD_FRICTION: Final = 0.9
-"""Friction of dry asphalt: 0.8 to 0.9 at the peak (Gillespie, Fundamentals of Vehicle Dynamics, ch. 3)."""
+"""Friction of dry asphalt: 0.8 to 0.9 at the peak (Wong, Theory of Ground Vehicles, table 1.3)."""
+
+CG_SHARE: Final = 0.37
+"""Height of the centre of gravity of a vehicle, as a share of its height: our estimate, usual for passenger cars."""
 
 MIN_LOAD: Final = 0.05
 """Least share of the weight that an axle carries: with less, a car would tip over."""
@@ -83,13 +86,14 @@ class Body:
         drag: deceleration by air, engine and gears for each (m/s)^2 [1/m]. With the default, full throttle reaches
             180 km/h at most, and 100 km/h in ten seconds.
         speed_mode_accel, speed_mode_decel: the most that the speed controller asks for [m/s^2].
-        mass: [kg]; the dynamics are those of one kilogram, so it counts for forces that are reported only.
+        mass: with a driver [kg]: 1,375 kg and 75 kg. The dynamics are those of one kilogram, so it counts for forces
+            that are reported only.
         front_load: share of the weight on the front axle at rest. 0.59 is usual for a car with front engine and
             front-wheel drive.
-        cg_height: height of the centre of gravity [m]. 0.37 of the height of the car is the mean of NHTSA's
-            measurements of passenger cars (Heydinger et al., SAE 1999-01-1336).
+        cg_height: height of the centre of gravity [m]; see `CG_SHARE`.
         dynamic_index: moment of inertia about the vertical axis, divided by mass * (distances of the centre of gravity
-            from both axles). It is near 1 for passenger cars (the same source).
+            from both axles). It is near 1 for passenger cars (Heydinger et al., NHTSA's measured parameters, SAE
+            1999-01-1336).
         front_stiffness, rear_stiffness: cornering stiffness of an axle for each newton of its load [1/rad]. Tyres alone
             have 15 to 25. The steering gives way, so the front is softer: the car understeers by 1.5 degrees of
             steering for each g, usual for a family car (Gillespie, Fundamentals of Vehicle Dynamics, ch. 6).
@@ -117,7 +121,7 @@ class Body:
     # Not shown by `repr`, from which `state` makes the labels of bodies: those of the kinematic model never change.
     mass: float = field(default=1450.0, repr=False)
     front_load: float = field(default=0.59, repr=False)
-    cg_height: float = field(default=0.54, repr=False)
+    cg_height: float = field(default=0.537, repr=False)
     dynamic_index: float = field(default=1.0, repr=False)
     front_stiffness: float = field(default=14.0, repr=False)
     rear_stiffness: float = field(default=22.0, repr=False)

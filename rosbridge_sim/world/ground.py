@@ -18,7 +18,7 @@ from rosbridge_sim.world.state import World
 __all__ = ["INTERVAL", "NEAR_LIMIT", "OFF_ROAD_FRICTION", "are_on_road", "find_friction"]
 
 OFF_ROAD_FRICTION: Final = 0.6
-"""Friction of gravel and dry earth (Wong, Theory of Ground Vehicles, table 1.3: 0.6 and 0.65)."""
+"""Friction of gravel (Wong, Theory of Ground Vehicles, table 1.3); dry earth has a little more."""
 
 INTERVAL: Final = 5
 """Steps from one look to the next: a tenth of a second, in which a car at 20 m/s goes half its length."""

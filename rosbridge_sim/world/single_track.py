@@ -9,9 +9,10 @@ yaw rate r, the angles of the wheels, the pedals as engine and brakes follow the
 
 *Actuators*. Wheels turn with a limited rate. Engine and brakes follow their pedals as lags of first order.
 
-*Load*. With the distances a and b of the centre of gravity from the axles, its height h, and the last acceleration:
+*Load*. With the distances a and b of the centre of gravity from the axles, its height h, and the acceleration p by
+engine and brakes:
 
-    N_f = (g b - h u') / L        N_r = (g a + h u') / L             [for each kg of the car]
+    N_f = (g b - h p) / L         N_r = (g a + h p) / L              [for each kg of the car]
 
 *Tyres*. An axle has one slip angle s: the direction in which its wheels move, seen from where they point. The force
 across them is Pacejka's magic formula (Tyre and Vehicle Dynamics, ch. 4) without its shifts and its curvature factor:
@@ -147,10 +148,10 @@ class _Floats:
         self._cell = np.zeros(1)
 
     def least(self, a: float, b: float, /) -> float:
-        return (b if b < a else a) + 0.0
+        return (b if b < a else a) + 0.0  # noqa: FURB136 - `min` takes three times as long
 
     def most(self, a: float, b: float, /) -> float:
-        return (b if b > a else a) + 0.0
+        return (b if b > a else a) + 0.0  # noqa: FURB136 - the same
 
     def pick(self, condition: float, if_positive: float, otherwise: float, /) -> float:
         return if_positive if condition > 0.0 else otherwise
@@ -167,17 +168,20 @@ class _Floats:
     def sin(self, a: float, /) -> float:
         cell = self._cell
         cell[0] = a
-        return np.sin(cell, cell).item()
+        np.sin(cell, cell)
+        return cell.item()
 
     def cos(self, a: float, /) -> float:
         cell = self._cell
         cell[0] = a
-        return np.cos(cell, cell).item()
+        np.cos(cell, cell)
+        return cell.item()
 
     def arctan(self, a: float, /) -> float:
         cell = self._cell
         cell[0] = a
-        return np.arctan(cell, cell).item()
+        np.arctan(cell, cell)
+        return cell.item()
 
     def wrap(self, a: float, /) -> float:
         return a if -math.pi < a <= math.pi else wrap_angle(a).item()
@@ -271,7 +275,7 @@ def make_car(body: Sequence[V], limits: Sequence[V], dt: float) -> Car[V]:
     )
 
 
-def advance(do: Operators[V], car: Car[V], now: Sequence[V], dt: float) -> tuple[V, ...]:
+def advance(do: Operators[V], car: Car[V], now: Sequence[V], dt: float) -> Sequence[V]:
     """Return the state one step later.
 
     Args:
@@ -287,121 +291,186 @@ def advance(do: Operators[V], car: Car[V], now: Sequence[V], dt: float) -> tuple
     rear_steer, drive_lag, brake_lag, w, _, _, _, front_force, rear_force, lean_pitch, lean_roll = now[8:19]
     target, accel_max, accel_min, throttle_max, sense, drive, holding, steer_cmd = now[23:31]
     throttle, brake, steer, accel, _, r, x, y, yaw, u = now[31:]
-    least, most, pick, magnitude = do.least, do.most, do.pick, do.magnitude
-    wheelbase, to_rear = car.wheelbase, car.to_rear
+    pick = do.pick
 
     # Wheels
-    limit = car.steer_change
-    change = most(least(steer_cmd - steer, limit), -limit)
-    rear_change = most(least(rear_cmd - rear_steer, limit), -limit)
-    steer, rear_steer = steer + change, rear_steer + rear_change
-    half_change, half_rear_change = 0.5 * change, 0.5 * rear_change
-    angle, rear_angle = steer - half_change, rear_steer - half_rear_change
-    sin_f, cos_f, sin_r, cos_r = do.sin(angle), do.cos(angle), do.sin(rear_angle), do.cos(rear_angle)
+    steer, front_wheels = _turn(do, steer, steer_cmd, car.steer_change)
+    rear_steer, rear_wheels = _turn(do, rear_steer, rear_cmd, car.steer_change)
+    sin_f, cos_f, tan_f = front_wheels
+    sin_r, cos_r, tan_r = rear_wheels
 
     # Share of the tyres in the motion
     part = (u * u + w * w - BLEND_FROM * BLEND_FROM) * (1.0 / (BLEND_TO * BLEND_TO - BLEND_FROM * BLEND_FROM))
-    part = least(most(part, 0.0), 1.0)
+    part = do.least(do.most(part, 0.0), 1.0)
     share = part * part * (3.0 - 2.0 * part)
 
     # Pedals
     resist = car.rolling + car.drag * (u * u)
-    turning = (w + to_rear * r) * r
+    turning = (w + car.to_rear * r) * r
     if do.is_any(jerk_limit):
         against = resist - sense * (share * (turning - front_force * sin_f - rear_force * sin_r) + grade)
-        wanted = target, accel_min, accel_max, throttle_max, jerk_limit
-        aim, aim_brake = _press(do, car, (sense * u, sense * accel, drive_lag, brake_lag), wanted, against, dt)
+        aims = target, accel_min, accel_max, throttle_max, jerk_limit
+        aim, aim_brake = _press(do, car, (sense * u, sense * (accel + r * w), drive_lag, brake_lag), aims, against, dt)
         throttle, brake = pick(jerk_limit, aim, throttle), pick(jerk_limit, aim_brake, brake)
     drive_lag = drive_lag + (throttle - drive_lag) * car.throttle_share
     brake_lag = brake_lag + (brake - brake_lag) * car.brake_share
     drive_lag, brake_lag = pick(drive_lag - STILL, drive_lag, 0.0), pick(brake_lag - STILL, brake_lag, 0.0)
+    push = sense * do.most(drive_lag * (sense * drive), creep - creep * (1.0 / CREEP_SPEED) * do.magnitude(u))
 
-    # Loads and forces along the wheels
-    moved = most(least(car.transfer * accel, car.transfer_max), car.transfer_min)
-    front_load, rear_load = car.front_rest - moved, car.rear_rest + moved
-    grip = friction * car.grip
-    front_grip, rear_grip = grip * front_load, grip * rear_load
-    push = sense * most(drive_lag * (sense * drive), creep - creep * (1.0 / CREEP_SPEED) * magnitude(u))
-    front_most, rear_most = SHARE_OF_GRIP * front_grip, SHARE_OF_GRIP * rear_grip
-    front_push = most(least(car.front_drive * push, front_most), -front_most)
-    rear_push = most(least(push - car.front_drive * push, rear_most), -rear_most)
-    push = front_push + rear_push
-    braking = least(brake_lag * car.max_decel + holding, SHARE_OF_GRIP * (grip * G))
-    slowing = pick(u, braking, -braking) * (1.0 / G)
-    front_along = most(least(front_push - slowing * front_load, front_most), -front_most)
-    rear_along = most(least(rear_push - slowing * rear_load, rear_most), -rear_most)
-
-    # Forces across the wheels
-    front_slip, front_force, front_rate = _grip(
-        do, u, w + wheelbase * r, (sin_f, cos_f), (car.front_stiffness * front_load, front_grip, front_along)
-    )
-    rear_slip, rear_force, rear_rate = _grip(
-        do, u, w, (sin_r, cos_r), (car.rear_stiffness * rear_load, rear_grip, rear_along)
-    )
-    front_across = front_force * cos_f + front_along * sin_f
-    rear_across = rear_force * cos_r + rear_along * sin_r
+    # Forces
+    push, braking, front, rear = _load(do, car, friction * car.grip, u, push, brake_lag * car.max_decel + holding)
+    front_slip, front_force, front_rate = _grip(do, u, w + car.wheelbase * r, sin_f, cos_f, front)
+    rear_slip, rear_force, rear_rate = _grip(do, u, w, sin_r, cos_r, rear)
 
     # Along
-    lost = front_along * (1.0 - cos_f) + rear_along * (1.0 - cos_r) + front_force * sin_f + rear_force * sin_r
-    push = push * dt
-    against = (braking + resist) * dt
-    after = u + (push + (share * (turning - lost) + grade) * dt)
-    after = after - most(least(after, against), -against)
-    # At rest a slope moves the car no further than its engine does; in between, neither moves it.
-    net = push - most(least(push, against), -against)
-    held = most(least(after, most(net, 0.0)), least(net, 0.0))
-    after = pick(u * u + w * w + rolls, after, held)
+    lost = front[2] * (1.0 - cos_f) + rear[2] * (1.0 - cos_r) + front_force * sin_f + rear_force * sin_r
+    after = _roll(do, (u, w), push * dt, (share * (turning - lost) + grade) * dt, (braking + resist) * dt, rolls)
     mean = 0.5 * (u + after)
 
     # Across
-    spin = mean * r
+    front_across = front_force * cos_f + front[2] * sin_f
+    rear_across = rear_force * cos_r + rear[2] * sin_r
+    r_change, w_change = _slide(do, car, mean, r, (front_across, rear_across), (front_rate, rear_rate), dt)
+    # Wheels that roll where they point, and the share of the tyres in the change from there
+    w_after, r_after = after * tan_r, after * (tan_f - tan_r) / car.wheelbase
+    w_after = w_after + share * (w + w_change - w_after)
+    r_after = r_after + share * (r + r_change - r_after)
+
+    r_mean, w_mean = 0.5 * (r + r_after), 0.5 * (w + w_after)
+    x, y, yaw = _move(do, (x, y, yaw), (mean, w_mean, r_mean), dt)
+    accel = (after - u) / dt - r_mean * w_mean
+    lateral_accel = (w_after - w) / dt + r_mean * mean
+    yaw_accel = (r_after - r) / dt
+
+    pitch_change, lean_pitch = _lean(do, lean_pitch, -car.pitch_gain * accel, car.lean_share)
+    roll_change, lean_roll = _lean(do, lean_roll, car.roll_gain * lateral_accel, car.lean_share)
+    pitch, roll = ground_pitch + lean_pitch, ground_roll + lean_roll
+    front_slip, rear_slip, pitch_rate, roll_rate = (
+        share * front_slip,
+        share * rear_slip,
+        pitch_change / dt,
+        roll_change / dt,
+    )
+    slips = [rear_steer, drive_lag, brake_lag, w_after, yaw_accel, front_slip, rear_slip, front_force, rear_force]
+    leans = [lean_pitch, lean_roll, pitch_rate, roll_rate, pitch, roll]
+    return slips + leans + [throttle, brake, steer, accel, lateral_accel, r_after, x, y, yaw, after]
+
+
+def _turn(do: Operators[V], angle: V, command: V, limit: V) -> tuple[V, tuple[V, V, V]]:
+    """Return the angle of wheels after the step; sine and cosine of it in the middle, and the tangent at the end."""
+    change = do.most(do.least(command - angle, limit), -limit)
+    angle = angle + change
+    half = 0.5 * change
+    middle = angle - half
+    sin, cos = do.sin(middle), do.cos(middle)
+    tan = sin / cos
+    return angle, (sin, cos, tan + half * (1.0 + tan * tan))
+
+
+def _load(  # noqa: PLR0917 - keywords would take a tenth of the time
+    do: Operators[V], car: Car[V], grip: V, u: V, push: V, braking: V
+) -> tuple[V, V, tuple[V, V, V], tuple[V, V, V]]:
+    """Return what the tyres take of engine and brakes, and for each axle: stiffness / C, grip, force along the wheels.
+
+    Args:
+        do: of the numbers' type.
+        car: of the cars.
+        grip: of all tyres, for each newton of load.
+        u: speed along the body [m/s].
+        push: of the engine, along the body [N/kg].
+        braking: against the motion, not negative [N/kg].
+    """
+    least, most = do.least, do.most
+    along = (SHARE_OF_GRIP * G) * grip
+    braking = least(braking, along)
+    slowing = do.pick(u, braking, -braking)
+    moved = car.transfer * (most(least(push, along), -along) - slowing)
+    moved = most(least(moved, car.transfer_max), car.transfer_min)
+    front_load, rear_load = car.front_rest - moved, car.rear_rest + moved
+    front_grip, rear_grip = grip * front_load, grip * rear_load
+    front_most, rear_most = SHARE_OF_GRIP * front_grip, SHARE_OF_GRIP * rear_grip
+    front_push = most(least(car.front_drive * push, front_most), -front_most)
+    rear_push = most(least(push - car.front_drive * push, rear_most), -rear_most)
+    slowing = slowing * (1.0 / G)
+    front_along = most(least(front_push - slowing * front_load, front_most), -front_most)
+    rear_along = most(least(rear_push - slowing * rear_load, rear_most), -rear_most)
+    front = car.front_stiffness * front_load, front_grip, front_along
+    rear = car.rear_stiffness * rear_load, rear_grip, rear_along
+    return front_push + rear_push, braking, front, rear
+
+
+def _roll(do: Operators[V], speeds: tuple[V, V], push: V, other: V, against: V, rolls: V) -> V:  # noqa: PLR0917 - keywords would take a tenth of the time
+    """Return the speed along the body after the step.
+
+    Args:
+        do: of the numbers' type.
+        speeds: along and across the body [m/s].
+        push: change of speed by the engine [m/s].
+        other: change of speed by slope and tyres [m/s].
+        against: most that friction can take [m/s].
+        rolls: 1 if a slope moves the car from rest.
+    """
+    least, most = do.least, do.most
+    u, w = speeds
+    after = u + (push + other)
+    after = after - most(least(after, against), -against)
+    # At rest a slope moves the car no further than its engine does alone; so without the engine, it does not.
+    net = push - most(least(push, against), -against)
+    held = most(least(after, most(net, 0.0)), least(net, 0.0))
+    return do.pick(u * u + w * w + rolls, after, held)
+
+
+def _slide(  # noqa: PLR0917 - keywords would take a tenth of the time
+    do: Operators[V], car: Car[V], u: V, r: V, across: tuple[V, V], rates: tuple[V, V], dt: float
+) -> tuple[V, V]:
+    """Return the changes of yaw rate and lateral speed by the tyres; see *Integration* at the head of this file.
+
+    Args:
+        do: of the numbers' type.
+        car: of the cars.
+        u: speed along the body, mean of the step [m/s].
+        r: yaw rate [rad/s].
+        across: forces across the body at both axles [N/kg].
+        rates: their decrease with the lateral speed of the axle [N s/(kg m)].
+        dt: length of the step [s].
+    """
+    front_across, rear_across = across
+    front_rate, rear_rate = rates
+    spin = u * r
     front_error = dt * (car.own_front * front_across + car.cross * rear_across - spin)
     rear_error = dt * (car.cross * front_across + car.own_rear * rear_across - spin)
     own_front, own_rear = car.own_front * front_rate, car.own_rear * rear_rate
     fast = (0.5 * dt) * (own_front + own_rear)
     weight = dt * ((6.0 + 2.0 * fast) / (12.0 + 2.0 * fast))
-    carry = mean / wheelbase
+    carry = u / car.wheelbase
     m_ff, m_fr = 1.0 + weight * (own_front + carry), weight * (car.cross * rear_rate - carry)
     m_rf, m_rr = weight * (car.cross * front_rate + carry), 1.0 + weight * (own_rear - carry)
-    determinant = most(m_ff * m_rr - m_fr * m_rf, MIN_DETERMINANT)
+    determinant = do.most(m_ff * m_rr - m_fr * m_rf, MIN_DETERMINANT)
     front_change = (front_error * m_rr - m_fr * rear_error) / determinant
-    w_change = (m_ff * rear_error - m_rf * front_error) / determinant
-    # Wheels that roll where they point, at the end of the step
-    tan_f, tan_r = sin_f / cos_f, sin_r / cos_r
-    tan_f, tan_r = tan_f + half_change * (1.0 + tan_f * tan_f), tan_r + half_rear_change * (1.0 + tan_r * tan_r)
-    w_after, r_after = after * tan_r, after * (tan_f - tan_r) / wheelbase
-    w_after = w_after + share * (w + w_change - w_after)
-    r_after = r_after + share * (r + (front_change - w_change) / wheelbase - r_after)
+    rear_change = (m_ff * rear_error - m_rf * front_error) / determinant
+    return (front_change - rear_change) / car.wheelbase, rear_change
 
-    # Pose: the chord of an arc, in the direction of the heading in the middle of the step
-    r_mean, w_mean = 0.5 * (r + r_after), 0.5 * (w + w_after)
-    half = (0.5 * dt) * r_mean
+
+def _move(do: Operators[V], pose: tuple[V, V, V], speeds: tuple[V, V, V], dt: float) -> tuple[V, V, V]:
+    """Return the pose after the step: along the chord of an arc, in the direction of the heading in its middle."""
+    x, y, yaw = pose
+    u, w, r = speeds
+    half = (0.5 * dt) * r
     square = half * half
     chord = dt * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0)))  # sin(h) / h, as h is small
     course = yaw + half
     cos, sin = do.cos(course), do.sin(course)
-    x = x + chord * (mean * cos - w_mean * sin)
-    y = y + chord * (mean * sin + w_mean * cos)
-    yaw = do.wrap(course + half)
-    accel = (after - u) / dt - r_mean * w_mean
-    lateral_accel = (w_after - w) / dt + r_mean * mean
-
-    # Lean
-    pitch_change = (-car.pitch_gain * accel - lean_pitch) * car.lean_share
-    roll_change = (car.roll_gain * lateral_accel - lean_roll) * car.lean_share
-    pitch_change = pick(magnitude(lean_pitch + pitch_change) - STILL, pitch_change, -lean_pitch)
-    roll_change = pick(magnitude(lean_roll + roll_change) - STILL, roll_change, -lean_roll)
-    lean_pitch, lean_roll = lean_pitch + pitch_change, lean_roll + roll_change
-    return (
-        *(rear_steer, drive_lag, brake_lag, w_after, (r_after - r) / dt),
-        *(share * front_slip, share * rear_slip, front_force, rear_force),
-        *(lean_pitch, lean_roll, pitch_change / dt, roll_change / dt),
-        *(ground_pitch + lean_pitch, ground_roll + lean_roll),
-        *(throttle, brake, steer, accel, lateral_accel, r_after, x, y, yaw, after),
-    )
+    return x + chord * (u * cos - w * sin), y + chord * (u * sin + w * cos), do.wrap(course + half)
 
 
-def _press(  # noqa: PLR0913, PLR0917 - one equation
+def _lean(do: Operators[V], angle: V, goal: V, share: float) -> tuple[V, V]:
+    """Return the change of an angle of the body, and the angle after it [rad]."""
+    change = (goal - angle) * share
+    change = do.pick(do.magnitude(angle + change) - STILL, change, -angle)
+    return change, angle + change
+
+
+def _press(  # noqa: PLR0917 - keywords would take a tenth of the time
     do: Operators[V],
     car: Car[V],
     state: tuple[V, V, V, V],
@@ -437,17 +506,17 @@ def _press(  # noqa: PLR0913, PLR0917 - one equation
     return least(most(throttle, 0.0), throttle_max), brake
 
 
-def _grip(do: Operators[V], u: V, across: V, wheels: tuple[V, V], limits: tuple[V, V, V]) -> tuple[V, V, V]:
-    """Return slip angle, force across the wheels, and its change with the lateral speed of the axle.
+def _grip(do: Operators[V], u: V, across: V, sin: V, cos: V, limits: tuple[V, V, V]) -> tuple[V, V, V]:  # noqa: PLR0917 - keywords would take a tenth of the time
+    """Return slip angle, force across the wheels, and the decrease of this force with the lateral speed of the axle.
 
     Args:
         do: of the numbers' type.
         u: speed along the body [m/s].
         across: lateral speed of the axle [m/s].
-        wheels: sine and cosine of their angle.
+        sin: of the angle of the wheels.
+        cos: of the angle of the wheels.
         limits: stiffness of the axle / C, its grip and the force along the wheels [N/kg].
     """
-    sin, cos = wheels
     stiffness, grip, along = limits
     rolling = do.most(do.magnitude(u * cos + across * sin), MIN_ROLLING)
     slip = do.arctan((across * cos - u * sin) / rolling)

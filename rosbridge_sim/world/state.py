@@ -184,9 +184,7 @@ class World(EntityArrays):
         is_creeping: see above.
     """
 
-    def __init__(
-        self, seed: int = 0, dynamics: Dynamics = Dynamics.KINEMATIC, *, is_creeping: bool = False
-    ) -> None:
+    def __init__(self, seed: int = 0, dynamics: Dynamics = Dynamics.KINEMATIC, *, is_creeping: bool = False) -> None:
         super().__init__()
         self.seed = seed
         self.dynamics, self.is_creeping = dynamics, is_creeping

@@ -20,11 +20,21 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from rosbridge_sim.morai.catalogue import DEFAULT_EGO
+from rosbridge_sim.world.commands import command
+from rosbridge_sim.world.entity_types import ROAD_FRICTION
+from rosbridge_sim.world.state import DT, Body, Dynamics, Kind, Mode, World
+from rosbridge_sim.world.step import step
+
 ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
 
 PACKAGES = ("commonroad-vehicle-models==3.0.2", "matplotlib", "numpy")
 
@@ -50,9 +60,9 @@ def run_inside(env: Path, arguments: Sequence[str]) -> int:
     """
     python = env / "bin" / "python"
     if not python.exists():
-        subprocess.run([sys.executable, "-m", "venv", str(env)], check=True)
-        subprocess.run([str(python), "-m", "pip", "install", "-q", *PACKAGES], check=True)
-    return subprocess.run([str(python), __file__, "--inside", *arguments], check=False).returncode
+        subprocess.run([sys.executable, "-m", "venv", str(env)], check=True)  # noqa: S603 - our own words
+        subprocess.run([str(python), "-m", "pip", "install", "-q", *PACKAGES], check=True)  # noqa: S603 - the same
+    return subprocess.run([str(python), __file__, "--inside", *arguments], check=False).returncode  # noqa: S603 - the same
 
 
 @dataclass(frozen=True)
@@ -83,8 +93,12 @@ def manoeuvres(lane_change: float, turn: float) -> list[Manoeuvre]:
         lane_change: amplitude of the sine of steering that moves the car 3.5 m to the left [rad].
         turn: wheel angle of a turn of 50 m radius at 15 m/s [rad].
     """
+
+    def step_to(angle: float) -> Callable[[float], float]:
+        return lambda t: angle if t >= 0.2 else 0.0
+
     steps = [
-        Manoeuvre(f"step steer {angle:g} rad at {speed:g} m/s", speed, 3.0, lambda t, a=angle: a if t >= 0.2 else 0.0)
+        Manoeuvre(f"step steer {angle:g} rad at {speed:g} m/s", speed, 3.0, step_to(angle))
         for speed in (5.0, 15.0, 25.0)
         for angle in (0.02, 0.1)
     ]
@@ -105,17 +119,13 @@ def manoeuvres(lane_change: float, turn: float) -> list[Manoeuvre]:
             lambda t: -4.0 if t >= 0.2 else 0.0,
             settle=3.0,
         ),
-        Manoeuvre("full lock at 20 m/s", 20.0, 3.0, lambda t: 1.0 if t >= 0.2 else 0.0),
+        Manoeuvre("full lock at 20 m/s", 20.0, 3.0, step_to(1.0)),
     ]
 
 
-def vehicle_2() -> tuple[Any, Any]:
+def vehicle_2() -> tuple[Any, Body]:
     """Return the package's parameters of vehicle 2, and our body with these."""
-    from vehiclemodels.parameters_vehicle2 import parameters_vehicle2
-
-    from rosbridge_sim.world.state import ROAD_FRICTION, Body
-
-    p = parameters_vehicle2()
+    p = import_module("vehiclemodels.parameters_vehicle2").parameters_vehicle2()
     wheelbase = p.a + p.b
     body = Body(
         length=p.l,
@@ -141,17 +151,13 @@ def vehicle_2() -> tuple[Any, Any]:
     return p, body
 
 
-def drive_ours(body: Any, drive: Manoeuvre) -> dict[str, list[float]]:
+def drive_ours(body: Body, drive: Manoeuvre) -> dict[str, list[float]]:
     """Return traces of our car, at its centre of gravity, and the steering and acceleration of each step.
 
     Args:
         body: the car.
         drive: the manoeuvre.
     """
-    from rosbridge_sim.world.commands import command
-    from rosbridge_sim.world.state import DT, Dynamics, Kind, Mode, World
-    from rosbridge_sim.world.step import step
-
     world = World(0, Dynamics.SINGLE_TRACK)
     world.spawn(Kind.EGO, body, name="ego", x=0.0, y=0.0, speed=drive.speed)
     to_rear = body.front_load * body.wheelbase
@@ -186,7 +192,12 @@ def drive_ours(body: Any, drive: Manoeuvre) -> dict[str, list[float]]:
     return trace
 
 
-def drive_reference(p: Any, model: str, ours: dict[str, list[float]], drive: Manoeuvre) -> dict[str, list[float]]:
+def drive_reference(  # p is an object of the package
+    p: Any,  # noqa: ANN401
+    model: str,
+    ours: dict[str, list[float]],
+    drive: Manoeuvre,
+) -> dict[str, list[float]]:
     """Return traces of the reference, which gets our steering and our braking.
 
     Args:
@@ -195,15 +206,10 @@ def drive_reference(p: Any, model: str, ours: dict[str, list[float]], drive: Man
         ours: our traces.
         drive: the manoeuvre.
     """
-    import numpy as np
-    from vehiclemodels.init_st import init_st
-    from vehiclemodels.init_std import init_std
-    from vehiclemodels.vehicle_dynamics_st import vehicle_dynamics_st
-    from vehiclemodels.vehicle_dynamics_std import vehicle_dynamics_std
-
-    derive = vehicle_dynamics_st if model == "ST" else vehicle_dynamics_std
+    name = f"vehicle_dynamics_{model.lower()}"
+    derive = getattr(import_module(f"vehiclemodels.{name}"), name)
     core = [ours[name][0] for name in ("x", "y", "steer", "v", "yaw", "yaw_rate", "slip")]
-    state = np.array(init_st(core) if model == "ST" else init_std(core, p))
+    state = np.array(import_module("vehiclemodels.init_std").init_std(core, p) if model == "STD" else core)
     trace: dict[str, list[float]] = {name: [] for name in ("t", "x", "y", "v", "yaw_rate", "lateral_accel")}
     dt = 0.02 / SUBSTEPS
     times = ours["t"]
@@ -222,8 +228,6 @@ def drive_reference(p: Any, model: str, ours: dict[str, list[float]], drive: Man
 
 def compare(ours: dict[str, list[float]], other: dict[str, list[float]]) -> tuple[float, float, float]:
     """Return the deviations of yaw rate, lateral acceleration and path, as the head of this file has them."""
-    import numpy as np
-
     found = []
     for name in ("yaw_rate", "lateral_accel"):
         mine, its = np.array(ours[name]), np.array(other[name])
@@ -248,7 +252,13 @@ def main() -> int:
     return 0 if is_good else 1
 
 
-def find_steering(body: Any) -> tuple[float, float]:
+def plotting() -> Any:  # noqa: ANN401 - a module
+    """Return matplotlib's pyplot, which draws into files here."""
+    import_module("matplotlib").use("Agg")
+    return import_module("matplotlib.pyplot")
+
+
+def find_steering(body: Body) -> tuple[float, float]:
     """Return the amplitude of the lane change and the wheel angle of the turn, by bisection on our model."""
 
     def bisect(reached: Callable[[float], float], wanted: float) -> float:
@@ -265,14 +275,9 @@ def find_steering(body: Any) -> tuple[float, float]:
 
 def compare_all(images: Path) -> bool:
     """Compare all manoeuvres with the reference."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     p, body = vehicle_2()
     drives = manoeuvres(*find_steering(body))
-    figure, axes = plt.subplots(3, len(drives), figsize=(3.2 * len(drives), 8.0), constrained_layout=True)
+    figure, axes = plotting().subplots(3, len(drives), figsize=(3.2 * len(drives), 8.0), constrained_layout=True)
     print("| manoeuvre | peak | reference | yaw rate | lateral acceleration | path | wanted |")
     print("|---|---|---|---|---|---|---|")
     is_good = True
@@ -297,12 +302,74 @@ def compare_all(images: Path) -> bool:
     for row, label in zip(axes[:, 0], ("yaw rate [rad/s]", "lateral acceleration [m/s²]", "path [m]"), strict=True):
         row.set_ylabel(label)
     images.mkdir(parents=True, exist_ok=True)
-    figure.savefig(images / "fidelity.svg" if False else images / "fidelity.png", dpi=70)
+    figure.savefig(images / "fidelity.png", dpi=70)
     return is_good
 
 
+PUBLISHED = {
+    "0..100 km/h": "10.8 s (maker, 1.6 GDI hybrid)",
+    "100..0 km/h": "36 to 38 m (magazines)",
+    "top speed": "185 km/h (maker)",
+    "turning circle, kerb to kerb": "10.6 m (maker)",
+}
+"""Of the Hyundai Ioniq of 2016."""
+
+
 def measure_ioniq(images: Path) -> None:
-    """Measure what magazines and the maker publish of an Ioniq."""
+    """Measure what makers and magazines publish of an Ioniq, print it, and plot the pedals and the lean.
+
+    Args:
+        images: folder of the plots.
+    """
+    body = DEFAULT_EGO.body
+    world = World(0, Dynamics.SINGLE_TRACK)
+    world.spawn(Kind.EGO, body, name="ego", x=0.0, y=0.0)
+    command(world, 0, mode=Mode.PEDALS, throttle=1.0, steer=0.0)
+    trace: list[tuple[float, ...]] = []
+
+    def go_on(until: Callable[[], bool]) -> None:
+        while not until():
+            step(world)
+            figures = (world.speed, world.accel, world.pitch, world.roll)
+            trace.append((world.frame * DT, *(column.item(0) for column in figures)))
+
+    go_on(lambda: world.speed.item(0) >= 100 / 3.6)
+    found = {"0..100 km/h": f"{world.frame * DT:.1f} s"}
+    go_on(lambda: world.frame * DT >= 150.0)
+    top = f"{world.speed.item(0) * 3.6:.0f} km/h"
+    world = World(0, Dynamics.SINGLE_TRACK)
+    world.spawn(Kind.EGO, body, name="ego", x=0.0, y=0.0, speed=100 / 3.6)
+    command(world, 0, mode=Mode.PEDALS, brake=1.0, steer=0.0)
+    num = len(trace)
+    go_on(lambda: world.speed.item(0) == 0.0)
+    found["100..0 km/h"] = f"{world.x.item(0):.1f} m"
+    found["top speed"] = top
+    world = World(0, Dynamics.SINGLE_TRACK)
+    world.spawn(Kind.EGO, body, name="ego", x=0.0, y=0.0)
+    command(world, 0, mode=Mode.SPEED, speed=2.0, steer=body.max_steer)
+    for _ in range(500):  # until it drives a circle
+        step(world)
+    north = []
+    for _ in range(1500):
+        step(world)
+        north.append(world.y.item(0))
+    radius = 0.5 * (max(north) - min(north))
+    wheel = math.hypot(radius + 0.5 * body.width - 0.12, body.wheelbase)  # middle of the outer front wheel
+    found["turning circle, kerb to kerb"] = f"{2.0 * wheel:.1f} m"
+    print("| Ioniq | here | published |")
+    print("|---|---|---|")
+    for name, value in found.items():
+        print(f"| {name} | {value} | {PUBLISHED[name]} |")
+    brakes = np.array(trace[num:])
+    figure, axes = plotting().subplots(1, 3, figsize=(12.0, 3.2), constrained_layout=True)
+    starts = np.array(trace[: round(15.0 / DT)])
+    axes[0].plot(starts[:, 0], starts[:, 1] * 3.6, label="speed, full throttle [km/h]")
+    axes[1].plot(brakes[:, 0], brakes[:, 2], label="acceleration, full brake [m/s²]")
+    axes[2].plot(brakes[:, 0], np.degrees(brakes[:, 3]), label="pitch, full brake [deg]")
+    for each in axes:
+        each.set_xlabel("time [s]")
+        each.legend(fontsize=8)
+    figure.savefig(images / "fidelity_pedals.png", dpi=70)
 
 
 if __name__ == "__main__":
