@@ -41,6 +41,11 @@ _MAY_BE_INFINITE: Final = frozenset(
         *("time_to_collision", "min_time_to_collision"),
     }
 )
+_POSITIVE: Final = (
+    *("wheelbase", "max_accel", "max_decel", "dynamic_index", "front_stiffness", "rear_stiffness", "grip"),
+)
+"""Columns that the equations of driven rows divide by."""
+
 _LANE_COLUMNS: Final = ("claim", "held", "exit_lane", "behind", "lane", *(f"ahead_{i}" for i in range(1, 6)))
 _PCG64: Final = "PCG64"
 
@@ -136,6 +141,13 @@ class _Reader:
         next_uid = self._int("next_uid", 0, MAX_UID + 1)
         self._check_rows(uids, ints, bools, next_uid)
         self._check_floats(floats)
+        is_ego = bools[BOOLS.index("alive")] & (ints[INTS.index("kind")] == Kind.EGO)
+        for name in _POSITIVE:
+            _expect(
+                bool((floats[FLOATS.index(name), is_ego] > 0.0).all()), f"floats.{name}", "positive figures of egos"
+            )
+        load = floats[FLOATS.index("front_load"), is_ego]
+        _expect(bool(((load > 0.0) & (load < 1.0)).all()), "floats.front_load", "shares of egos")
         self._check_ints(ints, bools, paths)
         names, bodies = self._names(n), self._bodies(n)
         contacts = self._array("contacts", np.int64, (None, 2))

@@ -103,6 +103,9 @@ STILL: Final = 1e-6
 MOST_TRANSFER: Final = 0.9
 """Share of its load that an axle can lose by acceleration."""
 
+MIN_GRIP: Final = 1e-3
+"""Least grip of tyres; without any, the equations would divide by 0. Wet ice has 0.05."""
+
 MIN_DETERMINANT: Final = 0.05
 """Bound of the divisor of the implicit step. It is near 1 for any car; arrays from outside may hold anything."""
 
@@ -318,7 +321,8 @@ def advance(do: Operators[V], car: Car[V], now: Sequence[V], dt: float) -> Seque
     push = sense * do.most(drive_lag * (sense * drive), creep - creep * (1.0 / CREEP_SPEED) * do.magnitude(u))
 
     # Forces
-    push, braking, front, rear = _load(do, car, friction * car.grip, u, push, brake_lag * car.max_decel + holding)
+    grip = do.most(friction * car.grip, MIN_GRIP)
+    push, braking, front, rear = _load(do, car, grip, u, push, brake_lag * car.max_decel + holding)
     front_slip, front_force, front_rate = _grip(do, u, w + car.wheelbase * r, sin_f, cos_f, front)
     rear_slip, rear_force, rear_rate = _grip(do, u, w, sin_r, cos_r, rear)
 

@@ -247,7 +247,7 @@ class Settings:
     )
     seed: int = _flag(0, _WORLD, whole_number(0, 2**32 - 1), "random seed of the simulation")
     dynamics: Literal["single-track", "kinematic"] = _flag(
-        "kinematic",
+        "single-track",
         _WORLD,
         choice_of("single-track", "kinematic"),
         "model of the egos: tyres that slip, lags of the pedals and a body that leans, or wheels that roll where they"
