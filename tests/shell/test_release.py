@@ -10,7 +10,9 @@ from rosbridge_sim import Simulator
 from tests.conftest import Connect
 
 
-@pytest.mark.parametrize(("release", "steering", "gain"), [("22.R2", "steering", 2.511), ("26.R1", "front_steer", 0.96)])
+@pytest.mark.parametrize(
+    ("release", "steering", "gain"), [("22.R2", "steering", 2.511), ("26.R1", "front_steer", 0.96)]
+)
 async def test_releases_differ_by_one_flag_and_one_field_name(
     release: Literal["22.R2", "26.R1"], steering: str, gain: float, connect: Connect
 ) -> None:

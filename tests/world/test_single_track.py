@@ -184,7 +184,7 @@ def test_left_and_right_are_mirror_images() -> None:
 @pytest.mark.parametrize(
     "act",
     [
-        lambda world: None,
+        lambda _: None,
         lambda world: pedals(world, brake=1.0, steer=0.4),
         lambda world: to_speed(world, 0.0),
         lambda world: command(world, 0, mode=Mode.ACCEL, accel=0.0, steer=0.1),
@@ -271,7 +271,7 @@ def test_speed_is_held_on_a_slope() -> None:
 @pytest.mark.parametrize(("figures", "lag"), [({"throttle": 1.0}, THROTTLE_LAG), ({"brake": 0.5}, BRAKE_LAG)])
 def test_pedal_reaches_63_per_cent_after_its_time_constant(figures: dict[str, float], lag: float) -> None:
     world = ego(replace(CAR, rolling=0.0, drag=0.0), speed=20.0)
-    pedals(world, **figures)
+    command(world, 0, mode=Mode.PEDALS, steer=0.0, **figures)
     accels = []
     for _ in range(100):
         step(world)
