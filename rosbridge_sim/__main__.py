@@ -142,6 +142,7 @@ async def _serve_until(stopped: asyncio.Future[None], simulator: Simulator) -> B
     """Serve until `stopped` is done or the world fails; return the failure, if any."""
     if simulator.settings.listen:
         print(f"rosbridge-sim listening on {simulator.url}", flush=True)  # noqa: T201 - the one line on stdout
+        _tell_page(simulator)
     else:
         for attachment in simulator.attachments:
             attachment.attached.add_done_callback(partial(_tell_attached, attachment.url))
@@ -153,6 +154,15 @@ async def _serve_until(stopped: asyncio.Future[None], simulator: Simulator) -> B
         return failed.exception()
     failed.cancel()
     return None
+
+
+def _tell_page(simulator: Simulator) -> None:
+    """Log the address of the web page."""
+    here, *elsewhere = simulator.page_urls or ("",)
+    if elsewhere:
+        _log.info("the page is at %s, and for other machines at %s", here, elsewhere[0])
+    elif here:
+        _log.info("the page is at %s", here)
 
 
 def _tell_attached(url: str, attached: asyncio.Future[None]) -> None:
@@ -196,6 +206,8 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
             "snapshot",
             "restore",
             "spawn",
+            "watch",
+            "layout",
             "wait",
             "schema",
             "bag",

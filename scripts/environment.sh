@@ -68,15 +68,15 @@ ensure_environment() {
     exec 9>&-
 }
 
-# ensure_node_packages: install the JavaScript clients of the tests, if Node is installed.
+# ensure_node_packages FOLDER WHAT: install the npm packages of a folder, which are WHAT, if Node is installed.
 ensure_node_packages() {
-    local at=$root/tests/end_to_end
+    local at=$root/$1 what=$2
     if ! command -v node >/dev/null || ! command -v npm >/dev/null; then
-        say "node or npm is missing: tests with JavaScript clients cannot run"
+        say "node or npm is missing: $what cannot run"
         return
     fi
     if [[ -f $at/node_modules/installed && $(<"$at/node_modules/installed") == "$(<"$at/package-lock.json")" ]]; then return; fi
-    say "installing the JavaScript clients of the tests (once)"
+    say "installing $what (once)"
     if ! npm ci --prefix "$at" --no-audit --no-fund --loglevel=error >&2; then
         say "npm could not install them; see its output above"
         return

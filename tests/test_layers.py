@@ -49,8 +49,9 @@ ARROWS: dict[str, set[str]] = {
     "shell.config": {*_BASE, "morai", "morai.interfaces", "shell.monitoring", "shell.websocket"},
     "shell.files": {*_BASE, *_SCENE, "schema", "shell.config", "world"},
     "shell.bags": {*_BASE, "graph", "morai.replays", "schema", "shell.files"},
-    "cli": {"errors", "cli.tools", "shell.config", "shell.websocket"},
+    "cli": {"errors", "cli.tools", "cli.watch", "shell.config", "shell.websocket"},
     "cli.tools": {*_BELOW_SHELL, *_SHELL, "client"},
+    "cli.watch": {"cli.tools", "client", "errors", "morai", "shell", "shell.websocket", "world"},
     "client": {*_BASE, "protocol", "shell", "shell.monitoring", "shell.websocket"},
     "pytest_plugin": {"", "client", "shell"},
     "__main__": {

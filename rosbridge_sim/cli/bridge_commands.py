@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import os
-from argparse import ArgumentTypeError
+from argparse import ArgumentTypeError, BooleanOptionalAction
 from collections.abc import Awaitable, Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -550,6 +550,86 @@ def _run_restore(options: Options) -> int:
     return _with_bridge(options, lambda bridge: restore(bridge, options.snapshot, options.user, is_json=options.json))
 
 
+def _watch(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim watch",
+        description="Show the scene in a terminal, from above: map, objects, lights, the ego and its figures.",
+        epilog="Keys: q quits, + and - zoom, the arrows move the picture, f follows the ego again, h puts its heading"
+        " up, m shows the whole map. Any rosbridge with /Ego_topic will do; the map needs this simulator. If the output"
+        " is no terminal, one picture is printed.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    _add_server(parser)
+    parser.add_argument("address", metavar="URL", nargs="?", help="the same as --url")
+    parser.add_argument("--once", action="store_true", help="print one picture, then end")
+    parser.add_argument("--rate", type=_pictures, default=10.0, metavar="HZ", help="pictures a second, at most 60 [10]")
+    text = "draw in colours [if it is a terminal that has them, and NO_COLOR is not set]"
+    parser.add_argument("--colour", "--color", action=BooleanOptionalAction, default=True, help=text)
+    parser.add_argument(
+        "--timeout",
+        dest="patience",
+        type=_seconds,
+        default=ANSWER_PATIENCE,
+        metavar="SECONDS",
+        help=f"longest wait for a connection or an answer [{ANSWER_PATIENCE:g}]",
+    )
+    parser.set_defaults(run=_run_watch, end=0)
+    return run_command(parser, argv)
+
+
+_pictures = make_number(0.1, 60, "pictures a second, 0.1 to 60", float)
+
+
+def _run_watch(options: Options) -> int:
+    from rosbridge_sim.cli.watch.command import watch  # noqa: PLC0415 - see above
+
+    return asyncio.run(
+        watch(
+            options.address or options.url,
+            options.token,
+            options.patience,
+            rate=options.rate,
+            is_once=options.once,
+            has_colour=options.colour,
+        )
+    )
+
+
+def _layout(argv: Sequence[str]) -> int:
+    parser = Parser(
+        prog="rosbridge-sim layout",
+        description="Print settings for a viewer that show the simulator there: a layout for Lichtblick, or a"
+        " configuration for RViz.",
+        epilog="rosbridge-sim layout lichtblick > sim.json, then import it in Lichtblick; or rosbridge-sim layout rviz"
+        " > sim.rviz, then rviz -d sim.rviz. RViz needs a bridge in ROS: rosbridge-sim attach URL --scene.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("viewer", metavar="VIEWER", choices=("lichtblick", "rviz"), help="lichtblick or rviz")
+    parser.add_argument(
+        "--ros", type=int, choices=(1, 2), help="generation of ROS: RViz or RViz 2 [1, or the server's]"
+    )
+    parser.add_argument("--url", help="take the names of topics from this server [the default names]")
+    token = os.environ.get(f"{PREFIX}TOKEN") or None
+    parser.add_argument("--token", default=token, help=f"token of the server, also as {PREFIX}TOKEN")
+    parser.set_defaults(run=_run_layout, patience=ANSWER_PATIENCE)
+    return run_command(parser, argv)
+
+
+def _run_layout(options: Options) -> int:
+    from rosbridge_sim.cli.tools import layout as tool  # noqa: PLC0415 - see above
+
+    if options.url is None:
+        return tool.print_layout(options.viewer, tool.choose_names({}), options.ros or 1)
+
+    async def work(bridge: Bridge) -> int:
+        names, ros = await tool.seen_names(bridge)
+        return tool.print_layout(options.viewer, names, options.ros or ros)
+
+    return _with_bridge(options, work)
+
+
 def _wait(argv: Sequence[str]) -> int:
     parser = Parser(
         prog="rosbridge-sim wait",
@@ -670,6 +750,8 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "snapshot": _snapshot,
     "restore": _restore,
     "spawn": _spawn,
+    "watch": _watch,
+    "layout": _layout,
     "wait": _wait,
 }
 """Name -> function that runs the command with the words behind the name."""

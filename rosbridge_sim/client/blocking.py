@@ -223,6 +223,18 @@ class Client:
         """See `AsyncClient.catalogue`."""
         return self.run(self._client.catalogue(timeout=timeout))
 
+    def describe(self, number: int, *, timeout: float | None = None) -> Frame:
+        """See `AsyncClient.describe`."""
+        return self.run(self._client.describe(number, timeout=timeout))
+
+    def scenarios(self, *, timeout: float | None = None) -> list[Frame]:
+        """See `AsyncClient.scenarios`."""
+        return self.run(self._client.scenarios(timeout=timeout))
+
+    def scenario_picture(self, name: str, *, width: int = 0, height: int = 0, timeout: float | None = None) -> bytes:
+        """See `AsyncClient.scenario_picture`."""
+        return self.run(self._client.scenario_picture(name, width=width, height=height, timeout=timeout))
+
     def map(self, *, timeout: float | None = None) -> Frame:
         """See `AsyncClient.map`."""
         return self.run(self._client.map(timeout=timeout))

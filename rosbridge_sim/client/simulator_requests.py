@@ -222,6 +222,42 @@ class SimulatorRequests(ABC):
         models = (await self.call("/sim/catalogue", timeout=timeout)).get("models")
         return list(models) if isinstance(models, list) else []
 
+    async def describe(self, number: int, *, timeout: float | None = None) -> Frame:
+        """Return what an entity is and does: the fields of a response of `/sim/describe`. Errors as for `spawn`.
+
+        Args:
+            number: of an ego or of an object, as in `/sim/scene/state`.
+            timeout: longest wait [s].
+        """
+        return await self._call_sim("/sim/describe", {"id": number}, timeout)
+
+    async def scenarios(self, *, timeout: float | None = None) -> list[Frame]:
+        """Return the scenarios that can be loaded, a `rosbridge_sim_msgs/ScenarioInfo` each. Errors as for `spawn`.
+
+        Args:
+            timeout: longest wait for each page [s].
+        """
+        found: list[Frame] = []
+        while True:
+            page = await self._call_sim("/sim/scenarios", {"first": len(found)}, timeout)
+            found += page["scenarios"]
+            if not page["scenarios"] or len(found) >= int(page["num_scenarios"]):
+                return found
+
+    async def scenario_picture(
+        self, name: str, *, width: int = 0, height: int = 0, timeout: float | None = None
+    ) -> bytes:
+        """Return the picture of a scenario on its map, as a PNG file. Errors as for `spawn`.
+
+        Args:
+            name: of the scenario.
+            width: 64 to 1024; 0 for 320 [px].
+            height: 64 to 1024; 0 for 200 [px].
+            timeout: longest wait [s].
+        """
+        request = {"name": name, "width": width, "height": height}
+        return base64.b64decode((await self._call_sim("/sim/scenario_picture", request, timeout))["data"])
+
     async def map(self, *, timeout: float | None = None) -> Frame:
         """Return all that a drawing of the map needs: what `/map.json` has. Errors as for `spawn`.
 

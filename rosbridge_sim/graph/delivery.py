@@ -15,9 +15,13 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["Delivery"]
+__all__ = ["Delivery", "Watch"]
 
 _log = logging.getLogger("rosbridge_sim.graph")
+
+
+Watch = Callable[[Topic, Message], object]
+"""`(topic, message)`."""
 
 
 class Delivery:
@@ -25,14 +29,21 @@ class Delivery:
 
     Attributes:
         num_published: number of messages since the start.
-        on_message: called with each message before its delivery; None for no call. It must not raise.
     """
 
     def __init__(self, state: BusState) -> None:
         self.num_published = 0
-        self.on_message: Callable[[Topic, Message], None] | None = None
+        self._watchers: tuple[Watch, ...] = ()
         self._guard = state.guard
         self._accounts = state.accounts
+
+    def watch(self, watch: Watch) -> None:
+        """Call a function with each message before its delivery. It must not raise."""
+        self._watchers = (*self._watchers, watch)
+
+    def unwatch(self, watch: Watch) -> None:
+        """Call it no more."""
+        self._watchers = tuple([other for other in self._watchers if other != watch])
 
     def publish(self, sender: Participant, topic: Topic, message: Message, now: float) -> None:
         """Give a message to every subscriber of a topic that `sender` advertised.
@@ -48,8 +59,9 @@ class Delivery:
             Exception: a subscriber failed that cannot be ended alone. All other subscribers got the message.
         """
         self.num_published += 1
-        if self.on_message is not None:
-            self.on_message(topic, message)
+        if self._watchers:
+            for watch in self._watchers:
+                watch(topic, message)
         problem: PeerError | None = None
         failure: Exception | None = None
         if topic.depth and not topic.keep(sender, message, self._accounts.get(sender)):

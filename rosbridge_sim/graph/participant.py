@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Literal, Protocol, TypeAlias, runtime_checkable
+from functools import lru_cache
+from typing import Literal, Protocol, TypeAlias, cast, runtime_checkable
 
 import msgspec
 import orjson
@@ -22,10 +23,12 @@ __all__ = [
     "Explaining",
     "Guest",
     "Holdable",
+    "Located",
     "Notify",
     "OfferKind",
     "Participant",
     "Remarkable",
+    "address_of",
     "decode_body",
     "explain",
     "gives_way",
@@ -123,6 +126,22 @@ class Explaining(Protocol):
 
 
 @runtime_checkable
+class Located(Protocol):
+    """An owner with an address on the network.
+
+    Attributes:
+        address: `host:port`.
+    """
+
+    address: str
+
+
+def address_of(owner: Participant) -> str:
+    """Return the address of an owner, which tells clients apart; the name of its node if it has none."""
+    return owner.address if isinstance(owner, Located) else owner.name
+
+
+@runtime_checkable
 class Remarkable(Protocol):
     """An owner that can be told what others have done; `notify` would count as a mistake of its own."""
 
@@ -190,7 +209,7 @@ def hold(owner: Participant) -> Callable[[], None]:
     Returns:
         Releases the owner. It must be called once; a second call does nothing.
     """
-    return owner.hold() if isinstance(owner, Holdable) else _nothing
+    return cast("Holdable", owner).hold() if _has(type(owner), Holdable) else _nothing
 
 
 def notifier(owner: Participant) -> Notify:
@@ -199,7 +218,12 @@ def notifier(owner: Participant) -> Notify:
     Args:
         owner: the owner.
     """
-    return owner.notifier() if isinstance(owner, Correlating) else owner.notify
+    return cast("Correlating", owner).notifier() if _has(type(owner), Correlating) else owner.notify
+
+
+@lru_cache(maxsize=64)  # a few classes; `isinstance` looks up all members of a protocol at each call, which takes 8 us
+def _has(kind: type, protocol: type) -> bool:
+    return issubclass(kind, protocol)
 
 
 def _nothing() -> None:

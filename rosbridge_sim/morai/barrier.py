@@ -236,6 +236,11 @@ class Barrier:
         return self.state is not BarrierState.EMPTY
 
     @property
+    def holders(self) -> list[object]:
+        """The connections of all members, in the order in which the members joined."""
+        return [holder for member in self._members.values() for holder in member.holders]
+
+    @property
     def wait_until(self) -> float | None:
         """When the world moves without those that are waited for [s]; None while no member waits."""
         return self._wait_until if self.state is BarrierState.GATHERING else None

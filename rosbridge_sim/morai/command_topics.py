@@ -72,6 +72,7 @@ class CommandTopics(Component):
         control = self._context.convert.control(command)
         if self._is_external(ego):
             ego.control(control)
+            ego.commander, ego.command_frame = sender, self._context.world.frame
         else:
             self._decline(ego, bindings, name, bindings.service("SyncModeCtrlCmd"), sender)
 
@@ -81,6 +82,7 @@ class CommandTopics(Component):
         pose = ghost_pose(message)
         if self._is_external(ego):
             ego.place_as_ghost(pose)
+            ego.commander = sender
         else:
             instead = self._context.interfaces.name_of(InterfaceKind.SUBSCRIBER, "/ego_setting")
             self._decline(ego, bindings, "ghost_ctrl_cmd", instead, sender)

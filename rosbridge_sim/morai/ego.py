@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Final
 
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.command_parsing import GhostPose
 from rosbridge_sim.morai.convert import Control, Converter
@@ -71,6 +72,8 @@ class Ego:
         emergency_signal: 0 off, 1 on.
         mountings: places of its sensors, by their frames, in the order of `SENSORS`.
         is_replayed: a recording moves it, and commands are ignored.
+        commander: the participant whose command it followed last, for people who watch; None for none that is known.
+        command_frame: frame at which the last command of `/ctrl_cmd` came, for leases.
     """
 
     def __init__(
@@ -100,6 +103,8 @@ class Ego:
         self.emergency_signal = 0
         self.mountings = dict.fromkeys(SENSORS, Mounting())
         self.is_replayed = False
+        self.commander: Participant | None = None
+        self.command_frame = 0
         self._world = world
         self._convert = convert
         self._roads = roads
@@ -143,6 +148,7 @@ class Ego:
     def reset_controls(self) -> None:
         """Set the controls of a new car: lamps off, and gear D if it drives itself."""
         self.turn_signal = self.emergency_signal = 0
+        self.commander = None
         self._refused_gear = None
         if self.ctrl_mode is CtrlMode.AUTONOMOUS:
             self.shift(Gear.DRIVE)
@@ -160,6 +166,7 @@ class Ego:
         self._refused_gear = state.refused_gear
         self.mountings = dict(state.mountings)
         self.is_replayed = False
+        self.commander = None
         self.forget_status()
 
     def control(self, control: Control) -> None:
@@ -254,6 +261,7 @@ class Ego:
         is_foreign = self.ctrl_mode in {CtrlMode.EXTERNAL, CtrlMode.AUTONOMOUS}
         if is_foreign and self.ctrl_mode is not ctrl_mode:
             commands.command(self._world, row, mode=Mode.PEDALS, steer=0.0)
+            self.commander = None
         self.ctrl_mode = ctrl_mode
         return None
 

@@ -25,10 +25,12 @@ class Hooks:
         once_after_frame: `(now)` after the frame in progress, before `after_frame`. Each is called once, then the list
             is emptied. Commands append to it.
         after_frame: `(now)` after each frame, when its topics have been published.
-        after_move: `(now)` after all frames of a tick, or all frames that real time owed.
+        after_move: `(now)` after the frames of a turn: of a tick or several, of a part of one, or those that real time
+            owed.
         on_mode_change: `(now)` after synchronous mode was started, stopped, paused, resumed or lost, or after a client
             tried to do so.
         on_scene_change: `(now)` before a scenario is loaded or the world is reset: give back what was taken.
+        on_new_scene: `(now)` after a scenario was loaded, or the world was reset.
         on_reset: `()` after the world was reset to frame 0.
         on_restore: `()` after the world was restored from a snapshot: drop what was meant for the world before.
         on_new_ego: `(ego, its topics and services)` after a further ego was added: add the ego's own topics and
@@ -42,6 +44,7 @@ class Hooks:
     after_move: list[Callable[[float], object]] = field(default_factory=list)
     on_mode_change: list[Callable[[float], object]] = field(default_factory=list)
     on_scene_change: list[Callable[[float], object]] = field(default_factory=list)
+    on_new_scene: list[Callable[[float], object]] = field(default_factory=list)
     on_reset: list[Callable[[], object]] = field(default_factory=list)
     on_restore: list[Callable[[], object]] = field(default_factory=list)
     on_new_ego: list[Callable[[Ego, SubscribersServices], object]] = field(default_factory=list)

@@ -32,9 +32,16 @@ from rosbridge_sim.morai.sensor_files import SensorDataStore
 from rosbridge_sim.morai.sensors import Sensors
 from rosbridge_sim.morai.services import Services
 from rosbridge_sim.morai.sim_services.barrier import BarrierServices
+from rosbridge_sim.morai.sim_services.contacts import Contacts
+from rosbridge_sim.morai.sim_services.control_lease import ControlLeases
+from rosbridge_sim.morai.sim_services.describe import Describe
+from rosbridge_sim.morai.sim_services.drivers import Drivers
 from rosbridge_sim.morai.sim_services.population import Population
 from rosbridge_sim.morai.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.morai.sim_services.road_services import RoadServices
+from rosbridge_sim.morai.sim_services.scenarios import Scenarios, ScenarioShelf
+from rosbridge_sim.morai.sim_services.scene_markers import SceneMarkers
+from rosbridge_sim.morai.sim_services.scene_state import SceneState
 from rosbridge_sim.morai.sim_services.score import Scores
 from rosbridge_sim.morai.sim_services.snapshots import Snapshots
 from rosbridge_sim.morai.sim_services.step import StepService
@@ -64,6 +71,7 @@ def make_node(
     recordings: Recordings | None = None,
     networks: Networks | None = None,
     reader: Reader | None = None,
+    shelf: ScenarioShelf | None = None,
 ) -> SimulatorNode:
     """Return the simulator with its opening scene, on the bus; clients see nothing of it before it is complete.
 
@@ -77,6 +85,7 @@ def make_node(
         recordings: source of recordings for replays; None for no recordings.
         networks: source of scenarios' network settings; None for no such settings.
         reader: reads documents that clients load; with None all clients wait meanwhile.
+        shelf: lists what can be loaded; None for no lists.
 
     Raises:
         DocumentError: the scenario does not fit its map, or the network settings do not fit.
@@ -87,6 +96,7 @@ def make_node(
     CommandExecutor(context, sensors)
     reader = reader or AtOnce()
     replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
+    road_services = RoadServices(context, reader)
     components: list[Component] = [
         StatePublishers(context),
         TrafficLightTopics(context),
@@ -98,9 +108,16 @@ def make_node(
         StepService(context),
         BarrierServices(context),
         RealTimeFactor(context),
+        ControlLeases(context),  # before Drivers, which forgets who drove when a client leaves
         Scores(context, is_always=chosen.score),
         Population(context),
-        RoadServices(context, reader),
+        road_services,
+        SceneState(context, road_services),
+        Contacts(context),
+        Drivers(context),
+        Describe(context),
+        SceneMarkers(context, reader),
+        Scenarios(context, reader, shelf),
     ]
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))

@@ -16,10 +16,12 @@ fails later is undone.
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
+
+import numpy as np
 
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.morai.component import Component
@@ -47,7 +49,10 @@ from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import MAX_UID, Kind, Snapshot, World
 from rosbridge_sim.world.step import step
 
-__all__ = ["NodeState", "SavedState"]
+__all__ = ["NodeState", "Plans", "SavedState", "try_out"]
+
+Plans: TypeAlias = Callable[[RoadMap], SignalPlan]
+"""Gives the traffic lights of a map."""
 
 MAX_LAMPS: Final = (2, 1)
 """Greatest turn and emergency signal, see `Ego`."""
@@ -172,27 +177,30 @@ class NodeState:
 
     # In
 
-    def restore(self, saved: SavedState, now: float, *, expected_hash: str = "") -> None:
+    def restore(
+        self, saved: SavedState, now: float, *, expected_hash: str = "", before_undo: Callable[[], None]
+    ) -> None:
         """Become what was saved: the same calls from here on give the same messages.
 
         Args:
-            saved: from `save`, or from `parse`.
+            saved: from `save`, or from `parse` and tried out.
             now: monotonic time [s].
             expected_hash: what `hash` must be then; empty for a state of this process, which need not be checked.
+            before_undo: called if the restore fails, before the state of now is put back: a component may need to be
+                given again what is not in its state.
 
         Raises:
             DocumentError: it is a state that this simulator cannot have. Nothing has changed.
             GraphError: a client has a topic that an ego of the state needs. The same.
         """
         before = self.save()
-        if expected_hash:
-            _try_out(saved.world)
         new = self._bind_egos(saved, now)
         try:
             self._apply(saved, new, now)
             if expected_hash and self.hash() != expected_hash:
                 raise DocumentError("state_hash: it is that of another state")  # noqa: TRY301 - undone as all failures
         except Exception as error:
+            before_undo()
             self._apply(before, self._bind_egos(before, now), now)
             if not expected_hash:
                 raise
@@ -200,12 +208,13 @@ class NodeState:
                 _log.info("a snapshot was refused: a component fails on it", exc_info=error)
             raise DocumentError(f"state: {error!s:.200}") from None
 
-    def parse(self, state: PlainData, maps: Maps) -> SavedState:
-        """Return the state that `SavedState.to_plain` was given.
+    def parse(self, state: PlainData, maps: Maps, plans: Plans) -> SavedState:
+        """Return the state that `SavedState.to_plain` was given. This may be called in any thread.
 
         Args:
             state: from anywhere.
             maps: gives the maps that it needs.
+            plans: from `plans`, called before.
 
         Raises:
             DocumentError: it is no state of a simulator like this one.
@@ -214,7 +223,7 @@ class NodeState:
         key = MapKey(*read_as(tuple[str, bytes], fields.get("map"), "map"))
         road_map = maps(key)
         try:
-            world = from_plain(fields.get("world"), road_map.roads, self._plan_of(road_map))
+            world = from_plain(fields.get("world"), road_map.roads, plans(road_map))
         except (ValueError, TypeError) as error:
             raise DocumentError(f"{error!s:.200}") from None
         next_uid = read_as(int, fields.get("next_uid"), "next_uid")
@@ -240,11 +249,14 @@ class NodeState:
             components=components,
         )
 
-    def _plan_of(self, road_map: RoadMap) -> SignalPlan:
-        world = self._context.world
-        if world.roads is road_map.roads:
-            return world.signals.plan
-        return road_map.plan or SignalPlan(road_map.roads)
+    def plans(self) -> Plans:
+        """Return a function that finds the traffic lights of a map; it does not look at the world again."""
+        roads, plan = self._context.world.roads, self._context.world.signals.plan
+
+        def find(road_map: RoadMap) -> SignalPlan:
+            return plan if road_map.roads is roads else road_map.plan or SignalPlan(road_map.roads)
+
+        return find
 
     def _bind_egos(self, saved: SavedState, now: float) -> list[Ego]:
         """Give those egos their topics and services that are not here; return all of them, in order.
@@ -315,8 +327,8 @@ def _read_egos(data: object, world: Snapshot) -> tuple[EgoState, ...]:
     return egos
 
 
-def _try_out(saved: Snapshot) -> None:
-    """Step a copy of a world that came from outside.
+def try_out(saved: SavedState) -> None:
+    """Step a copy of a world that came from outside. This may be called in any thread.
 
     Its figures are checked one by one, but a step may rely on more: a failure within the simulator would end it.
 
@@ -324,10 +336,12 @@ def _try_out(saved: Snapshot) -> None:
         DocumentError: a step fails.
     """
     try:
-        world = World()
-        world.restore(saved)
-        for _ in range(NUM_TRIALS):
-            step(world)
+        # No step of a world of ours warns. What is no number once would spread, and no message could carry it.
+        with np.errstate(divide="raise", over="raise", invalid="raise"):
+            world = World()
+            world.restore(saved.world)
+            for _ in range(NUM_TRIALS):
+                step(world)
     except Exception as error:  # noqa: BLE001 - figures from outside, whatever they do
         _log.info("a snapshot was refused: a step of its world fails", exc_info=error)
         raise DocumentError(f"world: a step of it fails: {error!r:.200}") from None

@@ -85,6 +85,8 @@ class RealTime:
         dues = [driver.due(now), publishers.pause_due(now), now if driver.has_turn else None]
         if sync.is_free:
             dues += [pacer.due_at if pacer.is_started else now, publishers.repeat_due]
+        if publishers.has_viewer_to_show(is_flowing=sync.is_free):
+            return now
         return min((due for due in dues if due is not None), default=None)
 
     def _advance(self, now: float) -> None:
@@ -93,6 +95,7 @@ class RealTime:
         context.sync_driver.expire(now)
         context.sync_driver.take_turns(now)
         publishers.show_in_pause(now)
+        publishers.show_viewers(now, is_flowing=sync.is_free)
         if not sync.is_free:
             return
         if not pacer.is_started:

@@ -135,7 +135,8 @@ def unpack_load(data: object, maps: Maps) -> Load:
     """
     packed = PackedLoad(*read_as(tuple[bytes, bytes], data, "load"))
     known = _unpacked.get(packed.digest)
-    if known is not None and maps(key_of_map(known.map_name, known.road_map)) is known.road_map:
+    is_known = known is not None and pack_load(known).data == packed.data
+    if known is not None and is_known and maps(key_of_map(known.map_name, known.road_map)) is known.road_map:
         return known
     if blake2b(packed.data, digest_size=16).digest() != packed.digest:
         raise DocumentError("load: the digest is that of another one")

@@ -26,6 +26,7 @@ from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import SpeedLimits
 from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
 from rosbridge_sim.world.lane_position import keep_lane
+from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import DT, Body, Gear, Kind, Snapshot, World
 
 __all__ = [
@@ -530,9 +531,8 @@ class Scene:
             is_ego = world.kind[world.row(uid)] == Kind.EGO
             if (uid == FIRST_EGO and load.egos) if is_ego else load.is_clearing:
                 world.remove(uid)
-        roads = load.road_map.roads
-        if world.roads is not roads:
-            world.lay_roads(roads, load.road_map.plan)
+        if not _are_laid(world, load.road_map):
+            world.lay_roads(load.road_map.roads, load.road_map.plan)
         for start in load.phases:
             _set_phase(world, start)
         for ego in load.egos:
@@ -548,6 +548,19 @@ def _log_notes(found: FoundMap) -> RoadMap:
     for note in found.road_map.notes:
         _log.info("map %s: %s", found.road_map.name, note)
     return found.road_map
+
+
+def _are_laid(world: World, road_map: RoadMap) -> bool:
+    """Return whether the world has the lanes and lights of a map, by their content.
+
+    The same map may be there twice: read again from its files, or by a restored snapshot. If the lights began anew for
+    the second one, a restored world would not do the same as the saved one.
+    """
+    roads = road_map.roads
+    if world.roads is roads:
+        return True
+    plan = road_map.plan or SignalPlan(roads)
+    return world.roads.digest == roads.digest and world.signals.plan.digest == plan.digest
 
 
 def _set_phase(world: World, start: PhaseStart) -> None:

@@ -57,7 +57,7 @@ class SceneChanges:
             ego_interfaces: have the egos' names.
             interfaces: get other network settings with a scenario.
             publishers: forget the messages that real time was to repeat.
-            hooks: `on_scene_change` and `on_reset` are called.
+            hooks: `on_scene_change`, `on_reset` and `on_new_scene` are called.
             sync: forgets what waits for frames.
             sync_driver: pauses the world.
             sync_info: announces the new frame.
@@ -112,6 +112,8 @@ class SceneChanges:
         self._static_tf.announce(now)
         if is_pausing:
             self._sync_driver.pause(now)
+        for follow in self._hooks.on_new_scene:
+            follow(now)
 
     def reset(self, seed: int | None, now: float) -> None:
         """Reset the world to its start: the same calls give the same bytes again. Synchronous mode stays as it is.
@@ -140,6 +142,8 @@ class SceneChanges:
         egos.forget_statuses()
         self._sync_info.announce(now)
         self._static_tf.announce_again(now)  # the latched message is of frame 0 again
+        for follow in self._hooks.on_new_scene:
+            follow(now)
         self._sync_driver.forget(now)  # last, because the ticks that waited are answered with the new frame
 
     def add_egos(self, settings: Sequence[EgoSetting], now: float) -> None:

@@ -137,7 +137,8 @@ class Services(Component):
             action = ControlEgo(ego.index, ego.uid, control, has_capture=request.sensor_capture)
             return SceneCommand(action, name, call.caller.notify)
 
-        self._queue(call, read, request.frame, now)
+        if self._queue(call, read, request.frame, now):
+            ego.commander = call.caller
         if ego.is_replayed:
             self._context.warnings.warn(call.caller, f"{call.service.name} moves nothing while a recording is replayed")
 
@@ -150,8 +151,12 @@ class Services(Component):
 
         self._queue(call, read, request.frame, now)
 
-    def _queue(self, call: Call, read: Callable[[], SceneCommand], frame: int, now: float) -> None:
-        """Submit a command that waits for its frame, and answer. The command is read only if the mode is on."""
+    def _queue(self, call: Call, read: Callable[[], SceneCommand], frame: int, now: float) -> bool:
+        """Submit a command that waits for its frame, and answer. The command is read only if the mode is on.
+
+        Returns:
+            True if it was accepted.
+        """
         result = False
         try:
             outcome = self._submit(read, frame, call.caller, now)
@@ -163,6 +168,7 @@ class Services(Component):
             if not result:
                 explain(call.caller, "warning", f"{call.service.name}: {outcome.why}", outcome.reason)
         respond(call, self._make_result(result))
+        return result
 
     def _submit(self, read: Callable[[], SceneCommand], frame: int, caller: Participant, now: float) -> SyncOutcome:
         sync = self._context.sync

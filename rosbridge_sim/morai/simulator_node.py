@@ -22,7 +22,7 @@ from rosbridge_sim.morai.departures import Departures
 from rosbridge_sim.morai.ego import Ego
 from rosbridge_sim.morai.egos import EgoRegistry
 from rosbridge_sim.morai.frame_stepper import FrameMeter
-from rosbridge_sim.morai.interfaces.network_settings import DEFAULTS, NetworkSettings
+from rosbridge_sim.morai.interfaces.network_settings import DEFAULTS, InterfaceKind, NetworkSettings
 from rosbridge_sim.morai.interfaces.registry import InterfaceRegistry
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.missing_sensors import advise
@@ -31,6 +31,7 @@ from rosbridge_sim.morai.real_time import RealTime, set_real_time_factor
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
 from rosbridge_sim.morai.scene import Scene
 from rosbridge_sim.morai.scene_commands import SceneCommand
+from rosbridge_sim.morai.sim_services.scene_markers import SCENE_MAP, SCENE_OBJECTS
 from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import World
@@ -251,6 +252,11 @@ class SimulatorNode:
     def limit_turns(self, read_clock: Callable[[], float]) -> None:
         """End each turn of work that is owed after a few milliseconds of this clock [s], so that others have theirs."""
         self.context.sync_driver.read_clock = self._real_time.read_clock = read_clock
+
+    def scene_topics(self) -> tuple[str, ...]:
+        """Return the present names of the topics for viewers; another bridge gets them on request alone."""
+        name_of = self.context.interfaces.name_of
+        return tuple(name_of(InterfaceKind.PUBLISHER, topic) for topic in (SCENE_MAP, SCENE_OBJECTS))
 
     def current_messages(self) -> list[tuple[Topic, Message]]:
         """Return the message that each topic would publish now, with or without subscribers.

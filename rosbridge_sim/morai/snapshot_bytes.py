@@ -21,7 +21,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.plain_bytes import PlainData, decode, encode
 from rosbridge_sim.morai.typed_plain import as_plain, read_as
 
-__all__ = ["SnapshotHead", "pack", "unpack"]
+__all__ = ["OwnBytes", "SnapshotHead", "pack", "unpack"]
 
 MAGIC: Final = b"\x89RBSIM\r\n"
 VERSION: Final = 2
@@ -29,6 +29,13 @@ CHECKSUM_SIZE: Final = 16
 
 MAX_MAPS: Final = 16
 """Maps that one snapshot may need: that in use, and those of scenarios that wait."""
+
+MAX_OWN: Final = 1_000
+"""Snapshots of this process that are known by their bytes: ten times as many as are kept, at 300 bytes each."""
+
+OWN_DIGEST_SIZE: Final = 32
+"""Of a digest that stands for bytes [bytes]: nobody can make other bytes with the same one. The checksum is too short
+for that, since a client may choose both."""
 
 _START: Final = struct.Struct("<HI")
 _HEAD_AT: Final = len(MAGIC) + _START.size
@@ -91,3 +98,40 @@ def unpack(data: bytes) -> tuple[SnapshotHead, bytes]:
     if not 0 < len(head.maps) <= MAX_MAPS or head.frame < 0:
         raise DocumentError(f"head: expected 1..{MAX_MAPS} maps, and a frame")
     return head, data[_HEAD_AT + size : end]
+
+
+class OwnBytes:
+    """Digests of the snapshots that this process has made: bytes that come back unchanged need no distrust."""
+
+    def __init__(self) -> None:
+        """Know none."""
+        self._known: dict[bytes, tuple[int, bytes, str, SnapshotHead]] = {}  # by their checksums
+
+    def note(self, data: bytes, name: str, head: SnapshotHead) -> None:
+        """Take note of bytes that are given to a client; the oldest of too many are forgotten.
+
+        Args:
+            data: from `pack`.
+            name: of the snapshot.
+            head: that they begin with.
+        """
+        checksum = data[-CHECKSUM_SIZE:]
+        self._known.pop(checksum, None)
+        if len(self._known) >= MAX_OWN:
+            del self._known[next(iter(self._known))]
+        self._known[checksum] = len(data), _digest(data), name, head
+
+    def find(self, data: bytes) -> tuple[str, SnapshotHead] | None:
+        """Return the name and the head of a snapshot whose bytes are exactly these; None if it is not known.
+
+        Args:
+            data: from anywhere.
+        """
+        known = self._known.get(data[-CHECKSUM_SIZE:])
+        if known is None or known[0] != len(data) or known[1] != _digest(data):
+            return None
+        return known[2], known[3]
+
+
+def _digest(data: bytes) -> bytes:
+    return blake2b(data, digest_size=OWN_DIGEST_SIZE).digest()

@@ -16,13 +16,16 @@ The decisions, and why:
   are limited, because a peer that never ticks must not fill the memory.
 - A command may have to be read from a disk first (a scenario). It takes its place in the order when it arrives, and
   is *ready* later. A tick is one whole: it waits before its first frame if a command of any of its frames is not
-  ready, so no client ever sees the world in the middle of a tick. Ticks that come meanwhile wait behind it, each with
+  ready, so it never stops in its middle for a slow disk. Ticks that come meanwhile wait behind it, each with
   the time step that was in force when it came. Commands that come meanwhile are placed as if the ticks that wait had
   been carried out: a slow disk changes nothing but the time that it takes.
 - A call for many steps is as many ticks, all of which wait: they are carried out in several turns, so that others are
   served in between. If it ends early (a stop condition, a caller that has left), commands that came meanwhile move
   forward by the frames that are not computed.
-- A pause, the end of the mode and a reset refuse the ticks that wait: the world never moves against a later word.
+- The frames of one tick can take several turns too, because the longest tick has 50. Between them others see the world
+  after a whole frame, and their commands wait for a frame behind the tick, as if it had been carried out.
+- A pause, the end of the mode and a reset refuse the ticks that wait, and what is left of one that has begun: the world
+  never moves against a later word.
 - Every client may send commands while the mode is on, because the wire's commands have no user id.
 - The master is an id, not a connection: several clients may use it. They are its *holders*. The lease is theirs:
   when the last of them leaves, or when all have been silent for `lease` seconds, the mode is lost and `on_loss` says
@@ -38,6 +41,7 @@ import heapq
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Final, Generic, Literal, NamedTuple, TypeVar
 
 from rosbridge_sim.errors import Reason
@@ -78,14 +82,15 @@ class SyncHooks:
     """Functions for the effects beyond the mode; `now` is monotonic time [s].
 
     Attributes:
-        move: `(number of frames, now)`, for MOVE; the commands of `Sync.due` are carried out before each frame.
+        move: `(number of frames, now)`, for MOVE; the commands of `Sync.due` are carried out before each frame. Returns
+            how many frames it has computed, or None for all. Fewer are allowed only within `take_turn`.
         refuse: `(text for the callers, now)`, for REFUSE.
         flow: `(now)`, for FLOW.
         announce: `(now)`, for ANNOUNCE.
         hear: `(holder, now)`, for a command of any peer, and for the end of a time in which its input was held back.
     """
 
-    move: list[Callable[[int, float], object]] = field(default_factory=list)
+    move: list[Callable[[int, float], int | None]] = field(default_factory=list)
     refuse: list[Callable[[str, float], object]] = field(default_factory=list)
     flow: list[Callable[[float], object]] = field(default_factory=list)
     announce: list[Callable[[float], object]] = field(default_factory=list)
@@ -166,7 +171,9 @@ class Sync(Generic[C]):
         self._waiting: list[tuple[int, int, C]] = []  # a heap of (frame, order of arrival, command)
         self._num_arrived = 0
         self._unready: dict[C, int] = {}  # commands that wait and are not ready, with their frames
-        self._ticks: deque[int] = deque()  # how many frames each tick that waits is to move
+        self._ticks: deque[int] = deque()  # how many frames each tick that waits has left
+        self._is_in_tick = False  # some frames of the first of them have been computed
+        self._num_moved = 0  # frames that the last MOVE has computed
         # Frames of these ticks: still owed, and computed or given up since a tick last waited for none.
         self._num_owed = self._num_settled = 0
         # Commands that came while ticks waited, by the order of arrival: (the frame named, frames settled before it).
@@ -216,8 +223,18 @@ class Sync(Generic[C]):
 
     @property
     def num_ticks(self) -> int:
-        """Number of ticks that wait for their turn."""
+        """Number of ticks that wait for their turn, or for the rest of it."""
         return len(self._ticks)
+
+    @property
+    def holders(self) -> list[object]:
+        """The peers that use the master's id, in the order in which they first did."""
+        return list(self._holders)
+
+    @property
+    def is_in_tick(self) -> bool:
+        """True if the first tick that waits has begun: some of its frames have been computed."""
+        return self._is_in_tick
 
     @property
     def lease_due(self) -> float | None:
@@ -280,6 +297,7 @@ class Sync(Generic[C]):
         now: float,
         *,
         on_wait: Callable[[], object] | None = None,
+        is_in_turns: bool = False,
     ) -> SyncOutcome:
         """Handle a request to move the world by one time step.
 
@@ -289,8 +307,9 @@ class Sync(Generic[C]):
             frame: the world's.
             holder: the peer who asks.
             now: monotonic time [s].
-            on_wait: called if the tick waits. Then call `take_turn` whenever a command has become ready or was
+            on_wait: called if the tick waits. Then call `take_turn`, and whenever a command has become ready or was
                 withdrawn.
+            is_in_turns: let a tick of several frames wait, so that `take_turn` can divide it.
 
         Returns:
             The outcome. If it is accepted, the frames of the tick have been computed, or it waits.
@@ -302,7 +321,8 @@ class Sync(Generic[C]):
         end = frame + self._num_owed + num_frames
         if self._is_strict and named != end:
             return self._follow(_Happening(SyncEvent.TICK_MISFIT, now))
-        event = SyncEvent.TICK_EARLY if self._is_early(end) else SyncEvent.TICK_BY_MASTER
+        waits = (is_in_turns and num_frames > 1) or self._is_early(end)
+        event = SyncEvent.TICK_EARLY if waits else SyncEvent.TICK_BY_MASTER
         return self._follow(_Happening(event, now, num_frames, on_wait=on_wait))
 
     def step(
@@ -329,9 +349,10 @@ class Sync(Generic[C]):
             num_ticks: how many; there must be as many.
             now: monotonic time [s].
         """
+        self._is_in_tick = False
         self._give_up_frames(sum(self._ticks.popleft() for _ in range(num_ticks)))
         if not self._ticks:
-            self._follow(_Happening(SyncEvent.GIVEN_UP, now))
+            self._follow(_Happening(SyncEvent.LAST_DONE, now))
 
     def has_turn(self, frame: int) -> bool:
         """Return whether `take_turn` would carry out a tick.
@@ -341,13 +362,16 @@ class Sync(Generic[C]):
         """
         return bool(self._ticks) and not self._is_early(frame + self._ticks[0])
 
-    def take_turn(self, frame: int, now: float, *, prepare: Callable[[], object] | None = None) -> int:
+    def take_turn(
+        self, frame: int, now: float, *, prepare: Callable[[], object] | None = None, most_ticks: int = 1
+    ) -> int:
         """Let the first tick that waits have its turn, if all commands of its frames are ready.
 
         Args:
             frame: the world's.
             now: monotonic time [s].
-            prepare: called before the frames are computed; see `enter`.
+            prepare: called before the first frame of the tick is computed; see `enter`.
+            most_ticks: how many ticks may be carried out one after the other; there must be as many.
 
         Returns:
             How many frames have been computed; 0 if no tick can be carried out now.
@@ -355,15 +379,32 @@ class Sync(Generic[C]):
         ticks = self._ticks
         if not ticks or (self._unready and self._is_early(frame + ticks[0])):
             return 0
-        num_frames = ticks.popleft()
-        if prepare is not None:
+        if prepare is not None and not self._is_in_tick:
             prepare()
+        # A command may bring a pause, which ends with the tick; so ticks are taken one by one while any waits.
+        num_frames = ticks[0] if most_ticks == 1 or self._waiting else sum(islice(ticks, most_ticks))
         self._num_settled += num_frames
         self._num_owed -= num_frames
-        if not ticks:
-            self._forget_delays()
-        self._follow(_Happening(SyncEvent.TURN if ticks else SyncEvent.LAST_TURN, now, num_frames))
-        return num_frames
+        self._follow(_Happening(SyncEvent.TURN, now, num_frames))
+        num_moved = self._num_moved
+        if ticks:  # else they were refused meanwhile
+            self._num_settled -= num_frames - num_moved
+            self._num_owed += num_frames - num_moved
+            self._take_out(num_moved)
+            if not ticks:
+                self._forget_delays()
+                self._follow(_Happening(SyncEvent.LAST_DONE, now))
+        return num_moved
+
+    def _take_out(self, num_frames: int) -> None:
+        """Take frames that have been computed out of the first ticks that wait."""
+        ticks = self._ticks
+        while num_frames and ticks[0] <= num_frames:
+            num_frames -= ticks.popleft()
+            self._is_in_tick = False
+        if num_frames:
+            ticks[0] -= num_frames
+            self._is_in_tick = True
 
     def submit(
         self, command: C, named: int, frame: int, holder: object, now: float, *, is_ready: bool = True
@@ -579,8 +620,11 @@ class Sync(Generic[C]):
                 self._unready[command] = happening.due
 
     def _move(self, happening: _Happening[C]) -> None:
+        self._num_moved = happening.num_frames
         for move in self.hooks.move:
-            move(happening.num_frames, happening.now)
+            num_moved = move(happening.num_frames, happening.now)
+            if num_moved is not None:
+                self._num_moved = num_moved
 
     def _wait(self, happening: _Happening[C]) -> None:
         self._ticks.extend([happening.num_frames] * happening.num_ticks)
@@ -590,6 +634,7 @@ class Sync(Generic[C]):
 
     def _refuse(self, happening: _Happening[C]) -> None:
         self._ticks.clear()
+        self._is_in_tick = False
         self._give_up_frames(self._num_owed)
         for refuse in self.hooks.refuse:
             refuse(_WHY_REFUSED.get(happening.event, _HAS_ENDED), happening.now)

@@ -1,9 +1,10 @@
 """Synchronous mode of the simulator: carries out its ticks and its effects on the world.
 
-A service call moves the frames of one time step within the call, and everything that those frames publish is in the
-listeners' hands before the answer is given. Two kinds of ticks wait, and `take_turns` carries them out; their caller is
-held meanwhile. One is a tick whose frames need a scenario that is still being read. The other are the ticks of a call
-for many steps: they are done in turns of a few milliseconds, so that all others are served in between.
+A service call moves the frames of one time step, and everything that those frames publish is in the listeners' hands
+before the answer is given. A tick of one frame is carried out within the call. All others wait, and `take_turns`
+carries them out; their caller is held meanwhile. These are ticks whose frames need a scenario that is still being read,
+ticks of several frames, and the ticks of a call for many steps. They are done in turns of a few milliseconds, so that
+all others are served in between. A turn ends after any frame.
 
 `Sync` decides, and calls the functions that are registered here. All changes of the mode go through this file.
 """
@@ -33,7 +34,7 @@ from rosbridge_sim.world.state import World
 __all__ = ["ModeResult", "OnTick", "Steps", "SyncDriver", "TickResult"]
 
 TURN_TIME: Final = 0.003
-"""Longest turn of the ticks that wait, before clients have theirs [s]; a tick that has begun is finished. With a round
+"""Longest turn of the ticks that wait, before clients have theirs [s]; a frame that has begun is finished. With a round
 of clients (`ROUND_TIME` of the server, 4 ms) that is less than the 10 ms that a client may have to wait."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
@@ -76,41 +77,51 @@ class Steps(Protocol):
     """A call for ticks that may wait.
 
     Attributes:
-        num_left: ticks that are still to be carried out, the one in hand not among them.
-        is_wanted: false if the caller has left or waits no longer; then the ticks that are left are given up.
+        num_left: ticks that are still to be carried out, with one that has begun.
+        num_at_once: how many of them may be carried out before `after_ticks` and the next `before_tick`, at least 1.
+        is_wanted: false if the caller has left or waits no longer; then the ticks that are left are given up, except
+            one that has begun.
     """
 
     num_left: int
+
+    @property
+    def num_at_once(self) -> int:
+        """See above."""
 
     @property
     def is_wanted(self) -> bool:
         """See above."""
 
     def before_tick(self) -> None:
-        """Count the tick that follows, and prepare it, such as by commands that go before its first frame."""
+        """Prepare the tick that follows, such as by commands that go before its first frame."""
 
-    def after_tick(self) -> bool:
-        """Return whether the ticks that are left are to be given up, since a condition to stop is met."""
+    def after_ticks(self, num: int) -> bool:
+        """Count ticks as done; return whether those that are left are to be given up: a condition to stop is met."""
 
     def end(self, result: TickResult) -> None:
-        """Answer the caller; called once. It is not accepted if another event has ended the call."""
+        """Answer the caller; called once. It is not accepted if another event has ended the call.
+
+        A tick may have begun and not be done.
+        """
 
 
 class _OneTick:
     """One tick, which is carried out even if its caller has left: other clients count on it."""
 
     is_wanted = True
+    num_at_once = 1
 
     def __init__(self, on_end: OnTick) -> None:
         self.num_left = 1
         self.end = on_end
 
     def before_tick(self) -> None:
-        """Count the tick."""
-        self.num_left = 0
+        """Do nothing: its commands wait already."""
 
-    def after_tick(self) -> bool:
-        """Return that nothing is left to give up."""
+    def after_ticks(self, num: int) -> bool:
+        """Count the tick; nothing is left to give up."""
+        self.num_left -= num
         return False
 
 
@@ -119,15 +130,17 @@ class _Waiting:
 
     Attributes:
         steps: what is to be done.
+        num_frames: of each tick.
         release: lets its caller's next op be handled; None while it is not held. It takes monotonic time [s].
         why: why the ticks that are left are refused, where that has happened within a tick of this call.
         is_over: it has been answered.
     """
 
-    __slots__ = ("is_over", "release", "steps", "why")
+    __slots__ = ("is_over", "num_frames", "release", "steps", "why")
 
-    def __init__(self, steps: Steps) -> None:
+    def __init__(self, steps: Steps, num_frames: int) -> None:
         self.steps = steps
+        self.num_frames = num_frames
         self.release: Callable[[float], None] | None = None
         self.why: str | None = None
         self.is_over = False
@@ -148,7 +161,7 @@ class SyncDriver:
     Attributes:
         num_ticks: ticks carried out.
         read_clock: the time that ends a turn [s]; None has a turn end with the last tick that can be carried out. What
-            is computed does not depend on it.
+            is computed does not depend on it, unless another client interferes.
     """
 
     def __init__(
@@ -188,6 +201,9 @@ class SyncDriver:
         # The calls that wait, oldest first; `sync` has the ticks that they have left.
         self._calls: deque[_Waiting] = deque()
         self._call_in_hand: _Waiting | None = None
+        self._behind_tick: deque[tuple[Callable[[float], object], Callable[[float], None]]] = deque()
+        self._turn_until: float | None = None
+        self._is_turn_over = False
         sync.hooks.move.append(self._move)
         sync.hooks.refuse.append(self._refuse_ticks)
         sync.hooks.flow.append(pacer.start)
@@ -292,9 +308,10 @@ class SyncDriver:
                 barrier.not_moved(result.why, self._ended_at)
 
         self._ended_at = now
-        wait = partial(self._calls.append, _Waiting(_OneTick(end)))
+        named, call = world.frame + sync.num_frames, _Waiting(_OneTick(end), sync.num_frames)
+        wait = partial(self._calls.append, call)
         try:
-            outcome = sync.tick(BARRIER_ID, world.frame + sync.num_frames, world.frame, barrier, now, on_wait=wait)
+            outcome = sync.tick(BARRIER_ID, named, world.frame, barrier, now, on_wait=wait, is_in_turns=True)
         except GraphError as error:  # the world has failed; it is told elsewhere
             barrier.not_moved(str(error), now)
             return
@@ -302,11 +319,15 @@ class SyncDriver:
             barrier.not_moved(sync.why(outcome), now)
         elif outcome.state is not SyncState.WAITING:
             barrier.moved(now)
+        else:
+            self._begin(call, now)
 
     # Ticks
 
     def ask_tick(self, user_id: str, named: int, caller: Participant, on_end: OnTick, now: float) -> None:
         """Move the world by one time step, and publish every frame of it, if the mode allows it.
+
+        Several frames are computed as far as one turn goes, the others in later turns.
 
         Args:
             user_id: the master, or the member of a barrier, that the caller takes itself for.
@@ -323,13 +344,22 @@ class SyncDriver:
             return
         sync = self._sync
         is_paused = sync.is_paused  # before the frames of this tick, which may bring a pause
-        outcome = sync.tick(
-            user_id, named, self._world.frame, caller, now, on_wait=partial(self._wait, _OneTick(on_end), caller)
-        )
+        call = _Waiting(_OneTick(on_end), sync.num_frames)
+        wait = partial(self._calls.append, call)
+        outcome = sync.tick(user_id, named, self._world.frame, caller, now, on_wait=wait, is_in_turns=True)
         if not outcome.is_accepted:
             on_end(TickResult(is_accepted=False, is_paused=is_paused, why=sync.why(outcome), reason=outcome.reason))
         elif outcome.state is not SyncState.WAITING:
             on_end(TickResult(is_accepted=True, is_paused=is_paused))
+        else:
+            self._begin(call, now)
+            if not call.is_over:
+                call.release = self.hold(caller)
+
+    def _begin(self, call: _Waiting, now: float) -> None:
+        """Let a tick that has come have its first turn at once, unless others wait before it."""
+        if self._calls and self._calls[0] is call:
+            self.take_turns(now)
 
     def _ask_barrier_tick(self, user_id: str, named: int, caller: Participant, on_end: OnTick, now: float) -> None:
         sync, barrier = self._sync, self._barrier
@@ -352,7 +382,7 @@ class SyncDriver:
             now: monotonic time [s].
         """
         sync = self._sync
-        call = _Waiting(steps)
+        call = _Waiting(steps, sync.num_frames)
         holder: object = caller
         if self._barrier.is_on:
             result = self._result_of_barrier(self._barrier.ask_step(user_id))
@@ -381,37 +411,70 @@ class SyncDriver:
 
         Call it again while `has_turn`, when all others have been served.
         """
-        read_clock, sync, world, calls = self.read_clock, self._sync, self._world, self._calls
-        until = None if read_clock is None else read_clock() + TURN_TIME
-        while calls and not self._stepper.is_moving:
-            call = calls[0]
-            steps = call.steps
-            if not steps.is_wanted:
-                calls.popleft()
+        read_clock, sync, calls = self.read_clock, self._sync, self._calls
+        if self._stepper.is_moving:
+            return
+        self._turn_until = None if read_clock is None else read_clock() + TURN_TIME
+        self._is_turn_over = False
+        while calls and not self._is_turn_over:
+            call = calls.popleft()
+            if not call.steps.is_wanted and not sync.is_in_tick:
                 self._finish(call, now)
-            else:
-                calls.popleft()
-                self._call_in_hand = call
-                try:
-                    num_frames = sync.take_turn(world.frame, now, prepare=steps.before_tick)
-                except GraphError as error:
-                    calls.appendleft(call)
-                    self._refuse_ticks(str(error), now)
-                    return
-                finally:
-                    self._call_in_hand = None
-                if not num_frames:
-                    calls.appendleft(call)
-                    return
-                is_enough = steps.after_tick()
-                if call.why is not None:  # the tick has brought it about
-                    call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=call.why), now)
-                elif is_enough or not steps.num_left:
-                    self._finish(call, now)
-                else:
-                    calls.appendleft(call)
-            if until is not None and read_clock is not None and read_clock() >= until:
-                return
+            elif not self._carry_on(call, now):
+                break
+        self._end_waits(now)
+
+    def wait_for_tick(self, caller: Participant, act: Callable[[float], object]) -> bool:
+        """Have a change of the world wait until the tick that has begun is over, because it takes several turns.
+
+        Args:
+            caller: held until then.
+            act: makes the change; takes monotonic time [s].
+
+        Returns:
+            False if no tick has begun; then `act` is not called, and the change can be made at once.
+        """
+        if self._stepper.is_moving or not self._sync.is_in_tick:
+            return False
+        self._behind_tick.append((act, self.hold(caller)))
+        return True
+
+    def _end_waits(self, now: float) -> None:
+        """Make the changes that have waited for a tick, if it is over."""
+        is_over = self._failure.why is not None or not self._sync.is_in_tick
+        while self._behind_tick and is_over and not self._stepper.is_moving:
+            act, release = self._behind_tick.popleft()
+            try:
+                act(now)
+            finally:
+                release(now)
+
+    def _carry_on(self, call: _Waiting, now: float) -> bool:
+        """Carry out ticks of a call that has been taken out of the queue; put it back in front if it is not over.
+
+        Returns:
+            False if no tick can be carried out now.
+        """
+        sync, calls, steps = self._sync, self._calls, call.steps
+        num_ticks = self.num_ticks
+        self._call_in_hand = call
+        try:
+            num_frames = sync.take_turn(self._world.frame, now, prepare=steps.before_tick, most_ticks=steps.num_at_once)
+        except GraphError as error:
+            calls.appendleft(call)
+            self._refuse_ticks(str(error), now)
+            return False
+        finally:
+            self._call_in_hand = None
+        num_done = self.num_ticks - num_ticks
+        is_enough = num_done > 0 and steps.after_ticks(num_done)
+        if call.why is not None and steps.num_left:  # the tick has brought it about
+            call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=call.why), now)
+        elif is_enough or not steps.num_left:
+            self._finish(call, now)
+        else:
+            calls.appendleft(call)
+        return num_frames > 0
 
     def _finish(self, call: _Waiting, now: float) -> None:
         """Answer a call; the ticks that it has left are not wanted."""
@@ -435,39 +498,56 @@ class SyncDriver:
 
         return let_go
 
-    def _wait(self, steps: Steps, caller: Participant) -> None:
-        call = _Waiting(steps)
-        call.release = self.hold(caller)
-        self._calls.append(call)
+    def _move(self, num_frames: int, now: float) -> int:
+        """Compute frames of a tick, or of several ticks of one call, until the turn is over.
 
-    def _move(self, num_frames: int, now: float) -> None:
-        """Compute the frames of a tick.
+        Args:
+            num_frames: up to the end of the last of these ticks. All of them have as many frames, the first one perhaps
+                less since it has begun.
+            now: monotonic time [s].
+
+        Returns:
+            How many frames have been computed, at least one.
 
         Raises:
             GraphError: a step has failed, now or before: the world stands still for good.
         """
-        stepper, failure = self._stepper, self._failure
+        stepper, failure, call = self._stepper, self._failure, self._call_in_hand
         if failure.why is not None:
             raise GraphError(failure.why)
+        num_of_tick = num_frames if call is None else call.num_frames
+        read_clock, until = self.read_clock, None if call is None else self._turn_until
+        num_left = num_frames
         stepper.is_moving = True
         try:
-            for left in range(num_frames - 1, -1, -1):
-                stepper.compute(now, is_tick=True, is_last=left == 0)
+            while num_left:
+                num_left -= 1
+                is_last = num_left % num_of_tick == 0
+                stepper.compute(now, is_tick=True, is_last=is_last)
+                self.num_ticks += is_last
+                if until is not None and read_clock is not None and read_clock() >= until:
+                    self._is_turn_over = True
+                if call is not None and call.why is not None:  # what a tick brings about does not stop that tick
+                    if is_last:
+                        break
+                elif self._is_turn_over:
+                    break
         except Exception as error:
             raise GraphError(failure.note(error)) from error
         finally:
             stepper.is_moving = False
-        self.num_ticks += 1
         self._ended_at = now
         for act in self._hooks.after_move:
             act(now)
+        return num_frames - num_left
 
     def _refuse_ticks(self, why: str, now: float) -> None:
         """Answer the ticks that wait: they will not be carried out."""
         self._ended_at = now
         if self._call_in_hand is not None:  # its tick goes on to its end, and then it is answered
-            self._call_in_hand.why = why if self._call_in_hand.steps.num_left else None
+            self._call_in_hand.why = why
         refused = list(self._calls)
         self._calls.clear()
         for call in refused:
             call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=why), now)
+        self._end_waits(now)

@@ -11,8 +11,8 @@ scenario) and must survive a change of master:
     OPEN     synchronous without a master: the world stands until a client starts the mode (`--start sync`,
              `--sync-on-loss wait`)
     LED      synchronous, one user id is master: the world moves by that id's ticks alone
-    WAITING  as LED, and ticks of the master wait: for a command of their frames that is still being read, or, those of
-             a call for many steps, for their turn
+    WAITING  as LED, and ticks of the master wait: for a command of their frames that is still being read, or, if they
+             have several frames or belong to a call for many steps, for their turn
 
 An event includes its sender: there is `TICK_BY_OTHER` rather than a tick and an `if`. `Sync` finds the event, and
 carries out the effects of its row.
@@ -50,7 +50,7 @@ FRAME_MS: Final = 20
 """One frame [ms]: the simulator's own step, of which every time step is a multiple."""
 
 MAX_STEP_MS: Final = 1_000
-"""The longest time step of one tick [ms]: fifty frames, so that one call cannot hold the process for long."""
+"""The longest time step of one tick [ms]: fifty frames, so that a tick is soon over."""
 
 MAX_WAITING_COMMANDS: Final = 1_000
 """Largest number of commands that wait at one time."""
@@ -98,11 +98,10 @@ class SyncEvent(IntEnum):
     LOSS_TO_RUN = 13  # the lease has ended; the world is to run, pause, or wait for the next master
     LOSS_TO_PAUSE = 14
     LOSS_TO_WAIT = 15
-    TICK_EARLY = 16  # the master's, and it has to wait: a command of its frames is not ready, or it is one of many
-    TURN = 17  # the first tick that waits can be carried out; others wait behind it
-    LAST_TURN = 18  # the same, and it is the only one
-    RESET = 19  # the world has begun anew
-    GIVEN_UP = 20  # the ticks that wait are not wanted any more
+    TICK_EARLY = 16  # the master's, and it has to wait: a command of its frames is not ready, or it takes turns
+    TURN = 17  # frames of the first tick that waits can be computed
+    RESET = 18  # the world has begun anew
+    LAST_DONE = 19  # no tick waits any more: the last one has been carried out, or is not wanted
 
 
 OF_A_MASTER: Final = frozenset(
@@ -119,7 +118,7 @@ OF_A_MASTER: Final = frozenset(
 )
 """Events that need a master: the table has no row for them in the states of `NO_MASTER`."""
 
-OF_WAITING: Final = frozenset({SyncEvent.TURN, SyncEvent.LAST_TURN, SyncEvent.GIVEN_UP})
+OF_WAITING: Final = frozenset({SyncEvent.TURN, SyncEvent.LAST_DONE})
 """Events that take a tick that waits: the table has rows for them in WAITING alone."""
 
 
@@ -127,7 +126,7 @@ class SyncEffect(StrEnum):
     """Effect of an event.
 
     LEAD: the caller is master, with this time step. RELEASE: there is no master. DROP: the commands that wait are
-    forgotten. QUEUE: the command waits. MOVE: the frames of one tick are computed. WAIT: the tick waits for its turn,
+    forgotten. QUEUE: the command waits. MOVE: the frames of a tick are computed. WAIT: the tick waits for its turn,
     see `take_turn`. REFUSE: the ticks that wait are refused. FLOW: real time counts from now on. ANNOUNCE: SyncModeInfo
     has changed.
     """
@@ -303,8 +302,7 @@ SYNC_TABLE: Final[Mapping[SyncState, Mapping[SyncEvent, SyncOutcome]]] = {
         SyncEvent.TICK_MISFIT: _no(SyncState.WAITING, _NOT_NEXT),
         SyncEvent.TICK_EARLY: _yes(SyncState.WAITING, SyncEffect.WAIT),
         SyncEvent.TURN: _yes(SyncState.WAITING, SyncEffect.MOVE),
-        SyncEvent.LAST_TURN: _yes(SyncState.LED, SyncEffect.MOVE),
-        SyncEvent.GIVEN_UP: _yes(SyncState.LED),
+        SyncEvent.LAST_DONE: _yes(SyncState.LED),
         SyncEvent.COMMAND: _yes(SyncState.WAITING, SyncEffect.QUEUE),
         SyncEvent.COMMAND_TOO_FAR: _no(SyncState.WAITING, _TOO_FAR),
         SyncEvent.COMMAND_TOO_MANY: _no(SyncState.WAITING, _TOO_MANY),

@@ -48,6 +48,8 @@ _SET: Final = _calling("/sim/set")
 _COME_AND_GO: Final = _calling("/sim/spawn", "/sim/remove")
 _TICK: Final = _calling("/SyncModeWaitForTick")
 _STEP: Final = _calling("/sim/step")
+_SCENE: Final = (*_hearing("/sim/scene/state"), *_calling("/sim/describe"))
+_MARKERS: Final = _hearing("/sim/scene/objects")
 
 _SAME: Final = (
     _publishing("/ctrl_cmd", "/ctrl_cmd_0"),
@@ -100,6 +102,8 @@ _EFFECTS: Final = (
         _hearing("/Ego_topic", "/tf", "/gps", "/imu"),
         (
             *_calling("/sim/snapshot"),
+            *_MARKERS,
+            *_SCENE,
             *_hearing("/Object_topic", "/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"),
             *_TICK,
             *_STEP,
@@ -108,19 +112,25 @@ _EFFECTS: Final = (
     PolicyEffect(
         "learn where others are",
         _hearing("/Object_topic"),
-        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_STEP),
+        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_MARKERS, *_SCENE, *_STEP),
     ),
-    PolicyEffect("learn of collisions", _hearing("/CollisionData", "/VehicleCollisionData"), _STEP),
+    PolicyEffect(
+        "learn of collisions",
+        _hearing("/CollisionData", "/VehicleCollisionData", "/sim/collisions"),
+        (*_SCENE, *_STEP),
+    ),
     PolicyEffect(
         "learn what traffic lights show",
         (*_hearing("/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic"), *_calling("/Morai_TLSrv")),
-        _STEP,
+        (*_MARKERS, *_SCENE, *_STEP),
     ),
     PolicyEffect(
         "learn the simulated time",
         (*_hearing("/clock"), *_calling("/rosapi/get_time")),
         (
-            *_hearing("/SyncModeInfo", "/sim/state_hash", "/sim/barrier"),
+            *_hearing("/SyncModeInfo", "/sim/state_hash", "/sim/barrier", "/sim/collisions", "/sim/drivers"),
+            *_MARKERS,
+            *_SCENE,
             *_calling("/SyncModeCmd", "/sim/state_hash"),
             *_BARRIER,
             *_TICK,

@@ -58,7 +58,10 @@ from rosbridge_sim.shell.monitoring.masking import mask_of
 from rosbridge_sim.shell.monitoring.metrics import Metrics
 from rosbridge_sim.shell.monitoring.refusals import RefusalLog
 from rosbridge_sim.shell.monitoring.server_topics import TOPICS, WHO_IS_CONNECTED, ServerTopics
+from rosbridge_sim.shell.page.page_address import open_browser, page_urls
+from rosbridge_sim.shell.page.web_page import WebPage
 from rosbridge_sim.shell.port_file import PortFile
+from rosbridge_sim.shell.scenario_shelf import DiskShelf
 from rosbridge_sim.shell.scheduler import Clock, Scheduler
 from rosbridge_sim.shell.wall_clock import WallClock
 from rosbridge_sim.shell.websocket.access import Access, load_certificate
@@ -152,6 +155,19 @@ class Simulator:
         host = self.settings.host
         scheme = "ws" if self.settings.certfile is None else "wss"
         return f"{scheme}://[{host}]:{self.port}" if ":" in host else f"{scheme}://{host}:{self.port}"
+
+    @property
+    def page_url(self) -> str:
+        """URL of the web page on this machine; empty without a page, and while it does not listen."""
+        return self.page_urls[0] if self.page_urls else ""
+
+    @property
+    def page_urls(self) -> tuple[str, ...]:
+        """The same; if the server listens on all addresses, one more for other machines."""
+        settings = self.settings
+        if not (settings.page and self.port):
+            return ()
+        return page_urls(settings.host, self.port, is_tls=settings.certfile is not None)
 
     @property
     def num_bugs(self) -> int:
@@ -274,6 +290,7 @@ class Simulator:
         recordings.on_done = reader.on_done = scheduler.look
         server = Server(bus, limits, scheduler.turn)
         _tell_of_world(server, node, reader)
+        server.page = WebPage(loop, settings.page_frame_ancestors) if settings.page else None
         await self._listen(server, certificate)
         try:
             await _check_bridges(settings.attach, server)
@@ -289,11 +306,12 @@ class Simulator:
         self.descriptors = DescriptorWatch(loop)
         frame = (lambda: -1) if node is None else (lambda: node.world.frame)
         refusals = RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token))
-        self._reports = ServerTopics(bus, server, loop, refusals)
+        self._reports = ServerTopics(bus, server, loop, refusals, limits.policy)
         server.render_metrics = Metrics(loop, server, node, refusals, lambda: self.num_bugs).render
         self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._scheduler = bus, node, server, scheduler
         self._warn(server, limits)
+        self._open_page()
         if node is not None:
             self._attach(bus, node, scheduler, stamps)
         scheduler.look()
@@ -327,6 +345,11 @@ class Simulator:
         if settings.world and not is_writable(folder := Path(settings.data_dir)):
             _log.warning("--data-dir %s: clients can save nothing there: %s", folder, why_not_writable(folder))
 
+    def _open_page(self) -> None:
+        """Open the page in a browser, if the settings say so."""
+        if self.settings.open:
+            open_browser(self.page_url)
+
     def _attach(self, bus: Bus, node: SimulatorNode, scheduler: Scheduler, stamps: Stamps | None) -> None:
         """Connect to the bridges."""
         settings = self.settings
@@ -338,6 +361,7 @@ class Simulator:
             _log.info("without --sync-lease, a crashed master behind a bridge cannot be detected; set --sync-lease")
         limits = AttachLimits(
             has_connection_each=settings.attach_sockets == "per-topic",
+            has_scene=settings.scene,
             max_wait=settings.attach_retry,
             max_frame_size=settings.max_frame_size,
             ping_interval=settings.ping_interval,
@@ -345,7 +369,8 @@ class Simulator:
             outbox=_outbox_limits(settings),
         )
         self.attachments = tuple(
-            Attachment(bus, node.participant, url, limits, scheduler.look) for url in settings.attach
+            Attachment(bus, node.participant, url, limits, scheduler.look, scene=node.scene_topics)
+            for url in settings.attach
         )
         for attachment in self.attachments:
             attachment.mirror.stamps = stamps
@@ -479,6 +504,7 @@ def _make_node(
             recordings=recordings,
             networks=DiskNetworks(settings.data_dir),
             reader=reader,
+            shelf=DiskShelf(library, settings.data_dir),
         )
     except DocumentError as error:
         if not mistakes:
@@ -610,8 +636,12 @@ def _check_sense(settings: Settings) -> None:
             f"real-time-factor: expected 1 with --stamps wall; got {settings.real_time_factor:g};"
             " --stamps sim allows any factor"
         )
+    if settings.open and not (settings.listen and settings.page):
+        raise DocumentError("open: expected a server that listens and has its page; got --no-listen or --no-page")
     if settings.port_file is not None and not settings.listen:
         raise DocumentError("port-file: expected a server that listens; one that only attaches has no port")
+    if settings.scene and not settings.attach:
+        raise DocumentError("scene: expected with --attach; clients of this server can subscribe to the scene anyway")
     if not settings.attach and not settings.listen:
         raise DocumentError(f"attach: expected {URLS.expects}; got none, and --no-listen accepts no clients")
 

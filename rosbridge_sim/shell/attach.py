@@ -16,7 +16,7 @@ import ipaddress
 import logging
 import math
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
@@ -62,6 +62,7 @@ class AttachLimits:
 
     Attributes:
         has_connection_each: use one connection for each topic and service.
+        has_scene: announce the topics of `scene`, too.
         max_wait: longest wait between two attempts [s].
         max_frame_size: a longer frame closes the connection [bytes].
         ping_interval, ping_timeout: check for half-open connections [s]; None turns it off.
@@ -69,6 +70,7 @@ class AttachLimits:
     """
 
     has_connection_each: bool = False
+    has_scene: bool = False
     max_wait: float = 10.0
     max_frame_size: int = 16 * 2**20
     ping_interval: float | None = 20.0
@@ -90,7 +92,14 @@ class Attachment:
     """
 
     def __init__(
-        self, bus: Bus, source: Participant, url: str, limits: AttachLimits, on_change: Callable[[], None]
+        self,
+        bus: Bus,
+        source: Participant,
+        url: str,
+        limits: AttachLimits,
+        on_change: Callable[[], None],
+        *,
+        scene: Callable[[], Collection[str]] = tuple,
     ) -> None:
         """Prepare the attachment; `start` connects.
 
@@ -100,6 +109,7 @@ class Attachment:
             url: URL of the bridge.
             limits: limits of each connection.
             on_change: called when the world or the mirror may have work earlier than planned.
+            scene: returns the present names of the topics for viewers.
         """
         self.url = shown_url(url)
         self.num_bugs = 0
@@ -111,6 +121,8 @@ class Attachment:
             has_connection_each=limits.has_connection_each,
             limits=limits.outbox,
             max_frame_size=limits.max_frame_size,
+            extras=scene,
+            has_extras=limits.has_scene,
         )
         self.lookup = HostLookup(urlsplit(url).hostname or "")
         self.connected_at = math.inf

@@ -63,7 +63,7 @@ class FailureReport:
 
     def _follow(self) -> None:
         assert self._simulator.bus is not None, "it was opened"
-        self._simulator.bus.delivery.on_message = self._keep
+        self._simulator.bus.delivery.watch(self._keep)
 
     def _keep(self, topic: Topic, message: Message) -> None:
         if topic.name in self._last or len(self._last) < MAX_TOPICS:

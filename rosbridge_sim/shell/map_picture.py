@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Final
 
@@ -21,7 +22,7 @@ from rosbridge_sim.world.geometry import FloatArray
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import Kind
 
-__all__ = ["draw_map"]
+__all__ = ["draw_map", "draw_thumbnail"]
 
 SIZE: Final = 2000
 """Length of the longer side [pixels]."""
@@ -86,11 +87,13 @@ class _View:
     west: float
     north: float
     scale: float  # [pixels/m]
+    left: float = PICTURE_MARGIN * FINE  # margins [pixels]
+    top: float = PICTURE_MARGIN * FINE
 
     def place(self, points: FloatArray) -> Points:
         """Return the positions on the picture of (k, 2) or (k, 3) points of the map [m]."""
-        x = PICTURE_MARGIN * FINE + (points[:, 0] - self.west) * self.scale
-        y = PICTURE_MARGIN * FINE + (self.north - points[:, 1]) * self.scale
+        x = self.left + (points[:, 0] - self.west) * self.scale
+        y = self.top + (self.north - points[:, 1]) * self.scale
         return list(zip(x.tolist(), y.tolist(), strict=True))
 
 
@@ -113,6 +116,34 @@ def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> Non
         image.save(path, form, quality=QUALITY)  # PNG ignores the quality
     except OSError as error:
         raise DocumentError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+
+def draw_thumbnail(road_map: RoadMap, width: int, height: int, agents: Sequence[Spawn] = ()) -> bytes:
+    """Return a small picture of a map as a PNG file, without legend and scale; north is up.
+
+    Args:
+        road_map: the map.
+        width: [pixels].
+        height: [pixels].
+        agents: entities to draw.
+    """
+    agents = [agent for agent in agents if agent.is_placed]
+    low, high = _extent(road_map.roads, agents)
+    room = FINE * np.array([width, height])
+    size = high - low
+    scale = float((room / np.maximum(size, 1.0)).min())
+    left, top = (0.5 * (room - scale * size)).tolist()
+    view = _View(float(low[0]), float(high[1]), scale, left, top)
+    image = Image.new("RGB", (width * FINE, height * FINE), PAPER)
+    pen = ImageDraw.Draw(image)
+    _draw_ground(pen, view, road_map, _kinds(road_map))
+    for agent in agents:
+        _draw_path(pen, view, agent)
+    for agent in agents:
+        _draw_agent(pen, view, agent)
+    out = BytesIO()
+    image.resize((width, height), Image.Resampling.LANCZOS).save(out, "PNG")
+    return out.getvalue()
 
 
 def _draw(road_map: RoadMap, agents: Sequence[Spawn]) -> Image.Image:

@@ -7,16 +7,26 @@ lanes are seen as entries (`lane_entries`). Where lanes cross or join, `right_of
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from enum import Enum
+from itertools import pairwise
+from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.driver_model import ACCEL, FIRM, GAP, HEADWAY, Perception
+from rosbridge_sim.world.driver_model import ACCEL, BRAKE_FROM, CREEP, FIRM, GAP, HEADWAY, STOP_GAP, Perception
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_conflicts import COMFORT, LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, EntryQueue, sibling_entries
 from rosbridge_sim.world.right_of_way import Requests, give_claims, update_holds
 
-__all__ = ["perceive"]
+__all__ = ["Sight", "Stop", "observe", "perceive"]
+
+FOLLOWS_FROM: Final = 0.25
+"""A driver follows if the entity ahead takes this much from its acceleration [m/s^2]: a passenger would feel it."""
+
+SAME_PLACE: Final = 1e-6
+"""Distances that differ by less are of one place [m]: they are sums of the same lengths in another order."""
 
 
 def perceive(
@@ -38,6 +48,101 @@ def perceive(
     return look.perception
 
 
+class Stop(Enum):
+    """Reason of a driver to stop."""
+
+    NONE = ""
+    LIGHT = "light"
+    RIGHT_OF_WAY = "right_of_way"
+    NO_ROOM = "no_room"  # behind the intersection
+    END = "end"  # of the road
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What one driver sees. Indices count the drivers, then the entries of the others; -1 for none.
+
+    Attributes:
+        lead: the entity ahead.
+        gap: to its tail [m]; inf for none.
+        is_following: the driver brakes, or accelerates less, because of it.
+        stop: what it stops for now, other than the entity ahead.
+        stop_distance: from the front bumper to that place [m]; inf for none.
+        stop_lane: row of the lane that it may not enter; at the end of the road, of the lane that ends.
+        rival: a driver or another entity that has the right of way.
+    """
+
+    lead: int
+    gap: float
+    is_following: bool
+    stop: Stop
+    stop_distance: float
+    stop_lane: int
+    rival: int
+
+
+def observe(
+    conflicts: LaneConflicts, may_enter: BoolArray, drivers: Drivers, others: Entries, num_moving: int, *, which: int
+) -> Sight:
+    """Return what one driver sees, and why it stops or slows down. The arguments are those of `perceive`.
+
+    Args:
+        conflicts: of the roads.
+        may_enter: (l,) which lanes the traffic lights allow to enter.
+        drivers: copies, since `claim`, `held` and `exit_lane` are written.
+        others: entries of the entities that do not follow lanes.
+        num_moving: the first so many of `others` are moving vehicles.
+        which: the driver.
+    """
+    update_holds(conflicts, drivers)
+    look = _Look(conflicts, may_enter, drivers, others)
+    look.look_ahead()
+    perception, requests = look.perception, look.requests
+    give_claims(conflicts, drivers, perception, requests, look.queue, others=others, num_moving=num_moving)
+    speed, gap = float(drivers.speed[which]), float(perception.gap[which])
+    closing = speed * (speed - float(perception.lead_speed[which])) / (2.0 * math.sqrt(ACCEL * COMFORT))
+    wanted_gap = GAP + max(speed * HEADWAY + closing, 0.0)
+    distance = float(perception.stop_distance[which])
+    is_stopping = speed < CREEP or speed * speed > 2.0 * BRAKE_FROM * max(distance - STOP_GAP, 0.0)
+    lane = int(requests.lane[which])
+    waits = lane >= 0 and drivers.claim[which] != lane and requests.distance[which] <= distance
+    stop, rival = Stop.NONE, -1
+    if math.isinf(distance) or not is_stopping:
+        distance, lane = math.inf, -1
+    elif waits:
+        stop = Stop.NO_ROOM if perception.is_shut_out[which] else Stop.RIGHT_OF_WAY
+        rival = _find_rival(conflicts, drivers, others.lane[:num_moving], lane, which)
+    else:
+        stop, lane = look.find_stop(which, distance)
+    return Sight(
+        lead=look.find_lead(which),
+        gap=gap,
+        is_following=ACCEL * (wanted_gap / max(gap, CREEP)) ** 2 > FOLLOWS_FROM,
+        stop=stop,
+        stop_distance=distance,
+        stop_lane=lane,
+        rival=rival,
+    )
+
+
+def _find_rival(conflicts: LaneConflicts, drivers: Drivers, moving: IntArray, lane: int, which: int) -> int:
+    """Return who has or claims a rival of a lane: an index as in `Sight`, -1 for none.
+
+    Args:
+        conflicts: of the roads.
+        drivers: after claims were given.
+        moving: (m,) lanes of the moving vehicles that do not follow lanes.
+        lane: row of the lane.
+        which: the driver that asks for it.
+    """
+    _, link = conflicts.rivals.of(np.array([lane]))
+    rivals = conflicts.rivals.other[link]
+    has_one = np.isin(drivers.held, rivals) | np.isin(drivers.claim, rivals)
+    has_one[which] = False
+    found = np.flatnonzero(np.concatenate([has_one, np.isin(moving, rivals)]))
+    return int(found[0]) if len(found) else -1
+
+
 def _braking_gap(speed: FloatArray) -> FloatArray:
     """Return the gap to a standing lead vehicle at which the driver model brakes with `ACCEL`, (k,) [m]."""
     return GAP + HEADWAY * speed + speed * speed / (2.0 * math.sqrt(ACCEL * COMFORT))
@@ -55,6 +160,7 @@ class _Look:
     def __init__(self, conflicts: LaneConflicts, may_enter: BoolArray, drivers: Drivers, others: Entries) -> None:
         self._conflicts, self._roads, self._may_enter = conflicts, conflicts.roads, may_enter
         self._drivers = drivers
+        self._num_others = len(others.lane)
         lane, num = drivers.lanes[0], len(drivers.arc)
         own = Entries(lane, drivers.arc, drivers.arc - drivers.rear, drivers.speed, np.arange(num))
         self.queue = EntryQueue(self._roads, Entries.join(own, sibling_entries(conflicts, own), others))
@@ -105,6 +211,34 @@ class _Look:
             perception.safe_speed[i] = np.fmin(perception.safe_speed[i], before)
             self._find_lead(i, lane, distance)
             distance[i] += roads.length[lane]
+
+    def find_lead(self, which: int) -> int:
+        """Return the entity ahead of a driver, an index as in `Sight`; -1 for none."""
+        queue, drivers = self.queue, self._drivers
+        if np.isinf(self.perception.gap[which]):
+            return -1
+        if self.perception.lead[which] >= 0:
+            return int(self.perception.lead[which])
+        num = len(drivers.arc)
+        position = int(queue.position[which]) + 1
+        if queue.lane[position] != drivers.lanes[0, which]:
+            ahead = drivers.lanes[1:, which]
+            position = next(at for at in queue.first_on(ahead[ahead >= 0]).tolist() if at < queue.num)
+        entry = int(np.flatnonzero(queue.position == position)[0])
+        return num + entry - (queue.num - self._num_others)
+
+    def find_stop(self, which: int, distance: float) -> tuple[Stop, int]:
+        """Return why a driver must stop at a distance, and the lane; a light or the end of the road is there."""
+        drivers, roads = self._drivers, self._roads
+        lanes = drivers.lanes[:, which].tolist()
+        to_line = float(roads.length[lanes[0]] - drivers.arc[which] - drivers.nose[which])
+        for here, lane in pairwise(lanes):
+            if lane < 0:
+                return Stop.END, here
+            if not self._may_enter[lane] and abs(to_line - distance) < SAME_PLACE:
+                return Stop.LIGHT, lane
+            to_line += float(roads.length[lane])
+        return Stop.NONE, -1
 
     def _request_own_lane(self) -> None:
         """Request the driver's own lane where that crosses others only farther on, beyond its wait point."""

@@ -65,6 +65,13 @@ class Nearest(NamedTuple):
     y: FloatArray
 
 
+def in_columns(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Return two arrays (n,) as one (n, 2), in a tenth of the time of `np.stack`, which counts for a few rows."""
+    both = np.empty((len(first), 2))
+    both[:, 0], both[:, 1] = first, second
+    return both
+
+
 def wrap_angle(angle: npt.ArrayLike) -> FloatArray:
     """Return angles within (-pi, pi] [rad], of the shape of the argument; angles already inside keep their bits."""
     value = np.asarray(angle, dtype=np.float64)

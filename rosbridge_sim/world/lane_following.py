@@ -16,12 +16,13 @@ pedestrians are seen where they will be; the others are seen where they are.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from rosbridge_sim.world.driver_model import CREEP, accelerate
-from rosbridge_sim.world.driver_perception import perceive
+from rosbridge_sim.world.driver_perception import Stop, observe, perceive
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
@@ -30,7 +31,7 @@ from rosbridge_sim.world.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.state import DT, Dynamics, Kind, World
 
-__all__ = ["DECISION", "drive_lanes"]
+__all__ = ["DECISION", "DriverView", "Stop", "drive_lanes", "view_driver"]
 
 DECISION: Final = 5
 """Frames from one decision to the next: 0.1 s, less than a person needs to react."""
@@ -68,6 +69,66 @@ def drive_lanes(world: World, dt: float) -> None:
         followers.egos.restore_poses(saved)
 
 
+def view_driver(world: World, row: int) -> DriverView | None:
+    """Return what an entity that follows lanes does, as it would decide now; None for any other entity.
+
+    All drivers decide for this, as copies: it takes some milliseconds with thousands of them.
+
+    Args:
+        world: read only.
+        row: of the entity.
+    """
+    if not world.has_lane[row]:
+        return None
+    followers = _LaneFollowers(world)  # of its own: a question must not decide when the world makes its own
+    drivers = followers.drivers()
+    drivers.claim, drivers.held, drivers.exit_lane = (
+        drivers.claim.copy(),
+        drivers.held.copy(),
+        drivers.exit_lane.copy(),
+    )
+    others, rows, num_driving = followers.others()
+    which = int(np.flatnonzero(followers.rows == row)[0])
+    sight = observe(followers.conflicts, world.signals.may_enter, drivers, others, num_driving, which=which)
+    all_rows = np.concatenate([followers.rows, rows])
+    light = int(world.signals.plan.light_of_lane[sight.stop_lane]) if sight.stop is Stop.LIGHT else -1
+    return DriverView(
+        lead_row=int(all_rows[sight.lead]) if sight.lead >= 0 else -1,
+        gap=sight.gap,
+        is_following=sight.is_following,
+        stop=sight.stop,
+        stop_distance=sight.stop_distance,
+        stop_lane=sight.stop_lane,
+        light=light,
+        rival_row=int(all_rows[sight.rival]) if sight.rival >= 0 else -1,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class DriverView:
+    """What a driver on lanes does, and why; -1 for no row.
+
+    Attributes:
+        lead_row: of the entity ahead, within sight.
+        gap: to its tail [m]; inf for none.
+        is_following: the driver is slower because of it.
+        stop: what it stops for, other than the entity ahead.
+        stop_distance: from the front bumper to the place [m]; inf for none.
+        stop_lane: the lane that it may not enter; of a dead end, the lane that ends.
+        light: row of the light that forbids it.
+        rival_row: of an entity that has the right of way.
+    """
+
+    lead_row: int
+    gap: float
+    is_following: bool
+    stop: Stop
+    stop_distance: float
+    stop_lane: int
+    light: int
+    rival_row: int
+
+
 class _LaneFollowers:
     """The entities that follow lanes, and what is the same at every step.
 
@@ -95,7 +156,9 @@ class _LaneFollowers:
         self.egos = SelfDrivingEgos(world, self.rows)
         others = world.alive & ~world.has_lane
         may_move = (world.kind == Kind.EGO) | (world.speed != 0.0)
-        self.still, _ = _entries_of(world, np.flatnonzero(others & ~may_move))
+        still = np.flatnonzero(others & ~may_move)
+        self.still, owner = _entries_of(world, still)
+        self.still_rows = still[owner]
         self.moving = np.flatnonzero(others & may_move)
         self.on_wheels = (world.kind[self.moving] == Kind.EGO) | (world.kind[self.moving] == Kind.VEHICLE)
 
@@ -105,19 +168,9 @@ class _LaneFollowers:
         if len(self.egos):
             self.egos.project()
             self._advance_lanes(self.egos.index)
-        lanes = world.int_block("lane", "ahead_5")[:, at]
-        drivers = Drivers(
-            *(lanes, world.arc[at], world.speed[at], world.point[at], self.nose, self.rear, self.length, self.uid),
-            *(world.claim[at], world.held[at], world.exit_lane[at]),
-        )
-        # Vehicles that drive through come first: they occupy the lanes of an intersection, the others only obstruct.
-        drives = self.on_wheels & (np.abs(world.speed[self.moving]) > MOVES)
-        seen, owner = _entries_of(world, np.concatenate([self.moving[drives], self.moving[~drives]]))
-        num_driving = int(np.count_nonzero(owner < np.count_nonzero(drives)))
-        perception = perceive(
-            self.conflicts, world.signals.may_enter, drivers, Entries.join(seen, self.still), num_driving
-        )
-        speed = drivers.speed
+        drivers, (others, _, num_driving) = self.drivers(), self.others()
+        perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
+        lanes, speed = drivers.lanes, drivers.speed
         accel = accelerate(speed, np.fmin(self.desired_speed, perception.safe_speed), perception)
         world.accel[at] = accel
         self._steer(lanes, speed, accel)
@@ -130,6 +183,27 @@ class _LaneFollowers:
             self.choice.change(np.flatnonzero(gives_up))
         if not isinstance(at, slice):
             world.claim[at], world.held[at], world.exit_lane[at] = drivers.claim, drivers.held, drivers.exit_lane
+
+    def drivers(self) -> Drivers:
+        """Return the lane followers; columns of the world as they are, views of it where their rows are neighbours."""
+        world, at = self.world, self.at
+        return Drivers(
+            *(world.int_block("lane", "ahead_5")[:, at], world.arc[at], world.speed[at], world.point[at]),
+            *(self.nose, self.rear, self.length, self.uid),
+            *(world.claim[at], world.held[at], world.exit_lane[at]),
+        )
+
+    def others(self) -> tuple[Entries, IntArray, int]:
+        """Return the entries of all other entities, their rows, and how many of them drive, which are the first ones.
+
+        Those that drive occupy the lanes of an intersection, the others only obstruct.
+        """
+        world = self.world
+        drives = self.on_wheels & (np.abs(world.speed[self.moving]) > MOVES)
+        moving = np.concatenate([self.moving[drives], self.moving[~drives]])
+        seen, owner = _entries_of(world, moving)
+        num_driving = int(np.count_nonzero(owner < np.count_nonzero(drives)))
+        return Entries.join(seen, self.still), np.concatenate([moving[owner], self.still_rows]), num_driving
 
     def _steer(self, lanes: IntArray, speed: FloatArray, accel: FloatArray) -> None:
         """Set the yaw rates with which the headings are right at the next decision."""

@@ -309,7 +309,7 @@ class Paths:
         if self._digest is None:
             state = blake2b(digest_size=16)
             state.update(repr((self._next_base, list(self._spans.items()))).encode())
-            state.update(self.segments.tobytes())
+            state.update(self.segments.tobytes() + self.keys.tobytes())
             self._digest = state.digest()
         return self._digest
 

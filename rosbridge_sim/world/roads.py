@@ -17,7 +17,7 @@ from typing import TypeVar, cast
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, in_columns, wrap_angle
 from rosbridge_sim.world.segment_search import LaneSegments, SegmentSearch
 
 __all__ = ["LanePlaces", "Roads"]
@@ -245,16 +245,20 @@ class Roads:
         Returns:
             (n,) places. Of equally near lanes the first in the map's order.
         """
-        x, y = np.broadcast_arrays(np.atleast_1d(np.asarray(x, np.float64)), np.atleast_1d(np.asarray(y, np.float64)))
-        place = np.stack((x, y), axis=-1)
+        x, y = np.atleast_1d(np.asarray(x, np.float64)), np.atleast_1d(np.asarray(y, np.float64))
+        if x.shape != y.shape:
+            x, y = np.broadcast_arrays(x, y)
+        place = in_columns(x, y)
         n = len(place)
         if self._search is None or n == 0:
             zero = np.zeros(n)
             return LanePlaces(np.full(n, -1, dtype=np.int64), zero, zero.copy(), np.full(n, np.inf), zero.copy())
         heading = None
         if yaw is not None:
-            angle = np.broadcast_to(np.asarray(yaw, dtype=np.float64), (n,))
-            heading = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
+            angle = np.asarray(yaw, dtype=np.float64)
+            if angle.shape != (n,):
+                angle = np.broadcast_to(angle, (n,))
+            heading = in_columns(np.cos(angle), np.sin(angle))
         return self._places(place, self._search.nearest(place, heading))
 
     def within(self, x: FloatArray, y: FloatArray, radius: FloatArray) -> tuple[IntArray, LanePlaces]:
@@ -269,7 +273,7 @@ class Roads:
             (m,) int64, index of the point, rising; and (m,) places, those of one point in the map's order. Of crowds
             beyond `segment_search.MAX_SEGMENTS` not all points are looked at.
         """
-        place = np.stack((x, y), axis=-1)
+        place = in_columns(x, y)
         if self._search is None or len(place) == 0:
             none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
             return none, LanePlaces(none, empty, empty, empty, empty)

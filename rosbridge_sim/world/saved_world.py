@@ -19,8 +19,8 @@ from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.paths import END, NUM_COLUMNS, PathsSnapshot
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
-from rosbridge_sim.world.signals import SignalsSnapshot
-from rosbridge_sim.world.state import MAX_UID, Snapshot
+from rosbridge_sim.world.signals import FREE, SignalsSnapshot
+from rosbridge_sim.world.state import MAX_UID, Snapshot, label_of
 
 __all__ = ["LAYOUT", "from_plain", "to_plain"]
 
@@ -141,15 +141,14 @@ class _Reader:
         next_uid = self._int("next_uid", 0, MAX_UID + 1)
         self._check_rows(uids, ints, bools, next_uid)
         self._check_floats(floats)
-        is_ego = bools[BOOLS.index("alive")] & (ints[INTS.index("kind")] == Kind.EGO)
-        for name in _POSITIVE:
-            _expect(
-                bool((floats[FLOATS.index(name), is_ego] > 0.0).all()), f"floats.{name}", "positive figures of egos"
-            )
-        load = floats[FLOATS.index("front_load"), is_ego]
-        _expect(bool(((load > 0.0) & (load < 1.0)).all()), "floats.front_load", "shares of egos")
+        _check_divisors(floats[:, bools[BOOLS.index("alive")] & (ints[INTS.index("kind")] == Kind.EGO)])
         self._check_ints(ints, bools, paths)
         names, bodies = self._names(n), self._bodies(n)
+        self._check_labels(names, bodies, ints, bools)
+        is_scoring = self._int("is_scoring", 0, 1) == 1
+        if not is_scoring:
+            scores = [block[num:].any() for block, num in zip((floats, ints, bools), NUM_CORE, strict=True)]
+            _expect(not any(scores), "is_scoring", "zeros in the columns of scores while none are kept")
         contacts = self._array("contacts", np.int64, (None, 2))
         _expect(bool(np.isin(contacts, uids[:, 0]).all()), "contacts", "ids of entities")
         followers = ints[INTS.index("uid")][bools[BOOLS.index("has_lane")]]
@@ -170,9 +169,9 @@ class _Reader:
             signals=self._signals(frame),
             routes=routes,
             rng_state=self._rng(),
-            is_scoring=self._int("is_scoring", 0, 1) == 1,
             dynamics=Dynamics(self._int("dynamics", min(Dynamics), max(Dynamics))),
             is_creeping=self._int("is_creeping", 0, 1) == 1,
+            is_scoring=is_scoring,
         )
 
     # Parts
@@ -192,6 +191,20 @@ class _Reader:
         _expect(is_good, "uids", "each id with the row that it is in")
         free = ~alive
         _expect(not (ints[:, free].any() or bools[:, free].any()), "ints", "zeros in free rows")
+
+    def _check_labels(
+        self,
+        names: tuple[str, ...],
+        bodies: tuple[Body, ...],
+        ints: IntArray,
+        bools: Any,  # noqa: ANN401 - of bools
+    ) -> None:
+        """Check that the labels stand for names and bodies: of these a digest of the world has the labels alone."""
+        alive = bools[BOOLS.index("alive")].tolist()
+        labels = ints[INTS.index("label")].tolist()
+        for is_alive, name, body, label in zip(alive, names, bodies, labels, strict=True):
+            is_good = label == label_of(name, body) if is_alive else (name, body) == ("", NO_BODY)
+            _expect(is_good, "bodies", "names and bodies with the labels of their rows")
 
     def _check_floats(self, floats: FloatArray) -> None:
         _expect(not bool(np.isnan(floats).any()), "floats", "numbers")
@@ -293,6 +306,10 @@ class _Reader:
         for name, values in (("origin", origin), ("forced", forced), ("until", until)):
             _expect(bool((np.abs(values) <= MAX_COUNT).all()), name, "frames and lamps")
         _expect(self._int("signals_frame", 0, MAX_COUNT) == frame, "signals_frame", "the frame of the world")
+        into, is_forced = frame - origin, until > frame
+        _expect(bool(((into >= 0) & (into < plan.cycle)).all()), "origin", "a begin of the present cycle")
+        _expect(bool((is_forced | (until == FREE)).all()), "until", f"a later frame, or {FREE}")
+        _expect(bool((is_forced | (forced == 0)).all()), "forced", "0 for a light that is not forced")
         return SignalsSnapshot(plan, frame, origin, forced, until)
 
     def _rng(self) -> dict[str, Any]:
@@ -330,3 +347,11 @@ class _Reader:
 def _expect(is_good: bool, name: str, expected: str) -> None:  # noqa: FBT001 - an assertion
     if not is_good:
         raise ValueError(f"world.{name}: expected {expected}")
+
+
+def _check_divisors(egos: FloatArray) -> None:
+    """Check the columns of egos that equations divide by."""
+    for name in _POSITIVE:
+        _expect(bool((egos[FLOATS.index(name)] > 0.0).all()), f"floats.{name}", "positive figures of egos")
+    load = egos[FLOATS.index("front_load")]
+    _expect(bool(((load > 0.0) & (load < 1.0)).all()), "floats.front_load", "shares of egos")

@@ -268,23 +268,28 @@ def _judge_lanes(world: World, rows: IntArray, middle: ComplexArray, heading: Co
     # Edges
     turned = heading * np.exp(-1j * places.yaw)
     across = np.abs(turned.imag) * world.half_length[rows] + np.abs(turned.real) * world.half_width[rows]
-    was_over = np.stack([world.is_over_left[rows], world.is_over_right[rows]])
+    was_left, was_right = world.is_over_left[rows], world.is_over_right[rows]
     former, offset = world.near_lane[rows] - 1, places.lateral
     is_other = former != places.lane
-    moved = np.where(is_other, offset - world.lane_offset[rows], 0.0)
-    # The right edge of the lane to the left is the left edge of the former one.
-    to_the_left, to_the_right = moved < -SIDEWAYS, moved > SIDEWAYS
-    none = np.zeros(len(rows), dtype=bool)
-    was_over = np.where(to_the_left, np.stack([none, was_over[0]]), was_over)
-    was_over = np.where(to_the_right, np.stack([was_over[1], none]), was_over)
-    over = across - np.stack([to_left, to_right])
-    is_over = (over > 0.0) | (was_over & (over > -BACK_INSIDE))
-    may_cross = np.stack([roads.left[places.lane], roads.right[places.lane]]) >= 0
-    has_edges = roads.derived(_Edges).are_at(world, places)
-    invades = is_over & ~was_over & ~may_cross & has_edges & (former >= 0)
-    world.num_lane_invasions[rows] += invades.sum(axis=0)
-    world.is_over_left[rows], world.is_over_right[rows] = is_over
-    world.near_lane[rows] = places.lane + 1
+    if is_other.any():
+        moved = np.where(is_other, offset - world.lane_offset[rows], 0.0)
+        # The right edge of the lane to the left is the left edge of the former one.
+        to_the_left, to_the_right = moved < -SIDEWAYS, moved > SIDEWAYS
+        was_left, was_right = (
+            (was_left & ~to_the_left & ~to_the_right) | (was_right & to_the_right),
+            (was_right & ~to_the_left & ~to_the_right) | (was_left & to_the_left),
+        )
+        world.near_lane[rows] = places.lane + 1
+    over_left, over_right = across - to_left, across - to_right
+    is_left = (over_left > 0.0) | (was_left & (over_left > -BACK_INSIDE))
+    is_right = (over_right > 0.0) | (was_right & (over_right > -BACK_INSIDE))
+    comes_left, comes_right = is_left & ~was_left, is_right & ~was_right
+    if comes_left.any() or comes_right.any():  # rare
+        comes_left &= roads.left[places.lane] < 0
+        comes_right &= roads.right[places.lane] < 0
+        counts = roads.derived(_Edges).are_at(world, places) & (former >= 0)
+        world.num_lane_invasions[rows] += (comes_left & counts).astype(np.int64) + (comes_right & counts)
+    world.is_over_left[rows], world.is_over_right[rows] = is_left, is_right
 
     offset = np.where(is_on, offset, 0.0)
     world.lane_offset[rows] = offset

@@ -22,6 +22,7 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.world.geometry import IntArray
 from rosbridge_sim.world.roads import Roads
 
 __all__ = ["GREENS", "UNSET", "Controller", "Lamp", "Light", "Phase", "SignalPlan", "Walk"]
@@ -177,6 +178,7 @@ class SignalPlan:
 
     __slots__ = (
         "_rows",
+        "_time_to_change",
         "base",
         "colours",
         "column",
@@ -230,6 +232,7 @@ class SignalPlan:
         self.controller = np.array([group.controller for group in groups], dtype=np.int64)
         self._lay_intervals(groups)
         self._bind_lanes(roads, passes)
+        self._time_to_change: IntArray | None = None
         self.digest = self._hash()
 
     def light(self, name: str) -> int:
@@ -239,6 +242,26 @@ class SignalPlan:
             KeyError: there is no such light.
         """
         return self._rows[name]
+
+    def time_to_change(self) -> IntArray:
+        """Return the frames from the beginning of each interval to the next change of each column of `colours`.
+
+        Returns:
+            (intervals, columns) int64; -1 where the colour never changes.
+        """
+        if self._time_to_change is None:
+            first = self.interval_start.searchsorted(self.base)
+            num = self.interval_start.searchsorted(self.base + self.cycle) - first
+            length = (self.interval_end - self.interval_start)[:, None]
+            table = np.full(self.colours.shape, -1, dtype=np.int64)
+            # Backwards through the intervals of all cycles at once; the second round joins the end with the beginning.
+            for back in range(2 * int(num.max(initial=0))):
+                here, following = first + (-1 - back) % num, first + -back % num
+                later = table[following]
+                on = np.where(later >= 0, later + length[here], -1)
+                table[here] = np.where(self.colours[here] == self.colours[following], on, length[here])
+            self._time_to_change = table
+        return self._time_to_change
 
     def _form_groups(self, together: Sequence[Sequence[int]]) -> list[_Group]:
         """Return all groups, and set `group`; each light is in the first group that names it."""

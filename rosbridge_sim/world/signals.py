@@ -19,10 +19,14 @@ from rosbridge_sim.world.geometry import BoolArray, IntArray
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import UNSET, Lamp, SignalPlan
 
-__all__ = ["Signals", "SignalsSnapshot", "light_ahead"]
+__all__ = ["FREE", "NEVER_FRAME", "Signals", "SignalsSnapshot", "light_ahead"]
+
 
 NEVER_FRAME: Final = 2**62
 """A frame that is never reached."""
+
+FREE: Final = -1
+"""Frame at which the forcing of a light ends, of a light that is not forced."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +74,7 @@ class Signals:
         self.plan = plan
         self._origin = np.full(len(plan.controllers), frame, dtype=np.int64)
         self._forced = np.zeros(plan.num_groups, dtype=np.int64)
-        self._until = np.full(plan.num_groups, -1, dtype=np.int64)  # the frame at which it is free again
+        self._until = np.full(plan.num_groups, FREE, dtype=np.int64)  # the frame at which it is free again
         self._next_change = NEVER_FRAME
         self.show(frame)
 
@@ -113,6 +117,26 @@ class Signals:
         is_silent = (light < 0) | (shown <= 0) | plan.is_warning[light] & ~is_forced[plan.group[light]]
         self.may_enter = is_silent | (shown & plan.pass_of_lane != 0)
 
+    def next_changes(self) -> IntArray:
+        """Return the frame at which each light shows something else, (lights,) int64; `NEVER_FRAME` if none is known.
+
+        The forcing of a light counts as changed when it ends.
+        """
+        plan = self.plan
+        at = np.full(plan.num_groups, NEVER_FRAME, dtype=np.int64)
+        run = np.flatnonzero(plan.controller >= 0)
+        controller = plan.controller[run]
+        interval = self._interval[controller]
+        after = plan.time_to_change()[interval, plan.column[run]]
+        into = (self.frame - self._origin[controller]) % plan.cycle[controller]
+        begun = self.frame - into + plan.interval_start[interval] - plan.base[controller]
+        at[run] = np.where(after >= 0, begun + after, NEVER_FRAME)
+        is_forced = self._until > self.frame
+        at[is_forced] = self._until[is_forced]
+        changes = at[plan.group]
+        changes[plan.is_warning & ~is_forced[plan.group]] = NEVER_FRAME
+        return changes
+
     # Intersections
 
     def elapsed(self, controller: int) -> int:
@@ -148,7 +172,7 @@ class Signals:
         if not 0 <= elapsed < end - start:
             raise ValueError(f"elapsed: expected 0..{end - start - 1} frames in phase {phase}, got {elapsed}")
         self._origin[controller] = self.frame - start - elapsed
-        self._until[self.plan.controller == controller] = -1
+        self._until[self.plan.controller == controller] = FREE
         self.show(self.frame)
 
     def _into(self, controller: int) -> int:
@@ -187,14 +211,17 @@ class Signals:
 
     def release(self, light: int) -> None:
         """End the forcing of a light and of its group; `light` is the row of the light."""
-        self._until[self.plan.group[light]] = -1
+        self._until[self.plan.group[light]] = FREE
         self.show(self.frame)
 
     # The whole of it
 
     def snapshot(self) -> SignalsSnapshot:
-        """Return a copy that `restored` takes."""
-        return SignalsSnapshot(self.plan, self.frame, self._origin.copy(), self._forced.copy(), self._until.copy())
+        """Return a copy that `restored` takes; lights that show the same for ever have equal copies."""
+        is_forced = self._until > self.frame
+        into = (self.frame - self._origin) % self.plan.cycle
+        forced, until = np.where(is_forced, self._forced, 0), np.where(is_forced, self._until, FREE)
+        return SignalsSnapshot(self.plan, self.frame, self.frame - into, forced, until)
 
     @classmethod
     def restored(cls, saved: SignalsSnapshot) -> Signals:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import lru_cache
 from hashlib import blake2b
 from typing import Any, Final, TypeVar, cast
@@ -77,6 +77,7 @@ __all__ = [
     "Mode",
     "Snapshot",
     "World",
+    "label_of",
 ]
 
 DT: Final = 0.02
@@ -263,8 +264,8 @@ class World(EntityArrays):
         row = self._take_row()
         self._rows[uid], self._next_uid = row, next_uid
         self.names[row], self.bodies[row] = name, body
-        label = _label_once(name, body) if len(name) <= MAX_KNOWN_NAME else _label(name, body)
-        self.alive[row], self.uid[row], self.kind[row], self.label[row] = True, uid, kind, label
+        self.alive[row], self.uid[row], self.kind[row] = True, uid, kind
+        self.label[row] = label_of(name, body)
         self.gear[row], self.mode[row] = gear, Mode.PEDALS
         for column, value in zip(
             _BOX_COLUMNS, (body.length / 2, body.width / 2, body.height, body.centre), strict=True
@@ -687,9 +688,14 @@ def _in_space(path: FloatArray, z: float) -> FloatArray:
     return points
 
 
-def _label(name: str, body: Body) -> int:
+def label_of(name: str, body: Body) -> int:
     """Return 63 bits that stand for name and body, so that a digest needs only an array of integers."""
-    return int.from_bytes(blake2b(repr((name, body)).encode(), digest_size=8).digest()) >> 1
+    return _label_once(name, body) if len(name) <= MAX_KNOWN_NAME else _label(name, body)
+
+
+def _label(name: str, body: Body) -> int:
+    figures = tuple(map(float, astuple(body)))  # 4 and 4.0 are the same length, and the cache knows them as one
+    return int.from_bytes(blake2b(repr((name, figures)).encode(), digest_size=8).digest()) >> 1
 
 
 _label_once = lru_cache(maxsize=1024)(_label)

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.block_grid import BlockGrid
-from rosbridge_sim.world.geometry import BoolArray, ComplexArray, IntArray, ranges
+from rosbridge_sim.world.geometry import BoolArray, ComplexArray, IntArray, in_columns, ranges
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import Lamp
 from rosbridge_sim.world.signals import Signals
@@ -78,7 +78,7 @@ class StopLines:
             last: (k,) places after it [m].
             heading: (k,) unit vectors; who comes over a line backwards has not passed it.
         """
-        index, lane = self._grid.find(np.stack([last.real, last.imag], axis=-1))
+        index, lane = self._grid.find(in_columns(last.real, last.imag))
         is_line = self._roads.is_stop[lane] | signals.plan.is_before_light[lane]
         index, lane = index[is_line], lane[is_line]
         if not len(index):
@@ -86,6 +86,8 @@ class StopLines:
         into = self._ahead[lane].conj()
         before, after = (first[index] - self._end[lane]) * into, (last[index] - self._end[lane]) * into
         at = ((before.real <= 0.0) & (after.real > 0.0) & ((heading[index] * into).real > 0.0)).nonzero()[0]
+        if not len(at):
+            return Passed(index[at], lane[at])
         index, lane, before, after = index[at], lane[at], before[at], after[at]
         share = before.real / (before.real - after.real)
         beside = before.imag + share * (after.imag - before.imag)

@@ -26,6 +26,8 @@ velocity and heading for ten."""
 MAX_PAIRS_AT_ONCE: Final = 1 << 14
 """Pairs looked at at once: the temporary arrays of 128 kB stay inside the cache."""
 
+NOTHING: Final[IntArray] = np.zeros(0, dtype=np.int64)
+
 TOUCHING: Final = 1e-6
 """By how much two boxes must overlap to touch [m], as in `collisions`."""
 
@@ -85,6 +87,8 @@ def _may_touch(world: World, rows: IntArray, middle: ComplexArray, velocity: Com
         is_near &= np.abs(north - north[part, None]) <= reach
         is_near[np.arange(len(part)), part] = False
         i, j = is_near.nonzero()
+        if not len(i):
+            continue
         me = part[i]
         apart, towards, width = middle[j] - middle[me], velocity[j] - velocity[me], radius[j] + radius[me]
         distance, speed = np.abs(apart), np.abs(towards)
@@ -95,6 +99,8 @@ def _may_touch(world: World, rows: IntArray, middle: ComplexArray, velocity: Com
         is_met |= distance <= width
         is_met &= world.alive[j] & (bottom[me] < top[j]) & (bottom[j] < top[me])
         found.append((first + i[is_met], j[is_met]))
+    if not found:
+        return NOTHING, NOTHING
     mine, others = zip(*found, strict=True)
     return np.concatenate(mine), np.concatenate(others)
 

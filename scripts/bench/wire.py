@@ -46,6 +46,12 @@ Figures = dict[str, float]
 
 RATE, CPU, P50, P99, LOAD, MEMORY, TIME = "per second", "CPU us each", "p50 ms", "p99 ms", "CPU %", "memory", "ms"
 THREE = "three calls per second"
+OF_THREE = "x the three calls"
+FRAME, P50_REST = "ms a further frame", "p50 ms without it"
+ONE_MASTER = "one master per second"
+
+FURTHER = 10
+"""Further steps in a call that shows what a frame costs within the server."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,7 +269,11 @@ class _Tick:
 
 
 class _Step:
-    """One step for each call of `/sim/step`, beside the three calls of synchronous mode that do the same."""
+    """One step for each call of `/sim/step`, beside the three calls of synchronous mode that do the same.
+
+    An echo moves no world. So the cost of a frame is measured, too, by calls for more steps, and is left out of one
+    figure.
+    """
 
     def __init__(self) -> None:
         command = {"longlCmdType": 2, "velocity": 30.0}
@@ -291,16 +301,20 @@ class _Step:
         assert orjson.loads(answer)["values"]["steps"] == 1, f"no step: {answer!r}"
         self._answer_size = len(answer)
         frames = [masked(orjson.dumps(call)) for call in self._three]
-        return self._measure(program, client, masked(orjson.dumps(self._call)), frames, seconds)
+        args = {"user_id": "bench", "n": 1 + FURTHER}
+        more = [masked(orjson.dumps(self._call | {"args": args | {"n": n}})) for n in (1, 1 + FURTHER)]
+        return self._measure(program, client, [masked(orjson.dumps(self._call)), *frames, *more], seconds)
 
     def on_floor(self, program: Program, seconds: float) -> Figures:
         """The bare echo, and three of them."""
         (client,) = _connect(program, 1)
         frame = masked(orjson.dumps(self._call | {"op": "echo", "size": self._answer_size}))
-        return self._measure(program, client, frame, [frame] * 3, seconds)
+        return self._measure(program, client, [frame] * 4, seconds)
 
     @staticmethod
-    def _measure(program: Program, client: Socket, frame: bytes, three: Sequence[bytes], seconds: float) -> Figures:
+    def _measure(program: Program, client: Socket, frames: Sequence[bytes], seconds: float) -> Figures:
+        """Measure the call, the three calls and, if there are any, the calls for one step and for more."""
+        frame, three, more = frames[0], frames[1:4], frames[4:]
         round_trips(client, client, frame, lambda _: True, seconds / 4)
         cpu = program.cpu()
         result = round_trips(client, client, frame, lambda _: True, seconds)
@@ -312,9 +326,77 @@ class _Step:
                 client.payload()
             num += 1
         three_rate = num / (time.perf_counter() - begin)
+        further = [
+            median(round_trips(client, client, one, lambda _: True, seconds / 4).latencies) * 1e3 for one in more
+        ]
         client.close()
         rate = result.num / result.seconds
-        return {RATE: rate, CPU: cpu / result.num * 1e6, THREE: three_rate} | _percentiles(result)
+        percentiles = _percentiles(result)
+        of_frame = (further[1] - further[0]) / FURTHER if further else 0.0
+        return {
+            RATE: rate,
+            CPU: cpu / result.num * 1e6,
+            THREE: three_rate,
+            OF_THREE: rate / three_rate,
+            FRAME: of_frame,
+            P50_REST: percentiles[P50] - of_frame,
+        } | percentiles
+
+
+class _Barrier:
+    """A step of the world for a tick of each of three members, beside a tick of one master; no topic is heard."""
+
+    SERVICE = "/SyncModeWaitForTick"
+
+    def on_server(self, program: Program, seconds: float) -> Figures:
+        """The members, and then the master."""
+        clients = _connect(program, 3)
+        names = [f"member-{i}" for i in range(len(clients))]
+        for client, name in zip(clients, names, strict=True):
+            self._ask(client, "/sim/barrier/join", {"user_id": name, "deadline_s": 10.0})
+        members = self._rate(clients, [self._tick(name) for name in names], seconds)
+        for client, name in zip(clients, names, strict=True):
+            self._ask(client, "/sim/barrier/leave", {"user_id": name})
+        start = {"user_id": "bench", "start_sync_mode": True, "time_step": 20}
+        self._ask(clients[0], "/SyncModeCmd", {"request": start})
+        master = self._rate(clients[:1], [self._tick("bench")], seconds)
+        for client in clients:
+            client.close()
+        return {RATE: members, ONE_MASTER: master}
+
+    def on_floor(self, program: Program, seconds: float) -> Figures:
+        """As many echoes at once, and one."""
+        clients = _connect(program, 3)
+        echo = masked(orjson.dumps({"op": "echo", "id": "tick", "service": self.SERVICE, "size": 800}))
+        three, one = (self._rate(some, [echo] * len(some), seconds) for some in (clients, clients[:1]))
+        for client in clients:
+            client.close()
+        return {RATE: three, ONE_MASTER: one}
+
+    def _tick(self, user_id: str) -> bytes:
+        args = {"request": {"user_id": user_id, "frame": 0}}
+        return masked(orjson.dumps({"op": "call_service", "service": self.SERVICE, "id": "tick", "args": args}))
+
+    @staticmethod
+    def _ask(client: Socket, service: str, args: dict[str, object]) -> None:
+        client.tell(op="call_service", service=service, args=args, id="ask")
+        answer = orjson.loads(client.payload())
+        while answer.get("id") != "ask":  # a member is told what the others do
+            answer = orjson.loads(client.payload())
+        values = answer["values"].get("response", answer["values"])
+        assert values["result"], f"{service}: {answer}"
+
+    @staticmethod
+    def _rate(clients: Sequence[Socket], frames: Sequence[bytes], seconds: float) -> float:
+        num, begin = 0, time.perf_counter()
+        while time.perf_counter() < begin + seconds:
+            for client, frame in zip(clients, frames, strict=True):
+                client.raw.sendall(frame)
+            for client in clients:
+                while b'"service_response"' not in (payload := client.payload()) and b"    " not in payload:
+                    pass
+            num += 1
+        return num / (time.perf_counter() - begin)
 
 
 def _row(name: str, run: Callable[[Program, float], Figures], *wanted: str, is_fresh: bool = False) -> Row:
@@ -323,6 +405,7 @@ def _row(name: str, run: Callable[[Program, float], Figures], *wanted: str, is_f
 
 _tick = _Tick()
 _step = _Step()
+_barrier = _Barrier()
 
 ROWS = (
     _row("publish 94 B", _flood("std_msgs/String", bodies.text(), 1), RATE, CPU),
@@ -337,7 +420,8 @@ ROWS = (
     _row("100 listeners at 50 Hz, 0.7 kB", _pulse(100, 50.0), P50, LOAD),
     _row("200 connections", _connections(200), is_fresh=True),
     Row("tick, beside an echo as long", _tick.on_server, _tick.on_floor, {P50: 1 / 1.6}, is_world=True),
-    Row("step, beside an echo as long", _step.on_server, _step.on_floor, {P50: 1 / 1.3}, is_world=True),
+    Row("step, beside an echo as long", _step.on_server, _step.on_floor, {P50_REST: 1 / 1.3}, is_world=True),
+    Row("barrier of three, beside three echoes", _barrier.on_server, _barrier.on_floor, {}, is_world=True),
     Row("start and idle memory", _idle(10), _idle(10), is_world=True, is_fresh=True),
 )
 
@@ -394,7 +478,9 @@ def _summary(rows: Sequence[Row], measured: dict[str, list[tuple[Figures, Figure
             ours = [server[name] for server, _ in measured[row.name]]
             theirs = [floor[name] for _, floor in measured[row.name]]
             ratios = [
-                a / b if name in {RATE, THREE} else b / a for a, b in zip(ours, theirs, strict=True) if a > 0 and b > 0
+                a / b if name in {RATE, THREE, OF_THREE, ONE_MASTER} else b / a
+                for a, b in zip(ours, theirs, strict=True)
+                if a > 0 and b > 0
             ]
             entries.append(
                 {

@@ -42,6 +42,11 @@ SERVER_TOPICS: Final = {
         "at each change, at most 10 Hz, latched",
         "The last refused requests.",
     ),
+    "/sim/topics": (
+        "rosbridge_sim_msgs/Topics",
+        "1 Hz while a client subscribes",
+        "Rate, size, publishers, subscribers and losses of each topic.",
+    ),
     "/rosout": ("rosgraph_msgs/Log", "with each log line", "Log of the server; clients may write there, too."),
 }
 """Topics of the server, beside those of the simulator: type, rate and meaning. `test_docs` compares the names."""

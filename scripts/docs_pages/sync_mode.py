@@ -66,9 +66,8 @@ EVENTS: Final = {
     SyncEvent.LOSS_TO_PAUSE: "master lost (on loss: pause)",
     SyncEvent.LOSS_TO_WAIT: "master lost (on loss: wait)",
     SyncEvent.TICK_EARLY: "tick that needs a load that is still read; steps",
-    SyncEvent.TURN: "turn of a tick, more ticks wait",
-    SyncEvent.LAST_TURN: "turn of the last tick that waits",
-    SyncEvent.GIVEN_UP: "ticks that wait are given up",
+    SyncEvent.TURN: "turn of the first tick that waits",
+    SyncEvent.LAST_DONE: "last tick that waits is done or given up",
     SyncEvent.RESET: "reset",
 }
 """Each event in words. Where there is no master, every id is another id."""

@@ -488,6 +488,19 @@ ROWS: tuple[Row, ...] = (
         kept_mb=7.0 * 16.0,  # an answer is as long as the largest frame
     ),
     Row("19,000 ghosts in one place", lambda: [ghosts()]),
+    Row(
+        "20 glued ticks of 50 frames, and three listeners",
+        lambda: [calls("/SyncModeWaitForTick", 20, {"request": {"user_id": "m"}})],
+        before=[
+            {
+                "op": "call_service",
+                "service": "/SyncModeCmd",
+                "args": {"request": {"user_id": "m", "start_sync_mode": True, "time_step": 1_000}},
+            }
+        ],
+        listeners=[{"op": "subscribe", "topic": topic} for topic in ("/Object_topic", "/Ego_topic", "/tf")],
+        flags=("--scenario", "town"),
+    ),
     Row("an honest image of 16 MB to a listener", lambda: [image()],
         before=[{"op": "advertise", "topic": "/s", "type": "sensor_msgs/Image"}],
         listeners=[{"op": "subscribe", "topic": "/s"}], allowed_ms=PAUSE_MS + HONEST_MS),

@@ -48,6 +48,20 @@ async def test_object_comes_drives_is_changed_and_goes(sim: Simulator, client: A
         await client.remove(car)
 
 
+async def test_entities_and_scenarios_are_described(client: AsyncClient) -> None:
+    ego = await client.describe(0)
+    assert (ego["kind"], ego["behaviour"]) == (0, "driven")
+    with pytest.raises(ServiceRefusedError, match="there is no entity 4000"):
+        await client.describe(4000)
+    scenarios = {each["name"]: each for each in await client.scenarios()}
+    assert {"demo", "loop", "town"} <= set(scenarios)
+    assert [name for name, each in scenarios.items() if each["is_loaded"]] == ["town"]
+    picture = await client.scenario_picture("town", width=64, height=64)
+    assert picture.startswith(b"\x89PNG")
+    with pytest.raises(ServiceRefusedError, match="no scenario 'nowhere'"):
+        await client.scenario_picture("nowhere")
+
+
 async def test_questions_about_map_and_models_are_answered(client: AsyncClient) -> None:
     lane = await client.nearest_lane(-165.0, -221.0)
     assert (lane["link"], lane["is_on_road"]) == ("R0010L1", True)
@@ -89,6 +103,9 @@ def test_blocking_form_has_them_all(blocking: Client) -> None:
     assert blocking.map()["lanes"]
     assert blocking.route("R0010L1", ("R0010L1", 9.0))["length_m"] == 9.0
     assert blocking.nearest_lane(0.0, 0.0)["link"]
+    assert blocking.describe(0)["result"]
+    assert len(blocking.scenarios()) >= 3
+    assert blocking.scenario_picture("demo")
 
 
 # Requests

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.soak import hostile
+from scripts.soak import hostile, snapshots
 from scripts.soak.faults import CASES, SHORT, Case, run_case
 from scripts.soak.mixed import soak
 
@@ -36,3 +36,11 @@ async def test_hostile_frame_costs_bounded_memory_and_disconnects_no_other_clien
 ) -> None:
     seen = await hostile.play(row, tmp_path, repeats=1, settling=0.0, idle=0.1)
     assert [fault for fault in seen.faults if "rose" in fault or "traceback" in fault] == []
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="figures of another process are Linux's")
+async def test_resets_and_restores_leave_nothing_in_the_server(tmp_path: Path) -> None:
+    report = await snapshots.soak(90, 1, tmp_path, num_parts=3)
+    assert [*report.faults, *snapshots.judge(report)] == []
+    assert report.num["resets"] == 90
+    assert min(report.num[what] for what in ("restores by name", "restores by bytes", "load", "step", "barrier")) > 0

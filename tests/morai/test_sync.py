@@ -181,7 +181,7 @@ def test_waiting_ticks_run_in_order_once_their_commands_are_ready() -> None:
     check_invariants(sync)
     assert sync.due(FRAME + 1) == ["scenario"]
     assert sync.take_turn(FRAME + 2, 1.0) == 2
-    assert sync.state is SYNC_TABLE[SyncState.WAITING][SyncEvent.LAST_TURN].state
+    assert sync.state is SYNC_TABLE[SyncState.WAITING][SyncEvent.LAST_DONE].state
     check_invariants(sync)
     assert sync.take_turn(FRAME + 4, 1.0) == 0
 
@@ -195,7 +195,7 @@ def test_every_row_of_the_table_can_happen() -> None:
 @pytest.mark.parametrize("state", SyncState)
 def test_only_an_accepted_tick_of_the_master_moves_the_world(state: SyncState) -> None:
     movers = {event for event, outcome in SYNC_TABLE[state].items() if SyncEffect.MOVE in outcome.effects}
-    allowed = {SyncState.LED: {SyncEvent.TICK_BY_MASTER}, SyncState.WAITING: {SyncEvent.TURN, SyncEvent.LAST_TURN}}
+    allowed = {SyncState.LED: {SyncEvent.TICK_BY_MASTER}, SyncState.WAITING: {SyncEvent.TURN}}
     assert movers == allowed.get(state, set())
 
 
@@ -204,7 +204,7 @@ def test_ticks_wait_in_one_state_and_are_refused_when_it_ends(state: SyncState) 
     for event, outcome in SYNC_TABLE[state].items():
         assert (SyncEffect.WAIT not in outcome.effects) or outcome.state is SyncState.WAITING
         ends = state is SyncState.WAITING is not outcome.state and SyncEffect.MOVE not in outcome.effects
-        ends = ends and event is not SyncEvent.GIVEN_UP  # nobody waits for those any more
+        ends = ends and event is not SyncEvent.LAST_DONE  # nobody waits for those any more
         assert (SyncEffect.REFUSE in outcome.effects) == ends, event
 
 
@@ -251,6 +251,8 @@ class AnyOrder(RuleBasedStateMachine):
             str, tuple[int, dict[int, int]]
         ] = {}  # command: frame named, (number: frames) of ticks before
         self.num_sent = self.num_ticks = 0
+        self.limit: int | None = None  # frames that a turn computes at most
+        self.sync.hooks.move.append(lambda num, _now: None if self.limit is None else min(num, self.limit))
 
     @property
     def end(self) -> int:
@@ -343,11 +345,25 @@ class AnyOrder(RuleBasedStateMachine):
         self.forgo(num)
         assert (self.sync.state is SyncState.WAITING) == bool(self.ticks)
 
-    @rule()
-    def take_turn(self) -> None:
-        num_frames = self.sync.take_turn(self.frame, 1.0)
+    @rule(most_ticks=st.integers(1, 3), limit=st.sampled_from([None, 1, 2, 51]))
+    def take_turn(self, most_ticks: int, limit: int | None) -> None:
+        most_ticks = max(1, min(most_ticks, len(self.ticks)))
+        prepared: list[int] = []
+        begun, self.limit = self.sync.is_in_tick, limit
+        num_frames = self.sync.take_turn(
+            self.frame, 1.0, prepare=lambda: prepared.append(self.frame), most_ticks=most_ticks
+        )
+        self.limit = None
         can_go = bool(self.ticks) and all(due > self.frame + self.ticks[0] for due in self.unready.values())
-        assert num_frames == (self.take()[0] if can_go else 0)
+        ticks = self.ticks[:1] if self.waiting else self.ticks[:most_ticks]
+        assert num_frames == (min(sum(ticks), limit or sum(ticks)) if can_go else 0)
+        assert prepared == ([self.frame] if can_go and not begun else [])
+        left = num_frames
+        while left and self.ticks[0] <= left:
+            left -= self.take()[0]
+        if left:
+            self.ticks[0] -= left
+        assert self.sync.is_in_tick == (left > 0 or (begun and not can_go))
         self.move(num_frames)
 
     @rule(is_usable=st.booleans())

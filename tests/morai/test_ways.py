@@ -90,8 +90,11 @@ def test_every_input_and_service_with_an_effect_is_in_the_log_table(harness: Sim
     """Whoever adds one has to say what it does, so that the log can name it."""
     known = {way for effect in _EFFECTS for way in (*effect.ways, *effect.also)}
     alone = {"/SensorPosControl", "/Service_MoraiVehicleSpec", "/Service_MoraiMapSpec"}
-    alone |= {"/sim/catalogue", "/sim/map", "/sim/route", "/sim/nearest_lane"}  # they tell what no drive changes
+    # They tell what no drive changes.
+    alone |= {"/sim/catalogue", "/sim/map", "/sim/route", "/sim/nearest_lane"}
+    alone |= {"/sim/scenarios", "/sim/scenario_picture"}
     alone |= {"/sim/score"}  # no other service tells or resets scores
+    alone |= {"/sim/control_lease"}  # it lifts the pedals of its own caller
 
     def is_known(item: ListedInterface) -> bool:
         use = Use.SERVICE if item.kind is InterfaceKind.SERVICE else Use.PUBLISH
@@ -229,7 +232,8 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         {"service": "/Morai_TLSrv"},
         (
             "--deny-service /Morai_TLSrv leaves these ways open to learn what traffic lights show:"
-            " listening to /GetTrafficLightStatus, /InsnStatus, calling /sim/step"
+            " listening to /GetTrafficLightStatus, /InsnStatus, /sim/scene/objects, /sim/scene/state,"
+            " calling /sim/describe, /sim/step"
         ),
     ),
 )

@@ -641,7 +641,8 @@ async def test_patterns_hold_for_all_aliases_and_the_start_log_names_open_routes
         "--deny-subscribe /tf",
         "--deny-subscribe /client_count",
     ]
-    assert lines[2].endswith("who is connected: listening to /connected_clients, /sim/clients, /rosout, /sim/refusals")
+    others = "/connected_clients, /sim/clients, /rosout, /sim/refusals, /sim/topics, /sim/drivers"
+    assert lines[2].endswith(f"who is connected: listening to {others}")
 
 
 async def test_log_says_that_patterns_do_not_hold_behind_a_bridge(caplog: pytest.LogCaptureFixture) -> None:

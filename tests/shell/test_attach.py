@@ -9,7 +9,7 @@ import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from itertools import pairwise
-from typing import Any, NoReturn, Unpack
+from typing import Any, Literal, NoReturn, Unpack
 
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
@@ -187,6 +187,14 @@ async def test_latched_topics_reach_late_subscribers_at_a_bridge(connect: Connec
         assert (await client.message("/tf_static"))["transforms"]
 
 
+async def test_viewer_behind_a_bridge_gets_drivers_and_descriptions_of_a_world_that_waits(connect: Connect) -> None:
+    async with gateway() as bridge, attached(bridge.url):
+        client = await connect(bridge.url)
+        await client.send("subscribe", topic="/sim/drivers")
+        assert (await client.message("/sim/drivers"))["is_synchronous"]
+        assert (await client.values("/sim/describe", {"id": 0}))["behaviour"] == "driven"
+
+
 async def test_egos_added_at_run_time_appear_at_a_bridge(connect: Connect) -> None:
     async with gateway() as bridge, attached(bridge.url, start="run"):
         client = await connect(bridge.url)
@@ -316,6 +324,37 @@ async def test_ros_version_of_attach_is_that_of_serve(connect: Connect) -> None:
         frame = await lead(client)
         await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + 1)
         assert set((await client.message("/clock"))["clock"]) == {"sec", "nanosec"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sockets", ["one", "per-topic"])
+async def test_scene_is_announced_at_a_bridge_on_request_alone(
+    connect: Connect, sockets: Literal["one", "per-topic"]
+) -> None:
+    names = {"/sim/scene/map", "/sim/scene/objects"}
+    async with gateway() as bridge, attached(bridge.url, start="run"):
+        client = await connect(bridge.url)
+        assert not names & set((await client.values("/rosapi/topics"))["topics"])
+    async with gateway() as bridge, attached(bridge.url, start="run", scene=True, attach_sockets=sockets) as sim:
+        client = await connect(bridge.url)
+        assert names <= set((await client.values("/rosapi/topics"))["topics"])
+        for topic, ns in (("/sim/scene/map", "lanes"), ("/sim/scene/objects", "egos")):
+            await client.send("subscribe", topic=topic)
+            message = await client.message(topic)
+            assert ns in {marker["ns"] for marker in message["markers"]}
+        assert sim.num_bugs == bridge.num_bugs == 0
+
+
+async def test_renamed_scene_stays_at_home_too(connect: Connect) -> None:
+    publishers = {"/sim/scene/map": {"name": "/view/map"}}
+    async with gateway() as bridge, attached(bridge.url, start="run", publishers=publishers):
+        client = await connect(bridge.url)
+        assert "/view/map" not in (await client.values("/rosapi/topics"))["topics"]
+
+
+async def test_scene_without_a_bridge_is_a_mistake() -> None:
+    with pytest.raises(DocumentError, match="scene: expected with --attach"):
+        await Simulator(port=0, scene=True).start()
 
 
 @pytest.mark.parametrize("proxy", ["http://127.0.0.1:1", "socks5://127.0.0.1:1"])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import UNSET, Controller, Lamp, Light, Phase, SignalPlan
-from rosbridge_sim.world.signals import Signals
+from rosbridge_sim.world.signals import NEVER_FRAME, Signals
 
 R, Y, G, L = Lamp.RED, Lamp.YELLOW, Lamp.GREEN, Lamp.LEFT
 
@@ -175,3 +175,30 @@ def test_states_with_different_futures_have_different_digests() -> None:
                 signals.force(5, force)
             digests.add(signals.digest())
     assert len(digests) == 6
+
+
+def test_next_changes_are_the_frames_at_which_something_else_is_shown() -> None:
+    signals = Signals(make(), 7)
+    shown = [at(signals, frame) for frame in range(7, 700)]
+    signals.show(7)
+    for frame in range(7, 350, 3):
+        signals.advance(frame)
+        for light, change in enumerate(signals.next_changes().tolist()):
+            if change == NEVER_FRAME:
+                assert {line[light] for line in shown} == {shown[0][light]}
+            else:
+                assert change > frame
+                assert {line[light] for line in shown[frame - 7 : change - 7]} == {shown[frame - 7][light]}
+                assert shown[change - 7][light] != shown[frame - 7][light]
+
+
+def test_forced_light_changes_when_the_forcing_ends() -> None:
+    signals = Signals(make())
+    signals.advance(40)
+    signals.force(0, L)
+    signals.force(5, R)
+    assert signals.next_changes()[[0, 1, 5]].tolist() == [110, 110, NEVER_FRAME]
+
+
+def test_plan_without_lights_has_no_changes() -> None:
+    assert Signals(SignalPlan(Roads())).next_changes().tolist() == []

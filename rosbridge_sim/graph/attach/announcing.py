@@ -78,6 +78,7 @@ class Announcer:
             assert item.topic is not None
             depth = max(item.topic.publishers.get(self._far_side.source, {}).values(), default=0)
             connection.say("advertise", id=f"advertise:{item.name}", topic=item.name, type=item.type, latch=depth > 0)
+            item.is_announced = True
             head = publish_head(item.name)
             held = item.topic.kept.get(self._far_side.source)
             for message in held.messages() if held is not None else ():
@@ -129,7 +130,7 @@ class Announcer:
         """
         self.is_attached = False
         for item in self._registry.items_of(connection):
-            item.is_silent = False
+            item.is_silent = item.is_announced = False
             if item.subscription is not None:
                 item.subscription.is_idle = True
 

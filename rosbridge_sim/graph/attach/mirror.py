@@ -14,7 +14,7 @@ connection wait, too, and nothing else.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Final
 
 from rosbridge_sim.errors import FrameError, PeerError
@@ -53,6 +53,8 @@ class Mirror(FarSide):
         has_connection_each: bool = False,
         limits: OutboxLimits | None = None,
         max_frame_size: int = 16 * 2**20,
+        extras: Callable[[], Collection[str]] = tuple,
+        has_extras: bool = False,
     ) -> None:
         """Create a mirror of everything that `source` has on `bus`, now and later. No connection is open yet.
 
@@ -65,6 +67,8 @@ class Mirror(FarSide):
                 answer.
             limits: limits on frames that wait for one socket.
             max_frame_size: longest frame that fragments may form [characters].
+            extras: returns the present names of topics that are mirrored on request alone.
+            has_extras: mirror these, too.
         """
         super().__init__(bus, source, address)
         self._limits = limits or OutboxLimits()
@@ -72,7 +76,13 @@ class Mirror(FarSide):
         self._connection_in_hand: BridgeConnection | None = None
         self._is_behind = False
         self._rosapi = RosapiWatch()
-        registry = self._registry = MirrorRegistry(self, self._make_connection, has_connection_each=has_connection_each)
+        registry = self._registry = MirrorRegistry(
+            self,
+            self._make_connection,
+            has_connection_each=has_connection_each,
+            extras=extras,
+            has_extras=has_extras,
+        )
         self.connections = registry.connections
         self._survey = Survey(self.diagnostics, registry)
         self._announcer = Announcer(self, registry)

@@ -6,7 +6,7 @@ here in the far side's name. Changes are found by comparing the registry with wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 
 from rosbridge_sim.graph.attach.connection import BridgeConnection
@@ -31,6 +31,7 @@ class MirroredItem:
         subscription: our subscription, for a topic.
         is_known: for a service: it was announced there before.
         is_silent: for a topic: nothing is published there for now.
+        is_announced: for a topic: it is advertised over the present socket.
     """
 
     connection: BridgeConnection
@@ -41,6 +42,7 @@ class MirroredItem:
     subscription: Subscription | None = None
     is_known: bool = False
     is_silent: bool = False
+    is_announced: bool = False
 
 
 class MirrorRegistry:
@@ -54,7 +56,13 @@ class MirrorRegistry:
     """
 
     def __init__(
-        self, far_side: FarSide, make_connection: Callable[[str], BridgeConnection], *, has_connection_each: bool
+        self,
+        far_side: FarSide,
+        make_connection: Callable[[str], BridgeConnection],
+        *,
+        has_connection_each: bool,
+        extras: Callable[[], Collection[str]] = tuple,
+        has_extras: bool = False,
     ) -> None:
         """Create an empty registry; `refresh` fills it.
 
@@ -62,7 +70,11 @@ class MirrorRegistry:
             far_side: owner of the mirrored items.
             make_connection: creates the connection with a name.
             has_connection_each: use one connection per topic and service, and not one for all.
+            extras: returns the present names of topics that are mirrored on request alone.
+            has_extras: mirror these, too; the subscriptions to them count as made by name.
         """
+        self._extras = extras
+        self._has_extras = has_extras
         self.items: dict[ItemKey, MirroredItem] = {}
         self.connections = {"": make_connection("")}
         self.on_added: Callable[[MirroredItem], None] = lambda _item: None
@@ -146,7 +158,10 @@ class MirrorRegistry:
 
     def _wanted(self) -> Iterator[ItemKey]:
         held, spelled = self._bus.holdings(self._far_side.source), self._bus.store.spelled
+        extras = self._extras()
         for topic in held.published:
+            if topic.name in extras and not self._has_extras:
+                continue
             yield "topic", topic.name, spelled(topic.type.name, "msg")
         for subscription in held.subscriptions:
             if subscription.topic.owner is self._far_side.source:  # its own topic, where no other program may publish
@@ -169,11 +184,16 @@ class MirrorRegistry:
     def _listen(self, item: MirroredItem) -> Subscription:
         source, connection, name, head = self._far_side.source, item.connection, item.name, publish_head(item.name)
 
-        def deliver(_topic: Topic, message: Message, sender: Participant, _now: float) -> None:
-            if sender is source and connection.has_services and not item.is_silent:
+        def deliver(topic: Topic, message: Message, sender: Participant, _now: float) -> None:
+            # A latched message may come just once, and perhaps between the announcements of topics and of services.
+            is_open = connection.has_services or (item.is_announced and topic.is_latching)
+            if sender is source and is_open and not item.is_silent:
                 connection.offer(name, message.framed(head))
 
-        return self._bus.subscribe(self._far_side, name, deliver, is_idle=not connection.has_services, is_general=True)
+        is_general = name not in self._extras()
+        return self._bus.subscribe(
+            self._far_side, name, deliver, is_idle=not connection.has_services, is_general=is_general
+        )
 
     def _drop(self, key: ItemKey) -> None:
         item = self.items.pop(key)

@@ -16,6 +16,11 @@ While a pause stops real time nothing moves, and a client that joins would get n
 a pause*: once a second, and at once to a new subscriber, with the current state and the number of the last frame. While
 the world waits for ticks they are not shown, because each message there belongs to a tick. Recordings do not get them.
 
+A topic for viewers has a *version*, which differs if the message would. While ticks or a pause hold the world, it goes
+out to a new subscriber at once, and to all of them after a change. One that does not go out with frames does so at any
+time, and is latched: the kept message is brought up to date as a subscriber comes, so that nothing is made while there
+is none. Recordings do not get these messages either.
+
 Components use the default names of topics; the network settings give their names on the bus, turn them on or off, and
 set their rates.
 """
@@ -55,6 +60,7 @@ class _Publisher(Interface):
     Attributes:
         topic: on the bus; None while it is not there.
         last: the last message that went out with a frame, and how many frames were published by then; for `Publishers`.
+        shown_to: the subscriptions that the last message went to; for `Publishers`, and for topics for viewers alone.
     """
 
     kind = InterfaceKind.PUBLISHER
@@ -64,6 +70,7 @@ class _Publisher(Interface):
         super().__init__(default, prefix, type_name, rate)
         self.topic: Topic | None = None
         self.last: tuple[int, Message] | None = None
+        self.shown_to: tuple[Subscription, ...] = ()
         self._is_exclusive = is_exclusive
         self._depth = depth
 
@@ -107,11 +114,16 @@ class PeriodicPublisher(_Publisher):
         rate: float = USUAL_RATE,
         is_sampled: bool = False,
         is_shown_in_pause: bool = False,
+        version: Callable[[], object] | None = None,
+        is_in_frames: bool = True,
         depth: int = 0,
     ) -> None:
         """Describe a topic; the arguments are those of `Publishers.add`."""
         super().__init__(name, type_name, is_exclusive=is_exclusive, rate=rate, depth=depth)
         self.make = make
+        self.version = version
+        self.shown_version: object = None  # of the last message
+        self.is_in_frames = is_in_frames
         self.is_sampled = is_sampled
         self.is_shown_in_pause = is_shown_in_pause
         self.free_at = -math.inf  # where wall time limits the rate: when the next message may go out [s]
@@ -147,6 +159,17 @@ class PeriodicPublisher(_Publisher):
         self._most = most
         rate = self._rate if most is None else min(self._rate, most / _FRAME_RATE)
         self._real_up, self._real_down = rate.numerator, rate.denominator
+
+    @property
+    def is_stale(self) -> bool:
+        """True if the last message of a topic for viewers is not what it would be now."""
+        return self.version is not None and self.version() != self.shown_version
+
+    def note_shown(self, topic: Topic) -> None:
+        """Note that a message of the present state goes to all subscribers of the topic."""
+        if self.version is not None:
+            self.shown_version = self.version()
+            self.shown_to = topic.subscriptions
 
     def num_due(self, frame: int) -> int:
         """Return the number of publications of a frame at the topic's rate.
@@ -199,6 +222,7 @@ class Publishers:
         self._items = items
         self._periodic: list[PeriodicPublisher] = []
         self._latched: list[LatchedPublisher] = []
+        self._for_viewers: list[PeriodicPublisher] = []
         self._num_shown = 0  # frames published; unlike the world's frame it never goes back
         self._repeats: list[tuple[float, int, PeriodicPublisher, Message]] = []
         self._ticket = count()
@@ -219,6 +243,8 @@ class Publishers:
         rate: float = USUAL_RATE,
         is_sampled: bool = False,
         is_shown_in_pause: bool = False,
+        version: Callable[[], object] | None = None,
+        is_in_frames: bool = True,
         is_everywhere: bool = True,
         depth: int = 0,
     ) -> PeriodicPublisher:
@@ -234,6 +260,9 @@ class Publishers:
             rate: default publications a second of simulated time [Hz]; the network settings may change it.
             is_sampled: in synchronous mode it keeps its rate in simulated time, and is not published with every frame.
             is_shown_in_pause: it is published while a pause stops real time; see the module's text.
+            version: for a topic for viewers, returns a value that differs if the message would, never None; see the
+                module's text. None for any other topic.
+            is_in_frames: it is published with the frames; if false, `version` alone decides when.
             is_everywhere: every release has the type. If false, nothing is published where a release lacks it.
             depth: number of messages that are kept for late subscribers.
 
@@ -251,11 +280,16 @@ class Publishers:
             rate=rate,
             is_sampled=is_sampled,
             is_shown_in_pause=is_shown_in_pause,
+            version=version,
+            is_in_frames=is_in_frames,
             depth=depth,
         )
         publisher.limit(_max_rate(self._factor))
         self._items.add(publisher, is_everywhere=is_everywhere)
-        self._periodic.append(publisher)
+        if version is not None:
+            self._for_viewers.append(publisher)
+        if is_in_frames:
+            self._periodic.append(publisher)
         return publisher
 
     def keep(self, name: str, type_name: str, *, is_exclusive: bool = True) -> LatchedPublisher:
@@ -288,6 +322,12 @@ class Publishers:
         publisher.value = value
         if publisher.topic is not None:
             self._bus.announce(self._owner, publisher.topic, Message(publisher.topic.type, value), now)
+
+    def forget(self, publisher: LatchedPublisher) -> None:
+        """Forget the value of a latched topic; late subscribers get nothing before the next `update`."""
+        publisher.value = None
+        if publisher.topic is not None:
+            publisher.topic.forget_messages_of(self._owner)
 
     def remove(self, prefix: str, now: float) -> None:
         """Stop to publish the topics of a further ego.
@@ -331,6 +371,7 @@ class Publishers:
             if value is not None:
                 message = Message(topic.type, value)
                 publisher.last = self._num_shown, message
+                publisher.note_shown(topic)
                 self._bus.announce(self._owner, topic, message, now)
 
     def show_due(self, frame: int, shown_at: float, now: float) -> None:
@@ -358,6 +399,7 @@ class Publishers:
                 continue
             message = Message(topic.type, value)
             publisher.last = self._num_shown, message
+            publisher.note_shown(topic)
             self._bus.announce(self._owner, topic, message, now)
             for i in range(1, num):
                 heapq.heappush(
@@ -387,16 +429,18 @@ class Publishers:
     @property
     def names(self) -> list[str]:
         """Return the names of all topics that are there."""
-        publishers: tuple[_Publisher, ...] = (*self._periodic, *self._latched)
-        return [publisher.topic.name for publisher in publishers if publisher.topic is not None]
+        return [publisher.topic.name for publisher in self._all() if publisher.topic is not None]
 
     def find(self, name: str) -> PeriodicPublisher | LatchedPublisher | None:
         """Return what publishes the topic of that absolute name; None where it is not one of these, or not there."""
-        publishers: tuple[PeriodicPublisher | LatchedPublisher, ...] = (*self._periodic, *self._latched)
-        for publisher in publishers:
+        for publisher in self._all():
             if publisher.topic is not None and publisher.topic.name == name:
                 return publisher
         return None
+
+    def _all(self) -> list[PeriodicPublisher | LatchedPublisher]:
+        others = [publisher for publisher in self._for_viewers if not publisher.is_in_frames]
+        return [*self._periodic, *others, *self._latched]
 
     def sample(self, publisher: PeriodicPublisher | LatchedPublisher) -> Message | None:
         """Return what a topic says of the last frame, or was kept there for those who come late; nothing is published.
@@ -420,7 +464,9 @@ class Publishers:
         Yields:
             Each topic that has a message, with the message.
         """
-        for publisher in self._periodic:
+        for publisher in self._all():
+            if isinstance(publisher, LatchedPublisher):
+                continue
             value = None if publisher.topic is None else publisher.make()
             if publisher.topic is not None and value is not None:
                 yield publisher.topic, Message(publisher.topic.type, value)
@@ -478,13 +524,58 @@ class Publishers:
                 assert publisher.topic is not None
                 self._bus.show(self._owner, publisher.topic, Message(publisher.topic.type, value), listeners, now)
 
+    def has_viewer_to_show(self, *, is_flowing: bool) -> bool:
+        """Tell whether `show_viewers` has something to do.
+
+        Args:
+            is_flowing: real time moves the world, so the next frame brings what goes out with frames.
+        """
+        for publisher in self._for_viewers:  # called after each op, so without a further call where nobody listens
+            topic = publisher.topic
+            if topic is None or not topic.subscriptions or (is_flowing and publisher.is_in_frames):
+                continue
+            if _viewers_to_show(publisher, topic):
+                return True
+        return False
+
+    def show_viewers(self, now: float, *, is_flowing: bool) -> None:
+        """Publish the current state on topics for viewers: to new subscribers, and to all after a change.
+
+        Args:
+            now: monotonic time [s].
+            is_flowing: see `has_viewer_to_show`.
+        """
+        for publisher in self._for_viewers:
+            topic = publisher.topic
+            if topic is None or not topic.subscriptions or (is_flowing and publisher.is_in_frames):
+                continue
+            listeners = _viewers_to_show(publisher, topic)
+            if listeners:
+                message = Message(topic.type, publisher.make())
+                publisher.note_shown(topic)
+                if publisher.is_latched:
+                    topic.keep(self._owner, message, None)
+                self._bus.show(self._owner, topic, message, listeners, now)
+
     def _listeners_in_pause(self) -> set[Subscription]:
         return {one for publisher in self._periodic for one in _listeners_in_pause(publisher)}
 
-    def _note_newcomer(self, _topic: Topic) -> None:
+    def _note_newcomer(self, topic: Topic) -> None:
         """Note that a subscriber has joined, perhaps to one of these topics."""
         if self._pause_at is not None:
             self._has_newcomer = True
+        for publisher in self._for_viewers:
+            if publisher.topic is topic and publisher.is_latched and topic.subscriptions:
+                self._refresh(publisher, topic)
+
+    def _refresh(self, publisher: PeriodicPublisher, topic: Topic) -> None:
+        """Have the message that a new subscriber is about to get be the present one; the others get it next."""
+        if publisher.is_stale:
+            topic.keep(self._owner, Message(topic.type, publisher.make()), None)
+            publisher.note_shown(topic)
+            publisher.shown_to = topic.subscriptions[-1:]
+        else:
+            publisher.shown_to = (*publisher.shown_to, topic.subscriptions[-1])
 
     @property
     def repeat_due(self) -> float | None:
@@ -511,6 +602,18 @@ class Publishers:
 def _max_rate(factor: float) -> Fraction | None:
     """Return how often a topic may go out in a second of simulated time; None where wall time alone says it."""
     return MAX_WALL_RATE / Fraction(factor).limit_denominator(10_000) if factor else None
+
+
+def _viewers_to_show(publisher: PeriodicPublisher, topic: Topic) -> list[Subscription]:
+    """Return the subscriptions that lack the current state of a topic for viewers."""
+    listeners = [one for one in topic.subscriptions if not one.is_idle and not one.is_recording]
+    # A far bridge without a subscriber is idle; the subscriber that ends this has seen nothing.
+    if any(one.is_idle for one in publisher.shown_to):
+        publisher.shown_to = tuple([one for one in publisher.shown_to if not one.is_idle])
+    if not listeners or publisher.is_stale:
+        return listeners
+    seen = publisher.shown_to
+    return [] if seen is topic.subscriptions else [one for one in listeners if one not in seen]
 
 
 def _listeners_in_pause(publisher: PeriodicPublisher) -> list[Subscription]:

@@ -20,6 +20,7 @@ class Playback:
         targets: entities that it moves: a sum of EGO, VEHICLES and PEDESTRIANS.
         speed: recorded time for each simulated time.
         is_over: its last moment has been shown.
+        shown_ns: the position that the world shows [ns].
     """
 
     def __init__(self, world: World, scene: Scene, egos: EgoRegistry) -> None:
@@ -54,7 +55,7 @@ class Playback:
         Args:
             start_ns: position, since the recording's first stamp [ns].
         """
-        self._start_ns = self._position_ns = start_ns
+        self._start_ns = self._position_ns = self.shown_ns = start_ns
         self.is_over = False
 
     # The world; `show_frame` within a step, all others between two frames
@@ -87,6 +88,7 @@ class Playback:
     def show_frame(self) -> None:
         """Show the position with the frame that is being computed, and go on by one frame."""
         self._actors.show(self._moment())
+        self.shown_ns = min(self._position_ns, self.recording.duration_ns)
         self.is_over = self._position_ns >= self.recording.duration_ns
         self._position_ns += STEP_NS * self.speed
 
@@ -129,6 +131,9 @@ class Playback:
             raise ValueError("replay: expected egos of the recording")
         self.recording, self.targets, self.speed = recording, targets, speed
         self._start_ns, self._position_ns, self.is_over = start_ns, position_ns, is_over
+        # The last frame showed the position before, if it showed any since the start.
+        last_ns = position_ns if position_ns == start_ns else position_ns - STEP_NS * speed
+        self.shown_ns = 0 if recording.is_empty else min(last_ns, recording.duration_ns)
 
     # Questions before a recording is chosen
 

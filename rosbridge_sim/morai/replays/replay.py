@@ -26,6 +26,7 @@ from rosbridge_sim.morai.replays.process_status import ProcessStatus
 from rosbridge_sim.morai.replays.recording import Recording, digest_of, from_plain, to_plain
 from rosbridge_sim.morai.replays.recording_builder import Recordings
 from rosbridge_sim.morai.replays.replay_info import ReplayInfoPublisher
+from rosbridge_sim.morai.replays.replay_status import ReplayStatus
 from rosbridge_sim.morai.replays.state_machine import ReplayState
 
 __all__ = ["RecordingKey", "Replay"]
@@ -60,6 +61,7 @@ class Replay(Component):
         self._process = ReplayProcess(context, self._playback)
         self._status = ProcessStatus(context, self._process)
         self._process.on_event.append(self._status.announce)
+        self._position = ReplayStatus(context, self._process, self._playback)
         self._service = ProcessService(context, self._process, self._playback, self._status, recordings)
         self._info = ReplayInfoPublisher(context, self._process, is_showing_drives=is_showing_drives)
         self._network = NetworkReplay(context, self._process, self._playback, self._info)
@@ -79,6 +81,7 @@ class Replay(Component):
         """Publish the replay and the state of the process."""
         self._info.publish(publishers)
         self._status.publish(publishers)
+        self._position.publish(publishers)
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Take commands and network replay."""
@@ -92,6 +95,11 @@ class Replay(Component):
             return None
         recording = self._playback.recording
         return RecordingKey(recording.name, digest_of(recording))
+
+    @property
+    def recording(self) -> Recording:
+        """Return the recording that moves the world; an empty one for none."""
+        return self._playback.recording
 
     def find_recording(self, key: RecordingKey) -> Recording | None:
         """Return the recording of a key, if it is the one that moves the world now."""
@@ -124,6 +132,8 @@ class Replay(Component):
             recording = handed_over
         if (state is ReplayState.SIMULATING) != recording.is_empty:
             raise ValueError("replay: expected a recording")
+        if state is not ReplayState.FOLLOWING and data["message"] is not None:
+            raise ValueError("replay: expected no message")
         self._playback.load_state(data["playback"], recording)
         if self._playback.is_entered != (state is not ReplayState.SIMULATING):
             raise ValueError("replay: expected entities of the recording")

@@ -88,13 +88,30 @@ class Population(Component):
         bindings.provide("sim/catalogue", "rosbridge_sim_msgs/Catalogue", self._list_models)
 
     def _answer(self, call: Call, act: Callable[[], Sequence[int]], *, has_ids: bool = False) -> None:
-        """Do what a call asks for and answer it, or say why not.
+        """Do what a call asks for and answer it, or say why not; if a tick has begun, behind that tick.
 
         Args:
             call: the call.
             act: does it; returns the numbers of new objects.
             has_ids: the response has them.
         """
+
+        def do(_now: float) -> None:
+            why = self._context.failure.why
+            if call.is_done:  # the caller has left meanwhile
+                return
+            if why is not None:
+                call.refuse(why)
+            else:
+                self._answer_now(call, act, has_ids=has_ids)
+
+        def do_later(now: float) -> None:
+            self._context.bus.guard.attempt("a call that waited for a tick", do, now)
+
+        if not self._context.sync_driver.wait_for_tick(call.caller, do_later):
+            self._answer_now(call, act, has_ids=has_ids)
+
+    def _answer_now(self, call: Call, act: Callable[[], Sequence[int]], *, has_ids: bool) -> None:
         respond = call.service.type.response.struct_type
         ids: Sequence[int] = ()
         why = ""

@@ -4,8 +4,9 @@ Snapshots are kept as bytes, the same ones that a client may take away. They are
 none is dropped for another one: a client that branches relies on each of them.
 
 In synchronous mode the master alone may restore, because it moves time. A restore happens between two frames, and at
-once if all that the snapshot needs is at hand. A map or a recording that is not is read by the `Reader` or from the
-recordings; its client is held meanwhile, and all others go on.
+once if the snapshot is one that is kept. Its bytes stand for it: they are known by a digest. Other bytes are decoded
+and checked by the `Reader`, because they may be large and hold anything. A map that is not at hand is read by it, too,
+and a recording by the recordings. The client is held meanwhile, and all others go on.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from hashlib import blake2b
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from rosbridge_sim.errors import DocumentError, PeerError, Reason
 from rosbridge_sim.graph.participant import explain
@@ -27,15 +28,15 @@ from rosbridge_sim.morai.convert import maker
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.maps.mgeo import RoadMap
-from rosbridge_sim.morai.node_state import NodeState, SavedState
-from rosbridge_sim.morai.plain_bytes import decode
+from rosbridge_sim.morai.node_state import NodeState, Plans, SavedState, try_out
+from rosbridge_sim.morai.plain_bytes import PlainData, decode
 from rosbridge_sim.morai.reading import Reader
 from rosbridge_sim.morai.replays.recording import Recording, digest_of
 from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder, Recordings
 from rosbridge_sim.morai.replays.replay import RecordingKey, Replay
 from rosbridge_sim.morai.saved_loads import MapKey, digest_map
 from rosbridge_sim.morai.scene import Library
-from rosbridge_sim.morai.snapshot_bytes import SnapshotHead, pack, unpack
+from rosbridge_sim.morai.snapshot_bytes import OwnBytes, SnapshotHead, pack, unpack
 from rosbridge_sim.world.saved_world import LAYOUT
 
 __all__ = ["MAX_BYTES", "MAX_SNAPSHOTS", "Snapshots"]
@@ -53,6 +54,8 @@ HASHED_TYPES: Final = ("CtrlCmd", "EgoVehicleStatus", "ObjectStatus", "EventInfo
 """Messages that stand for a release: each release has changed one of them."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +107,7 @@ class Snapshots(Component):
         self._reader = reader
         self._recordings = recordings
         self._kept: dict[str, _Kept] = {}
+        self._own = OwnBytes()
         self._num_bytes = 0
         self._num_named = 0
         self._is_reading = False
@@ -166,6 +170,8 @@ class Snapshots(Component):
             return
         head = kept.head
         data = pack(head, kept.state.to_plain()) if request.with_data else b""
+        if data:
+            self._own.note(data, name, head)
         call.answer(make(True, "", name, head.frame, head.state_hash, kept.size, data))  # noqa: FBT003 - `result`
 
     def _take(self, wanted: str) -> tuple[str, _Kept]:
@@ -268,12 +274,20 @@ class Snapshots(Component):
                     raise _Refusal(self._no_such(request.id), Reason.WRONG_VALUE)  # noqa: TRY301 - as the others
                 restoration.head, restoration.state = kept.head, kept.state
             else:
-                restoration.head, restoration.packed = unpack(bytes(request.data))
-                self._check_fits(restoration.head)
-                restoration.maps = self._state.save().maps
+                self._find(restoration, bytes(request.data))
             self._gather(restoration, now)
         except (_Refusal, PeerError, DocumentError) as error:
             self._refuse(call, error)
+
+    def _find(self, restoration: _Restoration, data: bytes) -> None:
+        """Find out whether bytes are those of a snapshot of this process, which perhaps is kept."""
+        own = self._own.find(data)
+        kept = None if own is None else self._kept.get(own[0])
+        if own is not None and kept is not None and kept.head is own[1]:
+            restoration.head, restoration.state = kept.head, kept.state
+        else:
+            restoration.data, restoration.is_foreign = data, own is None
+            restoration.maps = self._state.save().maps
 
     def _check_may_restore(self, user_id: str) -> None:
         """Check that nothing stands in the way of a restore by this client.
@@ -330,36 +344,58 @@ class Snapshots(Component):
             DocumentError: the snapshot is not a good one.
             GraphError: a client has a topic that an ego of it needs.
         """
+        if restoration.head is None:
+            self._read(restoration, partial(_decode, restoration.data), restoration.take_decoded, now)
+            return
+        self._check_fits(restoration.head)
         missing = restoration.missing_maps
         key = restoration.recording_key
         if key is not None and restoration.recording is None:
             restoration.recording = self._replay.find_recording(key)
-        if not missing and (key is None or restoration.recording is not None):
-            self._carry_out(restoration, now)
-            return
-        if not missing and self._recordings is None:
-            raise _Refusal("recording: no recordings are kept here", Reason.WRONG_VALUE)
+        if missing:
+            self._read(restoration, partial(_read_maps, self._context.library, missing), restoration.take_maps, now)
+        elif key is not None and restoration.recording is None:
+            if self._recordings is None:
+                raise _Refusal("recording: no recordings are kept here", Reason.WRONG_VALUE)
+            self._begin_reading(restoration)
+            reading = RecordingBuilder(key.name, self._context.convert)
+            self._recordings.read(key.name, reading, partial(self._take_recording, restoration, key))
+        elif restoration.state is None:
+            self._read(
+                restoration, partial(_parse, self._state, restoration, self._state.plans()), restoration.take_state, now
+            )
+        else:
+            self._carry_out(restoration, restoration.state, now)
+
+    def _begin_reading(self, restoration: _Restoration) -> None:
+        """Hold the client while something is read for it.
+
+        Raises:
+            _Refusal: another restore waits; each one may need much memory.
+        """
         if self._is_reading:
-            raise _Refusal("another restore waits for a map or a recording that is being read", Reason.NOT_NOW)
+            raise _Refusal("another restore waits for what is being read; try again", Reason.NOT_NOW)
         self._is_reading = True
         if restoration.release is None:
             restoration.release = self._context.sync_driver.hold(restoration.call.caller)
-        if missing:
-            library = self._context.library
-            self._reader.read(lambda: _read_maps(library, missing), partial(self._take_maps, restoration), now)
-        else:
-            assert self._recordings is not None
-            assert key is not None, "else nothing is missing"
-            reading = RecordingBuilder(key.name, self._context.convert)
-            self._recordings.read(key.name, reading, partial(self._take_recording, restoration, key))
 
-    def _take_maps(self, restoration: _Restoration, outcome: dict[MapKey, RoadMap] | DocumentError, now: float) -> None:
-        def add() -> None:
-            if isinstance(outcome, DocumentError):
-                raise outcome
-            restoration.maps |= outcome
+    def _read(self, restoration: _Restoration, work: Callable[[], T], take: Callable[[T], None], now: float) -> None:
+        """Have the `Reader` do something, and go on with its result.
 
-        self._go_on(restoration, add, now)
+        Raises:
+            _Refusal: another restore waits.
+        """
+
+        def then(outcome: T | DocumentError, now: float) -> None:
+            def add() -> None:
+                if isinstance(outcome, DocumentError):
+                    raise outcome
+                take(outcome)
+
+            self._go_on(restoration, add, now)
+
+        self._begin_reading(restoration)
+        self._reader.read(work, then, now)
 
     def _take_recording(
         self, restoration: _Restoration, key: RecordingKey, outcome: Recording | DocumentError, now: float
@@ -388,15 +424,18 @@ class Snapshots(Component):
                 release, restoration.release = restoration.release, None
                 release(now)
 
-    def _carry_out(self, restoration: _Restoration, now: float) -> None:
-        head, call, state = restoration.head, restoration.call, restoration.state
+    def _carry_out(self, restoration: _Restoration, state: SavedState, now: float) -> None:
+        head, call = restoration.head, restoration.call
         assert head is not None
-        is_foreign = state is None
-        if state is None:
-            state = self._state.parse(decode(restoration.packed), restoration.find_map)
+        replay, recording = self._replay, self._replay.recording
         if restoration.recording is not None:
-            self._replay.hand_over(restoration.recording)
-        self._state.restore(state, now, expected_hash=head.state_hash if is_foreign else "")
+            replay.hand_over(restoration.recording)
+        self._state.restore(
+            state,
+            now,
+            expected_hash=head.state_hash if restoration.is_foreign else "",
+            before_undo=lambda: replay.hand_over(recording),
+        )
         self._context.barrier.restored(now)
         frame = self._context.world.frame
         _log.info("restored by %s, frame %d", call.caller.name, frame)
@@ -420,9 +459,11 @@ class _Restoration:
     Attributes:
         call: answered in the end.
         user_id: that the client has named.
-        head: of the snapshot.
-        state: of a snapshot that is kept here; None for one that came as bytes.
-        packed: the state of one that came as bytes.
+        data: of a snapshot that came as bytes and is not kept here; empty when it has been decoded.
+        is_foreign: these bytes were not made by this process.
+        plain: the state in them, when they have been decoded.
+        head: of the snapshot; None until then.
+        state: of a snapshot that is kept here, or that has been read and checked.
         maps, recording: what is at hand of the things that it needs.
         release: lets go of the client that is held; None while it is not.
     """
@@ -432,10 +473,25 @@ class _Restoration:
         self.user_id = user_id
         self.head: SnapshotHead | None = None
         self.state: SavedState | None = None
-        self.packed = b""
+        self.data = b""
+        self.is_foreign = False
+        self.plain: PlainData = None
         self.maps: dict[MapKey, RoadMap] = {}
         self.recording: Recording | None = None
         self.release: Callable[[float], None] | None = None
+
+    def take_decoded(self, decoded: tuple[SnapshotHead, PlainData]) -> None:
+        """Take what `_decode` has made of the bytes."""
+        self.head, self.plain = decoded
+        self.data = b""
+
+    def take_maps(self, maps: dict[MapKey, RoadMap]) -> None:
+        """Take maps that were not at hand."""
+        self.maps |= maps
+
+    def take_state(self, state: SavedState) -> None:
+        """Take the state that has been checked."""
+        self.state, self.plain = state, None
 
     @property
     def missing_maps(self) -> list[MapKey]:
@@ -458,6 +514,31 @@ class _Restoration:
         if key not in self.maps:
             raise DocumentError(f"map {key.name[:80]!r}: it is not among those that the snapshot names")
         return self.maps[key]
+
+
+def _decode(data: bytes) -> tuple[SnapshotHead, PlainData]:
+    """Return the head of a snapshot, and its state as plain data; in a thread of its own, as a rule.
+
+    Raises:
+        DocumentError: they are no snapshot, or a damaged one.
+    """
+    head, packed = unpack(data)
+    return head, decode(packed)
+
+
+def _parse(node_state: NodeState, restoration: _Restoration, plans: Plans) -> SavedState:
+    """Return the state of a snapshot, checked; in a thread of its own, as a rule.
+
+    Raises:
+        DocumentError: it is no state of a simulator like this one.
+    """
+    try:
+        state = node_state.parse(restoration.plain, restoration.find_map, plans)
+    except PeerError as error:
+        raise DocumentError(str(error)) from None
+    if restoration.is_foreign:
+        try_out(state)
+    return state
 
 
 def _read_maps(library: Library, keys: Sequence[MapKey]) -> dict[MapKey, RoadMap]:

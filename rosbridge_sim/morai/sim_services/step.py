@@ -53,9 +53,11 @@ class _Commands:
     """The commands of one ego.
 
     Attributes:
+        ego: the ego.
         commands: one for all steps, or one for each.
     """
 
+    ego: Ego
     commands: Sequence[SceneCommand]
 
     def at(self, i: int) -> SceneCommand:
@@ -104,7 +106,7 @@ class _StepCall:
     """One call that is being carried out; see `Steps`.
 
     Attributes:
-        num_left: steps that are still to be done.
+        num_left: steps that are still to be done, with one that has begun.
         num_done: steps done.
         plan: what was asked for.
     """
@@ -118,6 +120,12 @@ class _StepCall:
         self._sampled = [sample for sample in plan.samples if sample.is_sampled]
         self._is_plain = not (plan.commands or plan.watch or self._sampled)
         self._hook = self._after_frame if plan.watch is not None or self._sampled else None
+        self._is_hooked = False
+
+    @property
+    def num_at_once(self) -> int:
+        """Return how many steps need no care between them: all if there is nothing to command or to look at."""
+        return self.num_left if self._is_plain else 1
 
     @property
     def is_wanted(self) -> bool:
@@ -125,28 +133,34 @@ class _StepCall:
         return not self._call.is_done
 
     def before_tick(self) -> None:
-        """Count the step, and have its commands carried out before its first frame."""
-        self.num_left -= 1
+        """Have the commands of a step carried out before its first frame."""
         if self._is_plain:
             return
         context, plan = self._service.context, self.plan
         for commands in plan.commands:
+            commands.ego.commander = self._call.caller
             context.sync.enter(commands.at(self.num_done), context.world.frame)
         if plan.watch is not None:
             plan.watch.begin_tick()
         if self._hook is not None:
             context.hooks.after_frame.append(self._hook)
+            self._is_hooked = True
 
-    def after_tick(self) -> bool:
-        """Count the step as done; return whether a condition to stop is met."""
-        self.num_done += 1
-        if self._hook is None:
-            return False
-        self._service.context.hooks.after_frame.remove(self._hook)
+    def after_ticks(self, num: int) -> bool:
+        """Count steps as done; return whether a condition to stop is met."""
+        self.num_done += num
+        self.num_left -= num
+        self._unhook()
         return self.plan.watch is not None and bool(self.plan.watch.met)
+
+    def _unhook(self) -> None:
+        if self._hook is not None and self._is_hooked:
+            self._is_hooked = False
+            self._service.context.hooks.after_frame.remove(self._hook)
 
     def end(self, result: TickResult) -> None:
         """Answer the caller."""
+        self._unhook()  # a step that was interrupted in its middle has no `after_ticks`
         if self._call.is_done:  # given up, or the caller has left
             return
         self._service.answer(self._call, self, result)
@@ -257,7 +271,7 @@ class StepService(Component):
             num = len(entry.commands)
             if num not in {1, request.n}:
                 raise FieldError(f"{where}.commands: expected 1 or n = {request.n} commands, got {num}")
-            egos[ego] = _Commands([self._read_command(ego, command, call) for command in entry.commands])
+            egos[ego] = _Commands(ego, [self._read_command(ego, command, call) for command in entry.commands])
             if ego.is_replayed:
                 self.context.warnings.warn(
                     call.caller, f"{call.service.name}: commands move nothing while a recording is replayed"

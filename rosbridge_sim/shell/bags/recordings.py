@@ -24,7 +24,7 @@ from rosbridge_sim.shell.bags.bag_reader import read_recording
 from rosbridge_sim.shell.files.definitions import Texts
 from rosbridge_sim.shell.files.sensor_data_store import OWN_NAME
 
-__all__ = ["REPLAY_FOLDER", "DiskRecordings", "find_recording"]
+__all__ = ["REPLAY_FOLDER", "DiskRecordings", "find_recording", "list_recordings"]
 
 REPLAY_FOLDER: Final = "Replay"
 """Folder for recordings within the data folder."""
@@ -148,7 +148,7 @@ def find_recording(folder: Path, name: str) -> Path:
             raise DocumentError(f"{name[:80]!r} leads out of --data-dir")
         if _is_bag(path):
             return path
-    known = ", ".join(_known(folder)) or "none"
+    known = ", ".join(name for name, _ in list_recordings(folder)[:MAX_RECORDINGS_LISTED]) or "none"
     raise DocumentError(f"no recording {name[:80]!r} in --data-dir ({folder}); known are {known}")
 
 
@@ -167,11 +167,16 @@ def _is_bag(path: Path) -> bool:
     return False
 
 
-def _known(folder: Path) -> list[str]:
-    """Return some of the existing names, for an error text."""
-    names = []
+def list_recordings(folder: Path) -> list[tuple[str, Path]]:
+    """Return the recordings of a data folder: the name for `find_recording`, and the file or folder, sorted by path.
+
+    Args:
+        folder: the data folder; it need not exist.
+    """
+    found: dict[str, Path] = {}
     for base in (folder / REPLAY_FOLDER, folder):
         with suppress(OSError):
-            found = sorted([*base.glob("*.bag"), *base.glob("*.mcap"), *base.glob("*/metadata.yaml")])
-            names += [path.parent.name if path.name == "metadata.yaml" else path.name for path in found]
-    return list(dict.fromkeys(names))[:MAX_RECORDINGS_LISTED]
+            for path in sorted([*base.glob("*.bag"), *base.glob("*.mcap"), *base.glob("*/metadata.yaml")]):
+                place = path.parent if path.name == "metadata.yaml" else path
+                found.setdefault(place.name, place)
+    return list(found.items())

@@ -21,8 +21,12 @@ class SimulatorOptions(TypedDict, total=False):
     keyfile: str | Path | None
     port_file: str | Path | None
     listen: bool
+    page: bool
+    open: bool
+    page_frame_ancestors: Sequence[str] | str
     attach: Sequence[str] | str
     attach_sockets: Literal["one", "per-topic"]
+    scene: bool
     attach_retry: float
     token: str | None
     allow_origin: Sequence[str] | str

@@ -15,6 +15,7 @@ from rosbridge_sim.shell.config.value_types import (
     FILE,
     FOLDER_TYPE,
     FOLDERS,
+    FRAMES,
     HOSTS,
     ORIGINS,
     PATTERNS,
@@ -107,6 +108,20 @@ class Settings:
         text="accept clients on --port; with --no-listen the simulator is reachable through --attach only",
     )
 
+    page: bool = _flag(
+        default=True,
+        group=_LISTEN,
+        kind=SWITCH,
+        text="serve a web page at http://HOST:PORT/ that shows and controls the simulation",
+    )
+    open: bool = _flag(default=False, group=_LISTEN, kind=SWITCH, text="open that page in a browser at the start")
+    page_frame_ancestors: tuple[str, ...] = _flag(
+        (),
+        _LISTEN,
+        FRAMES,
+        "web pages that may show that page in a frame, such as https://school.example; repeatable; without it none",
+    )
+
     attach: tuple[str, ...] = _flag(
         (),
         _ATTACH,
@@ -119,6 +134,12 @@ class Settings:
         choice_of("one", "per-topic"),
         "sockets to each bridge: one, so that the topics of a tick arrive before its answer, or one for each topic and"
         " service",
+    )
+    scene: bool = _flag(
+        default=False,
+        group=_ATTACH,
+        kind=SWITCH,
+        text="publish the scene there, too, for RViz: /sim/scene/map and /sim/scene/objects",
     )
     attach_retry: float = _flag(
         10.0, _ATTACH, period(0.1, 3_600.0), "longest wait between two attempts to connect to a bridge"

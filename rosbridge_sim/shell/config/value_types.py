@@ -21,6 +21,7 @@ __all__ = [
     "FILE",
     "FOLDERS",
     "FOLDER_TYPE",
+    "FRAMES",
     "HOSTS",
     "ORIGINS",
     "PATTERNS",
@@ -291,6 +292,21 @@ def _read_hosts(value: object) -> tuple[str, ...]:
 
 
 HOSTS = ValueType("host names without blanks, such as sim or *.lab.example", _read_hosts, "HOST", ",")
+
+
+def _read_frames(value: object) -> tuple[str, ...]:
+    origins = _read_patterns(value)
+    if not all(_FRAME.fullmatch(origin) for origin in origins):
+        raise ValueError
+    return origins
+
+
+_FRAME = re.compile(
+    r"https?://(?:\*\.)?[\w.-]+(?::(?:[0-9]{1,5}|\*))?|https?://\[[0-9a-fA-F:.]+\](?::[0-9]{1,5})?", re.ASCII
+)
+"""A source of the Content-Security-Policy with a scheme; nothing else may enter that header."""
+
+FRAMES = ValueType("origins of web pages, such as https://*.example.org", _read_frames, "ORIGIN", ",")
 
 
 def _read_urls(value: object) -> tuple[str, ...]:

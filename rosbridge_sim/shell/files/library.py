@@ -153,9 +153,24 @@ class DiskLibrary:
 
     def scenario_names(self) -> list[str]:
         """Return some of the names that `scenario` accepts, in order of search, for error texts."""
+        return self.all_scenario_names()[:MAX_NAMES_LISTED]
+
+    def all_scenario_names(self) -> list[str]:
+        """Return the names that `scenario` accepts, in order of search."""
         own = [name for folder in self._folders for name in _names_in(folder)]
         opening = [] if self._opening is None else [self._opening.name.removesuffix(".json")]
-        return list(dict.fromkeys([*own, *opening, *_names_in(DATA / "scenarios")]))[:MAX_NAMES_LISTED]
+        return list(dict.fromkeys([*own, *opening, *_names_in(DATA / "scenarios")]))
+
+    def scenario_path(self, name: str) -> Path:
+        """Return the file of a scenario.
+
+        Args:
+            name: NAME or MAP/NAME.
+
+        Raises:
+            DocumentError: there is none, or the name leads out of the folders.
+        """
+        return self._find_scenario(name)
 
     def map(self, name: str) -> RoadMap:
         """Return the map that a scenario names, or the one that replaces all maps.
@@ -167,8 +182,19 @@ class DiskLibrary:
             DocumentError: there is no such map, or a file cannot be used.
         """
         folder = self.map_folder(name)
-        files = [folder / name for name in _map_files(folder)]
-        return self._cache.get("map", folder, files, lambda: read_map(read_folder(folder), str(folder)))
+        return self._cache.get("map", folder, self.map_files(name), lambda: read_map(read_folder(folder), str(folder)))
+
+    def map_files(self, name: str) -> list[Path]:
+        """Return the files of a map.
+
+        Args:
+            name: name of the map.
+
+        Raises:
+            DocumentError: there is no such map.
+        """
+        folder = self.map_folder(name)
+        return [folder / name for name in _map_files(folder)]
 
     def map_folder(self, name: str) -> Path:
         """Return the folder of a map, or of the one that replaces all maps.

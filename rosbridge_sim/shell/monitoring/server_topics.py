@@ -3,6 +3,7 @@
     /client_count        number of connected clients; latched, at each change
     /connected_clients   their addresses and times of connection; latched, at each change
     /sim/clients         traffic and unread bytes of each client; once a second while it has a subscriber
+    /sim/topics          all topics with rate, size, publishers and subscribers; once a second while it has a subscriber
     /sim/refusals        the last mistakes of clients, with reasons; latched, at changes, at most ten times a second
     /rosout              log lines of this process from level info on; clients may publish there, too
 
@@ -18,20 +19,26 @@ from typing import Literal
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer_base import WEBSOCKET_NODE_NAME
+from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.graph.ways import PolicyEffect, Use, Way
 from rosbridge_sim.loose_types import JsonValue, Struct
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.monitoring.refusals import RefusalLog, escape
+from rosbridge_sim.shell.monitoring.topic_report import TopicReport
 from rosbridge_sim.shell.websocket.client import Client
 from rosbridge_sim.shell.websocket.server import Server
 
 __all__ = ["TOPICS", "WHO_IS_CONNECTED", "ServerTopics"]
 
-TOPICS = ("/client_count", "/connected_clients", "/sim/clients", "/rosout", "/sim/refusals")
+TOPICS = ("/client_count", "/connected_clients", "/sim/clients", "/rosout", "/sim/refusals", "/sim/topics")
 """Names of all these topics."""
 
-WHO_IS_CONNECTED = PolicyEffect("learn who is connected", tuple(Way(Use.SUBSCRIBE, name) for name in TOPICS))
+WHO_IS_CONNECTED = PolicyEffect(
+    "learn who is connected",
+    tuple(Way(Use.SUBSCRIBE, name) for name in TOPICS),
+    (Way(Use.SUBSCRIBE, "/sim/drivers"),),
+)
 """The other topics that show the same, if clients may not subscribe to one of these."""
 
 REPORT_PERIOD = 1.0
@@ -63,7 +70,12 @@ class ServerTopics:
     name = WEBSOCKET_NODE_NAME
 
     def __init__(
-        self, bus: Bus, server: Server, loop: asyncio.AbstractEventLoop, refusals: RefusalLog | None = None
+        self,
+        bus: Bus,
+        server: Server,
+        loop: asyncio.AbstractEventLoop,
+        refusals: RefusalLog | None = None,
+        policy: Policy = OPEN,
     ) -> None:
         """Advertise the topics and follow the server's clients and this process's log, until `stop`.
 
@@ -72,14 +84,17 @@ class ServerTopics:
             server: the server with the clients.
             loop: runs the timers.
             refusals: the refused requests of clients; None creates a new list.
+            policy: the rights of clients; `/sim/topics` tells only what it allows.
         """
         self.bus = bus
         self._server = server
         self._loop = loop
-        count, connected, clients, log, refused = TOPICS
+        count, connected, clients, log, refused, topics = TOPICS
         self._count = self._advertise(count, "std_msgs/Int32", depth=1, is_exclusive=True)
         self._connected = self._advertise(connected, "rosbridge_msgs/ConnectedClients", depth=1, is_exclusive=True)
         self._clients = self._advertise(clients, "rosbridge_sim_msgs/Clients", is_exclusive=True)
+        self._topics = self._advertise(topics, "rosbridge_sim_msgs/Topics", is_exclusive=True)
+        self._topic_report = TopicReport(bus, policy)
         self._log = _LogTopic(self, self._advertise(log, _LOG_TYPES[bus.store.ros]), bus.store.ros, loop)
         logging.getLogger("rosbridge_sim").addHandler(self._log)
         self._refused = self._advertise(refused, "rosbridge_sim_msgs/Refusals", depth=1, is_exclusive=True)
@@ -98,6 +113,7 @@ class ServerTopics:
     def stop(self) -> None:
         """Stop all messages."""
         self._timer.cancel()
+        self._topic_report.stop()
         if self._refusals_timer is not None:
             self._refusals_timer.cancel()
         self._refusals.on_change = lambda: None
@@ -182,6 +198,14 @@ class ServerTopics:
         self._timer = self._loop.call_later(REPORT_PERIOD, self._tick)
         if self._clients.has_listener:
             self.bus.guard.attempt("the report on clients", self._tell_statuses)
+        if self._topics.has_listener:
+            self.bus.guard.attempt("the report on topics", self._tell_topics)
+        else:
+            self._topic_report.stop()
+
+    def _tell_topics(self) -> None:
+        fields = self._topic_report.take(tuple(self._server.clients), self._loop.time())
+        self.publish(self._topics, header=self.stamp(), **fields)
 
     def _tell_statuses(self) -> None:
         statuses = []

@@ -32,6 +32,7 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.shell.map_page import MapText
+from rosbridge_sim.shell.page.web_page import PATHS, WebPage
 from rosbridge_sim.shell.websocket.access import Refusal
 from rosbridge_sim.shell.websocket.client import Client
 from rosbridge_sim.shell.websocket.connections import (
@@ -41,6 +42,16 @@ from rosbridge_sim.shell.websocket.connections import (
     ServedConnection,
     address_of,
     make_connection,
+)
+from rosbridge_sim.shell.websocket.http_answers import (
+    JSON_KIND,
+    accepts,
+    answer_file,
+    answer_with,
+    is_upgrade,
+    links_of,
+    method_of,
+    not_allowed,
 )
 from rosbridge_sim.shell.websocket.inflate import (
     LateDeflateFactory,
@@ -86,6 +97,7 @@ class Server:
             there is no such page.
         ask_map: called for `/map.json` with the `If-None-Match` header; returns the text once it is written, or None if
             the settings switch it off. None if there is no such page.
+        page: the web page at `/`; None if there is none.
         num_bugs: number of frames and requests that failed by an internal error; each is in the log with its traceback.
             Errors counted by the bus's guard are not included.
         port: the real port, after the start.
@@ -108,6 +120,7 @@ class Server:
         self.describe: Callable[[], Mapping[str, object]] = dict
         self.render_metrics: Callable[[str], Awaitable[tuple[bytes, str]]] | None = None
         self.ask_map: Callable[[str], asyncio.Future[MapText] | None] | None = None
+        self.page: WebPage | None = None
         self.num_bugs = 0
         self.port = 0
         self.addresses: tuple[str, ...] = ()
@@ -331,11 +344,39 @@ class Server:
     def _judge_root(
         self, connection: ServerConnection, request: Request, path: str
     ) -> Response | Awaitable[Response | None] | None:
-        if path not in {"", "/"}:
-            return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
-        if "Upgrade" not in request.headers:
-            return None  # a browser without an upgrade: the library answers it
-        return self._judge_handshake(connection, request)
+        is_root = path in {"", "/"}
+        if is_root and is_upgrade(request):
+            return self._judge_handshake(connection, request) if "Upgrade" in request.headers else None
+        refusal = not_allowed(connection, request)
+        if is_root and (self.page is None or not accepts(request, "Accept", "text/html")):
+            return refusal or self._tell_links(connection, request)
+        if self.page is not None and (path or "/") in PATHS:
+            return refusal or self._answer_page(connection, request, self.page, path or "/")
+        return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
+
+    async def _answer_page(self, connection: ServerConnection, request: Request, page: WebPage, path: str) -> Response:
+        """Answer with a file of the web page, for which nothing needs to be shown."""
+        try:
+            file = (await asyncio.shield(page.ask()))[path]
+        except Exception:  # noqa: BLE001 - an internal error; see `_process_request`
+            return self._regret_request(connection)
+        return answer_file(connection, request, file, page.headers)
+
+    def _tell_links(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
+        """Answer a program that wants no HTML: name and links, and the version for those who may know it."""
+        pages = {"": self.page, "map.json": self.ask_map, "metrics": self.render_metrics}
+        paths = [*(path for path, part in pages.items() if part is not None), "healthz", "version"]
+        access = self._limits.access
+        body = links_of(paths, has_version=access.is_shown(request))
+        response = answer_with(connection, HTTPStatus.OK, body, JSON_KIND)
+        response.headers["Vary"] = "Accept"
+        if method_of(request) == "HEAD":
+            response.body = b""
+        if access.is_shown(request) or not access.shows_any(request):
+            return response
+        assert isinstance(connection, ServedConnection)
+        self._limit(connection)  # otherwise tokens could be tried here without a delay
+        return _answer_late(connection, response, access.delay)
 
     def _judge_handshake(
         self, connection: ServerConnection, request: Request
@@ -393,7 +434,7 @@ class Server:
         if access.is_shown(request):
             health |= {"version": __version__, **self.describe(), "clients": len(self.clients)}
         code = HTTPStatus.OK if why is None else HTTPStatus.SERVICE_UNAVAILABLE
-        response = _answer(connection, code, f"{json.dumps(health)}\n".encode(), _JSON)
+        response = answer_with(connection, code, f"{json.dumps(health)}\n".encode(), JSON_KIND)
         if access.is_shown(request) or not access.shows_any(request):
             return response
         assert isinstance(connection, ServedConnection)
@@ -404,7 +445,7 @@ class Server:
         """Answer name, version and protocol; with a token set, only to requests that have it."""
         if not self._limits.access.is_shown(request):
             return self._want_token(connection, "/version")
-        return _answer(connection, HTTPStatus.OK, f"{_VERSION}\n".encode(), _JSON)
+        return answer_with(connection, HTTPStatus.OK, f"{_VERSION}\n".encode(), JSON_KIND)
 
     def _tell_metrics(
         self,
@@ -422,7 +463,7 @@ class Server:
             body, content_type = await rendered
         except Exception:  # noqa: BLE001 - an internal error; see `_process_request`
             return self._regret_request(connection)
-        return _answer(connection, HTTPStatus.OK, body, content_type)
+        return answer_with(connection, HTTPStatus.OK, body, content_type)
 
     def _tell_map(
         self,
@@ -456,7 +497,7 @@ class Server:
             for name in ("Content-Type", "Content-Length"):  # they would be those of the text
                 del response.headers[name]
         else:
-            response = _answer(connection, HTTPStatus.OK, text.body, _JSON)
+            response = answer_with(connection, HTTPStatus.OK, text.body, JSON_KIND)
         response.headers["ETag"] = text.etag
         response.headers["Cache-Control"] = "no-cache"  # ask again each time: another scenario may bring another map
         return response
@@ -467,19 +508,6 @@ class Server:
         self._note_refused_token(connection, Reason.NO_TOKEN, "", f"{page} needs the token")
         response = connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
         return self._delay(connection, response)
-
-
-_JSON = "application/json"
-
-
-def _answer(connection: ServerConnection, code: HTTPStatus, body: bytes, content_type: str) -> Response:
-    """Return an answer that is not plain text."""
-    response = connection.respond(code, "")
-    for name, value in (("Content-Type", content_type), ("Content-Length", str(len(body)))):
-        del response.headers[name]
-        response.headers[name] = value
-    response.body = body
-    return response
 
 
 def _extensions(limits: ServerLimits) -> list[ServerExtensionFactory] | None:

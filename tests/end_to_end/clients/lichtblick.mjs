@@ -43,7 +43,7 @@ const respell = (value) =>
       ? Object.fromEntries(Object.entries(inner).map(([key, item]) => [SPELLINGS[key] ?? key, item]))
       : inner,
   )
-const timeOf = ({ header, clock }) => JSON.stringify(header?.stamp ?? clock)
+const timeOf = ({ header, clock, markers }) => JSON.stringify(header?.stamp ?? clock ?? markers.at(-1).header.stamp)
 
 // One message that came both ways.
 const compare = (name) =>

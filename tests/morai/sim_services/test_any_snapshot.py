@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from functools import cache
 from hashlib import blake2b
 from typing import Any
 
@@ -11,15 +12,35 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import PeerError
+from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.morai.snapshot_bytes import CHECKSUM_SIZE
+from tests.morai.memory_recordings import MemoryRecordings
+from tests.morai.replays.replay_harness import FILE, INFO, PAUSE, PLAY, STOP, replay, replay_info_messages
 from tests.morai.sim_harness import ALL, Client, SimHarness, put_egos
-from tests.morai.sim_services.snapshot_fixture import call, hash_of, hear, restore, snapshot
+from tests.morai.sim_services.snapshot_fixture import call, forge, hash_of, hear, restore, snapshot
 
 NUM_FRAMES = 12
 """Frames whose bytes are compared: a decision of the drivers, a change of lights, a few commands."""
 
 EGOS = st.lists(st.sampled_from([0, 2, 3, 7]), min_size=1, max_size=3, unique=True)
 FRAMES = st.integers(0, 15)
+
+PATH = [{"x": 0.0, "y": -5.0}, {"x": 20.0, "y": -5.0}, {"x": 30.0, "y": 5.0}]
+
+OBJECTS: dict[str, dict[str, Any]] = {
+    "a box": {"model": "Box"},
+    "a walker": {"model": "Child", "speed": 1.2, "start_within": 20.0},
+    "a car on a path": {"model": "kia k5", "path": PATH, "speed": 4.0, "loop": True},
+    "a driver": {"model": "kia k5", "behaviour": "lane", "place": {"link": "A1B1", "distance": 3.0}},
+    "an ego": {"is_ego": True, "ego_index": 2},
+}
+CHANGES: dict[str, dict[str, Any]] = {
+    "place": {"set_place": True, "place": {"x": 12.0, "y": 9.0, "heading_deg": 30.0}},
+    "speed": {"set_speed": True, "speed": 3.0},
+    "path": {"set_behaviour": True, "behaviour": "path", "path": PATH},
+    "lane": {"set_place": True, "place": {"link": "A1B1"}, "set_behaviour": True, "behaviour": "lane"},
+    "lamps": {"set_lamps": True, "turn_signal": 2, "emergency_signal": 1},
+}
 
 ACTS = st.one_of(
     st.tuples(st.just("tick"), st.integers(1, 6)),
@@ -37,15 +58,46 @@ ACTS = st.one_of(
     st.tuples(st.just("mode"), st.sampled_from([1, 3, 6])),
     st.tuples(st.just("lamps"), st.integers(0, 2)),
     st.tuples(st.just("sensor"), st.floats(-2, 2)),
+    st.tuples(st.just("step"), st.integers(1, 6), st.sampled_from(["", "stop_on_collision", "stop_off_road"])),
+    st.tuples(st.just("put"), st.sampled_from(sorted(OBJECTS)), st.floats(-20, 60)),
+    st.tuples(st.just("change"), st.integers(0, 12), st.sampled_from(sorted(CHANGES))),
+    st.tuples(st.just("take away"), st.integers(1, 12)),
+    st.tuples(st.just("score"), st.booleans()),
+    st.tuples(st.just("light"), st.sampled_from([-1, 1, 4, 16])),
+    st.tuples(st.just("phase"), st.integers(0, 1)),
+    st.tuples(st.just("play"), st.sampled_from(["drive", "short"]), st.integers(1, 7)),
+    st.tuples(st.just("stop playing")),
+    st.tuples(st.just("pause playing")),
+    st.tuples(st.just("mirror"), st.integers(0, 3)),
+    st.tuples(st.just("join"), st.sampled_from(["a", "b"])),
+    st.tuples(st.just("leave"), st.sampled_from(["a", "b"])),
+    st.tuples(st.just("forged")),
 )
+
+
+@cache
+def recordings(release: str) -> MemoryRecordings:
+    """Recordings `drive` and `short`, and what a client would publish to have them mirrored, as `info`."""
+    recordings, harness = MemoryRecordings(), SimHarness(release=release)
+    recordings.record(harness.bus, "drive", "/Ego_topic", "/Object_topic")
+    harness.run(1.0)
+    recordings.messages["short"] = recordings.messages["drive"][:6]
+    infos = SimHarness("parked", release=release, recordings=recordings)
+    recordings.record(infos.bus, "info", INFO)
+    player = infos.client()
+    assert replay(player, PLAY, FILE, "drive")
+    infos.run(0.1)
+    return recordings
 
 
 class Run:
     """A simulator and what was saved of it."""
 
     def __init__(self, release: str) -> None:
-        self.harness = SimHarness("crossing", start="sync", release=release)
-        self.client = self.harness.client()
+        self.harness = SimHarness("crossing", start="sync", release=release, recordings=recordings(release))
+        self.infos = replay_info_messages(recordings(release))
+        self.client, self.source = self.harness.client(), self.harness.client()
+        self.members: dict[str, Client] = {}
         self.client.start()
         self.egos(self.client, [2, 3, 7])  # so that their topics are there to be listened to
         self.listener = hear(self.harness, *(f"/Ego-{i}/{name}" for i in (2, 3, 7) for name in ("Ego_topic", "gps")))
@@ -60,9 +112,35 @@ class Run:
         with suppress(PeerError):  # a number that is an ego's, a lane that is not there: not what this is about
             act(self.client, *args)
 
+    @property
+    def user_id(self) -> str:
+        """The id that may restore: of a member of the barrier, or of the master."""
+        return next(iter(self.members), "me")
+
     def tick(self, client: Client, num: int) -> None:
         for _ in range(num):
-            client.tick()
+            if not self.members:
+                client.tick()
+            answers: list[Answer] = []
+            for name, member in self.members.items():
+                request = {"request": {"user_id": name}}
+                self.harness.bus.call(member, "/SyncModeWaitForTick", request, answers.append, now=self.harness.now)
+            assert len(answers) == len(self.members), "all ticks are answered with the last of them"
+
+    def join(self, client: Client, name: str) -> None:
+        if not self.members:
+            client.stop()
+        member = self.harness.client()
+        member.now = self.harness.now
+        if call(member, "/sim/barrier/join", user_id=name).result:
+            self.members[name] = member
+
+    def leave(self, client: Client, name: str) -> None:
+        if name not in self.members:
+            return
+        assert call(self.members.pop(name), "/sim/barrier/leave", user_id=name).result
+        if not self.members:
+            client.start()
 
     def snapshot(self, client: Client) -> None:
         """Save, and keep what follows; then go back, so that the order of the acts stays what it is."""
@@ -70,25 +148,91 @@ class Run:
         assert response.state_hash == hash_of(client)
         following = self.follow()
         self.saved.append((response.id, bytes(response.data), response.state_hash, following))
-        assert restore(client, response.id).result
+        self.go_back(response.id)
 
     def restore(self, client: Client, which: int, is_data: bool) -> None:  # noqa: FBT001 - of ACTS
         if not self.saved:
             return
         name, data, state_hash, following = self.saved[which % len(self.saved)]
-        response = restore(client, data if is_data else name)
-        assert (response.message, response.state_hash) == ("", state_hash)
-        assert hash_of(client) == state_hash
+        assert self.go_back(data if is_data else name).state_hash == state_hash
         again = snapshot(client)
-        assert bytes(again.data) == data, "what is saved again has the same bytes"
+        if again.state_hash == state_hash:  # else a pause was ended, and a replay tells so
+            assert bytes(again.data) == data, "what is saved again has the same bytes"
         assert self.follow() == following
-        assert restore(client, again.id).result
+        self.go_back(again.id)
         call(client, "/sim/snapshots", remove=[again.id])
 
+    def go_back(self, saved: str | bytes) -> Any:  # noqa: ANN401 - a generated struct
+        """Restore, and end a pause, which is no part of a snapshot."""
+        response = restore(self.client, saved, self.user_id)
+        assert response.message == ""
+        assert hash_of(self.client) == response.state_hash
+        self.resume()
+        return response
+
+    def resume(self) -> None:
+        if self.harness.node.sync.is_paused:
+            self.client.ask("/Service_MoraiEventCmd", option=8, set_pause=False)
+
     def follow(self) -> list[bytes]:
+        """Go on; all that is heard meanwhile. The name of the master is no part of a snapshot."""
         self.listener.raw.clear()
         self.tick(self.client, NUM_FRAMES)
-        return [*self.listener.raw, hash_of(self.client).encode()]
+        self.resume()
+        heard = [raw.replace(b'"/sim/barrier"', b'"me"') for raw in self.listener.raw]
+        return [*heard, hash_of(self.client).encode()]
+
+    def forged(self, client: Client) -> None:
+        """Restore what is refused only when all of it has been put into place: nothing changes."""
+        response = snapshot(client, "forged")
+
+        def change(_head: object, state: Any) -> None:  # noqa: ANN401 - plain data
+            state["next_uid"] += 1
+
+        for one in [(response.id, bytes(response.data)), *[(name, data) for name, data, _, _ in self.saved]]:
+            assert "another state" in restore(client, forge(one[1], change), self.user_id).message
+            assert hash_of(client) == response.state_hash
+        call(client, "/sim/snapshots", remove=["forged"])
+
+    def step(self, client: Client, n: int, stop: str) -> None:
+        stops = {stop: True} if stop else {}
+        commands = [{"ego": 0, "commands": [{"longlCmdType": 1, "accel": 0.5, "steering": 0.1}]}]
+        with suppress(AssertionError):  # a call that is refused, with two members say
+            call(client, "/sim/step", user_id=self.user_id, n=n, commands=commands, **stops)
+
+    def put(self, client: Client, name: str, x: float) -> None:
+        call(client, "/sim/spawn", objects=[{"place": {"x": x, "y": 6.0}, **OBJECTS[name]}])
+
+    def change(self, client: Client, uid: int, what: str) -> None:
+        call(client, "/sim/set", objects=[{"unique_id": uid, **CHANGES[what]}])
+
+    def take_away(self, client: Client, uid: int) -> None:
+        call(client, "/sim/remove", unique_ids=[uid])
+
+    def score(self, client: Client, is_reset: bool) -> None:  # noqa: FBT001 - of ACTS
+        call(client, "/sim/score", reset=is_reset)
+
+    def light(self, client: Client, status: int) -> None:
+        lights = {"trafficLightIndex": "C1", "trafficLightStatus": status}
+        client.send("/SetTrafficLight", "morai_msgs/SetTrafficLight", **lights)
+
+    def phase(self, client: Client, phase: int) -> None:
+        client.send("/InsnControl", "morai_msgs/IntersectionControl", intersection_index=13, intersection_status=phase)
+
+    def play(self, client: Client, name: str, targets: int) -> None:
+        del targets
+        replay(client, PLAY, FILE, name)
+
+    def stop_playing(self, client: Client) -> None:
+        replay(client, STOP)
+
+    def pause_playing(self, client: Client) -> None:
+        replay(client, PAUSE)
+        self.resume()
+
+    def mirror(self, client: Client, i: int) -> None:
+        del client
+        self.source.send(INFO, "morai_msgs/ReplayInfo", **self.infos[i])
 
     def reset(self, client: Client, seed: int) -> None:
         call(client, "/sim/reset", seed=seed)
@@ -152,8 +296,24 @@ def check(release: str, acts: list[tuple[Any, ...]]) -> None:
         [("egos", [0, 2]), ("load later", "crowd", 4), ("snapshot",), ("tick", 6), ("restore", 0, True)],
         [("mode", 6), ("tick", 5), ("snapshot",), ("load", "elsewhere", True), ("restore", 0, False), ("reset", 5)],
         [("ghost", 40, 3.0), ("tick", 3), ("ghost", 40, 4.0), ("snapshot",), ("ghost", 40, 9.0), ("restore", 0, True)],
+        [("load later", "crossing", 6), ("load", "crossing", True), ("tick", 2), ("snapshot",), ("restore", 0, True)],
+        [("snapshot",), ("play", "drive", 7), ("tick", 3), ("forged",), ("snapshot",), ("stop playing",), ("forged",)],
+        [("mirror", 0), ("tick", 1), ("snapshot",), ("forged",), ("mirror", 2)],
+        [
+            ("join", "a"),
+            ("join", "b"),
+            ("tick", 2),
+            ("snapshot",),
+            ("leave", "a"),
+            ("restore", 0, False),
+            ("step", 3, ""),
+        ],
+        [("score", False), ("put", "a driver", 3.0), ("put", "an ego", 9.0), ("step", 5, "stop_on_collision")],
     ],
-    ids=["egos and a load", "self-driving and a map", "ghosts"],
+    ids=[
+        *("egos and a load", "self-driving and a map", "ghosts", "same map twice", "refused in a replay"),
+        *("refused while mirroring", "barrier", "scores"),
+    ],
 )
 def test_hash_and_bytes_come_back(release: str, acts: list[tuple[Any, ...]]) -> None:
     check(release, acts)

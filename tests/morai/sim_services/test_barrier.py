@@ -226,6 +226,27 @@ def test_reset_refuses_the_ticks_that_wait_and_answers_with_frame_0() -> None:
     assert harness.node.context.barrier.status().members == ["a", "b"]
 
 
+def test_tick_of_several_frames_is_divided_over_turns() -> None:
+    harness = SimHarness()
+    a, b = harness.client(), harness.client()
+    assert join(a, "a", time_step=200)["result"]
+    assert join(b, "b")["result"]
+    clock = iter(range(1_000))
+    harness.node.context.sync_driver.read_clock = lambda: float(next(clock))
+    first, second = tick(a, harness, "a"), tick(b, harness, "b")
+    ahead = tick(a, harness, "a")
+    for frame in range(1, 10):
+        assert (harness.world.frame, first, second) == (frame, [], [])
+        harness.node.advance(harness.now)
+    for (response,) in (first, second):
+        assert isinstance(response, dict)
+        assert (response["tick_status"], response["frame"]) == (True, 10)
+    assert ahead == []
+    last = tick(b, harness, "b")
+    harness.run(0.0)
+    assert (len(ahead), len(last), harness.world.frame) == (1, 1, 20)
+
+
 def test_steps_of_one_call_are_for_the_only_member() -> None:
     _, (a, b) = members("a", "b")
     refused = values(a.call("/sim/step", {"user_id": "a", "n": 5}))

@@ -132,6 +132,171 @@ def test_many_steps_are_done_in_turns_and_answered_after_the_last() -> None:
     assert harness.node.sync.state.name == "LED"
 
 
+def test_frames_of_one_step_are_divided_over_turns() -> None:
+    harness, client = in_sync(time_step=1_000)
+    harness.node.context.sync_driver.read_clock = Turns()
+    answers = ask(client, harness, user_id="me", n=2, topics=["/Ego_topic"])
+    for frame in range(1, 100):
+        assert (harness.world.frame, answers) == (frame, [])
+        assert harness.node.next_due(harness.now) == harness.now
+        harness.node.advance(harness.now)
+    assert (values(answers[0])["steps"], harness.world.frame, harness.node.num_ticks) == (2, 100, 2)
+    assert harness.node.next_due(harness.now) is None
+
+
+@pytest.mark.parametrize("looks", [1, 3, 7])
+def test_frames_of_one_turn_are_bounded_by_the_clock(looks: int) -> None:
+    harness, client = in_sync(time_step=200)
+    harness.node.context.sync_driver.read_clock = Turns(looks)
+    answers = ask(client, harness, user_id="me", n=6)
+    numbers = [harness.world.frame]
+    while not answers:
+        before = harness.world.frame
+        harness.node.advance(harness.now)
+        numbers.append(harness.world.frame - before)
+    assert set(numbers[:-1]) == {looks}
+    assert sum(numbers) == 60
+
+
+def test_tick_of_several_frames_is_divided_over_turns_and_gives_the_same_bytes() -> None:
+    one, whole = in_sync(200)
+    other, divided = in_sync(200)
+    for client in (whole, divided):
+        client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(0, 5))
+    heard = [Listener(harness) for harness in (one, other)]
+    other.node.context.sync_driver.read_clock = Turns()
+    for i in range(5):
+        for harness, client in ((one, whole), (other, divided)):
+            client.control(harness.world.frame + 4, **command(i))
+        at_once = whole.tick()
+        ticks = wait_for_tick(divided, other)
+        assert (ticks, other.world.frame) == ([], 10 * i + 1)
+        other.run(0.0)
+        assert values(ticks[0])["response"] == at_once
+    assert one.world.digest() == other.world.digest()
+    assert (heard[0].num, heard[0].hash.digest()) == (heard[1].num, heard[1].hash.digest())
+
+
+def wait_for_tick(client: Client, harness: SimHarness) -> list[Answer]:
+    ticks: list[Answer] = []
+    harness.bus.call(client, "/SyncModeWaitForTick", {"request": {"user_id": "me"}}, ticks.append, now=harness.now)
+    return ticks
+
+
+def test_commands_of_others_wait_for_the_frame_behind_a_tick_that_has_begun() -> None:
+    harness, client = in_sync(time_step=200)
+    harness.node.context.sync_driver.read_clock = Turns()
+    ticks = wait_for_tick(client, harness)
+    assert harness.client().control(2, longlCmdType=1, accel=1.0)
+    harness.run(0.0)
+    assert values(ticks[0])["response"]["vehicle_status"]["accel"] == 0.0
+    harness.node.context.sync_driver.read_clock = None
+    assert client.tick()["vehicle_status"]["accel"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("service", "request_"),
+    [
+        ("/Service_MoraiEventCmd", {"request": {"option": 8, "set_pause": True}}),
+        ("/SyncModeCmd", {"request": {"user_id": "me", "start_sync_mode": False}}),
+        ("/sim/reset", {"seed": -1}),
+    ],
+)
+def test_other_event_ends_a_tick_behind_a_frame(service: str, request_: dict[str, Any]) -> None:
+    harness, client = in_sync(time_step=200)
+    harness.node.context.sync_driver.read_clock = Turns()
+    steps = ask(client, harness, user_id="me", n=3, stop_on_collision=True, topics=["/gps"])
+    ticks = wait_for_tick(client, harness)
+    for _ in range(14):
+        harness.node.advance(harness.now)
+    other = harness.client()
+    other.now = harness.now
+    assert other.call(service, request_).is_ok
+    response = values(steps[0])
+    assert (response["result"], response["steps"], response["stopped_by"]) == (False, 1, "interrupted")
+    assert response["frame"] == (0 if "reset" in service else 15)
+    assert not values(ticks[0])["response"]["tick_status"]
+    assert harness.node.sync.num_ticks == 0
+    assert not harness.node.sync.is_in_tick
+    other.ask("/Service_MoraiEventCmd", option=8, set_pause=False)
+    harness.node.context.sync_driver.read_clock = None
+    client.start(time_step=40)
+    assert client.tick()["frame"] == response["frame"] + 2
+
+
+def test_interrupted_step_looks_at_no_later_frame() -> None:
+    harness, client = in_sync(time_step=200)
+    hooks = len(harness.node.context.hooks.after_frame)
+    harness.node.context.sync_driver.read_clock = Turns()
+    ask(client, harness, user_id="me", n=3, stop_on_collision=True)
+    assert len(harness.node.context.hooks.after_frame) == hooks + 1
+    harness.client().call("/sim/reset", {"seed": -1})
+    assert len(harness.node.context.hooks.after_frame) == hooks
+
+
+def test_tick_in_which_a_scenario_pauses_is_computed_to_its_end() -> None:
+    harness, client = in_sync(time_step=200)
+    assert client.ask("/SyncModeScenarioLoad", file_name="parked", frame=3, set_pause=True, **ALL)["result"]
+    harness.node.context.sync_driver.read_clock = Turns()
+    ticks = wait_for_tick(client, harness)
+    for _ in range(2):
+        harness.node.advance(harness.now)
+    assert (harness.world.frame, values(ticks[0])["response"]["tick_status"]) == (10, True)
+    assert harness.node.sync.state.name == "LED_PAUSED"
+
+
+def test_caller_that_leaves_in_the_middle_of_a_step_has_that_step_finished() -> None:
+    harness, client = in_sync(time_step=100)
+    harness.node.context.sync_driver.read_clock = Turns()
+    second = harness.client()
+    answers = ask(second, harness, user_id="me", n=10)
+    assert client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=100)["result"]
+    second.leave()
+    harness.run(0.0)
+    assert (answers, harness.world.frame, harness.node.sync.state.name) == ([], 5, "LED")
+
+
+def test_objects_of_others_come_behind_a_tick_that_has_begun() -> None:
+    harness, client = in_sync(time_step=200)
+    harness.node.context.sync_driver.read_clock = Turns()
+    ticks = wait_for_tick(client, harness)
+    spawns: list[Answer] = []
+    box = {"model": "Child", "place": {"x": 100.0, "y": 300.0}}
+    harness.bus.call(harness.client(), "/sim/spawn", {"objects": [box]}, spawns.append, now=harness.now)
+    gone = harness.client()
+    harness.bus.call(gone, "/sim/spawn", {"objects": [box]}, spawns.append, now=harness.now)
+    gone.leave()
+    num = len(harness.world)
+    assert (spawns, ticks) == ([], [])
+    for _ in range(8):
+        harness.node.advance(harness.now)
+    assert (spawns, ticks, len(harness.world)) == ([], [], num)
+    harness.node.advance(harness.now)
+    assert (values(spawns[0])["result"], len(spawns), len(harness.world)) == (True, 1, num + 1)
+    assert harness.world.frame == 10
+    ticks = wait_for_tick(client, harness)
+    harness.bus.call(harness.client(), "/sim/spawn", {"objects": [box]}, spawns.append, now=harness.now)
+    client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+    assert (values(spawns[1])["result"], len(harness.world)) == (True, num + 2)
+
+
+def test_snapshot_between_two_frames_of_a_tick_goes_on_to_the_same_bits() -> None:
+    harness, client = in_sync(time_step=200)
+    harness.node.context.sync_driver.read_clock = Turns()
+    client.control(1, longlCmdType=2, velocity=20.0)
+    ticks = wait_for_tick(client, harness)
+    taken = values(client.call("/sim/snapshot", {"id": "middle"}))
+    assert (taken["frame"], ticks) == (1, [])
+    assert "waiting for their turn" in values(client.call("/sim/restore", {"user_id": "me", "id": "middle"}))["message"]
+    harness.run(0.0)
+    end = harness.world.digest()
+    assert values(client.call("/sim/restore", {"user_id": "me", "id": "middle"}))["frame"] == 1
+    harness.node.context.sync_driver.read_clock = None
+    client.start(time_step=180)
+    client.tick()
+    assert harness.world.digest() == end
+
+
 def test_without_a_clock_all_steps_are_done_within_the_call() -> None:
     _, client = in_sync()
     assert step(client, MAX_STEPS)["frame"] == MAX_STEPS

@@ -77,6 +77,7 @@ OTHER: dict[str, object] = {
     "listen": False,
     "attach": ("ws://a:9090", "wss://b/?token=abc"),
     "attach_sockets": "per-topic",
+    "scene": True,
     "attach_retry": 2.5,
     "service_timeout": 3.0,
     "max_frame_size": 2**20,
@@ -93,6 +94,9 @@ OTHER: dict[str, object] = {
     "log_level": "debug",
     "log_format": "json",
     "port_file": "/run/port.txt",
+    "page": False,
+    "open": True,
+    "page_frame_ancestors": ("https://*.example.org", "http://[::1]:8080"),
 }
 """A value other than the default for every setting that has one."""
 

@@ -7,16 +7,29 @@ import json
 import logging
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
+from typing import Any, cast
 
 import pytest
 import pytest_asyncio
 
+from rosbridge_sim.graph.policy import OPEN, Policy, Rule
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.monitoring.server_topics import ServerTopics
+from rosbridge_sim.shell.monitoring.topic_report import TopicReport
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.server import Server
 from tests.graph.bus_fixture import make_bus
 from tests.support import Client, mask, open_raw
+
+
+class Owner:
+    """A publisher."""
+
+    name = "/owner"
+
+    def notify(self, level: str, text: str) -> None:
+        raise AssertionError((level, text))
 
 
 @pytest_asyncio.fixture
@@ -168,3 +181,57 @@ async def test_failing_rosout_publication_does_not_fail_the_writer(sim: Simulato
         logging.getLogger("rosbridge_sim.app").warning("a line")
         assert await client.settle() == []
         assert sim.num_bugs == 1
+
+
+async def test_topics_tell_types_traffic_and_clients_while_somebody_listens(sim: Simulator) -> None:
+    assert sim.bus is not None
+    async with await Client.open(sim.url) as talker, await Client.open(sim.url) as listener:
+        await talker.send("advertise", topic="/chatter", type="std_msgs/String")
+        await listener.subscribe("/chatter", type="std_msgs/String")
+        await listener.subscribe("/sim/topics")
+        first = await listener.message("/sim/topics")
+        (chatter,) = [each for each in first["topics"] if each["name"] == "/chatter"]
+        assert (chatter["rate"], chatter["size"], chatter["bytes_per_second"]) == (-1.0, 0, 0.0)
+        for _ in range(10):
+            await talker.send("publish", topic="/chatter", msg={"data": "hello"})
+        (chatter,) = [each for each in (await listener.message("/sim/topics"))["topics"] if each["name"] == "/chatter"]
+        assert (chatter["type"], chatter["size"], chatter["dropped"]) == ("std_msgs/String", len('{"data":"hello"}'), 0)
+        assert 0.0 < chatter["rate"] <= 11.0
+        assert chatter["bytes_per_second"] == chatter["rate"] * chatter["size"]
+        assert [len(chatter[side]) for side in ("publishers", "subscribers")] == [1, 1]
+        assert chatter["publishers"] != chatter["subscribers"]
+        (own,) = [each for each in first["topics"] if each["name"] == "/sim/topics"]
+        assert own["publishers"] == ["/rosbridge_websocket"]
+        await listener.send("unsubscribe", topic="/sim/topics")
+        await listener.settle()
+
+
+async def test_topics_are_counted_only_while_somebody_listens() -> None:
+    bus = make_bus()
+    report = TopicReport(bus, OPEN)
+    report.stop()
+    taken = report.take((), 10.0)
+    assert taken["num_topics"] == 0
+    owner = Owner()
+    topic = bus.advertise(owner, "/a", "std_msgs/Int32")
+    for _ in range(5):
+        bus.publish(owner, topic, Message(topic.type, topic.type.default()), 0.0)
+    (told,) = cast("list[Any]", report.take((), 12.0)["topics"])
+    assert (told.rate, told.size, told.publishers) == (2.5, len('{"data":0}'), ["/owner"])
+    (told,) = cast("list[Any]", report.take((), 13.0)["topics"])
+    assert (told.rate, told.size) == (0.0, 0)
+    report.stop()
+    bus.publish(owner, topic, Message(topic.type, topic.type.default()), 0.0)
+    (told,) = cast("list[Any]", report.take((), 20.0)["topics"])
+    assert told.rate == -1.0
+
+
+async def test_topics_that_clients_may_not_see_are_not_told() -> None:
+    bus = make_bus()
+    owner = Owner()
+    for name in ("/secret", "/open"):
+        bus.advertise(owner, name, "std_msgs/Int32")
+    report = TopicReport(bus, Policy(subscribe=Rule(deny=("/secret",)), publish=Rule(deny=("/secret",))))
+    told = report.take((), 0.0)
+    assert [each.name for each in cast("list[Any]", told["topics"])] == ["/open"]
+    assert told["num_topics"] == 1

@@ -405,14 +405,15 @@ async def test_healthz_keeps_details_for_those_who_show_the_token(listen: Listen
     assert (status, json.loads(body)["version"]) == (200, __version__)
 
 
-async def test_health_with_a_wrong_token_is_told_late(listen: Listen) -> None:
+@pytest.mark.parametrize("path", ["/healthz", "/"])
+async def test_health_and_links_with_a_wrong_token_are_told_late(listen: Listen, path: str) -> None:
     port = await listen(ServerLimits(access=Access(token="sesame", delay=3600.0)))  # noqa: S106 - as above
     _, writer = await asyncio.open_connection("127.0.0.1", port.server.port)
-    writer.write(b"GET /healthz?token=guess HTTP/1.1\r\nHost: x\r\n\r\n")
+    writer.write(f"GET {path}?token=guess HTTP/1.1\r\nHost: x\r\n\r\n".encode())
     async with asyncio.timeout(PATIENCE):
         while not port.server.num_strangers:  # noqa: ASYNC110 - it has no event for that
             await asyncio.sleep(0)
-    assert (await port.http("/healthz"))[0] == 200, "others are answered at once"
+    assert (await port.http(path))[0] == 200, "others are answered at once"
     writer.close()
 
 
@@ -468,7 +469,7 @@ async def test_plain_http_request_on_another_path_gets_an_explanation(listen: Li
     assert status == 404
     assert "/nothing" in body
     assert "rosbridge" in body
-    status, body = await port.http("/")
+    status, body = await port.http("/", "Sec-WebSocket-Key: eA==")  # a proxy has taken the header Upgrade away
     assert status == 426
     assert re.search("websocket", body, re.IGNORECASE)
 

@@ -1,0 +1,315 @@
+"""`layout`: settings of viewers that show the simulator: a layout for Lichtblick, a configuration for RViz."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any, Final
+
+import orjson
+
+from rosbridge_sim.cli.tools.client import Bridge, words
+from rosbridge_sim.cli.tools.text import note, put
+
+__all__ = ["VIEWERS", "choose_names", "lichtblick", "print_layout", "rviz", "seen_names"]
+
+TOPICS: Final = {
+    "/sim/scene/map": "visualization_msgs/MarkerArray",
+    "/sim/scene/objects": "visualization_msgs/MarkerArray",
+    "/Ego_topic": "morai_msgs/EgoVehicleStatus",
+    "/SyncModeInfo": "morai_msgs/SyncModeInfo",
+    "/ctrl_cmd": "morai_msgs/CtrlCmd",
+}
+"""Default name and type of the topics in a layout, whose names the network settings may change."""
+
+_Json = dict[str, Any]  # a JSON object
+
+Names = Mapping[str, str]
+"""Default name of a topic -> its name."""
+
+
+async def seen_names(bridge: Bridge) -> tuple[dict[str, str], int]:
+    """Return the names of the topics on a server, and its generation of ROS.
+
+    Args:
+        bridge: the server.
+
+    Raises:
+        RefusedError: it has no rosapi.
+        BridgeError: there is no answer.
+    """
+    answer = await bridge.ask("topics")
+    types = dict(zip(words(answer, "topics"), words(answer, "types"), strict=False))
+    names = choose_names(types)
+    for default in TOPICS:
+        if names[default] not in types:
+            note(f"the server has no {default}; it stands in the layout all the same")
+    return names, 2 if any("/msg/" in one for one in types.values()) else 1
+
+
+def choose_names(types: Mapping[str, str]) -> dict[str, str]:
+    """Return default name -> name of the topics in a layout.
+
+    A topic with another name is found by its type, and by the end of its name where several have that type.
+
+    Args:
+        types: name of each topic of a server -> its type.
+    """
+    names = {}
+    for default, type_name in TOPICS.items():
+        alike = [name for name, one in types.items() if one.replace("/msg/", "/") == type_name and name not in TOPICS]
+        alike = [name for name in alike if name.endswith(default.rpartition("/")[2])] or alike
+        is_known = default in types or len(alike) != 1
+        names[default] = default if is_known else alike[0]
+    return names
+
+
+def print_layout(viewer: str, names: Names, ros: int) -> int:
+    """Print a layout.
+
+    Args:
+        viewer: one of `VIEWERS`.
+        names: see `choose_names`.
+        ros: 1 or 2.
+
+    Returns:
+        The exit code.
+    """
+    put(VIEWERS[viewer](names, ros).rstrip("\n"))
+    return 0
+
+
+# Lichtblick
+
+
+def lichtblick(names: Names, ros: int) -> str:
+    """Return a layout for Lichtblick, as JSON.
+
+    Args:
+        names: see `choose_names`.
+        ros: 1 or 2.
+    """
+    ego, control = names["/Ego_topic"], names["/ctrl_cmd"]
+    panels: _Json = {
+        "3D!scene": _scene(names),
+        "Plot!speed": _plot("Speed [m/s]", {f"{ego}.velocity.x": "speed"}),
+        # Releases differ in the field of the steering angle; the one that is not there stays empty.
+        "Plot!steering": _plot(
+            "Steering", {f"{ego}.wheel_angle": "steering [rad]", f"{ego}.front_steer_angle": "steering [deg]"}
+        ),
+        "RawMessages!sync": {
+            "diffEnabled": False,
+            "diffMethod": "custom",
+            "diffTopicPath": "",
+            "showFullMessageForDiff": False,
+            "topicPath": names["/SyncModeInfo"],
+        },
+        "Publish!drive": _publish("Drive 30 km/h", control, ros, longlCmdType=2, velocity=30.0),
+        "Publish!stop": _publish("Brake", control, ros, longlCmdType=1, brake=1.0),
+    }
+    layout = {
+        "configById": panels,
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": _row(
+            "3D!scene",
+            _column(
+                _column("Plot!speed", "Plot!steering", 50),
+                _column("RawMessages!sync", _row("Publish!drive", "Publish!stop", 50), 60),
+                55,
+            ),
+            65,
+        ),
+    }
+    return orjson.dumps(layout, option=orjson.OPT_INDENT_2).decode()
+
+
+def _row(first: object, second: object, percentage: int) -> _Json:
+    return {"direction": "row", "first": first, "second": second, "splitPercentage": percentage}
+
+
+def _column(first: object, second: object, percentage: int) -> _Json:
+    return {"direction": "column", "first": first, "second": second, "splitPercentage": percentage}
+
+
+def _scene(names: Names) -> _Json:
+    topics = {names[topic]: {"visible": True} for topic in ("/sim/scene/map", "/sim/scene/objects")}
+    return {
+        "cameraState": {
+            "perspective": True,
+            "distance": 60.0,
+            "phi": 55.0,
+            "thetaOffset": 90.0,
+            "targetOffset": [0.0, 0.0, 0.0],
+            "target": [0.0, 0.0, 0.0],
+            "targetOrientation": [0.0, 0.0, 0.0, 1.0],
+            "fovy": 45.0,
+            "near": 0.5,
+            "far": 5_000.0,
+        },
+        "followMode": "follow-pose",
+        "followTf": "base_link",
+        "scene": {"transforms": {"showLabel": False, "axisScale": 1.0}},
+        "transforms": {},
+        "topics": topics,
+        "layers": {},
+        "publish": {},
+        "imageMode": {},
+    }
+
+
+def _plot(title: str, paths: Mapping[str, str]) -> _Json:
+    """Return a plot of message paths, each with its label."""
+    return {
+        "foxglovePanelTitle": title,
+        "paths": [
+            {"value": path, "label": label, "enabled": True, "timestampMethod": "receiveTime"}
+            for path, label in paths.items()
+        ],
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+        "showLegend": True,
+        "legendDisplay": "floating",
+        "showPlotValuesInLegend": True,
+        "isSynced": True,
+        "xAxisVal": "timestamp",
+        "sidebarDimension": 240,
+        "followingViewWidth": 60,
+    }
+
+
+def _publish(text: str, topic: str, ros: int, **fields: float) -> _Json:
+    usual = {"longlCmdType": 1, "accel": 0.0, "brake": 0.0, "steering": 0.0, "velocity": 0.0, "acceleration": 0.0}
+    return {
+        "buttonText": text,
+        "buttonTooltip": f"Publish on {topic}",
+        "buttonColor": "#0a7d32" if "velocity" in fields else "#c4161c",
+        "advancedView": False,
+        "topicName": topic,
+        "datatype": "morai_msgs/msg/CtrlCmd" if ros == 2 else "morai_msgs/CtrlCmd",  # noqa: PLR2004 - ROS 2
+        "value": orjson.dumps({**usual, **fields}, option=orjson.OPT_INDENT_2).decode(),
+    }
+
+
+# RViz
+
+
+def rviz(names: Names, ros: int) -> str:
+    """Return a configuration for RViz, or for RViz 2, as YAML.
+
+    Args:
+        names: see `choose_names`.
+        ros: 1 or 2.
+    """
+    package = "rviz" if ros == 1 else "rviz_default_plugins"
+    marker_topic = _marker_topic_1 if ros == 1 else _marker_topic_2
+    displays = [
+        _GRID.format(package=package),
+        _MARKERS.format(package=package, name="Map", topic=marker_topic(names["/sim/scene/map"], is_latched=True)),
+        _MARKERS.format(package=package, name="Objects", topic=marker_topic(names["/sim/scene/objects"])),
+        _TF.format(package=package),
+    ]
+    common = "rviz" if ros == 1 else "rviz_common"
+    return _RVIZ.format(
+        package=package, common=common, displays="".join(displays), views=_VIEWS.format(package=package)
+    )
+
+
+def _marker_topic_1(name: str, *, is_latched: bool = False) -> str:
+    del is_latched  # in ROS 1 every subscriber gets a latched message
+    return f"      Marker Topic: {_yaml(name)}\n      Queue Size: 100\n"
+
+
+def _marker_topic_2(name: str, *, is_latched: bool = False) -> str:
+    durability = "Transient Local" if is_latched else "Volatile"
+    return f"""\
+      Topic:
+        Depth: 5
+        Durability Policy: {durability}
+        History Policy: Keep Last
+        Reliability Policy: Reliable
+        Value: {_yaml(name)}
+"""
+
+
+def _yaml(text: str) -> str:
+    """Return a text as a scalar of YAML; JSON's quotes are YAML's, too."""
+    return orjson.dumps(text).decode()
+
+
+_GRID: Final = """\
+    - Class: {package}/Grid
+      Name: Grid
+      Enabled: true
+      Value: true
+      Reference Frame: map
+      Plane: XY
+      Plane Cell Count: 100
+      Cell Size: 10
+      Color: 60; 60; 60
+      Alpha: 0.5
+"""
+
+_MARKERS: Final = """\
+    - Class: {package}/MarkerArray
+      Name: {name}
+      Enabled: true
+      Value: true
+{topic}      Namespaces: {{}}
+"""
+
+_TF: Final = """\
+    - Class: {package}/TF
+      Name: TF
+      Enabled: true
+      Value: true
+      Show Arrows: false
+      Show Axes: true
+      Show Names: false
+      Marker Scale: 5
+      Frame Timeout: 15
+"""
+
+_VIEWS: Final = """\
+    Current:
+      Class: {package}/ThirdPersonFollower
+      Name: Behind the ego
+      Target Frame: base_link
+      Distance: 40
+      Pitch: 0.6
+      Yaw: 3.14159
+    Saved:
+      - Class: {package}/TopDownOrtho
+        Name: From above
+        Target Frame: base_link
+        Scale: 10
+        Angle: 0
+"""
+
+_RVIZ: Final = """\
+Panels:
+  - Class: {common}/Displays
+    Name: Displays
+  - Class: {common}/Views
+    Name: Views
+  - Class: {common}/Time
+    Name: Time
+Visualization Manager:
+  Class: ""
+  Enabled: true
+  Name: root
+  Value: true
+  Global Options:
+    Background Color: 32; 34; 38
+    Fixed Frame: map
+    Frame Rate: 30
+  Displays:
+{displays}  Tools:
+    - Class: {package}/MoveCamera
+    - Class: {package}/Interact
+    - Class: {package}/Measure
+  Views:
+{views}"""
+
+VIEWERS: Final[Mapping[str, Callable[[Names, int], str]]] = {"lichtblick": lichtblick, "rviz": rviz}
+"""Name of a viewer -> function that makes its settings."""

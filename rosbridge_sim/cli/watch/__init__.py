@@ -1,0 +1,1 @@
+"""`rosbridge-sim watch`: the scene in a terminal."""

@@ -1,0 +1,46 @@
+// The panels of ego, time, objects and code, made and put under their tabs.
+
+import { Actions } from "./actions.js";
+import { makeCodePanel } from "./code.js";
+import { makeUserId } from "./context.js";
+import { DriversWatch } from "./drivers_watch.js";
+import { makeDrivingPanel } from "./driving.js";
+import { makeEgoPanel } from "./ego.js";
+import { EgoWatch } from "./ego_watch.js";
+import { makeHeaderValues } from "./header.js";
+import { makeObjectsPanel } from "./objects.js";
+import { makeScorePanel } from "./score.js";
+import { ServerFiles } from "./server_files.js";
+import { makeTimePanel } from "./time.js";
+import { TimeControls } from "./time_controls.js";
+import { TimeWatch } from "./time_watch.js";
+
+/** @typedef {import("./context.js").PanelContext} PanelContext */
+
+/**
+ * Complete the context of the panels.
+ * @param {Pick<PanelContext, "connection" | "scene" | "mapView" | "texts">} base
+ * @returns {PanelContext}
+ */
+export function makePanelContext(base) {
+  const { connection, scene, texts } = base;
+  const actions = new Actions(connection, texts.actions);
+  const time = new TimeWatch(connection, makeUserId(), texts.time.reasons);
+  const timeControls = new TimeControls(actions, time, texts.time.actions);
+  const [drivers, ego] = [new DriversWatch(connection), new EgoWatch(connection, scene)];
+  return { ...base, actions, time, timeControls, drivers, ego, files: new ServerFiles(connection) };
+}
+
+/**
+ * @param {PanelContext} context
+ * @param {import("../layout.js").Layout} layout
+ */
+export function addPanels(context, layout) {
+  layout.header.append(makeHeaderValues(context));
+  layout.addPanel("ego", makeDrivingPanel(context));
+  layout.addPanel("ego", makeEgoPanel(context));
+  layout.addPanel("ego", makeScorePanel(context));
+  layout.addPanel("time", makeTimePanel(context));
+  layout.addPanel("objects", makeObjectsPanel(context));
+  layout.addPanel("code", makeCodePanel(context));
+}

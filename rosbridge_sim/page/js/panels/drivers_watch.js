@@ -1,0 +1,62 @@
+// Who drives each ego, from `/sim/drivers`.
+
+/** @typedef {import("../wire/connection.js").Connection} Connection */
+
+/** @typedef {{unique_id: number, ctrl_mode: number, gear: number, driver: string, client: string, publishers: string[]}} EgoDriver */
+
+/** @typedef {{time_step: number, real_time_factor: number, master: string, master_clients: string[], egos: EgoDriver[]}} DriversMessage */
+
+export class DriversWatch {
+  /** @param {Connection} connection */
+  constructor(connection) {
+    /** @type {DriversMessage | null} */
+    this.message = null;
+    /** @type {Set<() => void>} */
+    this.listeners = new Set();
+    /** Address of this page as the server knows it, from the answer of `/sim/control_lease`; empty before. */
+    this.ownAddress = "";
+    connection.subscribe("/sim/drivers", "rosbridge_sim_msgs/Drivers", (message) => this.take(message));
+    connection.onState((state) => {
+      if (state !== "open") {
+        this.ownAddress = "";
+        this.take(null);
+      }
+    });
+  }
+
+  /** @param {DriversMessage | null} message */
+  take(message) {
+    this.message = message;
+    for (const listener of this.listeners) {
+      listener();
+    }
+  }
+
+  /**
+   * @param {() => void} take called now and after each change
+   * @returns {() => void} function that ends it
+   */
+  onChange(take) {
+    this.listeners.add(take);
+    take();
+    return () => this.listeners.delete(take);
+  }
+
+  /**
+   * @param {number} number of the ego
+   * @returns {EgoDriver | null}
+   */
+  ofEgo(number) {
+    return this.message?.egos.find((ego) => ego.unique_id === number) ?? null;
+  }
+
+  /**
+   * Addresses of the other clients that publish the command of an ego.
+   * @param {number} number of the ego
+   * @returns {string[]}
+   */
+  otherPublishers(number) {
+    const publishers = this.ofEgo(number)?.publishers ?? [];
+    return publishers.filter((address) => address !== this.ownAddress);
+  }
+}

@@ -1,0 +1,94 @@
+// The ego that the panels show and drive, and its messages.
+
+import { egoName } from "../wire/requests.js";
+import { egoValues } from "./ego_values.js";
+import { LaneIndex } from "./lane_offset.js";
+
+/** @typedef {import("./ego_values.js").EgoValues} EgoValues */
+
+/** Messages of the ego at most so often [ms]: as fast as an eye reads a moving instrument. */
+const EGO_THROTTLE = 50;
+
+export class EgoWatch {
+  /**
+   * @param {import("../wire/connection.js").Connection} connection
+   * @param {import("../scene/store.js").SceneStore} scene
+   */
+  constructor(connection, scene) {
+    this.connection = connection;
+    this.scene = scene;
+    this.number = 0;
+    /** @type {EgoValues | null} */
+    this.values = null;
+    this.link = "";
+    this.laneOffset = NaN;
+    /** @type {LaneIndex | null} */
+    this.lanes = null;
+    /** @type {{close: () => void} | null} */
+    this.subscription = null;
+    /** @type {Set<() => void>} */
+    this.valueTakers = new Set();
+    /** @type {Set<() => void>} */
+    this.choiceTakers = new Set();
+    scene.onMap(() => {
+      const lanes = /** @type {import("./lane_offset.js").LaneLine[]} */ (scene.map?.lanes ?? []);
+      this.lanes = new LaneIndex(lanes);
+    });
+    scene.onState(() => this.keepChoice());
+    this.choose(0);
+  }
+
+  /** Show the first ego again if the chosen one has gone. */
+  keepChoice() {
+    const egos = this.scene.egos();
+    if (this.number !== 0 && egos.length && !egos.some((ego) => ego.number === this.number)) {
+      this.choose(0);
+    }
+  }
+
+  /** @param {number} number of the ego: 0, 2, 3, ... */
+  choose(number) {
+    this.subscription?.close();
+    this.number = number;
+    this.values = null;
+    this.subscription = this.connection.subscribe(
+      egoName(number, "/Ego_topic"),
+      "morai_msgs/EgoVehicleStatus",
+      (message) => this.take(message),
+      { throttleMs: EGO_THROTTLE, queueLength: 1 },
+    );
+    for (const take of this.choiceTakers) {
+      take();
+    }
+  }
+
+  /** @param {any} message */
+  take(message) {
+    const values = egoValues(message);
+    const lane = this.lanes?.nearest(values.x, values.y, values.heading) ?? null;
+    this.values = values;
+    this.link = lane?.link ?? "";
+    this.laneOffset = lane?.lateral ?? NaN;
+    for (const take of this.valueTakers) {
+      take();
+    }
+  }
+
+  /**
+   * @param {() => void} take called with each message of the ego
+   * @returns {() => void} function that ends it
+   */
+  onValues(take) {
+    this.valueTakers.add(take);
+    return () => this.valueTakers.delete(take);
+  }
+
+  /**
+   * @param {() => void} take called after another ego was chosen
+   * @returns {() => void} function that ends it
+   */
+  onChoice(take) {
+    this.choiceTakers.add(take);
+    return () => this.choiceTakers.delete(take);
+  }
+}

@@ -1,0 +1,424 @@
+/**
+ * All texts of the page that a person reads, one object for each part. A function makes a text with values.
+ */
+
+export const TEXTS = {
+  page: {
+    name: "rosbridge-sim",
+    skip: "Skip to the controls",
+    map: "Map of the simulation",
+    controls: "Controls",
+  },
+  connection: {
+    connecting: "Connecting …",
+    token: "This server needs a token.",
+    open: "Connected",
+    /** @param {string} reason */
+    lost: (reason) => `The connection is lost${reason ? ` (${reason})` : ""}. The page connects again by itself.`,
+    back: "Connected again.",
+    notConnected: "The page is not connected to the server.",
+    lostMeanwhile: "The connection was lost before the answer came.",
+    /**
+     * @param {string} service
+     * @param {number} seconds
+     */
+    noAnswer: (service, seconds) => `${service} did not answer within ${seconds} s.`,
+    /** @param {string} service */
+    refused: (service) => `${service} failed without a reason.`,
+    refusedUnread: "no answer, or the server refused this page; its log says why",
+  },
+  token: {
+    title: "Token",
+    ask: "This server needs a token. Its owner has set it with --token.",
+    label: "Token",
+    send: "Connect",
+    checking: "The server checks the token …",
+    wrong: "The token is wrong.",
+    kept: "The page keeps it until this tab is closed.",
+  },
+  tabs: {
+    label: "Panels",
+    ego: "Ego",
+    time: "Time",
+    objects: "Objects",
+    graph: "Graph",
+    log: "Log",
+    code: "Code",
+    empty: "Nothing to see here yet.",
+    show: "Show the panels",
+    hide: "Hide the panels",
+  },
+  actions: {
+    refused: "The server refused it without a reason.",
+  },
+  ego: {
+    title: "Ego",
+    none: "–",
+    choice: "Ego",
+    /** @param {number} number */
+    egoName: (number) => (number > 1 ? `Ego ${number}` : "Ego 1 (first)"),
+    speedUnit: "km/h",
+    throttle: "Throttle",
+    brake: "Brake",
+    mode: "Control mode",
+    driver: "Driver",
+    /** @type {Record<string, string>} */
+    drivers: { "self-driving": "drives itself", replay: "a recording", nobody: "nobody" },
+    thisPage: "this page",
+    /** @param {string} driver */
+    headerDriver: (driver) => `Driver: ${driver}`,
+    /** @param {string} address */
+    client: (address) => `client ${address}`,
+    place: "Place",
+    heading: "Heading",
+    lane: "Lane",
+    offRoad: "on no lane",
+    gears: "Gear",
+    /** @param {string} gear */
+    setGear: (gear) => `Gear ${gear}`,
+    /**
+     * @param {string} degrees
+     * @param {number} side - positive to the left
+     */
+    wheelAngle: (degrees, side) => (side === 0 ? "straight" : `${degrees}° ${side > 0 ? "left" : "right"}`),
+    /** @param {string} angle */
+    wheelName: (angle) => `Steering wheel: front wheels ${angle}`,
+    /**
+     * @param {string} x
+     * @param {string} y
+     * @param {string} z
+     */
+    placeText: (x, y, z) => `${x}, ${y}, ${z} m`,
+    /** @param {string} degrees */
+    headingText: (degrees) => `${degrees}°`,
+    lamps: { left: "Left signal", right: "Right signal", brake: "Brake lights", reverse: "Reversing lights" },
+    lampSigns: { left: "◀", right: "▶", brake: "■", reverse: "R", hazard: "◀▶" },
+    lampsGroup: "Signals",
+    lampButtons: { left: "Left turn signal", right: "Right turn signal", hazard: "Hazard lights" },
+    /**
+     * @param {string} name
+     * @param {boolean} isOn
+     */
+    lampName: (name, isOn) => `${name}: ${isOn ? "on" : "off"}`,
+    /** @type {Record<number, string>} */
+    modes: { 1: "keyboard (1)", 2: "game pad (2)", 3: "program (3)", 6: "drives itself (6)" },
+    /** @type {Record<number, string>} */
+    modeButtons: { 3: "Program", 6: "Self-driving" },
+    /** @type {Record<number, string>} */
+    modeHints: { 3: "A program or this page drives the ego", 6: "The ego drives itself along the lanes" },
+    charts: { speed: "Speed", acceleration: "Acceleration", steering: "Front wheels (left positive)", offset: "Distance to the lane's middle" },
+    chartTexts: {
+      hold: "Hold",
+      follow: "Follow",
+      holdHint: "Hold the charts still, to read values from them",
+      none: "–",
+      /** @param {string} label */
+      chart: (label) => `${label}, last minute; arrow keys move the cursor`,
+      /**
+       * @param {string} value
+       * @param {string} secondsAgo
+       */
+      reading: (value, secondsAgo) => `${value}, ${secondsAgo} s ago`,
+    },
+  },
+  driving: {
+    title: "Drive",
+    action: "Drive",
+    begin: { label: "Drive by hand", title: "Drive with the keyboard, a game pad or touch pads" },
+    end: { label: "End the drive", title: "Lift the pedals, and give the car back (Escape)" },
+    on: "You drive: ↑ ↓ ← → or W A S D.",
+    onInSteps: "You drive: hold the keys, and step with the button or the full stop key.",
+    /**
+     * @param {number} throttle
+     * @param {number} brake
+     * @param {string} angle
+     */
+    live: (throttle, brake, angle) => `Throttle ${throttle} %, brake ${brake} %, wheels ${angle}`,
+    endedHidden: "The drive has ended, because the page was hidden. The pedals are up.",
+    endedLost: "The drive has ended, because the connection was lost.",
+    takeMode: "Control mode: program",
+    gearDrive: "Gear D",
+    gearReverse: "Gear R",
+    stopFirst: "Stop first: the gear changes between D and R only while the car stands.",
+    steerPad: "Steering pad: move the thumb to the left or right",
+    pedalPad: "Pedal pad: upwards is throttle, downwards is brake",
+    /** @param {string} addresses */
+    otherPublishers: (addresses) => `Another client publishes commands for this ego, too: ${addresses}. The latest command holds.`,
+    keysTitle: "Keys and game pad",
+    keys: [
+      ["↑ or W", "throttle"],
+      ["↓ or S, Space", "brake"],
+      ["← → or A D", "steer; less at high speed"],
+      ["R", "change between gear D and R, while the car stands"],
+      [".", "one step, in synchronous mode of this page"],
+      ["Esc", "end the drive"],
+      ["Game pad", "left stick steers, right trigger is throttle, left trigger is brake"],
+    ],
+  },
+  score: {
+    title: "Score",
+    none: "–",
+    hint: "Scores judge the drive. They begin to count when you show them, and they are then part of the state hash.",
+    start: { label: "Show scores", title: "Begin to count, and show the figures" },
+    stop: { label: "Hide scores", title: "Show no figures; the server goes on counting" },
+    reset: { label: "Set to 0", title: "Begin all counts anew" },
+    fields: {
+      distance: "Driven",
+      collisions: "Collisions",
+      red_lights: "Red lights passed",
+      stop_lines: "Stop lines passed",
+      lane_invasions: "Lane invasions",
+      off_road_time: "Off the road",
+      min_time_to_collision: "Least time to collision",
+      mean_lane_offset: "Mean distance to the lane's middle",
+      max_jerk: "Greatest jerk",
+      max_lateral_accel: "Greatest sideways acceleration",
+    },
+  },
+  time: {
+    title: "Time",
+    none: "–",
+    cancel: "Cancel",
+    states: {
+      unknown: "Not connected",
+      running: "Running in real time",
+      paused: "Paused",
+      /** @param {boolean} isPaused */
+      replay: (isPaused) => (isPaused ? "Replay, paused" : "Replay"),
+      /**
+       * @param {string} master
+       * @param {boolean} isPaused
+       */
+      synchronous: (master, isPaused) => `Synchronous, master: ${master}${isPaused ? "; paused" : ""}`,
+    },
+    /** @param {number} frame */
+    headerFrame: (frame) => `frame ${frame}`,
+    ownMaster: "this page",
+    noMaster: "none yet",
+    figures: {
+      frame: "Frame",
+      simTime: "Simulated time",
+      timeStep: "Time step",
+      ticks: "Ticks",
+      factor: "Real-time factor",
+      members: "Members of the barrier",
+    },
+    buttons: {
+      pause: { label: "Pause", title: "Hold the world" },
+      run: { label: "Run", title: "Let real time move the world; ends a pause and synchronous mode of this page" },
+      step: { label: "Step", title: "Move the world by steps; takes synchronous mode first" },
+      take: { label: "Take synchronous mode", title: "The world stands, and this page moves it by steps" },
+      leave: { label: "Leave it", title: "End synchronous mode" },
+      reset: { label: "Reset …", title: "Return to the opening scene at frame 0" },
+      factor: { label: "Set", title: "Set the real-time factor" },
+      snapshot: { label: "Save", title: "Save the state of the whole simulator" },
+      restore: { label: "Go back", title: "Return to this state" },
+      removeSnapshot: { label: "Remove", title: "Remove this snapshot" },
+      refresh: { label: "↻", title: "Read the list again" },
+      load: { label: "Load", title: "Load this scenario" },
+    },
+    steps: "Steps",
+    timeStep: "Time step [ms]",
+    seed: "Random seed",
+    seedHint: "as before",
+    resetDialog: {
+      title: "Reset the simulation?",
+      body: "The world returns to its opening scene at frame 0. Snapshots and synchronous mode stay.",
+      confirm: "Reset",
+    },
+    resetDone: "The simulation stands at frame 0.",
+    factor: "Real-time factor",
+    /** @param {number} factor */
+    factorName: (factor) => (factor === 0 ? "as fast as possible" : `${factor} ×`),
+    /** @param {number} factor */
+    factorDone: (factor) => (factor === 0 ? "The world runs as fast as possible." : `The world runs at ${factor} × real time.`),
+    /** @param {string} label */
+    badNumber: (label) => `${label}: expected a whole number in the range of the field.`,
+    snapshots: {
+      title: "Snapshots",
+      name: "Name",
+      nameHint: "the server chooses",
+      empty: "No snapshots yet.",
+      refreshName: "Read the list of snapshots again",
+      /** @param {string} id */
+      restoreName: (id) => `Go back to ${id}`,
+      /** @param {string} id */
+      removeName: (id) => `Remove ${id}`,
+      /**
+       * @param {number} frame
+       * @param {number} size
+       */
+      about: (frame, size) => `frame ${frame}, ${(size / 1000).toFixed(0)} kB`,
+      /**
+       * @param {string} id
+       * @param {number} frame
+       */
+      taken: (id, frame) => `Saved as ${id}, at frame ${frame}.`,
+      /**
+       * @param {string} id
+       * @param {number} frame
+       */
+      restored: (id, frame) => `Back at ${id}, frame ${frame}.`,
+    },
+    scenarios: {
+      title: "Scenarios",
+      name: "Name of a scenario",
+      noName: "Enter the name of a scenario first.",
+      /** @param {string} name */
+      loadName: (name) => `Load ${name}`,
+      /** @param {string} name */
+      loading: (name) => `The server reads ${name} …`,
+      /** @param {string} name */
+      loaded: (name) => `Loaded ${name}.`,
+      /**
+       * @param {string} map
+       * @param {number} entities
+       */
+      about: (map, entities) => `${map ? `map ${map}, ` : ""}${entities} ${entities === 1 ? "entity" : "entities"}`,
+      isLoaded: "loaded now",
+    },
+    replay: {
+      title: "Replay",
+      file: "Recording",
+      speed: "Speed",
+      position: "Position in the recording",
+      none: "No recording is played.",
+      noFiles: "The server has no recordings in --data-dir.",
+      plays: "The recording is played already.",
+      play: { label: "Play", title: "Play the recording" },
+      pause: { label: "Hold", title: "Hold the replay" },
+      stop: { label: "End", title: "End the replay; the world returns to its state before" },
+      /** @param {string} name */
+      playTitle: (name) => `Play ${name}`,
+      /** @param {string} seconds */
+      seekTitle: (seconds) => `Replay from ${seconds} s`,
+      /**
+       * @param {string} position
+       * @param {string} duration
+       */
+      clock: (position, duration) => `${position} / ${duration} s`,
+    },
+    actions: {
+      pause: "Pause",
+      run: "Run",
+      take: "Take synchronous mode",
+      leave: "Leave synchronous mode",
+      /** @param {number} steps */
+      step: (steps) => (steps === 1 ? "Step" : `${steps} steps`),
+      reset: "Reset",
+      /** @param {number} factor */
+      factor: (factor) => `Real-time factor ${factor}`,
+      snapshot: "Snapshot",
+      /** @param {string} id */
+      restore: (id) => `Go back to ${id}`,
+      /** @param {string} id */
+      removeSnapshot: (id) => `Remove snapshot ${id}`,
+      /** @param {string} name */
+      load: (name) => `Load scenario ${name}`,
+    },
+    reasons: {
+      notConnected: "Not connected to the simulator.",
+      moving: "The world moves by a step of this page.",
+      /** @param {string} name */
+      otherMaster: (name) => `${name} is the master of synchronous mode.`,
+      alreadyPaused: "The simulation is paused already.",
+      alreadyRuns: "The world runs already.",
+      syncStands: "In synchronous mode the world stands between two steps.",
+      alreadyMaster: "This page is the master already.",
+      notMaster: "This page is not the master of synchronous mode.",
+      replaying: "A recording moves the ego.",
+      noFactorInSync: "In synchronous mode the steps move the world.",
+    },
+  },
+  objects: {
+    title: "Objects",
+    placeTitle: "Place an object",
+    selectedTitle: "Move and remove",
+    lightsTitle: "Traffic lights",
+    search: "Search the catalogue",
+    catalogue: "Model",
+    dragHint: "Drag a model onto the map, or use the button.",
+    /**
+     * @param {string} name
+     * @param {string} kind
+     * @param {number} length
+     * @param {number} width
+     */
+    model: (name, kind, length, width) => `${name} (${kind}, ${length.toFixed(1)} × ${width.toFixed(1)} m)`,
+    /** @type {Record<string, string>} */
+    kinds: { vehicle: "vehicle", pedestrian: "pedestrian", obstacle: "obstacle" },
+    behaviour: "Behaviour",
+    behaviours: { stand: "stands", straight: "goes straight on", lane: "drives along the lanes" },
+    speed: "Speed [km/h]",
+    isEgo: "as a further ego",
+    byNumbers: "By coordinates",
+    x: "x, east [m]",
+    y: "y, north [m]",
+    heading: "Heading [°]",
+    badPlace: "x, y and heading: expected numbers.",
+    noModel: "Choose a model first.",
+    noMap: "The map cannot be drawn here. Use the coordinates.",
+    spawnPick: { label: "Place on the map …", title: "Click the place; drag to turn it" },
+    spawnAt: { label: "Place here", title: "Place the object at these coordinates" },
+    pickHint: "Click the place of the object. Drag to turn it. Escape gives it up.",
+    /** @param {string} model */
+    spawnTitle: (model) => `Place ${model}`,
+    /**
+     * @param {string} model
+     * @param {string} ids
+     */
+    spawned: (model, ids) => `${model} is object ${ids}.`,
+    undo: { label: "Undo", title: "Take the latest change back" },
+    nothingToUndo: "There is no change to take back.",
+    /** @param {string} title */
+    undoTitle: (title) => `Undo: ${title}`,
+    /** @type {Record<number, string>} */
+    kindNames: { 0: "Ego", 1: "Vehicle", 2: "Pedestrian", 3: "Obstacle" },
+    /**
+     * @param {string} kind
+     * @param {number} id
+     */
+    objectName: (kind, id) => (kind === "Ego" ? `Ego ${id > 1 ? id : 1}` : `${kind} ${id}`),
+    /** @param {string} name */
+    noneSelected: (name) => `Nothing is selected on the map. Move works on ${name}.`,
+    selectFirst: "Select an object on the map first.",
+    firstEgo: "The first ego cannot be removed.",
+    movePick: { label: "Move on the map …", title: "Click the new place; drag to turn it" },
+    moveAt: { label: "Move there", title: "Move it to these coordinates" },
+    moveHint: "Click the new place. Drag to turn it. Escape gives it up.",
+    /** @param {string} name */
+    moveTitle: (name) => `Move ${name}`,
+    /** @param {string} name */
+    moved: (name) => `${name} stands at its new place.`,
+    remove: { label: "Remove", title: "Take it out of the world" },
+    /** @param {string} name */
+    removeTitle: (name) => `Remove ${name}`,
+    /** @param {string} name */
+    removed: (name) => `${name} is removed.`,
+    noLights: "This map has no traffic lights.",
+    light: "Light",
+    lightGroup: "The light shows",
+    lightStates: { red: "Red", yellow: "Yellow", green: "Green", left: "Left", greenLeft: "Green and left", schedule: "Its schedule" },
+    /**
+     * @param {string} light
+     * @param {string} state
+     */
+    lightTitle: (light, state) => `Light ${light}: ${state}`,
+  },
+  code: {
+    title: "Copy as code",
+    hint: "What you do on this page, as a program. Choose an action below.",
+    program: "Program",
+    language: "Language",
+    languages: { python: "roslibpy", javascript: "roslib.js", shell: "Shell" },
+    copy: { label: "Copy", title: "Copy the program" },
+    copied: "Copied.",
+    empty: "Nothing was done yet. Press a button of this page, and its program appears here.",
+    actions: "Latest actions",
+    outcomes: { waiting: "under way", done: "done", failed: "refused" },
+    /** @param {string} reason */
+    failed: (reason) => `refused: ${reason}`,
+    syncEnds: "Synchronous mode ends when this program disconnects: send the ticks here, with this user_id.",
+    syncShell: "A master must stay connected. This command starts the mode, does one step, and ends the mode.",
+  },
+};

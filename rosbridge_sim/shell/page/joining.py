@@ -1,0 +1,208 @@
+"""JavaScript modules joined into one file, so that a browser needs one request for all of them.
+
+This is no parser of JavaScript: it knows the few forms of `import` and `export` that the page uses, at the start of a
+line, and refuses others with file and line. All modules share one scope then, so their top-level names must differ.
+"""
+
+from __future__ import annotations
+
+import json
+import posixpath
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
+
+__all__ = ["JoinError", "join_modules"]
+
+
+class JoinError(ValueError):
+    """A module has a form that cannot be joined; the text names file and line, and says what is expected."""
+
+
+def join_modules(main: str, read: Callable[[str], str]) -> str:
+    """Return one script with a module and all that it imports, each module behind those that it imports.
+
+    Args:
+        main: path of the module that is run, such as `js/main.js`.
+        read: returns the text of a file, by its path relative to the page's folder.
+
+    Raises:
+        JoinError: a module has another form than the page uses, two top-level names are equal, an imported name has no
+            export, or modules import each other in a circle.
+        OSError: a file cannot be read.
+    """
+    joiner = _Joiner(read)
+    joiner.add(main, (), main)
+    return "\n".join(f"// {path}\n{body.strip()}\n" for path, body in joiner.bodies.items())
+
+
+class _Import(NamedTuple):
+    """An import of a module or of a JSON file.
+
+    Attributes:
+        start, end: its place in the text.
+        names: the imported names; for a JSON file the name of its value.
+        source: path of the file, relative to the module.
+        is_json: it is a JSON file.
+    """
+
+    start: int
+    end: int
+    names: tuple[str, ...]
+    source: str
+    is_json: bool
+
+
+@dataclass(slots=True)
+class _Joiner:
+    """The files that are read so far.
+
+    Attributes:
+        read: returns the text of a file.
+        bodies: texts without imports and exports by path, in the order of the joined file.
+        exports: names that others may import, by path.
+        owners: place of each top-level name.
+    """
+
+    read: Callable[[str], str]
+    bodies: dict[str, str] = field(default_factory=dict)
+    exports: dict[str, frozenset[str]] = field(default_factory=dict)
+    owners: dict[str, str] = field(default_factory=dict)
+
+    def add(self, path: str, importers: tuple[str, ...], where: str) -> None:
+        """Read a module and those that it imports, unless they are there.
+
+        Args:
+            path: path of the module.
+            importers: the modules that import it, from the first one on.
+            where: place of the import, for errors.
+        """
+        if path in importers:
+            circle = " -> ".join([*importers[importers.index(path) :], path])
+            raise JoinError(f"{where}: expected modules that do not import each other in a circle; got {circle}")
+        if path in self.bodies:
+            return
+        text = self.read(path)
+        code = _blank(text)
+        imports = list(_imports_of(path, text, code))
+        for one in imports:
+            self._follow(one, path, importers, _place(path, text, one.start))
+        body = _without_imports(text, imports)
+        code = _blank(body)
+        for pattern, expected in _REFUSED:
+            match = pattern.search(code)
+            if match is not None:
+                raise JoinError(f"{_place(path, code, match.start())}: expected {expected}; got {match[0].strip()!r}")
+        for match in _DECLARATION.finditer(code):
+            self._own(match["name"], _place(path, code, match.start()))
+        self.exports[path] = frozenset(match["name"] for match in _DECLARATION.finditer(code) if match["export"])
+        starts = [match.start() for match in _DECLARATION.finditer(code) if match["export"]]
+        self.bodies[path] = _without_exports(body, starts)
+
+    def _follow(self, one: _Import, path: str, importers: tuple[str, ...], where: str) -> None:
+        if not one.source.startswith("."):
+            raise JoinError(f'{where}: expected a relative path such as "./x.js"; got {one.source!r}')
+        target = posixpath.normpath(posixpath.join(posixpath.dirname(path), one.source))
+        if one.is_json:
+            self._add_json(target, one.names[0], where)
+            return
+        self.add(target, (*importers, path), where)
+        for name in one.names:
+            if name not in self.exports[target]:
+                raise JoinError(f"{where}: expected a name that {target} exports; got {name!r}")
+
+    def _add_json(self, target: str, name: str, where: str) -> None:
+        """Make a JSON file a constant. All modules that import it must use the same name."""
+        if target in self.bodies:
+            if self.owners.get(name) != target:
+                raise JoinError(f"{where}: expected the name that other modules have for {target}; got {name!r}")
+            return
+        self._own(name, target)
+        value = json.dumps(json.loads(self.read(target)), separators=(",", ":"))
+        self.bodies[target] = f"const {name} = {value};"
+
+    def _own(self, name: str, where: str) -> None:
+        other = self.owners.setdefault(name, where)
+        if other != where:
+            raise JoinError(f"{where}: expected a top-level name that no other module has; {name!r} is also in {other}")
+
+
+_MODULE_IMPORT: Final = re.compile(
+    r"import\s+\{(?P<names>(?:\s*[\w$]+\s*,)*\s*[\w$]+\s*,?\s*)\}\s+from\s+\"(?P<source>[^\"\n]+\.js)\";"
+)
+_JSON_IMPORT: Final = re.compile(
+    r"import\s+(?P<name>[\w$]+)\s+from\s+\"(?P<source>[^\"\n]+\.json)\"\s+with\s+\{\s*type:\s*\"json\"\s*\};"
+)
+_AT_IMPORT: Final = re.compile(r"^import\b", re.MULTILINE)
+
+_DECLARATION: Final = re.compile(
+    r"^(?P<export>export\s+)?(?:async\s+)?(?:function\s*\*?|class|const|let|var)\s+(?P<name>[\w$]+)", re.MULTILINE
+)
+"""A declaration of the top level, which begins its line: the modules are formatted."""
+
+_REFUSED: Final = (
+    (
+        re.compile(r"^export\s+(?!(?:async\s+)?function\b|class\b|const\b).*", re.MULTILINE),
+        "`export` before a function, a class or a const",
+    ),
+    (re.compile(r"\bimport\s*[(.].*"), "an import at the start of the file"),
+    (re.compile(r"^(?:const|let|var)\s*[\[{].*", re.MULTILINE), "one name for each declaration of the top level"),
+    (re.compile(r"^(?:for\s+)?await\b.*", re.MULTILINE), "no `await` outside of functions"),
+)
+"""Forms that would not work in the joined file, and what is expected in their place."""
+
+_NOT_CODE: Final = re.compile(
+    r"//[^\n]*|/\*.*?\*/|\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*'|`(?:\\.|[^`\\])*`", re.DOTALL
+)
+"""Comments and texts."""
+
+
+def _blank(text: str) -> str:
+    """Return a module with blanks in place of its comments and texts; each line and column stays where it is."""
+    return _NOT_CODE.sub(lambda match: _NOT_NEWLINE.sub(" ", match[0]), text)
+
+
+_NOT_NEWLINE: Final = re.compile(r"[^\n]")
+
+
+def _imports_of(path: str, text: str, code: str) -> Iterator[_Import]:
+    """Yield the imports of a module."""
+    for start in (match.start() for match in _AT_IMPORT.finditer(code)):
+        match = _MODULE_IMPORT.match(text, start)
+        if match is not None:
+            names = tuple(filter(None, (name.strip() for name in match["names"].split(","))))
+            yield _Import(start, match.end(), names, match["source"], is_json=False)
+            continue
+        match = _JSON_IMPORT.match(text, start)
+        if match is None:
+            got = text[start:].partition("\n")[0]
+            raise JoinError(
+                f'{_place(path, text, start)}: expected import {{ a, b }} from "./x.js"; with no `as`, default or star;'
+                f" got {got!r}"
+            )
+        yield _Import(start, match.end(), (match["name"],), match["source"], is_json=True)
+
+
+def _without_imports(text: str, imports: list[_Import]) -> str:
+    """Return a text with empty lines in place of imports."""
+    parts: list[str] = []
+    end = 0
+    for one in imports:
+        parts += [text[end : one.start], "\n" * text.count("\n", one.start, one.end)]
+        end = one.end
+    return "".join([*parts, text[end:]])
+
+
+def _without_exports(text: str, starts: list[int]) -> str:
+    """Return a text without the word `export` at each of its places."""
+    parts: list[str] = []
+    end = 0
+    for start in starts:
+        parts.append(text[end:start])
+        end = start + len("export ")
+    return "".join([*parts, text[end:]])
+
+
+def _place(path: str, text: str, position: int) -> str:
+    return f"{path}:{text.count(chr(10), 0, position) + 1}"

@@ -1,0 +1,146 @@
+"""Answers to plain HTTP requests."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from http import HTTPStatus
+
+from websockets.asyncio.server import ServerConnection
+from websockets.http11 import Request, Response
+
+from rosbridge_sim.shell.page.web_page import PageFile
+from rosbridge_sim.version import __version__
+
+__all__ = [
+    "JSON_KIND",
+    "accepts",
+    "answer_file",
+    "answer_with",
+    "is_known",
+    "is_upgrade",
+    "links_of",
+    "method_of",
+    "not_allowed",
+]
+
+JSON_KIND = "application/json"
+
+PROTOCOL = "rosbridge v2.0"
+"""Name of the protocol in its specification."""
+
+
+def answer_with(connection: ServerConnection, code: HTTPStatus, body: bytes, content_type: str) -> Response:
+    """Return an answer that is not plain text.
+
+    Args:
+        connection: the connection of the request.
+        code: the status.
+        body: the content.
+        content_type: its type.
+    """
+    response = connection.respond(code, "")
+    for name, value in (("Content-Type", content_type), ("Content-Length", str(len(body)))):
+        del response.headers[name]
+        response.headers[name] = value
+    response.body = body
+    return response
+
+
+def answer_file(connection: ServerConnection, request: Request, file: PageFile, headers: Mapping[str, str]) -> Response:
+    """Return a file of the web page, compressed if the browser takes that, or 304 if the browser has it.
+
+    Args:
+        connection: the connection of the request.
+        request: a GET or HEAD request.
+        file: the file.
+        headers: further headers.
+    """
+    is_compressed = accepts(request, "Accept-Encoding", "gzip")
+    etag = f'{file.etag[:-1]}-gzip"' if is_compressed else file.etag  # a strong ETag stands for the bytes on the wire
+    if is_known(etag, request.headers.get_all("If-None-Match")):
+        response = connection.respond(HTTPStatus.NOT_MODIFIED, "")
+        for name in ("Content-Type", "Content-Length"):  # they would be those of the file
+            del response.headers[name]
+    else:
+        body = file.gzipped if is_compressed else file.body
+        response = answer_with(connection, HTTPStatus.OK, body, file.kind)
+        if is_compressed:
+            response.headers["Content-Encoding"] = "gzip"
+        if method_of(request) == "HEAD":
+            response.body = b""
+    for name, value in ({"ETag": etag, "Vary": "Accept, Accept-Encoding"} | dict(headers)).items():
+        response.headers[name] = value
+    return response
+
+
+def links_of(paths: Sequence[str], *, has_version: bool) -> bytes:
+    """Return a description of the server for programs: its name, and links relative to its URL.
+
+    Args:
+        paths: the paths that the server has beside the socket, without the first slash.
+        has_version: add version and protocol.
+    """
+    facts: dict[str, object] = {"name": "rosbridge-sim"}
+    if has_version:
+        facts |= {"version": __version__, "protocol": PROTOCOL}
+    links = {"socket": "./"} | {path.partition(".")[0] or "page": path or "./" for path in paths}
+    links["docs"] = "https://pypi.org/project/rosbridge-sim/"
+    return f"{json.dumps(facts | {'links': links})}\n".encode()
+
+
+def not_allowed(connection: ServerConnection, request: Request) -> Response | None:
+    """Return the refusal of a request that is neither GET nor HEAD; None if it is one of them.
+
+    Args:
+        connection: the connection of the request.
+        request: the request.
+    """
+    method = method_of(request)
+    if method in {"GET", "HEAD"}:
+        return None
+    response = connection.respond(HTTPStatus.METHOD_NOT_ALLOWED, "Expected GET or HEAD; the rest goes by WebSocket\n")
+    response.headers["Allow"] = "GET, HEAD"
+    return response
+
+
+def method_of(request: Request) -> str:
+    """Return the method of a request. Before version 17 the library only let GET pass and did not keep the method."""
+    return str(getattr(request, "method", "GET"))
+
+
+def is_upgrade(request: Request) -> bool:
+    """Return True if a request is a WebSocket handshake, or one that a proxy has robbed of its `Upgrade` header.
+
+    Args:
+        request: the request.
+    """
+    headers = request.headers
+    return "Upgrade" in headers or any(name in headers for name in ("Sec-WebSocket-Key", "Sec-WebSocket-Version"))
+
+
+def accepts(request: Request, header: str, value: str) -> bool:
+    """Return True if a header such as `Accept` names a value, and not with `q=0`. Wildcards do not count.
+
+    Args:
+        request: the request.
+        header: name of the header.
+        value: the value, such as `text/html`.
+    """
+    for entry in ",".join(request.headers.get_all(header)).split(","):
+        name, *parameters = (part.strip().lower() for part in entry.split(";"))
+        if name == value:
+            weights = [text.partition("=")[2] for text in parameters if text.partition("=")[0].strip() == "q"]
+            return not any(weight.strip().strip("0.") == "" for weight in weights)
+    return False
+
+
+def is_known(etag: str, known: Sequence[str]) -> bool:
+    """Return True if `If-None-Match` headers name an ETag; a weak one serves as well.
+
+    Args:
+        etag: the ETag, with its quotes.
+        known: values of the header.
+    """
+    names = [name.strip().removeprefix("W/") for name in ",".join(known).split(",")]
+    return etag in names or "*" in names

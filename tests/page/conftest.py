@@ -1,0 +1,108 @@
+"""The web page in Debian's Chromium: a test fails where the page logs an error or its security policy is broken."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack
+from pathlib import Path
+from typing import Any, Protocol
+from urllib.parse import urlsplit
+
+import pytest
+from playwright.async_api import Browser, ConsoleMessage, Page, async_playwright
+
+from rosbridge_sim.shell.page.page_address import page_urls
+from tests.support import PATIENCE, ServerProcess, require_tool
+
+FLAGS = (
+    "--no-sandbox",  # it has none for root, and the page is ours
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",  # WebGL without a graphics card
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+    "--disable-features=LocalNetworkAccessChecks,LocalNetworkAccessChecksWebSockets",  # for pages that a test makes up
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE localhost, "  # it speaks to nobody but us
+    + ", ".join(f"EXCLUDE {urlsplit(url).hostname}" for url in page_urls("0.0.0.0", 0, is_tls=False)),  # noqa: S104
+)
+
+
+class OpenPage(Protocol):
+    """Opens a page in a new browser context."""
+
+    async def __call__(
+        self,
+        server: ServerProcess | str,
+        *,
+        path: str = "",
+        allow: tuple[str, ...] = (),
+        state: str | None = "open",
+        **options: Any,  # noqa: ANN401 - those of Playwright's new_context
+    ) -> Page:
+        """Open the page of a server.
+
+        Args:
+            server: the server, or the URL of the page.
+            path: added to the URL.
+            allow: parts of console errors that are no mistake, such as those of a lost connection.
+            state: the state of the connection to wait for; None waits for the load only.
+            options: of the browser context, such as `color_scheme` and `viewport`.
+        """
+
+
+@pytest.fixture
+async def browser() -> AsyncIterator[Browser]:
+    async with async_playwright() as playwright:
+        browser = await playwright.chromium.launch(executable_path=require_tool("chromium"), args=FLAGS)
+        yield browser
+        await browser.close()
+
+
+@pytest.fixture
+async def open_page(browser: Browser, tmp_path: Path, request: pytest.FixtureRequest) -> AsyncIterator[OpenPage]:
+    """Opens pages; at the end, no page may have logged an error. Pictures of them are in the test's folder."""
+    mistakes: list[str] = []
+    pages: list[Page] = []
+
+    async with AsyncExitStack() as contexts:
+
+        async def start(
+            server: ServerProcess | str,
+            *,
+            path: str = "",
+            allow: tuple[str, ...] = (),
+            state: str | None = "open",
+            **options: Any,  # noqa: ANN401 - see `OpenPage`
+        ) -> Page:
+            context = await browser.new_context(**({"viewport": {"width": 1280, "height": 720}} | options))
+            contexts.push_async_callback(context.close)
+            page = await context.new_page()
+            page.set_default_timeout(PATIENCE * 1e3)
+
+            def note(text: str) -> None:
+                if not any(part in text for part in allow):
+                    mistakes.append(text)
+
+            def hear(message: ConsoleMessage) -> None:
+                if message.type in {"error", "warning"} and "GPU stall" not in message.text:  # the software renderer's
+                    note(f"{message.type}: {message.text}")
+
+            page.on("console", hear)
+            page.on("pageerror", lambda error: note(f"exception: {error.stack or error}"))
+            await page.goto((server if isinstance(server, str) else page_url(server)) + path)
+            pages.append(page)
+            if state is not None:
+                await page.wait_for_selector(f":root[data-connection={state}]", state="attached")
+            return page
+
+        yield start
+        for number, page in enumerate(pages):
+            if not page.is_closed():
+                await page.screenshot(path=tmp_path / f"page{number}.png")
+        assert not mistakes, f"the page of {request.node.name} logged:\n" + "\n".join(mistakes)
+
+
+def page_url(server: ServerProcess) -> str:
+    """The URL of a server's page."""
+    return f"http://127.0.0.1:{server.port}/"
