@@ -60,8 +60,8 @@ export default [
     rules,
   },
   {
-    files: ["rosbridge_sim/page/js/texts.js"], // all texts of the page stand in one file
-    rules: { "max-lines": "off" },
+    files: ["rosbridge_sim/page/js/texts.js"],
+    rules: { "max-lines": "off" }, // all texts are in one file, for translators
   },
   {
     files: ["tests/page/js/**/*.js"],

@@ -124,7 +124,7 @@ export function listenToMapKeys(view, texts) {
   };
   window.addEventListener("keydown", (event) => {
     const { target } = event;
-    if (event.defaultPrevented || event.ctrlKey || event.altKey || event.metaKey || isTyping(target)) {
+    if (event.defaultPrevented || event.ctrlKey || event.altKey || event.metaKey || isInForm(target)) {
       return;
     }
     const isOnMap = target === view.canvas || target === document.body;
@@ -143,6 +143,6 @@ export function listenToMapKeys(view, texts) {
 }
 
 /** @param {EventTarget | null} target */
-function isTyping(target) {
+function isInForm(target) {
   return target instanceof Element && target.closest("input, select, textarea, dialog, [contenteditable]") !== null;
 }
