@@ -443,7 +443,6 @@ export const TEXTS = {
     },
     topic: {
       label: "Chosen topic",
-      type: "Type",
       bytes: "Traffic",
       dropped: "Lost by slow clients",
       latched: "Kept for new subscribers",

@@ -5,6 +5,7 @@ import { element, replaceChildren, setText } from "../../widgets/dom.js";
 import { whileSeen } from "../../widgets/seen.js";
 import { DataTable } from "../../widgets/table.js";
 import { MessageTree } from "../../widgets/tree.js";
+import { refusalOf } from "../actions.js";
 import { makeFormOf } from "./definitions.js";
 
 /** @typedef {import("../context.js").PanelContext} PanelContext */
@@ -98,12 +99,15 @@ function makeServiceView(context) {
       actions.finish(action, "failed", error instanceof Error ? error.message : String(error));
       throw error;
     }
-    actions.finish(action, "done", "");
+    const refusal = refusalOf(values);
+    actions.finish(action, refusal === null ? "done" : "failed", refusal ?? "");
     if (chosen === row) {
       answer.choices.clear();
       answer.show(values);
       answerBox.hidden = false;
-      notice.show(Object.keys(values ?? {}).length === 0 ? texts.services.emptyAnswer : "");
+      const isEmpty = Object.keys(values ?? {}).length === 0;
+      notice.show(refusal ?? (isEmpty ? texts.services.emptyAnswer : ""), refusal === null ? "info" : "bad");
+      answerBox.scrollIntoView({ block: "nearest" });
     }
   };
   const button = new ActionButton({ label: texts.services.call, className: "primary", notice, act: call });

@@ -38,6 +38,7 @@ export class TopicView {
     this.drawnAt = -Infinity;
     this.numMessages = 0;
     this.title = element("h3", { tabIndex: -1 });
+    this.type = element("p", { className: "hint" });
     this.figures = element("dl", { className: "figures" });
     this.state = element("p", { className: "hint" });
     this.note = element("p", { className: "notice", role: "status", hidden: true, dataset: { kind: "warn" } });
@@ -58,6 +59,7 @@ export class TopicView {
       "section",
       { className: "subsection topic-view", hidden: true, "aria-label": this.texts.topic.label },
       element("div", { className: "view-head" }, this.title, this.hold, close),
+      this.type,
       this.figures,
       this.state,
       this.note,
@@ -110,9 +112,9 @@ export class TopicView {
     }
     this.note.hidden = true;
     const { topic: texts } = this.texts;
+    setText(this.type, info.type);
     const names = (/** @type {string[]} */ list) => list.slice(0, 20).join(", ") || texts.nobody;
     const parts = [
-      [texts.type, info.type],
       [texts.bytes, `${bytesText(Math.round(Number(info.bytes_per_second)))}/s`],
       [texts.dropped, String(info.dropped)],
       [texts.latched, info.is_latched ? texts.yes : texts.no],
