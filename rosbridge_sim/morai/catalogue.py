@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.suggestions import hint
+from rosbridge_sim.world.entity_types import CG_SHARE
 from rosbridge_sim.world.state import Body, Kind
 
 __all__ = [
@@ -42,7 +43,7 @@ class Model:
         kind: VEHICLE, PEDESTRIAN or OBSTACLE; every VEHICLE with an engine can also be an ego.
         body: its size and limits.
         data_ids: its numbers in scenario files; empty if they are unknown.
-        mass: [kg]; kept but not used, because the world is kinematic.
+        mass: of the user's models [kg]; None if it is not given. The dynamics use that of the body.
     """
 
     name: str
@@ -65,8 +66,16 @@ def _car(
     max_steer: float = _CAR_STEER,
     max_accel: float = 3.5,
     max_decel: float = 8.5,
+    mass: float = 1450.0,
+    front_load: float = 0.59,
+    front_drive: float = 1.0,
+    leans: bool = True,
 ) -> Model:
-    """Return a vehicle with this length, width, height, front and rear overhang [m]; the rest is the wheelbase."""
+    """Return a vehicle with this length, width, height, front and rear overhang [m]; the rest is the wheelbase.
+
+    Masses are kerb weights of the makers and 75 kg for the driver. Loads of the front axle are those usual for the
+    layout: 0.59 to 0.61 with front-wheel drive, 0.5 to 0.55 with rear-wheel drive.
+    """
     length, width, height = size
     body = Body(
         length,
@@ -78,6 +87,11 @@ def _car(
         max_steer=max_steer,
         max_accel=max_accel,
         max_decel=max_decel,
+        mass=mass,
+        front_load=front_load,
+        cg_height=round(CG_SHARE * height, 3),
+        front_drive=front_drive,
+        **({} if leans else {"roll_gain": 0.0, "pitch_gain": 0.0}),
     )
     return Model(name, Kind.VEHICLE, body, data_ids)
 
@@ -93,21 +107,85 @@ def _plain_car(data_id: int) -> Model:
 
 CATALOGUE: Final[tuple[Model, ...]] = (
     # Lengths, widths and overhangs are those of MORAI's models; heights are those of the real cars.
-    _car("2016_Hyundai_Ioniq", (4.470, 1.820, 1.450), 0.880, 0.890),
-    _car("2016_Kia_Niro(HEV)", (4.355, 1.805, 1.545), 0.870, 0.785),  # all values of the real car, wheelbase 2.7
-    _car("Hyundai_Ioniq_5", (4.635, 1.900, 1.605), 0.845, 0.790, 20200012),
-    _car("2015_Kia_K5", (4.845, 1.835, 1.475), 0.965, 1.085),
-    _car("2014_Kia_K7", (5.010, 1.885, 1.475), 1.000, 1.120),
-    _car("2016_Genesis_DH", (4.996, 1.920, 1.480), 0.846, 1.140, max_accel=4.5),
-    _car("2021_VW_Golf_GTI", (4.380, 1.780, 1.478), 0.860, 0.889, max_accel=4.5),
-    _car("2020_Kia_Stinger", (4.830, 1.870, 1.400), 0.830, 1.095, max_accel=5.0),
+    _car("2016_Hyundai_Ioniq", (4.470, 1.820, 1.450), 0.880, 0.890, mass=1450.0),
+    _car(
+        "2016_Kia_Niro(HEV)", (4.355, 1.805, 1.545), 0.870, 0.785, mass=1500.0
+    ),  # all values of the real car, wheelbase 2.7
+    _car(
+        "Hyundai_Ioniq_5", (4.635, 1.900, 1.605), 0.845, 0.790, 20200012, mass=1980.0, front_load=0.5, front_drive=0.0
+    ),
+    _car("2015_Kia_K5", (4.845, 1.835, 1.475), 0.965, 1.085, mass=1545.0, front_load=0.6),
+    _car("2014_Kia_K7", (5.010, 1.885, 1.475), 1.000, 1.120, mass=1635.0, front_load=0.6),
+    _car(
+        "2016_Genesis_DH",
+        (4.996, 1.920, 1.480),
+        0.846,
+        1.140,
+        max_accel=4.5,
+        mass=1975.0,
+        front_load=0.52,
+        front_drive=0.0,
+    ),
+    _car("2021_VW_Golf_GTI", (4.380, 1.780, 1.478), 0.860, 0.889, max_accel=4.5, mass=1505.0, front_load=0.61),
+    _car(
+        "2020_Kia_Stinger",
+        (4.830, 1.870, 1.400),
+        0.830,
+        1.095,
+        max_accel=5.0,
+        mass=1765.0,
+        front_load=0.53,
+        front_drive=0.0,
+    ),
     # The names from here on are ours, with values of common examples: a Starex, a Porter, a city bus of 11 m.
-    _car("Van", (5.150, 1.920, 1.925), 0.880, 1.070, max_accel=2.5),
-    _car("Truck", (5.120, 1.740, 1.965), 1.205, 1.275, max_accel=2.2, max_decel=7.0),
-    _car("Bus", (10.955, 2.490, 3.220), 2.565, 2.990, max_steer=math.radians(45.0), max_accel=1.5, max_decel=6.0),
-    # Two-wheelers; their height includes the rider.
-    _car("Motorcycle", (2.100, 0.800, 1.650), 0.350, 0.350, max_accel=5.0),
-    _car("Bicycle", (1.800, 0.600, 1.750), 0.380, 0.370, max_accel=1.0, max_decel=4.0),
+    _car("Van", (5.150, 1.920, 1.925), 0.880, 1.070, max_accel=2.5, mass=2275.0, front_load=0.55, front_drive=0.0),
+    _car(
+        "Truck",
+        (5.120, 1.740, 1.965),
+        1.205,
+        1.275,
+        max_accel=2.2,
+        max_decel=7.0,
+        mass=1850.0,
+        front_load=0.58,
+        front_drive=0.0,
+    ),
+    _car(
+        "Bus",
+        (10.955, 2.490, 3.220),
+        2.565,
+        2.990,
+        max_steer=math.radians(45.0),
+        max_accel=1.5,
+        max_decel=6.0,
+        mass=11_500.0,
+        front_load=0.35,
+        front_drive=0.0,
+    ),
+    # Two-wheelers; their height and mass include the rider. They lean into bends, which is not simulated.
+    _car(
+        "Motorcycle",
+        (2.100, 0.800, 1.650),
+        0.350,
+        0.350,
+        max_accel=5.0,
+        mass=275.0,
+        front_load=0.5,
+        front_drive=0.0,
+        leans=False,
+    ),
+    _car(
+        "Bicycle",
+        (1.800, 0.600, 1.750),
+        0.380,
+        0.370,
+        max_accel=1.0,
+        max_decel=4.0,
+        mass=90.0,
+        front_load=0.45,
+        front_drive=0.0,
+        leans=False,
+    ),
     # Pedestrians: length of a stride, width with the arms, mean height of Korean adults and of a child of seven.
     _thing(Kind.PEDESTRIAN, "Pedestrian", 0.45, 0.55, 1.70),
     _thing(Kind.PEDESTRIAN, "Man", 0.45, 0.55, 1.74),

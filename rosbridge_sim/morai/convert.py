@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.motion import motion
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import STEP_NS, Body, Gear, Kind, Mode, World
+from rosbridge_sim.world.tyre_readings import read_tyres
 
 __all__ = [
     "EGO_TYPE",
@@ -91,7 +92,7 @@ class Control:
 
     Attributes:
         mode: pedals, speed or acceleration; it selects the fields that count.
-        steer: front wheels, left positive [rad].
+        steer, rear_steer: front and rear wheels, left positive [rad].
         throttle, brake: as sent; the world clamps them to 0..1.
         speed: [m/s].
         accel: [m/s^2].
@@ -103,6 +104,7 @@ class Control:
     brake: float
     speed: float
     accel: float
+    rear_steer: float = 0.0
 
 
 def gear_of(number: int) -> Gear | None:
@@ -157,14 +159,7 @@ _BESIDE_LANE: Final[Mapping[str, _Figure]] = {
     "distance_right_lane_boundary": lambda _world, _row, lane: lane.to_right,
 }
 
-_UNKNOWABLE: Final = (
-    "rear_steer_angle",
-    # Wheels of the kinematic model roll where they point, so there is no slip and no force from it.
-    *(f"side_slip_angle_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
-    *(f"tire_lateral_force_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
-    *(f"tire_cornering_stiffness_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
-)
-"""Fields of newer releases that are always 0."""
+_AXLE_OF: Final[Mapping[str, Literal["front", "rear"]]] = {"fl": "front", "fr": "front", "rl": "rear", "rr": "rear"}
 
 
 def _find_lane(world: World, row: int, roads: Roads) -> _Lane:
@@ -173,8 +168,17 @@ def _find_lane(world: World, row: int, roads: Roads) -> _Lane:
     return _Lane(places.lateral.item(), to_left.item(), to_right.item())
 
 
-def _nothing(_world: World, _row: int, _lane: _Lane) -> float:
-    return 0.0
+def _of_tyre(figure: str, axle: Literal["front", "rear"]) -> _Figure:
+    """Return a function that reads a figure of a tyre in MORAI's unit."""
+    if figure == "tire_lateral_force":
+        return lambda world, row, _lane: read_tyres(world, row, axle).lateral_force
+    if figure == "side_slip_angle":
+        return lambda world, row, _lane: math.degrees(read_tyres(world, row, axle).slip)
+    return lambda world, row, _lane: math.radians(read_tyres(world, row, axle).cornering_stiffness)  # N/deg
+
+
+def _rear_steer_angle(world: World, row: int, _lane: _Lane) -> float:
+    return math.degrees(world.rear_steer.item(row))
 
 
 def _front_steer_angle(world: World, row: int, _lane: _Lane) -> float:
@@ -237,7 +241,12 @@ class Converter:
             "wheel_angle": self._wheel_angle,
             "front_steer_angle": _front_steer_angle,
             **_BESIDE_LANE,
-            **dict.fromkeys(_UNKNOWABLE, _nothing),
+            "rear_steer_angle": _rear_steer_angle,
+            **{
+                f"{figure}_{wheel}": _of_tyre(figure, axle)
+                for figure in ("tire_lateral_force", "side_slip_angle", "tire_cornering_stiffness")
+                for wheel, axle in _AXLE_OF.items()
+            },
         }
         fields = store.message("morai_msgs/EgoVehicleStatus").struct_type.__struct_fields__
         self._ego_figures = [figures[name] for name in fields if name in figures]
@@ -278,6 +287,7 @@ class Converter:
         )
         fields = store.message("morai_msgs/CtrlCmd").struct_type.__struct_fields__
         self._steering = "steering" if "steering" in fields else "front_steer"
+        self._has_rear_steer = "rear_steer" in fields
         self._speed_factor = MPS_TO_KMH if profile.object_velocity_unit == "km/h" else 1.0
         self._is_width_first = profile.object_size_order == "width-length-height"
         self._at_rest = self._vector(0.0, 0.0, 0.0)
@@ -321,9 +331,8 @@ class Converter:
     def ego_vehicle_status(self, world: World, row: int, unique_id: int, roads: Roads | None = None) -> Struct:
         """Return the state of an ego.
 
-        Velocity and acceleration are in the frame of the body, x forward and y left, at the rear axle. That point never
-        moves
-        sideways.
+        Velocity and acceleration are in the frame of the body, x forward and y left, at the rear axle. That point moves
+        sideways only if its tyres slip.
 
         Args:
             world: read only.
@@ -341,7 +350,7 @@ class Converter:
             unique_id,
             vector(world.accel.item(row), world.lateral_accel.item(row), 0.0),
             vector(world.x.item(row), world.y.item(row), world.z.item(row)),
-            vector(world.speed.item(row), 0.0, 0.0),
+            vector(world.speed.item(row), world.lateral_speed.item(row), 0.0),
             math.degrees(world.yaw.item(row)),
             round32(world.throttle.item(row)),
             round32(world.brake.item(row)),
@@ -477,12 +486,14 @@ class Converter:
                 "morai_msgs/CtrlCmd.longlCmdType: expected 1 (throttle), 2 (velocity) or 3 (acceleration),"
                 f" got {command.longlCmdType}"
             )
-        for name in ("accel", "brake", self._steering, "velocity", "acceleration"):
+        rear_steer = ("rear_steer",) if self._has_rear_steer else ()
+        for name in ("accel", "brake", self._steering, *rear_steer, "velocity", "acceleration"):
             if not math.isfinite(getattr(command, name)):
                 raise FieldError(f"morai_msgs/CtrlCmd.{name}: expected a finite number, got {getattr(command, name)}")
         return Control(
             mode,
             steer=getattr(command, self._steering),
+            rear_steer=command.rear_steer if self._has_rear_steer else 0.0,
             throttle=command.accel,
             brake=command.brake,
             speed=command.velocity / MPS_TO_KMH,

@@ -184,6 +184,7 @@ class Ego:
             self.row,
             mode=control.mode,
             steer=control.steer,
+            rear_steer=control.rear_steer,
             throttle=control.throttle,
             brake=control.brake,
             speed=control.speed,

@@ -24,7 +24,7 @@ from rosbridge_sim.morai.typed_plain import as_plain, read_as
 __all__ = ["OwnBytes", "SnapshotHead", "pack", "unpack"]
 
 MAGIC: Final = b"\x89RBSIM\r\n"
-VERSION: Final = 1
+VERSION: Final = 2
 CHECKSUM_SIZE: Final = 16
 
 MAX_MAPS: Final = 16
@@ -49,6 +49,7 @@ class SnapshotHead:
         layout: stands for the columns of the world's arrays.
         definitions: stands for the definitions of the messages, which differ from release to release.
         profile: the profile in words, for comparison and for errors.
+        dynamics: the model of the egos in words, likewise.
         maps: names and digests of the maps that it needs.
         recording: name and digest of the bag that moves the world; None for none.
         frame: of the world.
@@ -58,6 +59,7 @@ class SnapshotHead:
     layout: bytes
     definitions: bytes
     profile: str
+    dynamics: str
     maps: tuple[tuple[str, bytes], ...]
     recording: tuple[str, bytes] | None
     frame: int

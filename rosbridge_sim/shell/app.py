@@ -71,7 +71,7 @@ from rosbridge_sim.shell.websocket.origins import OriginRules
 from rosbridge_sim.shell.websocket.server import Server
 from rosbridge_sim.shell.websocket.urls import shown_url
 from rosbridge_sim.suggestions import listing
-from rosbridge_sim.world.state import World
+from rosbridge_sim.world.state import Dynamics, World
 
 if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.attach import Attachment
@@ -496,7 +496,7 @@ def _make_node(
     try:
         node = make_node(
             bus,
-            World(settings.seed),
+            World(settings.seed, Dynamics[settings.dynamics.upper().replace("-", "_")], is_creeping=settings.creep),
             library,
             scenario,
             choices,

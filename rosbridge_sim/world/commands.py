@@ -27,6 +27,7 @@ def command(
     *,
     mode: Mode,
     steer: float,
+    rear_steer: float = 0.0,
     throttle: float = 0.0,
     brake: float = 0.0,
     speed: float = 0.0,
@@ -41,6 +42,7 @@ def command(
         row: row of an EGO.
         mode: which longitudinal arguments count.
         steer: front wheels, left positive, clipped at the body's limit [rad].
+        rear_steer: rear wheels, likewise; only the single track model turns them.
         throttle: 0..1, clipped; for PEDALS.
         brake: 0..1, clipped; for PEDALS.
         speed: in the direction of the gear; for SPEED. Negative is a stop, in R the same as positive [m/s].
@@ -52,21 +54,23 @@ def command(
     if not _is_driven(world, row):
         raise ValueError(f"row {row} is not driven by commands")
     if mode == Mode.PEDALS:
-        _check(steer=steer, throttle=throttle, brake=brake)
+        _check(steer=steer, rear_steer=rear_steer, throttle=throttle, brake=brake)
         world.throttle[row], world.brake[row] = min(max(throttle, 0.0), 1.0), min(max(brake, 0.0), 1.0)
     elif mode == Mode.SPEED:
-        _check(steer=steer, speed=speed)
+        _check(steer=steer, rear_steer=rear_steer, speed=speed)
         world.speed_cmd[row] = min(max(speed, -MAX_SPEED), MAX_SPEED)
     elif mode == Mode.ACCEL:
-        _check(steer=steer, accel=accel)
+        _check(steer=steer, rear_steer=rear_steer, accel=accel)
         world.accel_cmd[row] = min(max(accel, -MAX_COMMAND_ACCEL), MAX_COMMAND_ACCEL)
     else:
         raise ValueError(f"mode: expected 1 (pedals), 2 (speed) or 3 (acceleration), got {mode!r}")
     limit = world.max_steer.item(row)
     world.steer_cmd[row] = min(max(steer, -limit), limit)
+    limit = world.bodies[row].max_rear_steer
+    world.rear_steer_cmd[row] = min(max(rear_steer, -limit), limit)
     before = world.mode.item(row)
     world.mode[row] = mode
-    update_control_columns(world, row)
+    update_control_columns(world, row, is_creeping=world.is_creeping)
     set_ghost(world, row, is_ghost=False)
     if (before == Mode.PEDALS) != (mode == Mode.PEDALS):
         world.touch()  # the controller's calls are only in the programs that need them
@@ -94,7 +98,7 @@ def shift(world: World, row: int, gear: Gear) -> bool:
     if abs(world.speed[row]) >= STANDSTILL:
         return False
     world.gear[row] = gear
-    update_control_columns(world, row)
+    update_control_columns(world, row, is_creeping=world.is_creeping)
     world.touch()
     return True
 
@@ -131,8 +135,8 @@ def release(world: World, row: int) -> None:
     """
     command(world, row, mode=Mode.PEDALS, steer=0.0)
     world.speed_cmd[row] = world.accel_cmd[row] = 0.0
-    update_control_columns(world, row)
-    world.steer[row] = 0.0
+    update_control_columns(world, row, is_creeping=world.is_creeping)
+    world.steer[row] = world.rear_steer[row] = 0.0
 
 
 def _is_driven(world: World, row: int) -> bool:

@@ -26,6 +26,9 @@ step therefore ends on the true circle for any dt; otherwise the error falls wit
 
 Limits of the model: no slip, so it takes any bend at any speed (beyond about 4 m/s^2 of lateral acceleration a real
 car drifts to the outside). No pitch, no slope, no load transfer, no engine lag.
+
+That is `Dynamics.KINEMATIC`. The equations of `Dynamics.SINGLE_TRACK` are in `single_track`; here they are applied to
+the rows: to few rows one by one as Python floats, to many as arrays. Both give the same bits.
 """
 
 from __future__ import annotations
@@ -36,14 +39,21 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray, wrap_angle
+from rosbridge_sim.world.entity_arrays import FLOATS as COLUMNS
+from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.ground import find_friction
+from rosbridge_sim.world.recorded import RECORDED, Recorder, Value
 from rosbridge_sim.world.row_program import RowProgram
-from rosbridge_sim.world.state import BoolArray, Kind, Mode, World
+from rosbridge_sim.world.single_track import FLOATS, Car, advance, make_car
+from rosbridge_sim.world.state import BoolArray, Dynamics, Kind, Mode, World
 
 __all__ = ["drive"]
 
 ULP_PI: Final = math.ulp(math.pi)
 """From pi to the next number [rad]."""
+
+FEW: Final = 4
+"""Up to this number of rows, single floats are faster than arrays: 35 us for each row, or 150 us for all."""
 
 TINY: Final = 1e-150
 """Added to h, so that sin(h) / h is TINY / TINY = 1 at h = 0; any other h keeps all its bits."""
@@ -56,13 +66,76 @@ def drive(world: World, dt: float) -> None:
         world: written in place.
         dt: length of the step [s].
     """
-    driven = world.derived(_Driven)
+    driven = world.derived(_Driven) if world.dynamics == Dynamics.KINEMATIC else world.derived(_SingleTrack)
     if driven.num:
         driven.advance(dt)
 
 
+def _find_driven(world: World) -> IntArray:
+    """Return the rows that the model moves, (k,) int64."""
+    return np.flatnonzero(world.alive & (world.kind == Kind.EGO) & ~world.is_ghost)
+
+
+class _SingleTrack:
+    """The driven rows of the single track model. It lives until the next `World.touch`."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.rows = _find_driven(world)
+        self.num = len(self.rows)
+        self.dt = 0.0
+
+    def advance(self, dt: float) -> None:
+        """Move the rows by `dt` [s]."""
+        if dt != self.dt:
+            self._prepare(dt)
+        find_friction(self.world, self.rows)
+        if self.num > FEW:
+            self.program.run()
+        else:
+            self._advance_floats()
+
+    def _prepare(self, dt: float) -> None:
+        """Work out what follows from bodies alone."""
+        self.dt = dt
+        if self.num > FEW:
+            self._write_program()
+            return
+        world, rows = self.world, self.rows
+        self._inputs = world.block("rear_steer_cmd", "steer_cmd"), world.block("throttle", "speed")
+        self._outputs = world.block("rear_steer", "roll"), world.block("throttle", "speed")
+        body, limits = world.block("front_load", "roll_gain")[:, rows], world.block("wheelbase", "drag")[:, rows]
+        self._cars: list[tuple[int, Car[float]]] = [
+            (row, make_car(a, b, dt))
+            for row, a, b in zip(rows.tolist(), body.T.tolist(), limits.T.tolist(), strict=True)
+        ]
+
+    def _write_program(self) -> None:
+        program = self.program = RowProgram(self.world, self.rows, "front_load", "speed", written_from="rear_steer")
+        recorder = Recorder(program.num)
+
+        def columns(first: str, last: str) -> list[FloatArray]:
+            return list(program.values[COLUMNS.index(first) : COLUMNS.index(last) + 1])
+
+        def given(first: str, last: str) -> list[Value]:
+            return [recorder.given(column) for column in columns(first, last)]
+
+        car = make_car(given("front_load", "roll_gain"), given("wheelbase", "drag"), self.dt)
+        now = given("rear_steer_cmd", "steer_cmd") + given("throttle", "speed")
+        after = advance(RECORDED, car, now, self.dt)
+        recorder.finish(program, after, columns("rear_steer", "roll") + columns("throttle", "speed"))
+
+    def _advance_floats(self) -> None:
+        (first, second), (state, pose) = self._inputs, self._outputs
+        num = len(state)
+        for row, car in self._cars:
+            after = advance(FLOATS, car, first[:, row].tolist() + second[:, row].tolist(), self.dt)
+            state[:, row] = after[:num]
+            pose[:, row] = after[num:]
+
+
 class _Driven:
-    """The driven rows and the numpy calls that move them.
+    """The driven rows of the kinematic model and the numpy calls that move them.
 
     It lives until the next `World.touch`: until an entity comes or goes, changes gear, or switches between pedals and
     controller. So everything that follows from body, mode and gear alone is worked out here, once. Friction and pedals
@@ -71,7 +144,7 @@ class _Driven:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        self.rows = np.flatnonzero(world.alive & (world.kind == Kind.EGO) & ~world.is_ghost)
+        self.rows = _find_driven(world)
         self.num = len(self.rows)
         self.dt = 0.0
 

@@ -15,7 +15,17 @@ import numpy.typing as npt
 from rosbridge_sim.world.entity_types import Body
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 
-__all__ = ["BOOLS", "FLOATS", "INTS", "LEG_COLUMNS", "NUM_CORE", "BoolArray", "EntityArrays"]
+__all__ = [
+    "BOOLS",
+    "FLOATS",
+    "INTS",
+    "KINEMATIC_ALL",
+    "KINEMATIC_CORE",
+    "LEG_COLUMNS",
+    "NUM_CORE",
+    "BoolArray",
+    "EntityArrays",
+]
 
 BoolArray = npt.NDArray[np.bool_]
 
@@ -28,7 +38,18 @@ NO_BODY: Final = Body()
 # Columns of float64. The order matters: the columns that `dynamics` reads are one run, those that it writes are a run
 # inside it, and likewise for `path_following`. So one call gathers a run. Those modules name a run by its first and
 # last column. The names are no part of digests or snapshots; the order is.
-FLOATS: Final = (
+_SINGLE_TRACK: Final = (
+    # of the body
+    *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "front_drive"),
+    *("pitch_gain", "roll_gain"),
+    # of commands and ground
+    *("rear_steer_cmd", "creep", "rolls", "jerk_limit", "friction", "grade", "ground_pitch", "ground_roll"),
+    # written by single_track
+    *("rear_steer", "drive_lag", "brake_lag", "lateral_speed", "yaw_accel"),
+    *("front_slip", "rear_slip", "front_force", "rear_force"),
+    *("lean_pitch", "lean_roll", "pitch_rate", "roll_rate", "pitch", "roll"),
+)
+_KINEMATIC: Final = (
     # read by dynamics
     *("target", "accel_max", "accel_min", "throttle_max", "sense", "drive", "holding", "steer_cmd"),
     *("wheelbase", "steer_rate", "max_accel", "max_decel", "rolling", "drag"),
@@ -62,6 +83,7 @@ FLOATS: Final = (
     *("lane_offset", "lane_offset_sum", "max_lane_offset"),
     *("jerk", "max_jerk", "jerk_square_sum", "max_lateral_accel", "lateral_accel_square_sum"),
 )
+FLOATS: Final = (*_SINGLE_TRACK, *(name for name in _KINEMATIC if name not in _SINGLE_TRACK))
 LEG_COLUMNS: Final = (
     *("leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
     *("leg_yaw", "leg_turn"),
@@ -87,6 +109,14 @@ NUM_CORE: Final = (FLOATS.index("score_distance"), INTS.index("score_since"), BO
 """Columns of each block without those of `score`, which are zeros while no scores are kept."""
 
 
+KINEMATIC_CORE: Final = np.array([FLOATS.index(name) for name in _KINEMATIC[: _KINEMATIC.index("score_distance")]])
+"""Rows of the float block that the kinematic model has, in its own order, without those of `score`: its digests do not
+depend on the columns of other models."""
+
+KINEMATIC_ALL: Final = np.array([FLOATS.index(name) for name in _KINEMATIC])
+"""The same, with those of `score`."""
+
+
 class EntityArrays:
     """Arrays of equal length with one entry for each entity.
 
@@ -104,8 +134,8 @@ class EntityArrays:
         roll, pitch, yaw: [rad]; yaw within (-pi, pi].
         speed: along the heading, or along the path; negative when going backwards [m/s].
 
-        accel, lateral_accel: forward and to the left, over the last step [m/s^2].
-        yaw_rate: counter-clockwise, over the last step [rad/s].
+        accel, lateral_accel: of the reference point, forward and to the left, over the last step [m/s^2].
+        yaw_rate: counter-clockwise, over the last step; of the single track model, at its end [rad/s].
         steer: angle of the front wheels, left positive [rad].
         throttle, brake: pedals 0..1, as commanded or as the controller of the mode presses them.
         gear, mode: `Gear` and `Mode`, int64.
@@ -115,7 +145,20 @@ class EntityArrays:
 
         arc: distance along the path or the lane; without either, since the row was placed; 0 for driven rows [m].
         lateral_speed, climb, climb_accel: velocity to the left [m/s] and up [m/s], acceleration up [m/s^2], of ghosts
-            as their recording has them; 0 for all others.
+            as their recording has them, and lateral_speed of a row of the single track model; 0 for all others.
+
+        The following entries are those of driven rows in the single track model; see `single_track`.
+        friction: of the ground below; see `ground`.
+        grade: acceleration along the heading by the slope of the ground, negative uphill [m/s^2].
+        ground_pitch, ground_roll: of the ground below [rad].
+        drive_lag, brake_lag: pedals as engine and brakes follow them, 0..1.
+        rear_steer_cmd, rear_steer: last command, and angle of the rear wheels, left positive [rad].
+        yaw_accel: change of yaw_rate over the last step [rad/s^2].
+        front_slip, rear_slip: direction of motion of the wheels of an axle, seen from where they point, left positive
+            [rad].
+        front_force, rear_force: sideways force on the wheels of an axle, left positive, for each kg of the car [N/kg].
+        lean_pitch, lean_roll: of the body, relative to the ground [rad].
+        pitch_rate, roll_rate: change of these over the last step [rad/s].
         has_path, is_loop: bool, the row follows a path; it begins again at the end of its path or route.
         path_length: 0 for rows without a path [m].
 
@@ -156,6 +199,38 @@ class EntityArrays:
         `path_following` explains leg_*.
     """
 
+    front_load: FloatArray
+    cg_height: FloatArray
+    dynamic_index: FloatArray
+    front_stiffness: FloatArray
+    rear_stiffness: FloatArray
+    grip: FloatArray
+    front_drive: FloatArray
+    pitch_gain: FloatArray
+    roll_gain: FloatArray
+    rear_steer_cmd: FloatArray
+    creep: FloatArray
+    rolls: FloatArray
+    jerk_limit: FloatArray
+    friction: FloatArray
+    grade: FloatArray
+    ground_pitch: FloatArray
+    ground_roll: FloatArray
+    rear_steer: FloatArray
+    drive_lag: FloatArray
+    brake_lag: FloatArray
+    lateral_speed: FloatArray
+    yaw_accel: FloatArray
+    front_slip: FloatArray
+    rear_slip: FloatArray
+    front_force: FloatArray
+    rear_force: FloatArray
+    lean_pitch: FloatArray
+    lean_roll: FloatArray
+    pitch_rate: FloatArray
+    roll_rate: FloatArray
+    pitch: FloatArray
+    roll: FloatArray
     target: FloatArray
     accel_max: FloatArray
     accel_min: FloatArray
@@ -194,8 +269,6 @@ class EntityArrays:
     leg_turn: FloatArray
     path_length: FloatArray
     desired_speed: FloatArray
-    roll: FloatArray
-    pitch: FloatArray
     speed_cmd: FloatArray
     accel_cmd: FloatArray
     max_steer: FloatArray
@@ -203,7 +276,6 @@ class EntityArrays:
     speed_decel: FloatArray
     start_within: FloatArray
     start_speed: FloatArray
-    lateral_speed: FloatArray
     climb: FloatArray
     climb_accel: FloatArray
     half_length: FloatArray

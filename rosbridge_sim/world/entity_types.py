@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from typing import Final
 
-__all__ = ["MAX_COORDINATE", "MAX_SPEED", "Body", "Gear", "Kind", "Mode"]
+__all__ = ["CG_SHARE", "MAX_COORDINATE", "MAX_SPEED", "ROAD_FRICTION", "Body", "Dynamics", "Gear", "Kind", "Mode"]
 
 MAX_COORDINATE: Final = 1e9
 """Bound of coordinates, and of angles that are wrapped later [m, rad]. It is far beyond any map, and keeps squares and
@@ -18,6 +18,20 @@ sums finite for ever."""
 
 MAX_SPEED: Final = 1e3
 """Bound of speeds, far beyond any car [m/s]."""
+
+
+ROAD_FRICTION: Final = 0.9
+"""Friction of dry asphalt: 0.8 to 0.9 at the peak (Wong, Theory of Ground Vehicles, table 1.3)."""
+
+CG_SHARE: Final = 0.37
+"""Height of the centre of gravity of a vehicle, as a share of its height: our estimate, usual for passenger cars."""
+
+MIN_LOAD: Final = 0.05
+"""Least share of the weight that an axle carries: with less, a car would tip over."""
+
+_POSITIVE: Final = frozenset(
+    {"length", "width", "height", "mass", "dynamic_index", "front_stiffness", "rear_stiffness", "grip"}
+)
 
 
 class Kind(IntEnum):
@@ -46,6 +60,13 @@ class Mode(IntEnum):
     ACCEL = 3  # an acceleration to keep [m/s^2]
 
 
+class Dynamics(IntEnum):
+    """Model that moves the driven rows."""
+
+    KINEMATIC = 0  # wheels roll where they point, see `dynamics`
+    SINGLE_TRACK = 1  # wheels slip, see `single_track`
+
+
 @dataclass(frozen=True, slots=True)
 class Body:
     """Size and limits of an entity; the defaults are those of a mid-size car (Hyundai Ioniq).
@@ -65,6 +86,22 @@ class Body:
         drag: deceleration by air, engine and gears for each (m/s)^2 [1/m]. With the default, full throttle reaches
             180 km/h at most, and 100 km/h in ten seconds.
         speed_mode_accel, speed_mode_decel: the most that the speed controller asks for [m/s^2].
+        mass: with a driver [kg]: 1,375 kg and 75 kg. The dynamics are those of one kilogram, so it counts for forces
+            that are reported only.
+        front_load: share of the weight on the front axle at rest. 0.59 is usual for a car with front engine and
+            front-wheel drive.
+        cg_height: height of the centre of gravity [m]; see `CG_SHARE`.
+        dynamic_index: moment of inertia about the vertical axis, divided by mass * (distances of the centre of gravity
+            from both axles). It is near 1 for passenger cars (Heydinger et al., NHTSA's measured parameters, SAE
+            1999-01-1336).
+        front_stiffness, rear_stiffness: cornering stiffness of an axle for each newton of its load [1/rad]. Tyres alone
+            have 15 to 25. The steering gives way, so the front is softer: the car understeers by 1.5 degrees of
+            steering for each g, usual for a family car (Gillespie, Fundamentals of Vehicle Dynamics, ch. 6).
+        grip: friction of the tyres, relative to that of the ground (`ROAD_FRICTION` on roads).
+        front_drive: share of the engine's force at the front wheels.
+        max_rear_steer: greatest angle of the rear wheels [rad]; 10 degrees is the most of cars in series.
+        roll_gain, pitch_gain: angle of the body for each m/s^2 [rad s^2/m]: 4.5 degrees of roll and 2 of pitch for a g,
+            within the usual 3 to 7 and 1.5 to 3 of passenger cars.
     """
 
     length: float = 4.47
@@ -81,6 +118,18 @@ class Body:
     drag: float = 0.00135
     speed_mode_accel: float = 3.0
     speed_mode_decel: float = 6.0
+    # Not shown by `repr`, and so no part of labels (`state.label_of`): digests of the kinematic model never change.
+    mass: float = field(default=1450.0, repr=False)
+    front_load: float = field(default=0.59, repr=False)
+    cg_height: float = field(default=0.537, repr=False)
+    dynamic_index: float = field(default=1.0, repr=False)
+    front_stiffness: float = field(default=14.0, repr=False)
+    rear_stiffness: float = field(default=22.0, repr=False)
+    grip: float = field(default=1.0, repr=False)
+    front_drive: float = field(default=1.0, repr=False)
+    max_rear_steer: float = field(default=math.radians(10.0), repr=False)
+    roll_gain: float = field(default=math.radians(4.5) / 9.80665, repr=False)
+    pitch_gain: float = field(default=math.radians(2.0) / 9.80665, repr=False)
 
     def __post_init__(self) -> None:
         """Check the values.
@@ -88,13 +137,19 @@ class Body:
         Raises:
             ValueError: names the attribute, what was expected and what came.
         """
-        for field in fields(self):
-            value = getattr(self, field.name)
-            is_size = field.name in {"length", "width", "height"}
+        for each in fields(self):
+            value = getattr(self, each.name)
+            is_size = each.name in _POSITIVE
             if not (0.0 <= value <= MAX_COORDINATE) or (is_size and value == 0.0):
                 raise ValueError(
-                    f"Body.{field.name}: expected a {'positive' if is_size else 'finite'} number >= 0, got {value!r}"
+                    f"Body.{each.name}: expected a {'positive' if is_size else 'finite'} number >= 0, got {value!r}"
                 )
+        if not MIN_LOAD <= self.front_load <= 1.0 - MIN_LOAD:
+            raise ValueError(f"Body.front_load: expected {MIN_LOAD} to {1.0 - MIN_LOAD}, got {self.front_load!r}")
+        if self.front_drive > 1.0:
+            raise ValueError(f"Body.front_drive: expected at most 1, got {self.front_drive!r}")
+        if self.max_rear_steer >= math.pi / 2:
+            raise ValueError(f"Body.max_rear_steer: expected less than pi/2 rad, got {self.max_rear_steer!r}")
         if self.max_steer >= math.pi / 2:
             raise ValueError(f"Body.max_steer: expected less than pi/2 rad, got {self.max_steer!r}")
 

@@ -29,7 +29,7 @@ from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
 from rosbridge_sim.world.lane_position import headings, set_legs
 from rosbridge_sim.world.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.self_driving import SelfDrivingEgos
-from rosbridge_sim.world.state import DT, Kind, World
+from rosbridge_sim.world.state import DT, Dynamics, Kind, World
 
 __all__ = ["DECISION", "DriverView", "Stop", "drive_lanes", "view_driver"]
 
@@ -61,9 +61,12 @@ def drive_lanes(world: World, dt: float) -> None:
     followers = world.derived(_LaneFollowers)
     if not followers.num:
         return
+    saved = followers.egos.save_motion() if world.dynamics == Dynamics.SINGLE_TRACK else None
     if world.frame % DECISION == 0:
         followers.decide()
     followers.move(dt)
+    if saved is not None:
+        followers.egos.restore_poses(saved)
 
 
 def view_driver(world: World, row: int) -> DriverView | None:

@@ -13,8 +13,8 @@ in the present frame of the row. How they are found depends on what moves the ro
   angle it is less, because there the direction turns round. A body that follows a bend does not look exactly where its
   reference point goes, so there is a part to the left.
 - Constant motion is along the heading.
-- A driven row moves along its heading, because its wheels do not slip. Its acceleration to the left is
-  speed * yaw rate.
+- A driven row of the kinematic model moves along its heading, because its wheels do not slip. Its acceleration to the
+  left is speed * yaw rate. With tyres that slip, it has a velocity to the left.
 - A ghost shows what it was given; see `placement`.
 
 A row that is placed elsewhere, or stops at once at the end of its path, has no acceleration from that.

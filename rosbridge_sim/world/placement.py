@@ -6,13 +6,16 @@ A *ghost* is a row whose motion comes from elsewhere, such as a recording or ano
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Final
 
 import numpy as np
 
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
-from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, Kind, World, check_pose
+from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, Dynamics, Kind, World, check_pose
 
 __all__ = ["place_ghost", "place_ghosts", "set_ghost", "set_speed", "show_ghosts", "teleport"]
+
+_TILTS: Final = {"roll": "ground_roll", "pitch": "ground_pitch"}
 
 
 def teleport(
@@ -45,7 +48,7 @@ def teleport(
     """
     check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch)
     world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
-    world.roll[row], world.pitch[row] = roll, pitch
+    world.tilt(row, roll=roll, pitch=pitch)
     set_ghost(world, row, is_ghost=False)
 
 
@@ -66,6 +69,8 @@ def set_speed(world: World, row: int, speed: float) -> None:
     if speed < 0.0 and (world.has_path[row] or (world.has_lane[row] and world.kind[row] != Kind.EGO)):
         raise ValueError(f"speed: expected >= 0 on a path or a lane, got {speed!r}")
     world.speed[row] = speed
+    if world.dynamics == Dynamics.SINGLE_TRACK and world.kind[row] == Kind.EGO:
+        world.lateral_speed[row] = world.yaw_rate[row] = 0.0
     world.start_within[row] = world.start_speed[row] = 0.0
     set_ghost(world, row, is_ghost=False)
     world.touch()  # it may move now, or no longer
@@ -103,7 +108,7 @@ def place_ghost(
     """
     check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch)
     world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
-    world.roll[row], world.pitch[row] = roll, pitch
+    world.tilt(row, roll=roll, pitch=pitch)
     set_ghost(world, row, is_ghost=True)
 
 
@@ -126,6 +131,8 @@ def place_ghosts(world: World, rows: IntArray, poses: FloatArray) -> None:
         raise ValueError("poses: expected finite numbers within the bounds of the world")
     world.place_all(rows, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.roll[rows], world.pitch[rows] = roll, pitch
+    is_ego = world.kind[rows] == Kind.EGO
+    world.ground_roll[rows], world.ground_pitch[rows] = np.where(is_ego, roll, 0.0), np.where(is_ego, pitch, 0.0)
     world.is_ghost[rows] = True
     world.touch()
 
@@ -146,6 +153,9 @@ def show_ghosts(world: World, rows: IntArray, columns: Sequence[str], values: Fl
     for name, figures in zip(columns, values, strict=True):
         column = getattr(world, name)
         column[rows] = np.where(np.isnan(figures), column[rows], wrap_angle(figures) if name == "yaw" else figures)
+        if name in _TILTS:  # an ego that is driven again leans from here
+            is_ego = world.kind[rows] == Kind.EGO
+            getattr(world, _TILTS[name])[rows] = np.where(is_ego, column[rows], 0.0)
     if not world.is_ghost[rows].all():
         world.is_ghost[rows] = True
         world.touch()

@@ -14,7 +14,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from rosbridge_sim.world.entity_arrays import BOOLS, FLOATS, INTS, NO_BODY, NUM_CORE
-from rosbridge_sim.world.entity_types import MAX_COORDINATE, Body, Gear, Kind, Mode
+from rosbridge_sim.world.entity_types import MAX_COORDINATE, Body, Dynamics, Gear, Kind, Mode
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.paths import END, NUM_COLUMNS, PathsSnapshot
 from rosbridge_sim.world.roads import Roads
@@ -37,10 +37,15 @@ MAX_COUNT: Final = 2**62
 
 _MAY_BE_INFINITE: Final = frozenset(
     {
-        *("leg_end", "desired_speed", "accel_max", "accel_min", "throttle_max", "target"),
+        *("leg_end", "desired_speed", "accel_max", "accel_min", "throttle_max", "target", "jerk_limit"),
         *("time_to_collision", "min_time_to_collision"),
     }
 )
+_POSITIVE: Final = (
+    *("wheelbase", "max_accel", "max_decel", "dynamic_index", "front_stiffness", "rear_stiffness", "grip"),
+)
+"""Columns that the equations of driven rows divide by."""
+
 _LANE_COLUMNS: Final = ("claim", "held", "exit_lane", "behind", "lane", *(f"ahead_{i}" for i in range(1, 6)))
 _PCG64: Final = "PCG64"
 
@@ -75,6 +80,8 @@ def to_plain(saved: Snapshot) -> Plain:
         "until": signals.until,
         "routes": dict(saved.routes),
         "is_scoring": int(saved.is_scoring),
+        "dynamics": int(saved.dynamics),
+        "is_creeping": int(saved.is_creeping),
         "rng": _plain_rng(saved.rng_state),
     }
 
@@ -134,6 +141,7 @@ class _Reader:
         next_uid = self._int("next_uid", 0, MAX_UID + 1)
         self._check_rows(uids, ints, bools, next_uid)
         self._check_floats(floats)
+        _check_divisors(floats[:, bools[BOOLS.index("alive")] & (ints[INTS.index("kind")] == Kind.EGO)])
         self._check_ints(ints, bools, paths)
         names, bodies = self._names(n), self._bodies(n)
         self._check_labels(names, bodies, ints, bools)
@@ -161,6 +169,8 @@ class _Reader:
             signals=self._signals(frame),
             routes=routes,
             rng_state=self._rng(),
+            dynamics=Dynamics(self._int("dynamics", min(Dynamics), max(Dynamics))),
+            is_creeping=self._int("is_creeping", 0, 1) == 1,
             is_scoring=is_scoring,
         )
 
@@ -337,3 +347,11 @@ class _Reader:
 def _expect(is_good: bool, name: str, expected: str) -> None:  # noqa: FBT001 - an assertion
     if not is_good:
         raise ValueError(f"world.{name}: expected {expected}")
+
+
+def _check_divisors(egos: FloatArray) -> None:
+    """Check the columns of egos that equations divide by."""
+    for name in _POSITIVE:
+        _expect(bool((egos[FLOATS.index(name)] > 0.0).all()), f"floats.{name}", "positive figures of egos")
+    load = egos[FLOATS.index("front_load")]
+    _expect(bool(((load > 0.0) & (load < 1.0)).all()), "floats.front_load", "shares of egos")

@@ -36,6 +36,7 @@ import numpy as np
 
 from rosbridge_sim.world.collisions import POSE_SPEED, POSE_X, POSE_Y, POSE_YAW, CollisionDetector
 from rosbridge_sim.world.geometry import BoolArray, ComplexArray, FloatArray, IntArray
+from rosbridge_sim.world.ground import are_on_road
 from rosbridge_sim.world.roads import LanePlaces, Roads
 from rosbridge_sim.world.state import DT, Kind, World
 from rosbridge_sim.world.stop_lines import StopLines, find_red_lanes, settle
@@ -59,9 +60,6 @@ width of a large intersection."""
 
 BESIDE: Final = 0.5
 """A place farther than this beyond the end of a lane is not on it [m]."""
-
-MAX_EDGE: Final = 20.0
-"""No edge is farther from its lane's line [m]; `morai.maps` takes no farther one for the lane's own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +260,7 @@ def _judge_lanes(world: World, rows: IntArray, middle: ComplexArray, heading: Co
     is_on = (to_left >= 0.0) & (to_right >= 0.0) & (places.distance - np.abs(places.lateral) < BESIDE)
     doubtful = (~is_on).nonzero()[0]
     if len(doubtful):
-        is_on[doubtful] = _are_on_any(roads, x[doubtful], y[doubtful])
+        is_on[doubtful] = are_on_road(roads, x[doubtful], y[doubtful])
     world.is_off_road[rows] = ~is_on
     world.off_road_frames[rows] += ~is_on
     world.road_frames[rows] += is_on
@@ -297,15 +295,6 @@ def _judge_lanes(world: World, rows: IntArray, middle: ComplexArray, heading: Co
     world.lane_offset[rows] = offset
     world.lane_offset_sum[rows] += np.abs(offset)
     world.max_lane_offset[rows] = np.fmax(world.max_lane_offset[rows], np.abs(offset))
-
-
-def _are_on_any(roads: Roads, x: FloatArray, y: FloatArray) -> BoolArray:
-    """Return which places (k,) are within the edges of any lane."""
-    owner, places = roads.within(x, y, np.full(len(x), MAX_EDGE))
-    to_left, to_right = roads.beside(places)
-    is_on = np.zeros(len(x), dtype=bool)
-    is_on[owner[(to_left >= 0.0) & (to_right >= 0.0)]] = True
-    return is_on
 
 
 class _Edges:

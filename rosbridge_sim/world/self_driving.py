@@ -35,6 +35,7 @@ MIN_LOOK_AHEAD: Final = 4.0
 """The point is at least this far ahead [m]. A nearer one makes a slow car swing from side to side."""
 
 _POSE: Final = ("x", "y", "z", "yaw", "speed")
+_MOTION: Final = ("accel", "lateral_accel", "yaw_rate")
 
 
 def start_self_driving(
@@ -126,7 +127,11 @@ class SelfDrivingEgos:
         """Return copies of pose and speed, (k,) each, by column."""
         return {name: getattr(self._world, name)[self.rows] for name in _POSE}
 
+    def save_motion(self) -> dict[str, FloatArray]:
+        """Return copies of accelerations and yaw rate, which the single track model continues from."""
+        return {name: getattr(self._world, name)[self.rows] for name in _MOTION}
+
     def restore_poses(self, saved: dict[str, FloatArray]) -> None:
-        """Write back what `save_poses` has returned."""
+        """Write back what `save_poses` or `save_motion` has returned."""
         for name, values in saved.items():
             getattr(self._world, name)[self.rows] = values

@@ -15,9 +15,12 @@ The change w' of the yaw rate follows from the single track model, w = v tan(d) 
 
 with v and d in the middle of the step. That d has made `yaw_rate`, and d' is how fast the wheels have turned since. If
 they cannot have turned so far, they were set from outside, and d' is 0. A ghost does not move by the model, and its w'
-is 0.
+is 0. The single track model with tyres has its own w'.
 
-Limits of the model: it does not know slopes, so it neither pitches nor accelerates along z.
+The body of that model pitches and rolls, so gravity has parts along all axes of the sensor, and the angular velocity
+has the rates of both. Their changes add no acceleration: the sensor is near the axis about which the body leans.
+
+Limits of the model: it does not accelerate along z.
 """
 
 from __future__ import annotations
@@ -39,7 +42,7 @@ from rosbridge_sim.world.geometry import (
     rotate_back,
     wrap_angle,
 )
-from rosbridge_sim.world.state import DT, World
+from rosbridge_sim.world.state import DT, Dynamics, World
 
 __all__ = ["GRAVITY", "Boxes", "Inertia", "Mounting", "feel", "find_boxes", "locate"]
 
@@ -151,7 +154,13 @@ def feel(world: World, row: int, mounting: Mounting) -> Inertia:
         ahead * sin + left * cos + change * x - rate * rate * y,
         GRAVITY,
     )
-    return Inertia(axes, rotate_back(axes, (0.0, 0.0, rate)), rotate_back(axes, acceleration))
+    turn = (0.0, 0.0, rate)
+    roll_rate, pitch_rate = world.roll_rate.item(row), world.pitch_rate.item(row)
+    if roll_rate or pitch_rate:
+        # About the body's own axes x and y: the lean is a few degrees, so they are those about which it turns.
+        lean = rotate(vehicle, (roll_rate, pitch_rate, 0.0))
+        turn = (lean[0], lean[1], rate + lean[2])
+    return Inertia(axes, rotate_back(axes, turn), rotate_back(axes, acceleration))
 
 
 def find_boxes(world: World, row: int, reach: float, limit: int) -> Boxes:
@@ -200,6 +209,8 @@ def _orientation(world: World, row: int) -> Quaternion:
 
 def _yaw_accel(world: World, row: int) -> float:
     """Return the change of the yaw rate in the middle of the last step [rad/s^2]."""
+    if world.dynamics == Dynamics.SINGLE_TRACK:
+        return world.yaw_accel.item(row)
     wheelbase, accel = world.wheelbase.item(row), world.accel.item(row)
     speed = world.speed.item(row) - 0.5 * DT * accel
     if world.is_ghost.item(row) or wheelbase <= 0.0:

@@ -13,16 +13,35 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from hashlib import blake2b
+from operator import attrgetter
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
 from rosbridge_sim.world.control_columns import update_control_columns
-from rosbridge_sim.world.entity_arrays import INTS, LEG_COLUMNS, NO_BODY, NUM_CORE, BoolArray, EntityArrays
-from rosbridge_sim.world.entity_types import MAX_COORDINATE, MAX_SPEED, Body, Gear, Kind, Mode
+from rosbridge_sim.world.entity_arrays import (
+    INTS,
+    KINEMATIC_ALL,
+    KINEMATIC_CORE,
+    LEG_COLUMNS,
+    NO_BODY,
+    NUM_CORE,
+    BoolArray,
+    EntityArrays,
+)
+from rosbridge_sim.world.entity_types import (
+    MAX_COORDINATE,
+    MAX_SPEED,
+    ROAD_FRICTION,
+    Body,
+    Dynamics,
+    Gear,
+    Kind,
+    Mode,
+)
 from rosbridge_sim.world.geometry import FloatArray, IntArray, nearest_on_polyline, wrap_angle
 from rosbridge_sim.world.paths import (
     DX,
@@ -53,6 +72,7 @@ __all__ = [
     "STEP_NS",
     "Body",
     "BoolArray",
+    "Dynamics",
     "Gear",
     "Kind",
     "Mode",
@@ -89,6 +109,10 @@ NO_CONTACTS: Final[IntArray] = np.empty((0, 2), dtype=np.int64)
 NO_ROADS: Final = Roads()
 NO_PLAN: Final = SignalPlan(NO_ROADS)
 
+_LABELLED: Final = attrgetter(*[each.name for each in fields(Body) if each.repr])
+"""Figures of a body that its label stands for: those of the kinematic model, whose digests never change. The others are
+columns of egos."""
+
 _BODY_COLUMNS: Final = {
     "wheelbase": "wheelbase",
     "steer_rate": "max_steer_rate",
@@ -99,7 +123,15 @@ _BODY_COLUMNS: Final = {
     "drag": "drag",
     "speed_accel": "speed_mode_accel",
     "speed_decel": "speed_mode_decel",
+    **{
+        name: name
+        for name in (
+            *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "front_drive"),
+            *("pitch_gain", "roll_gain"),
+        )
+    },
 }
+
 _BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
 _LANE_COLUMNS: Final = (
     "desired_speed",
@@ -129,6 +161,8 @@ class Snapshot:
     routes: dict[int, IntArray]
     rng_state: dict[str, Any]  # numpy's own, whose shape depends on the generator
     is_scoring: bool
+    dynamics: Dynamics
+    is_creeping: bool
 
 
 class World(EntityArrays):
@@ -147,14 +181,19 @@ class World(EntityArrays):
         signals: the traffic lights at this frame.
         contacts: (m, 2) int64, ids of the pairs that touched during the last step; see `collisions`.
         is_scoring: steps keep the scores of all egos; see `start_scoring`.
+        dynamics: the model that moves all egos.
+        is_creeping: egos under the control of pedals creep in D and R, and roll on slopes; for SINGLE_TRACK only.
 
     Args:
         seed: not negative.
+        dynamics: see above.
+        is_creeping: see above.
     """
 
-    def __init__(self, seed: int = 0) -> None:
+    def __init__(self, seed: int = 0, dynamics: Dynamics = Dynamics.KINEMATIC, *, is_creeping: bool = False) -> None:
         super().__init__()
         self.seed = seed
+        self.dynamics, self.is_creeping = dynamics, is_creeping
         self.paths = Paths()
         self.contacts = NO_CONTACTS
         self.roads, self.signals = NO_ROADS, Signals(NO_PLAN)
@@ -239,7 +278,7 @@ class World(EntityArrays):
             getattr(self, column)[row] = value
         is_waiting = start_within > 0.0 and speed != 0.0
         self.place(row, x=x, y=y, z=z, yaw=yaw, speed=0.0 if is_waiting else speed)
-        self.roll[row], self.pitch[row] = roll, pitch
+        self.tilt(row, roll=roll, pitch=pitch)
         if is_waiting:
             self.start_within[row], self.start_speed[row] = start_within, speed
         if kind == Kind.EGO:
@@ -405,6 +444,8 @@ class World(EntityArrays):
             routes=dict(self.routes),
             rng_state=dict(self.rng.bit_generator.state),
             is_scoring=self.is_scoring,
+            dynamics=self.dynamics,
+            is_creeping=self.is_creeping,
         )
 
     def restore(self, saved: Snapshot) -> None:
@@ -423,6 +464,7 @@ class World(EntityArrays):
         self.rng = np.random.Generator(np.random.PCG64(saved.seed))
         self.rng.bit_generator.state = saved.rng_state
         self.is_scoring = saved.is_scoring
+        self.dynamics, self.is_creeping = saved.dynamics, saved.is_creeping
         self.touch()
 
     def restore_driven(self, uid: int, saved: Snapshot) -> None:
@@ -442,8 +484,14 @@ class World(EntityArrays):
         state = blake2b(digest_size=16)
         counts = (self.frame, self.seed, self._next_uid, self.n)
         state.update(repr((counts, list(self._rows.items()), self.rng.bit_generator.state)).encode())
-        for block, num_core in zip((self._floats, self._ints, self._bools), NUM_CORE, strict=True):
-            state.update(block[: None if self.is_scoring else num_core, : self.n].tobytes())
+        num_floats, num_ints, num_bools = (None, None, None) if self.is_scoring else NUM_CORE
+        if self.dynamics == Dynamics.KINEMATIC:
+            state.update(self._floats[KINEMATIC_ALL if self.is_scoring else KINEMATIC_CORE, : self.n].tobytes())
+        else:
+            state.update(b"single-track")
+            state.update(self._floats[:num_floats, : self.n].tobytes())
+        state.update(self._ints[:num_ints, : self.n].tobytes())
+        state.update(self._bools[:num_bools, : self.n].tobytes())
         state.update(self.contacts.tobytes())
         state.update(self.paths.digest())
         state.update(self.roads.digest)
@@ -486,11 +534,20 @@ class World(EntityArrays):
         self.leg_x[row], self.leg_y[row], self.leg_z[row] = x, y, z
         self.leg_dx[row], self.leg_dy[row], self.leg_dz[row] = math.cos(yaw), math.sin(yaw), 0.0
         self.leg_yaw[row], self.leg_turn[row] = wrapped, 0.0
-        self.lateral_speed[row] = self.climb[row] = self.climb_accel[row] = 0.0
+        self.climb[row] = self.climb_accel[row] = 0.0
+        self.block("drive_lag", "roll_rate")[:, row] = 0.0
         if self.kind[row] != Kind.EGO:
             self.touch()  # it may move now, or no longer
-        elif self.is_scoring:  # it has driven over no line on its way here
+            return
+        self.friction[row] = ROAD_FRICTION  # until the next look at the ground
+        if self.is_scoring:  # it has driven over no line on its way here
             self.near_lane[row] = self.open_line[row] = 0
+
+    def tilt(self, row: int, *, roll: float, pitch: float) -> None:
+        """Set roll and pitch of a row and of the ground below it [rad]; nothing is checked."""
+        self.roll[row], self.pitch[row] = roll, pitch
+        if self.kind[row] == Kind.EGO:
+            self.ground_roll[row], self.ground_pitch[row] = roll, pitch
 
     def place_all(
         self, rows: IntArray, *, x: FloatArray, y: FloatArray, z: FloatArray, yaw: FloatArray, speed: FloatArray
@@ -507,7 +564,8 @@ class World(EntityArrays):
         self.leg_dx[rows], self.leg_dy[rows] = list(map(math.cos, headings)), list(map(math.sin, headings))
         self.leg_dz[rows] = 0.0
         self.leg_yaw[rows], self.leg_turn[rows] = self.yaw[rows], 0.0
-        self.lateral_speed[rows] = self.climb[rows] = self.climb_accel[rows] = 0.0
+        self.climb[rows] = self.climb_accel[rows] = 0.0
+        self.block("drive_lag", "roll_rate")[:, rows] = 0.0
         self.near_lane[rows] = self.open_line[rows] = 0
         self.touch()
 
@@ -551,7 +609,8 @@ class World(EntityArrays):
         """Write what a new EGO has of its own: the limits of its body, its controls, and its score."""
         for column in _BODY_COLUMNS:
             getattr(self, column)[row] = getattr(body, _BODY_COLUMNS[column])
-        update_control_columns(self, row)
+        self.friction[row] = ROAD_FRICTION
+        update_control_columns(self, row, is_creeping=self.is_creeping)
         if self.is_scoring:
             self._begin_score(row)
 
@@ -640,7 +699,7 @@ def label_of(name: str, body: Body) -> int:
 
 
 def _label(name: str, body: Body) -> int:
-    figures = tuple(map(float, astuple(body)))  # 4 and 4.0 are the same length, and the cache knows them as one
+    figures = tuple(map(float, _LABELLED(body)))  # 4 and 4.0 are the same length, and the cache knows them as one
     return int.from_bytes(blake2b(repr((name, figures)).encode(), digest_size=8).digest()) >> 1
 
 

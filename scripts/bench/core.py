@@ -34,7 +34,7 @@ from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.state import Kind, World
+from rosbridge_sim.world.state import Dynamics, Kind, World
 from scripts.bench.program import machine
 
 __all__ = ["Core"]
@@ -53,7 +53,7 @@ class Core:
     def __init__(self, num_objects: int, *, is_listening: bool = True) -> None:
         library = DiskLibrary()
         bus = Bus(Store(read_definitions("22.R2"), leniency=LENIENCY))
-        self.world = World(0)
+        self.world = World(0, Dynamics.SINGLE_TRACK)
         node = self._node = make_node(
             bus, self.world, library, library.opening_scenario("demo"), NodeSettings(start="sync")
         )

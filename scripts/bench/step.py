@@ -6,7 +6,8 @@ The floor is the smallest vectorised single-track model: five lines of numpy on 
 pedals or drag, a fixed population). All cases take turns within one run, so that a busy machine affects all of them
 equally: compare the ratios. Cases:
 
-    driven      egos in speed mode, all steering: the whole vehicle model
+    driven      egos in speed mode, all steering, far from each other: the whole kinematic model
+    tyres       the same egos in the single track model
     mixed       egos, one in two with gaps between their rows, modes and pedals at random
     straight    agents with constant motion
     paths       agents on closed paths with a waypoint every half metre, at 5 to 15 m/s
@@ -36,12 +37,13 @@ from rosbridge_sim.world.lane_following import DECISION
 from rosbridge_sim.world.lane_position import keep_lane
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
-from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
+from rosbridge_sim.world.state import DT, Body, Dynamics, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
 CAR = Body()
 CARS_IN_TOWN = 250  # one on 49 m of lanes: busy, not jammed
 TOWN_SIZE = 700.0  # from one copy to the next [m]
+APART = 100.0  # between egos that drive in circles of at most 27 m of radius [m]
 TARGET_SECONDS = 0.004  # of one turn of a case: long for the clock, short for the noise
 
 
@@ -81,13 +83,20 @@ def floor(num: int) -> Callable[[], None]:
     return move
 
 
-def driven(num: int) -> World:
+def driven(num: int, dynamics: Dynamics = Dynamics.KINEMATIC) -> World:
     """See the head of this file."""
-    world, rng = World(), np.random.default_rng(0)
+    world, rng = World(0, dynamics), np.random.default_rng(0)
     for i in range(num):
-        row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=float(i), y=0.0))
-        command(world, row, mode=Mode.SPEED, speed=rng.uniform(5.0, 15.0), steer=rng.uniform(-0.3, 0.3))
+        # Far from each other, because pairs that may touch would cost more than the motion.
+        row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=APART * (i % 100), y=APART * (i // 100)))
+        steer = rng.choice([-1.0, 1.0]) * rng.uniform(0.1, 0.3)
+        command(world, row, mode=Mode.SPEED, speed=rng.uniform(5.0, 15.0), steer=steer)
     return world
+
+
+def tyres(num: int) -> World:
+    """See the head of this file."""
+    return driven(num, Dynamics.SINGLE_TRACK)
 
 
 def mixed(num: int) -> World:
@@ -241,7 +250,8 @@ def main() -> None:
     arguments = parser.parse_args()
     print(f"{'case':10}{'n':>7}{'p50 us':>10}{'p99 us':>10}{'best us':>10}{'million/s':>11}{'x floor':>9}")
     for num in map(int, arguments.sizes.split(",")):
-        makers = {"driven": driven, "mixed": mixed, "straight": straight, "paths": paths, "town": town, "demo": demo}
+        makers: dict[str, Callable[[int], World]] = {"driven": driven, "tyres": tyres, "mixed": mixed}
+        makers |= {"straight": straight, "paths": paths, "town": town, "demo": demo}
         cases = {"floor": (floor(num), 1)} | {name: stepper(make(num)) for name, make in makers.items()}
         times = measure(cases, arguments.rounds)
         base = np.median(times["floor"])

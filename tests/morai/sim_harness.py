@@ -23,7 +23,7 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.state import World
+from rosbridge_sim.world.state import Dynamics, World
 from tests.morai.small_maps import ROADRUNNER, read
 
 __all__ = [
@@ -304,11 +304,13 @@ class SimHarness:
         recordings: Recordings | None = None,
         reader: Reader | None = None,
         network: Mapping[str, Any] | None = None,
+        dynamics: Dynamics = Dynamics.KINEMATIC,
+        is_creeping: bool = False,
         **settings: Any,  # noqa: ANN401 - NodeSettings' own fields
     ) -> None:
         """A simulator with its opening scene; `network` is what a TOML file would say of it."""
         self.bus = Bus(make_store(release))
-        self.world = World(seed=0)
+        self.world = World(0, dynamics, is_creeping=is_creeping)
         self.shelf = MemoryLibrary()
         self.drawer = MemoryDataStore()
         self.networks = MemoryNetworks()

@@ -10,7 +10,7 @@ import pytest
 from rosbridge_sim.morai.convert import Converter
 from rosbridge_sim.morai.releases import FIELD, MANUAL, RELEASES, SPEED_LIMITS, choose_profile
 from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.state import Body, Kind, World
+from rosbridge_sim.world.state import Body, Dynamics, Kind, World
 from tests.morai.sim_harness import ALL, Client, SimHarness, make_store
 
 NEWER = "26.R1"
@@ -60,6 +60,27 @@ def test_ego_status_has_the_position_on_its_lane() -> None:
             assert status[f"{name}_{wheel}"] == 0.0
     assert client.messages("/Ego_topic") == [status]
     assert harness.node.egos[0].status() is harness.node.egos[0].status()
+
+
+def test_tyres_and_rear_wheels_are_reported_in_their_units() -> None:
+    harness = SimHarness("parked", release=NEWER, start="sync", dynamics=Dynamics.SINGLE_TRACK)
+    client = harness.client()
+    client.start()
+    client.control(0, longlCmdType=2, velocity=30.0, front_steer=0.05, rear_steer=-0.02)
+    for _ in range(500):
+        status = client.tick()["vehicle_status"]
+    body = harness.world.bodies[0]
+    assert status["rear_steer_angle"] == pytest.approx(math.degrees(-0.02), rel=1e-6)
+    assert status["velocity"]["y"] == pytest.approx(harness.world.lateral_speed.item(0))
+    for side in "lr":
+        assert -5.0 < status[f"side_slip_angle_f{side}"] < -0.1
+        force, slip = status[f"tire_lateral_force_f{side}"], status[f"side_slip_angle_f{side}"]
+        stiffness = status[f"tire_cornering_stiffness_f{side}"]
+        assert stiffness == pytest.approx(math.radians(0.5 * body.mass * 9.80665 * body.front_load * 14.0), rel=1e-3)
+        assert force == pytest.approx(-stiffness * slip, rel=0.1)
+        assert status[f"tire_lateral_force_r{side}"] > 100.0
+    client.control(0, longlCmdType=1, rear_steer=math.inf)
+    assert client.tick()["vehicle_status"]["rear_steer_angle"] == pytest.approx(math.degrees(-0.02), rel=1e-6)
 
 
 def test_lane_fields_are_0_off_the_road() -> None:

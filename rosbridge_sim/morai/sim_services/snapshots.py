@@ -196,6 +196,7 @@ class Snapshots(Component):
             LAYOUT,
             self._definitions,
             repr(context.convert.profile),
+            self._dynamics,
             tuple([(key.name, key.digest) for key in state.maps]),
             None if recording is None else (recording.name, recording.digest),
             context.world.frame,
@@ -324,6 +325,16 @@ class Snapshots(Component):
         if head.profile != profile:
             text = f"the snapshot was made with other units and orders: {head.profile[:200]}; here they are {profile}"
             raise _Refusal(text, Reason.WRONG_VALUE)
+        if head.dynamics != self._dynamics:
+            text = f"the snapshot was made with {head.dynamics[:200]!r}; here it is {self._dynamics!r}"
+            raise _Refusal(text, Reason.WRONG_VALUE)
+
+    @property
+    def _dynamics(self) -> str:
+        """The settings of the egos' model, as on the command line."""
+        world = self._context.world
+        name = world.dynamics.name.lower().replace("_", "-")
+        return f"--dynamics {name}{' --creep' if world.is_creeping else ''}"
 
     def _gather(self, restoration: _Restoration, now: float) -> None:
         """Restore, at once or when all that is missing has been read.

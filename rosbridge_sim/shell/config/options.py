@@ -55,6 +55,8 @@ class SimulatorOptions(TypedDict, total=False):
     start: Literal["run", "sync"]
     real_time_factor: float
     seed: int
+    dynamics: Literal["single-track", "kinematic"]
+    creep: bool
     score: bool
     on_world_failure: Literal["exit", "serve"]
     publishers: Mapping[str, object]

@@ -267,6 +267,19 @@ class Settings:
         "simulated seconds in a second while real time moves the world; 0 is as fast as possible",
     )
     seed: int = _flag(0, _WORLD, whole_number(0, 2**32 - 1), "random seed of the simulation")
+    dynamics: Literal["single-track", "kinematic"] = _flag(
+        "single-track",
+        _WORLD,
+        choice_of("single-track", "kinematic"),
+        "model of the egos: tyres that slip, lags of the pedals and a body that leans, or wheels that roll where they"
+        " point",
+    )
+    creep: bool = _flag(
+        default=False,
+        group=_WORLD,
+        kind=SWITCH,
+        text="without pedals, egos creep in D and R and roll on slopes; only with --dynamics single-track",
+    )
     score: bool = _flag(
         default=False,
         group=_WORLD,

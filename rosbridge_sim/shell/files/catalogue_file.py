@@ -17,7 +17,7 @@ import math
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -25,6 +25,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.catalogue import Catalogue, Model, class_of_data_id, default_model, key_of_name
 from rosbridge_sim.shell.config.value_types import show_size
 from rosbridge_sim.suggestions import hint
+from rosbridge_sim.world.entity_types import CG_SHARE
 from rosbridge_sim.world.state import Body, Kind
 
 __all__ = ["COLUMNS", "read_catalogue"]
@@ -252,6 +253,8 @@ class _Reader:
         size = [self._number(column, (MIN_LENGTH, MAX_BODY_LENGTH), "m") for column in ("length", "width", "height")]
         mass = self._number("mass", (0.0, MAX_MASS), "kg", 0.0) or None
         body = self._body_on_wheels(*size) if kind is Kind.VEHICLE else self._box(*size)
+        if body is not None and mass is not None and kind is Kind.VEHICLE:
+            body = replace(body, mass=mass)
         return None if kind is None or body is None else Model(name, kind, body, data_ids, mass)
 
     def _box(self, length: float, width: float, height: float) -> Body | None:
@@ -285,6 +288,7 @@ class _Reader:
             front_overhang=front,
             rear_overhang=rear,
             max_steer=math.radians(max_steer),
+            cg_height=round(CG_SHARE * height, 3),
         )
 
     def _name(self, data_ids: tuple[int, ...]) -> str:

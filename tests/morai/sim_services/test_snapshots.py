@@ -17,6 +17,7 @@ from rosbridge_sim.morai.sim_services import snapshots
 from rosbridge_sim.morai.snapshot_bytes import CHECKSUM_SIZE, MAGIC, SnapshotHead, unpack
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.entity_arrays import FLOATS, INTS
+from rosbridge_sim.world.state import Dynamics
 from tests.morai.memory_recordings import MemoryRecordings
 from tests.morai.replays.replay_harness import FILE, INFO, PLAY, STOP, replay, replay_info_messages, steer_frames
 from tests.morai.sim_harness import ALL, Client, ManualReader, SimHarness, put_egos
@@ -373,6 +374,7 @@ X, LANE, KIND, UID = FLOATS.index("x"), INTS.index("lane"), INTS.index("kind"), 
         (change_head(layout=b"other"), "another version"),
         (change_head(definitions=b"other"), "another release"),
         (change_head(profile="other"), "other units"),
+        (change_head(dynamics="other"), "was made with 'other'; here it is '--dynamics kinematic'"),
         (change_head(maps=(("nowhere", b"x"),)), "no map 'nowhere'"),
         (change_head(maps=(("tiny", b"x"),)), "another one than that of the snapshot"),
         (change_head(maps=(("hills", b"x"),)), "another one than that of the snapshot"),
@@ -387,6 +389,10 @@ X, LANE, KIND, UID = FLOATS.index("x"), INTS.index("lane"), INTS.index("kind"), 
         (put("world", "floats", (X, 0), np.nan), "world.floats"),
         (put("world", "floats", (X, 0), np.inf), "world.floats.x"),
         (put("world", "floats", (X, 0), 1e12), "world.floats.x"),
+        (put("world", "floats", (FLOATS.index("grip"), 0), 0.0), "world.floats.grip"),
+        (put("world", "floats", (FLOATS.index("front_load"), 0), 1.5), "world.floats.front_load"),
+        (put("world", "dynamics", 7), "world.dynamics"),
+        (put("world", "is_creeping", 2), "world.is_creeping"),
         (put("world", "ints", (LANE, slice(None)), 10_000), "world.ints.lane"),
         (put("world", "ints", (KIND, 0), 9), "world.ints.kind"),
         (put("world", "ints", (KIND, 0), 1), "egos"),
@@ -444,6 +450,29 @@ def test_forged_snapshot_is_refused_and_changes_nothing(
 def test_snapshot_of_another_release_is_refused() -> None:
     there, here = in_sync(release="26.R1")[1], in_sync(release="22.R2")[1]
     assert "another release" in restore(here, bytes(snapshot(there).data)).message
+
+
+def test_snapshot_of_another_model_is_refused() -> None:
+    there = in_sync(dynamics=Dynamics.SINGLE_TRACK, is_creeping=True)[1]
+    here = in_sync(dynamics=Dynamics.SINGLE_TRACK)[1]
+    message = restore(here, bytes(snapshot(there).data)).message
+    assert message.endswith("made with '--dynamics single-track --creep'; here it is '--dynamics single-track'")
+
+
+def test_drive_with_tyres_goes_on_from_a_snapshot_with_the_same_bits() -> None:
+    harness, client = in_sync(dynamics=Dynamics.SINGLE_TRACK)
+    client.control(0, longlCmdType=2, velocity=60.0, steering=0.1)
+    for _ in range(60):
+        client.tick()
+    data = bytes(snapshot(client).data)
+    for _ in range(60):
+        client.tick()
+    digest = harness.world.digest()
+    other_harness, other = in_sync(dynamics=Dynamics.SINGLE_TRACK)
+    assert restore(other, data).result
+    for _ in range(60):
+        other.tick()
+    assert other_harness.world.digest() == digest
 
 
 def test_topic_that_a_client_has_taken_refuses_an_ego_and_changes_nothing(saved: bytes) -> None:

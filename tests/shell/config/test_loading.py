@@ -64,6 +64,8 @@ OTHER: dict[str, object] = {
     "start_mode": "keyboard",
     "stamps": "wall",
     "replay_info": True,
+    "dynamics": "kinematic",
+    "creep": True,
     "score": True,
     "sync_frames": "strict",
     "sync_lease": 2.5,
