@@ -5,9 +5,11 @@ The entities of a scenario are drawn as boxes with a mark at the front, and with
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
 from typing import Final
@@ -53,23 +55,31 @@ NEAR: Final = 500.0
 """Entities farther from all roads are left out [m], so that a mistake in a scenario does not shrink the map to a dot.
 """
 
-PAPER: Final = "#f4f2ec"
-INK: Final = "#222222"
-LANE: Final = "#b9bec4"
-INSIDE: Final = "#d8c7a3"  # lanes within an intersection
-DEAD_END: Final = "#d9a3a3"
-EDGE_COLOUR: Final = "#ffffff"
-ARROW: Final = "#5d6670"
-STOP: Final = "#c4161c"
-STRIPES: Final = "#ffffff"
-CAR_LIGHT: Final = "#0a7d32"
-WALK_LIGHT: Final = "#1f5fbf"
-WARNING_LIGHT: Final = "#d98a00"
-AGENTS: Final = {
-    Kind.EGO: ("#e0007a", "ego"),
-    Kind.VEHICLE: ("#6a3fb5", "vehicle"),
-    Kind.PEDESTRIAN: ("#e06c00", "pedestrian"),
-    Kind.OBSTACLE: ("#7a4a1e", "obstacle"),
+_COLOURS: Final = json.loads((files("rosbridge_sim") / "page" / "colours.json").read_text(encoding="utf-8"))
+"""The table of colours that the web page uses, too, so that both show the same map."""
+
+_MAP: Final[dict[str, str]] = _COLOURS["map"]
+
+PAPER: Final = _MAP["paper"]
+INK: Final = _MAP["ink"]
+LANE: Final = _MAP["lane"]
+INSIDE: Final = _MAP["inside"]  # lanes within an intersection
+DEAD_END: Final = _MAP["deadEnd"]
+EDGE_COLOUR: Final = _MAP["edge"]
+ARROW: Final = _MAP["arrow"]
+STOP: Final = _MAP["stop"]
+STRIPES: Final = _MAP["stripes"]
+CAR_LIGHT: Final = _MAP["carLight"]
+WALK_LIGHT: Final = _MAP["walkLight"]
+WARNING_LIGHT: Final = _MAP["warningLight"]
+AGENTS: Final[dict[Kind, tuple[str, str]]] = {
+    kind: (_COLOURS["kinds"][name], name)
+    for kind, name in (
+        (Kind.EGO, "ego"),
+        (Kind.VEHICLE, "vehicle"),
+        (Kind.PEDESTRIAN, "pedestrian"),
+        (Kind.OBSTACLE, "obstacle"),
+    )
 }
 
 Points = list[tuple[float, float]]

@@ -13,9 +13,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, fields
 from functools import lru_cache
 from hashlib import blake2b
+from operator import attrgetter
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
@@ -108,6 +109,10 @@ T = TypeVar("T")
 NO_CONTACTS: Final[IntArray] = np.empty((0, 2), dtype=np.int64)
 NO_ROADS: Final = Roads()
 NO_PLAN: Final = SignalPlan(NO_ROADS)
+
+_LABELLED: Final = attrgetter(*[each.name for each in fields(Body) if each.repr])
+"""Figures of a body that its label stands for: those of the kinematic model, whose digests never change. The others are
+columns of egos."""
 
 _BODY_COLUMNS: Final = {
     "wheelbase": "wheelbase",
@@ -710,7 +715,7 @@ def label_of(name: str, body: Body) -> int:
 
 
 def _label(name: str, body: Body) -> int:
-    figures = tuple(map(float, astuple(body)))  # 4 and 4.0 are the same length, and the cache knows them as one
+    figures = tuple(map(float, _LABELLED(body)))  # 4 and 4.0 are the same length, and the cache knows them as one
     return int.from_bytes(blake2b(repr((name, figures)).encode(), digest_size=8).digest()) >> 1
 
 

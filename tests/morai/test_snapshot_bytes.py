@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rosbridge_sim.morai.snapshot_bytes import CHECKSUM_SIZE, MAX_OWN, OwnBytes, SnapshotHead, pack
 
-HEAD = SnapshotHead(b"layout", b"types", "profile", (("map", b"digest"),), None, 5, "hash")
+HEAD = SnapshotHead(b"layout", b"types", "profile", "--dynamics kinematic", (("map", b"digest"),), None, 5, "hash")
 
 
 def test_own_bytes_are_known_and_all_others_are_not() -> None:

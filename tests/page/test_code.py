@@ -135,7 +135,8 @@ def begin_anew(client: Client, *, is_free: bool) -> None:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_program_shows_the_token_of_the_environment(serve: Serve, tmp_path: Path, language: str) -> None:
-    server = serve("--scenario", "town", env={"ROSBRIDGE_SIM_TOKEN": "sesame"})
+    env = {"ROSBRIDGE_SIM_TOKEN": "sesame"}
+    server = serve("--scenario", "town", env=env)
     program = programs(server.url, "token")["scoreRequest"][language]
     assert "sesame" not in program
-    assert "since_frame" in run(language, program, tmp_path, ROSBRIDGE_SIM_TOKEN="sesame")
+    assert "since_frame" in run(language, program, tmp_path, **env)

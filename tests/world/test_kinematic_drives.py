@@ -8,11 +8,11 @@ from rosbridge_sim.world.state import Dynamics, World
 from tests.world.kinematic_drives import DRIVES
 
 DIGESTS = {
-    "pedals": "788ea4fb7b85763189ed8f9ab3f01e37",
-    "speeds": "d0dbb2ffea2024ad120d6a07993f8cf5",
-    "backwards": "b077de0c9cb5b5f545085bc866b422ac",
-    "many": "bbd985276563e40ef2759a5d63ba2675",
-    "placed": "88a23d407acfdf97873be4e6166a828b",
+    "pedals": "b75696f0dce1ce17241a5ec99b16d6a0",
+    "speeds": "a84385a15eee89baca3c6c00beec8287",
+    "backwards": "c921dfdb16005611ce530b75bbe200aa",
+    "many": "d375623284dc12aeaf8378993f62edee",
+    "placed": "433094ddf9358e705fa82319f5da2f93",
 }
 
 

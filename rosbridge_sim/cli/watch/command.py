@@ -15,7 +15,7 @@ from rosbridge_sim.cli.watch.source import Source
 from rosbridge_sim.cli.watch.terminal import Screen, count_colours, has_unicode, read_keys
 from rosbridge_sim.shell.signals import on_stop_signals
 from rosbridge_sim.shell.websocket.bridge_errors import RefusedError
-from rosbridge_sim.shell.websocket.urls import shown_url
+from rosbridge_sim.shell.websocket.urls import full_url, shown_url
 
 __all__ = ["watch"]
 
@@ -48,7 +48,7 @@ async def watch(url: str, token: str | None, patience: float, *, rate: float, is
     num_colours = count_colours(os.environ, is_terminal=is_terminal) if has_colour else 0
     view = View(num_colours=num_colours, has_unicode=has_unicode(sys.stdout.encoding))
     source = Source(url, token, patience)
-    title = shown_url(url)
+    title = shown_url(full_url(url))
     following = asyncio.create_task(source.run())
     try:
         if is_once or not is_terminal or os.environ.get("TERM") == "dumb":

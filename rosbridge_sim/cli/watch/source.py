@@ -168,7 +168,7 @@ class Source:
             pages.append(page)
             count = page.get("num_pages")
             num = min(count, MAX_PAGES) if isinstance(count, int) else 1
-        self.scene.map = MapLines.read(pages)
+        self.scene.map = await asyncio.to_thread(MapLines.read, pages)  # seconds for a city
         return True
 
     async def _ask_state(self, bridge: Bridge) -> None:

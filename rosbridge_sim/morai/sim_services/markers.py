@@ -58,7 +58,7 @@ COLOURS: Final[dict[str, Colour]] = {
 }
 """Colours by name; readable on the dark background that RViz and Lichtblick begin with."""
 
-KIND_LOOKS: Final[dict[Kind, tuple[str, Shape, Colour]]] = {
+KIND_LOOKS: Final[dict[int, tuple[str, Shape, Colour]]] = {
     Kind.EGO: ("egos", Shape.CUBE, (0.88, 0.10, 0.50, 0.9)),
     Kind.VEHICLE: ("vehicles", Shape.CUBE, (0.35, 0.55, 0.95, 0.9)),
     Kind.PEDESTRIAN: ("pedestrians", Shape.CYLINDER, (0.95, 0.55, 0.10, 0.9)),

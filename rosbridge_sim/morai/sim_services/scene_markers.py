@@ -10,7 +10,7 @@ second, and all markers are deleted and sent again for a second after a load, a 
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -67,6 +67,12 @@ ARROW_SECONDS: Final = 1.0
 
 MIN_ARROW: Final = 1.5
 """Shortest arrow [m]: it shows the front of a standing ego."""
+
+_COLUMNS: Final = (
+    *("kind", "x", "y", "z", "roll", "pitch", "yaw", "speed"),
+    *("half_length", "half_width", "height", "centre"),
+)
+"""Columns of the world that a body is drawn from."""
 
 _Key = tuple[str, int]
 """Namespace and id of a marker."""
@@ -147,7 +153,7 @@ class SceneMarkers(Component):
         """Publish what the thread has made, unless there is another map by now."""
         if self._drawn is not road_map:
             return
-        if isinstance(made, DocumentError):  # it took too long; the next subscriber tries again
+        if isinstance(made, DocumentError):  # it took too long; the next frame tries again
             self._drawn = None
             return
         assert self._map is not None
@@ -192,29 +198,25 @@ class SceneMarkers(Component):
         place = (world.x.item(egos.first.row), world.y.item(egos.first.row)) if egos.first.is_there else (0.0, 0.0)
         rows = _nearest(rows, world, place, MAX_BODIES)
         has_label = set(_nearest(rows, world, place, MAX_LABELS).tolist())
+        # One call for each column: single values out of arrays would take most of the time.
+        columns = (getattr(world, name)[rows].tolist() for name in _COLUMNS)
         markers: list[Struct] = []
-        for row in rows.tolist():
-            uid = world.uid.item(row)
-            number = numbers.get(uid, uid)
-            markers += self._body(header, row, number, has_label=row in has_label)
+        for row, uid, *figures in zip(rows.tolist(), world.uid[rows].tolist(), *columns, strict=True):
+            markers += self._body(header, numbers.get(uid, uid), figures, has_label=row in has_label)
         lamps = self._lamps.marker(header, world, context.scene.road_map, place)
         return markers if lamps is None else [*markers, lamps]
 
-    def _body(self, header: Struct, row: int, number: int, *, has_label: bool) -> list[Struct]:
-        """Return the markers of one entity."""
-        world, make = self._context.world, self._make
-        kind = Kind(world.kind.item(row))
+    def _body(self, header: Struct, number: int, figures: list[Any], *, has_label: bool) -> list[Struct]:
+        """Return the markers of one entity; `figures` are its values of `_COLUMNS`."""
+        make = self._make
+        kind, x, y, z, roll, pitch, yaw, speed, half_length, half_width, height, centre = figures
         ns, shape, colour = KIND_LOOKS[kind]
-        half_length, half_width = world.half_length.item(row), world.half_width.item(row)
-        height, centre = world.height.item(row), world.centre.item(row)
-        axes = quaternion(world.roll.item(row), world.pitch.item(row), world.yaw.item(row))
-        place = (world.x.item(row), world.y.item(row), world.z.item(row))
-        middle = _sum(place, rotate(axes, (centre, 0.0, 0.5 * height)))
+        axes = quaternion(roll, pitch, yaw)
+        middle = _sum((x, y, z), rotate(axes, (centre, 0.0, 0.5 * height)))
         size = make.size(2.0 * half_length, 2.0 * half_width, height)
         markers = [
             make.solid(header, ns, number, shape, pose=make.pose(middle, axes), size=size, colour=make.colour(colour))
         ]
-        speed = world.speed.item(row)
         if kind == Kind.EGO:
             nose = _sum(middle, rotate(axes, (half_length, 0.0, 0.5 * height)))
             tip = _sum(nose, rotate(axes, (max(MIN_ARROW, abs(speed) * ARROW_SECONDS), 0.0, 0.0)))

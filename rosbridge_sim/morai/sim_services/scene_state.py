@@ -104,7 +104,7 @@ class SceneState(Component):
         motion = world.block("x", "z").take(rows, axis=1)
         x, y, _, speeds, _ = motion
         yaw, speed, z = motion[2:].astype(np.float32)
-        roll, pitch = world.block("roll", "pitch").take(rows, axis=1).astype(np.float32)
+        pitch, roll = world.block("pitch", "roll").take(rows, axis=1).astype(np.float32)
         ego_lamps = self._ego_lamps()
         return self._make(
             context.convert.header(world.frame, "map"),

@@ -5,6 +5,8 @@
 import { Layout } from "./layout.js";
 import { addPanels, makePanelContext } from "./panels/all_panels.js";
 import { showConnectionState } from "./panels/connection_state.js";
+import { listenToMapKeys } from "./panels/map_controls.js";
+import { makeMapStage } from "./panels/map_stage.js";
 import { SceneStore } from "./scene/store.js";
 import { TEXTS } from "./texts.js";
 import { Connection, socketUrl } from "./wire/connection.js";
@@ -14,9 +16,13 @@ const layout = new Layout(TEXTS);
 document.body.replaceChildren(...layout.elements);
 
 const scene = new SceneStore(connection);
-const context = makePanelContext({ connection, scene, mapView: null, texts: TEXTS });
+const mapView = makeMapStage({ connection, scene, texts: TEXTS }, layout.stage);
+const context = makePanelContext({ connection, scene, mapView, showTab: (id) => layout.tabs.show(id), texts: TEXTS });
 addPanels(context, layout);
 showConnectionState(context, layout);
+if (mapView !== null) {
+  listenToMapKeys(mapView, TEXTS); // last: a key that another part takes is no key of the map
+}
 
 connection.setHidden(document.hidden);
 document.addEventListener("visibilitychange", () => connection.setHidden(document.hidden));

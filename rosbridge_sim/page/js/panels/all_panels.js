@@ -19,7 +19,7 @@ import { TimeWatch } from "./time_watch.js";
 
 /**
  * Complete the context of the panels.
- * @param {Pick<PanelContext, "connection" | "scene" | "mapView" | "texts">} base
+ * @param {Pick<PanelContext, "connection" | "scene" | "mapView" | "showTab" | "texts">} base
  * @returns {PanelContext}
  */
 export function makePanelContext(base) {

@@ -11,6 +11,7 @@
  *   files: import("./server_files.js").ServerFiles,
  *   drivers: import("./drivers_watch.js").DriversWatch,
  *   mapView: MapView | null,
+ *   showTab: (id: import("../layout.js").TabId) => void,
  *   texts: typeof import("../texts.js").TEXTS,
  * }} PanelContext
  *   mapView: null without WebGL 2

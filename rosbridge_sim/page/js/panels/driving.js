@@ -49,6 +49,8 @@ class Driving {
     this.pads = { steer: 0, pedal: 0 };
     this.steerLimit = USUAL_STEER_LIMIT;
     this.ego = 0;
+    this.isStepping = false;
+    this.wantsStep = false;
     /** @type {any} */
     this.timer = undefined;
     this.session = new DrivingSession({
@@ -243,6 +245,7 @@ class Driving {
       event.preventDefault();
       void this.changeGear();
     } else if (event.code === "Escape") {
+      event.preventDefault();
       this.end();
     }
   }
@@ -255,16 +258,26 @@ class Driving {
     }
   }
 
-  /** Step once in synchronous mode of the page, with the pedals as they are held. */
+  /**
+   * Step once in synchronous mode of the page, with the pedals as they are held. While a step is under way one more is
+   * kept, not all: a held key repeats faster than a slow world steps.
+   */
   async step() {
     const { time, timeControls } = this.context;
-    if (!time.state.isOwn || time.reasons.step) {
-      return; // also while a step is under way: a held key repeats faster than a slow world steps
+    this.wantsStep = true;
+    if (this.isStepping) {
+      return;
     }
+    this.isStepping = true;
     try {
-      await timeControls.step(1, time.ownTimeStep);
+      while (this.wantsStep && time.state.isOwn && !time.reasons.step) {
+        this.wantsStep = false;
+        await timeControls.step(1, time.ownTimeStep);
+      }
     } catch (error) {
       this.notice.showError(error);
+    } finally {
+      this.isStepping = this.wantsStep = false;
     }
   }
 

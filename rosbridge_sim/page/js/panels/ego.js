@@ -95,7 +95,7 @@ export function driverText({ driver, client }, ownAddress, texts) {
  */
 function lampsOf(scene, number) {
   const ego = scene.egos().find((one) => one.number === number);
-  const row = ego ? scene.indexOf(ego.id) : -1;
+  const row = ego ? scene.indexOf(ego.id, true) : -1;
   return row < 0 ? 0 : Number(scene.state?.lamps[row] ?? 0);
 }
 

@@ -3,7 +3,7 @@
 /** @typedef {{link: string, x: number[], y: number[], left: number[], right: number[]}} LaneLine */
 
 /** Farther from each line than this, a point is on no lane: wider than half of any lane [m]. */
-const FARTHEST = 6;
+const FARTHEST_LANE = 6;
 
 /** A lane of the opposite direction counts as this much farther away [m]. */
 const OPPOSITE_PENALTY = 3;
@@ -28,10 +28,10 @@ export class LaneIndex {
   addLane({ x, y }, number) {
     for (let piece = 0; piece + 1 < x.length; piece += 1) {
       const [x0, x1, y0, y1] = [entryAt(x, piece), entryAt(x, piece + 1), entryAt(y, piece), entryAt(y, piece + 1)];
-      const east = laneCell(Math.max(x0, x1) + FARTHEST);
-      const north = laneCell(Math.max(y0, y1) + FARTHEST);
-      for (let column = laneCell(Math.min(x0, x1) - FARTHEST); column <= east; column += 1) {
-        for (let row = laneCell(Math.min(y0, y1) - FARTHEST); row <= north; row += 1) {
+      const east = laneCell(Math.max(x0, x1) + FARTHEST_LANE);
+      const north = laneCell(Math.max(y0, y1) + FARTHEST_LANE);
+      for (let column = laneCell(Math.min(x0, x1) - FARTHEST_LANE); column <= east; column += 1) {
+        for (let row = laneCell(Math.min(y0, y1) - FARTHEST_LANE); row <= north; row += 1) {
           const key = `${column},${row}`;
           const pieces = this.cells.get(key);
           if (pieces) {
@@ -68,7 +68,7 @@ export class LaneIndex {
       const cost = distance + (isAlong ? 0 : OPPOSITE_PENALTY);
       const side = dx * (y - y0) - dy * (x - x0) >= 0 ? 1 : -1;
       const reach = side > 0 ? entryAt(lane.left, piece) : entryAt(lane.right, piece);
-      if (cost < least && distance <= Math.min(FARTHEST, Math.abs(reach) + 0.5)) {
+      if (cost < least && distance <= Math.min(FARTHEST_LANE, Math.abs(reach) + 0.5)) {
         least = cost;
         found = { link: lane.link, lateral: side * distance, heading: Math.atan2(dy, dx) };
       }

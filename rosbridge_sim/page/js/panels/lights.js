@@ -22,7 +22,7 @@ const LIGHT_STATES = /** @type {const} */ ([
  * @param {import("./undo.js").UndoList} undo
  * @returns {HTMLElement}
  */
-export function makeLightControls({ actions, scene, mapView, texts: { objects: texts } }, undo) {
+export function makeLightControls({ actions, scene, mapView, showTab, texts: { objects: texts } }, undo) {
   const notice = new Notice();
   const choice = element("select", {});
   const empty = element("p", { className: "empty" }, texts.noLights);
@@ -63,7 +63,7 @@ export function makeLightControls({ actions, scene, mapView, texts: { objects: t
   });
   choice.addEventListener("change", showChoice);
   mapView?.onLight?.((name) => {
-    form.closest("[role=tabpanel]")?.dispatchEvent(new CustomEvent("wanted", { bubbles: true }));
+    showTab("objects");
     choose(name);
   });
   return element("div", {}, empty, form);

@@ -48,17 +48,14 @@ export function makeObjectsPanel(context) {
 /**
  * The object that is moved or removed: the selected one, or the ego of the panels.
  * @param {PanelContext} context
- * @returns {{id: number, isFirstEgo: boolean, isSelected: boolean, name: string} | null}
  */
 function targetOf({ scene, ego, texts: { objects: texts } }) {
-  const id = scene.selectedId;
-  const row = id === null || id < 0 ? -1 : scene.indexOf(id);
-  if (row >= 0 && scene.state) {
-    const kind = Number(scene.state.kind[row]);
-    const isFirstEgo = kind === EGO_KIND && Number(id) < 1;
-    return { id: Number(id), isFirstEgo, isSelected: true, name: texts.objectName(texts.kindNames[kind] ?? "", Number(id)) };
-  }
-  return { id: ego.number, isFirstEgo: ego.number === 0, isSelected: false, name: texts.objectName(texts.kindNames[EGO_KIND] ?? "", ego.number) };
+  const row = scene.selectedRow();
+  const isSelected = row >= 0 && scene.state !== null;
+  const id = isSelected && scene.state ? Number(scene.state.id[row]) : ego.number;
+  const kind = isSelected && scene.state ? Number(scene.state.kind[row]) : EGO_KIND;
+  const isEgo = kind === EGO_KIND;
+  return { id, isEgo, isFirstEgo: isEgo && id === 0, isSelected, name: texts.objectName(texts.kindNames[kind] ?? "", id) };
 }
 
 /**
@@ -71,19 +68,16 @@ function makeSelected(context, undo) {
   const name = element("p", {});
   const fields = new PlaceFields(context);
 
-  /** @param {number} id @returns {MapPlace | null} */
-  const placeOf = (id) => {
-    const row = scene.indexOf(id);
+  /** @param {number} id @param {boolean} isEgo @returns {MapPlace | null} */
+  const placeOf = (id, isEgo) => {
+    const row = scene.indexOf(id, isEgo);
     const { state } = scene;
     return row < 0 || !state ? null : { x: Number(state.x[row]), y: Number(state.y[row]), heading: Number(state.heading[row]) };
   };
   /** @param {MapPlace} place */
   const move = async (place) => {
     const target = targetOf(context);
-    if (!target) {
-      return;
-    }
-    const before = placeOf(target.id);
+    const before = placeOf(target.id, target.isEgo);
     const title = texts.moveTitle(target.name);
     await actions.run(title, moveRequest(target.id, place));
     if (before) {
@@ -110,16 +104,14 @@ function makeSelected(context, undo) {
     notice,
     act: async () => {
       const target = targetOf(context);
-      if (target) {
-        await actions.run(texts.removeTitle(target.name), removeRequest([target.id]));
-        notice.show(texts.removed(target.name));
-      }
+      await actions.run(texts.removeTitle(target.name), removeRequest([target.id]));
+      notice.show(texts.removed(target.name));
     },
   });
   const show = () => {
     const target = targetOf(context);
-    setText(name, target?.isSelected ? target.name : texts.noneSelected(target?.name ?? ""));
-    remove.setReason(!target?.isSelected ? texts.selectFirst : target.isFirstEgo ? texts.firstEgo : "");
+    setText(name, target.isSelected ? target.name : texts.noneSelected(target.name));
+    remove.setReason(!target.isSelected ? texts.selectFirst : target.isFirstEgo ? texts.firstEgo : "");
   };
   scene.onSelect(show);
   scene.onState(show);

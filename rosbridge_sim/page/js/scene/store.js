@@ -1,135 +1,207 @@
 /**
- * The scene as the server tells it: the map, the state of all entities, and the entity that the user has chosen.
+ * The scene as the server tells it: the map, the last state of all entities, and the selected one.
  */
+
+import { loadMap } from "./map_loader.js";
 
 /** @typedef {import("../wire/connection.js").Connection} Connection */
+/** @typedef {import("./map_types.js").SceneMap} SceneMap */
 
 /**
- * Columns of `rosbridge_sim_msgs/SceneState`; entry i of each belongs to the same entity.
- * @typedef {{
- *   frame: number, map_digest: string, scenario: string, id: ArrayLike<number>, kind: ArrayLike<number>,
- *   x: ArrayLike<number>, y: ArrayLike<number>, z: ArrayLike<number>, heading: ArrayLike<number>,
- *   speed: ArrayLike<number>, lamps: ArrayLike<number>, flags: ArrayLike<number>,
- * }} SceneState
+ * The message SceneState: entry i of each column belongs to the same entity. Its definition has the units.
+ * @typedef {{header: {stamp: {secs?: number, nsecs?: number, sec?: number, nanosec?: number}}, frame: number,
+ *   map_digest: string, scenario: string, id: Uint32Array, kind: Uint8Array, x: Float64Array, y: Float64Array,
+ *   z: Float32Array, roll: Float32Array, pitch: Float32Array, heading: Float32Array, speed: Float32Array,
+ *   length: Float32Array, width: Float32Array, height: Float32Array, center_x: Float32Array, lamps: Uint8Array,
+ *   flags: Uint8Array, light_state: Int16Array, light_time_left: Float32Array}} SceneState
  */
 
-/** @typedef {{id: number, number: number, x: number, y: number, z: number, heading: number, speed: number}} EgoRow */
+/** @typedef {{id: number, number: number, x: number, y: number, z: number, heading: number, speed: number, row: number}} SceneEgo */
 
-/** States at most so often [ms]: as fast as an eye follows. */
+/** Values of `kind`. */
+export const KINDS = /** @type {const} */ (["ego", "vehicle", "pedestrian", "obstacle"]);
+
+/** Shortest time between two states [ms]: 20 a second look smooth with the steps between that the page draws. */
 const STATE_THROTTLE = 50;
 
-/** Kind of an ego in the columns. */
-const KIND_OF_EGO = 0;
+/** Wait before the page asks again for a map that did not come [ms]. */
+const MAP_RETRY = 3000;
 
+/** The scene. */
 export class SceneStore {
-  /** @param {Connection} connection */
+  /** @type {SceneMap | null} */
+  map = null;
+  /** @type {SceneState | null} */
+  state = null;
+  /** Number of the selected entity; null without one. @type {number | null} */
+  selectedId = null;
+  /** The selected entity is an ego; an ego and an object may have the same number. */
+  isEgoSelected = false;
+
+  /**
+   * @param {Connection} connection
+   */
   constructor(connection) {
     this.connection = connection;
-    /** @type {any} */
-    this.map = null;
-    /** @type {SceneState | null} */
-    this.state = null;
-    this.selectedId = -1;
-    this.digest = "";
     /** @type {Set<() => void>} */
     this.stateTakers = new Set();
     /** @type {Set<() => void>} */
     this.mapTakers = new Set();
     /** @type {Set<() => void>} */
     this.selectTakers = new Set();
-    const options = /** @type {const} */ ({ encoding: "cbor", throttleMs: STATE_THROTTLE, queueLength: 1 });
-    connection.subscribe("/sim/scene/state", "rosbridge_sim_msgs/SceneState", (state) => this.takeState(state), options);
+    this.isLoading = false;
+    this.retryAt = 0;
+    connection.subscribe("/sim/scene/state", "rosbridge_sim_msgs/SceneState", (state) => this.takeState(state), {
+      encoding: "cbor",
+      throttleMs: STATE_THROTTLE,
+    });
   }
 
-  /** @param {SceneState} state */
-  takeState(state) {
-    this.state = state;
-    if (state.map_digest !== this.digest) {
-      this.digest = state.map_digest;
-      void this.readMap();
-    }
-    if (this.selectedId >= 0 && this.indexOf(this.selectedId) < 0) {
-      this.select(-1);
-    }
-    for (const take of this.stateTakers) {
-      take();
-    }
-  }
-
-  /** Read all pages of the map. */
-  async readMap() {
-    const { digest } = this;
-    /** @type {any} */
-    let map = null;
-    try {
-      for (let page = 0, pages = 1; page < pages; page += 1) {
-        const answer = await this.connection.call("/sim/map", { page }, { timeoutMs: 60_000 });
-        pages = answer.num_pages;
-        if (map === null) {
-          map = answer;
-        } else {
-          for (const list of ["lanes", "borders", "stop_lines", "crosswalks", "lights", "controllers"]) {
-            map[list].push(...answer[list]);
-          }
-        }
-      }
-    } catch {
-      this.digest = ""; // the next state asks again
-      return;
-    }
-    if (digest === this.digest) {
-      this.map = map;
-      for (const take of this.mapTakers) {
-        take();
-      }
-    }
-  }
-
-  /** @returns {EgoRow[]} */
+  /**
+   * Return the egos of the last state.
+   * @returns {SceneEgo[]}
+   */
   egos() {
     const { state } = this;
-    /** @type {EgoRow[]} */
+    /** @type {SceneEgo[]} */
     const egos = [];
-    for (let row = 0; state !== null && row < state.id.length; row += 1) {
-      if (state.kind[row] === KIND_OF_EGO) {
-        const [id, x, y, z, heading, speed] = [state.id, state.x, state.y, state.z, state.heading, state.speed].map((column) => Number(column[row]));
-        egos.push({ id: Number(id), number: Number(id), x: Number(x), y: Number(y), z: Number(z), heading: Number(heading), speed: Number(speed) });
+    for (let row = 0; state !== null && row < state.kind.length; row += 1) {
+      if (state.kind[row] === 0) {
+        const { x, y, z, heading, speed } = state;
+        const number = state.id[row];
+        egos.push({ id: number, number, x: x[row], y: y[row], z: z[row], heading: heading[row], speed: speed[row], row });
       }
     }
     return egos;
   }
 
   /**
-   * Row of an entity, or -1.
-   * @param {number} id
+   * Return the row of an entity; with a number of an ego and of an object, the ego's.
+   * @param {number | null} id
+   * @param {boolean} [isEgo] - only an ego, or only another entity
+   * @returns {number} -1: there is none
    */
-  indexOf(id) {
-    return this.state === null ? -1 : Array.prototype.indexOf.call(this.state.id, id);
+  indexOf(id, isEgo) {
+    const { state } = this;
+    if (state === null || id === null || id < 0) {
+      return -1;
+    }
+    let found = -1;
+    for (let row = state.id.indexOf(id); row >= 0; row = state.id.indexOf(id, row + 1)) {
+      const isThisEgo = state.kind[row] === 0;
+      if (isThisEgo === (isEgo ?? true)) {
+        return row;
+      }
+      found = isEgo === undefined ? row : found;
+    }
+    return found;
   }
 
-  /** @param {number} id -1 for none */
-  select(id) {
-    this.selectedId = id;
-    for (const take of this.selectTakers) {
-      take();
+  /** @returns {number} row of the selected entity; -1: there is none */
+  selectedRow() {
+    return this.indexOf(this.selectedId, this.selectedId === null ? undefined : this.isEgoSelected);
+  }
+
+  /**
+   * Select an entity.
+   * @param {number | null} id - null selects nothing
+   * @param {boolean} [isEgo]
+   */
+  select(id, isEgo) {
+    const row = this.indexOf(id, isEgo);
+    const isNowEgo = row >= 0 && this.state?.kind[row] === 0;
+    const chosen = row >= 0 ? id : null;
+    if (chosen !== this.selectedId || isNowEgo !== this.isEgoSelected) {
+      this.selectedId = chosen;
+      this.isEgoSelected = isNowEgo;
+      tellAll(this.selectTakers);
     }
   }
 
-  /** @param {() => void} take */
+  /**
+   * Be told of each selection.
+   * @param {() => void} take
+   * @returns {() => void} ends it
+   */
   onSelect(take) {
-    this.selectTakers.add(take);
-    return () => void this.selectTakers.delete(take);
+    return addTaker(this.selectTakers, take);
   }
 
-  /** @param {() => void} take */
+  /**
+   * Be told of each state.
+   * @param {() => void} take
+   * @returns {() => void} ends it
+   */
   onState(take) {
-    this.stateTakers.add(take);
-    return () => void this.stateTakers.delete(take);
+    return addTaker(this.stateTakers, take);
   }
 
-  /** @param {() => void} take */
+  /**
+   * Be told of each map; at once if one is there.
+   * @param {() => void} take
+   * @returns {() => void} ends it
+   */
   onMap(take) {
-    this.mapTakers.add(take);
-    return () => void this.mapTakers.delete(take);
+    if (this.map !== null) {
+      take();
+    }
+    return addTaker(this.mapTakers, take);
+  }
+
+  /** @param {SceneState} state */
+  takeState(state) {
+    this.state = state;
+    if (this.selectedId !== null && this.selectedRow() < 0) {
+      this.select(null);
+    }
+    if (this.map?.digest !== state.map_digest) {
+      void this.loadMap();
+    }
+    tellAll(this.stateTakers);
+  }
+
+  async loadMap() {
+    if (this.isLoading || performance.now() < this.retryAt) {
+      return;
+    }
+    this.isLoading = true;
+    try {
+      const map = await loadMap(this.connection);
+      this.retryAt = map.digest === this.state?.map_digest ? 0 : performance.now() + MAP_RETRY;
+      if (map.digest !== this.map?.digest) {
+        this.map = map;
+        tellAll(this.mapTakers);
+      }
+    } catch {
+      this.retryAt = performance.now() + MAP_RETRY; // the next state asks again
+    } finally {
+      this.isLoading = false;
+    }
+  }
+}
+
+/**
+ * Return the simulated time of a state.
+ * @param {SceneState} state
+ * @returns {number} [s]
+ */
+export function stampOf({ header: { stamp } }) {
+  return (stamp.secs ?? stamp.sec ?? 0) + 1e-9 * (stamp.nsecs ?? stamp.nanosec ?? 0);
+}
+
+/**
+ * @param {Set<() => void>} takers
+ * @param {() => void} take
+ */
+function addTaker(takers, take) {
+  const taker = () => take();
+  takers.add(taker);
+  return () => void takers.delete(taker);
+}
+
+/** @param {Set<() => void>} takers */
+function tellAll(takers) {
+  for (const take of [...takers]) {
+    take();
   }
 }

@@ -1,0 +1,268 @@
+/**
+ * Things that are drawn, with their buffers on the graphics card.
+ */
+
+import { PIECE_FLOATS } from "../scene/line_buffer.js";
+
+/**
+ * @param {WebGL2RenderingContext} gl
+ * @param {ArrayLike<number>} values
+ * @param {number} target
+ */
+function makeBuffer(gl, values, target) {
+  const buffer = gl.createBuffer();
+  gl.bindBuffer(target, buffer);
+  gl.bufferData(target, /** @type {Float32Array} */ (values), gl.STATIC_DRAW);
+  return buffer;
+}
+
+/** Triangles that never change. */
+export class SurfaceLayer {
+  /**
+   * @param {WebGL2RenderingContext} gl
+   * @param {import("../scene/surface_buffer.js").Surface} surface
+   */
+  constructor(gl, { vertices, indices }) {
+    this.gl = gl;
+    this.count = indices.length;
+    this.array = gl.createVertexArray();
+    gl.bindVertexArray(this.array);
+    this.buffers = [makeBuffer(gl, vertices, gl.ARRAY_BUFFER)];
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 4, gl.FLOAT, false, 0, 0);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, null);
+    const indexBuffer = gl.createBuffer();
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, indexBuffer);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
+    this.buffers.push(indexBuffer);
+    gl.bindVertexArray(null);
+  }
+
+  draw() {
+    if (this.count > 0) {
+      this.gl.bindVertexArray(this.array);
+      this.gl.drawElements(this.gl.TRIANGLES, this.count, this.gl.UNSIGNED_INT, 0);
+    }
+  }
+
+  delete() {
+    this.buffers.forEach((buffer) => this.gl.deleteBuffer(buffer));
+    this.gl.deleteVertexArray(this.array);
+  }
+}
+
+/** A buffer of instances that is filled again and again. */
+class InstanceBuffer {
+  /**
+   * @param {WebGL2RenderingContext} gl
+   * @param {number} floats - of one instance
+   */
+  constructor(gl, floats) {
+    this.gl = gl;
+    this.floats = floats;
+    this.buffer = gl.createBuffer();
+    this.capacity = 0;
+    this.count = 0;
+  }
+
+  /**
+   * @param {number} place - of the attribute
+   * @param {number} size - its numbers
+   * @param {number} at - its first number in an instance
+   */
+  attribute(place, size, at) {
+    const { gl } = this;
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+    gl.enableVertexAttribArray(place);
+    gl.vertexAttribPointer(place, size, gl.FLOAT, false, 4 * this.floats, 4 * at);
+    gl.vertexAttribDivisor(place, 1);
+  }
+
+  /**
+   * @param {Float32Array} values
+   * @param {number} count - instances
+   */
+  fill(values, count) {
+    const { gl } = this;
+    this.count = count;
+    if (count === 0) {
+      return;
+    }
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+    if (count > this.capacity) {
+      this.capacity = Math.ceil(1.25 * count);
+      gl.bufferData(gl.ARRAY_BUFFER, 4 * this.floats * this.capacity, gl.DYNAMIC_DRAW);
+    }
+    gl.bufferSubData(gl.ARRAY_BUFFER, 0, values, 0, count * this.floats);
+  }
+}
+
+/** Lines, as pieces of `LineBuffer`. */
+export class LineLayer {
+  /**
+   * @param {WebGL2RenderingContext} gl
+   * @param {Float32Array} [values]
+   */
+  constructor(gl, values) {
+    this.gl = gl;
+    this.array = gl.createVertexArray();
+    gl.bindVertexArray(this.array);
+    this.corners = makeBuffer(gl, new Float32Array([0, -1, 1, -1, 0, 1, 1, 1]), gl.ARRAY_BUFFER);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+    this.pieces = new InstanceBuffer(gl, PIECE_FLOATS);
+    this.pieces.attribute(1, 3, 0);
+    this.pieces.attribute(2, 3, 3);
+    this.pieces.attribute(3, 4, 6);
+    this.pieces.attribute(4, 2, 10);
+    gl.bindVertexArray(null);
+    if (values) {
+      this.fill(values);
+    }
+  }
+
+  /** @param {Float32Array} values */
+  fill(values) {
+    this.pieces.fill(values, values.length / PIECE_FLOATS);
+  }
+
+  draw() {
+    if (this.pieces.count > 0) {
+      this.gl.bindVertexArray(this.array);
+      this.gl.drawArraysInstanced(this.gl.TRIANGLE_STRIP, 0, 4, this.pieces.count);
+    }
+  }
+
+  delete() {
+    this.gl.deleteBuffer(this.corners);
+    this.gl.deleteBuffer(this.pieces.buffer);
+    this.gl.deleteVertexArray(this.array);
+  }
+}
+
+/** Floats of one entity: pose, body, looks, and tilt with two that keep the rows aligned. */
+export const ENTITY_FLOATS = 16;
+
+/** Entities with one mesh, and the rectangles of their shadows. */
+export class EntityLayer {
+  /**
+   * @param {WebGL2RenderingContext} gl
+   * @param {Float32Array} mesh
+   * @param {readonly [number, number]} lampHeight - where lamps are, as shares of the height
+   */
+  constructor(gl, mesh, lampHeight) {
+    this.gl = gl;
+    this.lampHeight = lampHeight;
+    this.numVertices = mesh.length / 4;
+    this.entities = new InstanceBuffer(gl, ENTITY_FLOATS);
+    this.bodies = this.makeArray(mesh);
+    this.shadows = this.makeArray(new Float32Array([-0.5, -0.5, 0, 0, 0.5, -0.5, 0, 0, -0.5, 0.5, 0, 0, 0.5, 0.5, 0, 0]));
+    this.values = new Float32Array(64 * ENTITY_FLOATS);
+    this.count = 0;
+  }
+
+  /** Begin to fill it anew. */
+  clear() {
+    this.count = 0;
+  }
+
+  /** @returns {number} index of the next entity's first value in `values` */
+  next() {
+    const at = this.count * ENTITY_FLOATS;
+    if (at + ENTITY_FLOATS > this.values.length) {
+      const larger = new Float32Array(2 * this.values.length);
+      larger.set(this.values);
+      this.values = larger;
+    }
+    this.count += 1;
+    return at;
+  }
+
+  upload() {
+    this.entities.fill(this.values, this.count);
+  }
+
+  draw() {
+    if (this.count > 0) {
+      this.gl.bindVertexArray(this.bodies);
+      this.gl.drawArraysInstanced(this.gl.TRIANGLES, 0, this.numVertices, this.count);
+    }
+  }
+
+  drawShadows() {
+    if (this.count > 0) {
+      this.gl.bindVertexArray(this.shadows);
+      this.gl.drawArraysInstanced(this.gl.TRIANGLE_STRIP, 0, 4, this.count);
+    }
+  }
+
+  /** @param {Float32Array} vertices */
+  makeArray(vertices) {
+    const { gl } = this;
+    const array = gl.createVertexArray();
+    gl.bindVertexArray(array);
+    makeBuffer(gl, vertices, gl.ARRAY_BUFFER);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 4, gl.FLOAT, false, 0, 0);
+    this.entities.attribute(1, 4, 0);
+    this.entities.attribute(2, 4, 4);
+    this.entities.attribute(3, 4, 8);
+    this.entities.attribute(4, 2, 12);
+    gl.bindVertexArray(null);
+    return array;
+  }
+}
+
+/** Floats of one light: place, material, direction and least size. */
+export const LIGHT_FLOATS = 6;
+
+/** Heads of traffic lights as points. */
+export class LightLayer {
+  /** @param {WebGL2RenderingContext} gl */
+  constructor(gl) {
+    this.gl = gl;
+    this.array = gl.createVertexArray();
+    this.buffer = gl.createBuffer();
+    this.count = 0;
+    gl.bindVertexArray(this.array);
+    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
+    for (const place of [0, 1]) {
+      gl.enableVertexAttribArray(place);
+      gl.vertexAttribPointer(place, 3, gl.FLOAT, false, 4 * LIGHT_FLOATS, 12 * place);
+    }
+    gl.bindVertexArray(null);
+  }
+
+  /** @param {Float32Array} values */
+  fill(values) {
+    this.count = values.length / LIGHT_FLOATS;
+    this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this.buffer);
+    this.gl.bufferData(this.gl.ARRAY_BUFFER, values, this.gl.DYNAMIC_DRAW);
+  }
+
+  draw() {
+    if (this.count > 0) {
+      this.gl.bindVertexArray(this.array);
+      this.gl.drawArrays(this.gl.POINTS, 0, this.count);
+    }
+  }
+}
+
+/** A triangle over the whole screen. */
+export class ScreenLayer {
+  /** @param {WebGL2RenderingContext} gl */
+  constructor(gl) {
+    this.gl = gl;
+    this.array = gl.createVertexArray();
+    gl.bindVertexArray(this.array);
+    makeBuffer(gl, new Float32Array([-1, -1, 3, -1, -1, 3]), gl.ARRAY_BUFFER);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
+    gl.bindVertexArray(null);
+  }
+
+  draw() {
+    this.gl.bindVertexArray(this.array);
+    this.gl.drawArrays(this.gl.TRIANGLES, 0, 3);
+  }
+}

@@ -1,0 +1,430 @@
+/**
+ * The map on the page: canvas, cameras, gestures and tools. A picture is drawn only if something has changed.
+ */
+
+import { PoseTrack } from "../scene/interpolation.js";
+import { LineBuffer } from "../scene/line_buffer.js";
+import { Trails } from "../scene/trails.js";
+import { element } from "../widgets/dom.js";
+import { addContacts, addFrame, addMeasure, addTrails } from "./changing_lines.js";
+import { ChaseCamera } from "./chase_camera.js";
+import { LabelLayer } from "./labels.js";
+import { listenToPointers } from "./map_pointer.js";
+import { MeasureTool, measuredPlaces, PlaceTool, toolLabels } from "./map_tools.js";
+import { makePalette } from "./palette.js";
+import { Renderer } from "./renderer.js";
+import { makeSceneLabels } from "./scene_labels.js";
+import { TopCamera } from "./top_camera.js";
+
+/** @typedef {import("../scene/store.js").SceneStore} SceneStore */
+/** @typedef {import("./gestures.js").Point} Point */
+
+/** Scale of the first picture [pixels/m]: a crossing fills the window. */
+const FIRST_SCALE = 8;
+/** Sharper than this costs much and is not seen. */
+const MOST_RATIO = 2;
+/** Turn behind the car for each pixel of a drag [rad]. */
+const ORBIT_STEP = 0.006;
+
+/** The map. */
+export class MapView {
+  /**
+   * @param {object} parts
+   * @param {SceneStore} parts.scene
+   * @param {import("../scene/contacts.js").ContactList} parts.contacts
+   * @param {import("../layout.js").Texts} parts.texts
+   * @param {WebGL2RenderingContext} parts.gl - of the canvas
+   * @param {HTMLCanvasElement} parts.canvas
+   */
+  constructor({ scene, contacts, texts, gl, canvas }) {
+    this.scene = scene;
+    this.contacts = contacts;
+    this.texts = texts.mapView;
+    this.gl = gl;
+    this.canvas = canvas;
+    this.labels = new LabelLayer();
+    this.element = element("div", { className: "map-view" }, canvas, this.labels.element);
+    this.renderer = new Renderer(gl);
+    this.top = new TopCamera();
+    this.top.scale = FIRST_SCALE;
+    this.chase = new ChaseCamera();
+    this.isChase = false;
+    this.isFollowing = true;
+    this.isPlaced = false;
+    this.poses = new PoseTrack();
+    this.trails = new Trails();
+    this.lines = new LineBuffer();
+    /** @type {MeasureTool | PlaceTool | null} */
+    this.tool = null;
+    /** @type {Point | null} */
+    this.pointer = null;
+    this.lastTime = 0;
+    this.isScheduled = false;
+    this.hasNewLines = true;
+    /** What the user does with the tool. */
+    this.hint = "";
+    /** @type {Set<() => void>} */
+    this.viewTakers = new Set();
+    /** @type {Set<(name: string) => void>} */
+    this.lightTakers = new Set();
+    this.dark = matchMedia("(prefers-color-scheme: dark)");
+    this.still = matchMedia("(prefers-reduced-motion: reduce)");
+    this.palette = makePalette(this.dark.matches);
+    this.listen();
+  }
+
+  get camera() {
+    return this.isChase ? this.chase : this.top;
+  }
+
+  // What others use
+
+  /**
+   * Let the user choose a place: a click is the place, a drag from it the heading.
+   * @param {{hint?: string}} [options]
+   * @returns {Promise<import("./map_tools.js").PickedPlace | null>} null if the user gave it up
+   */
+  pickPlace({ hint = "" } = {}) {
+    this.endTool();
+    return new Promise((resolve) => {
+      this.tool = new PlaceTool((place) => {
+        this.tool = null;
+        this.change();
+        resolve(place);
+      });
+      this.hint = hint;
+      this.change();
+    });
+  }
+
+  /**
+   * Take things that are dropped on the map.
+   * @param {string} kind - of `DataTransfer`
+   * @param {(place: Point) => void} take
+   */
+  onDrop(kind, take) {
+    const { canvas } = this;
+    canvas.addEventListener("dragover", (event) => {
+      if (event.dataTransfer?.types.includes(kind)) {
+        event.preventDefault();
+      }
+    });
+    canvas.addEventListener("drop", (event) => {
+      const { left, top } = canvas.getBoundingClientRect();
+      const place = this.camera.placeAt(event.clientX - left, event.clientY - top);
+      if (event.dataTransfer?.types.includes(kind) && place !== null) {
+        event.preventDefault();
+        take(place);
+      }
+    });
+  }
+
+  /**
+   * Be told of clicks on traffic lights.
+   * @param {(name: string) => void} take
+   */
+  onLight(take) {
+    this.lightTakers.add(take);
+  }
+
+  /**
+   * Be told after each picture in which the view has changed, and of a change of the tools.
+   * @param {() => void} take
+   */
+  onView(take) {
+    this.viewTakers.add(take);
+    take();
+  }
+
+  // Commands of buttons and keys
+
+  toggleCamera() {
+    this.endTool();
+    this.isChase = !this.isChase;
+    const target = this.target();
+    if (target !== null) {
+      this.chase.follow(target, 0);
+      this.isFollowing = this.isFollowing || this.isChase;
+    }
+    this.change();
+  }
+
+  toggleFollow() {
+    this.isFollowing = !this.isFollowing;
+    this.change();
+  }
+
+  /** @param {number} factor */
+  zoomBy(factor) {
+    this.zoom(0.5 * this.top.width, 0.5 * this.top.height, factor);
+  }
+
+  /** @param {number} angle - counter-clockwise [rad] */
+  turnBy(angle) {
+    if (this.isChase) {
+      this.chase.orbitBy(angle, 0);
+    } else {
+      this.top.rotateAt(0.5 * this.top.width, 0.5 * this.top.height, angle);
+    }
+    this.change();
+  }
+
+  northUp() {
+    if (this.isChase) {
+      this.chase.turn = 0;
+    }
+    this.top.rotateAt(0.5 * this.top.width, 0.5 * this.top.height, -this.top.rotation);
+    this.change();
+  }
+
+  showAll() {
+    if (this.scene.map !== null) {
+      this.isChase = false;
+      this.isFollowing = false;
+      this.top.fit(this.scene.map);
+      this.change();
+    }
+  }
+
+  /**
+   * Move the picture.
+   * @param {number} dx - [pixels]
+   * @param {number} dy - [pixels]
+   */
+  panBy(dx, dy) {
+    if (this.isChase) {
+      this.chase.orbitBy(-ORBIT_STEP * dx, ORBIT_STEP * dy);
+    } else {
+      this.isFollowing = false;
+      this.top.panBy(dx, dy);
+    }
+    this.change();
+  }
+
+  /**
+   * Show a place in the middle.
+   * @param {Point} place
+   */
+  goTo(place) {
+    this.isChase = false;
+    this.isFollowing = false;
+    this.top.x = place.x;
+    this.top.y = place.y;
+    this.change();
+  }
+
+  toggleMeasure() {
+    const isOn = this.tool instanceof MeasureTool;
+    this.endTool();
+    if (!isOn) {
+      this.tool = new MeasureTool();
+      this.hint = this.texts.measureHint;
+    }
+    this.change();
+  }
+
+  /** End the tool that takes the clicks. @returns {boolean} there was one */
+  endTool() {
+    const { tool } = this;
+    this.tool = null;
+    if (tool instanceof PlaceTool) {
+      tool.cancel();
+    }
+    this.change();
+    return tool !== null;
+  }
+
+  /** @param {number} step - 1 for the next entity, -1 for the one before */
+  selectNext(step) {
+    const { scene } = this;
+    const num = scene.state?.id.length ?? 0;
+    if (scene.state !== null && num > 0) {
+      const row = scene.selectedRow();
+      const next = row < 0 ? (step > 0 ? 0 : num - 1) : (row + step + num) % num;
+      scene.select(scene.state.id[next], scene.state.kind[next] === 0);
+    }
+  }
+
+  // Pictures
+
+  /** Draw a picture soon, because something has changed. */
+  change() {
+    this.hasNewLines = true;
+    this.schedule();
+  }
+
+  schedule() {
+    if (!this.isScheduled) {
+      this.isScheduled = true;
+      requestAnimationFrame((now) => this.drawFrame(now));
+    }
+  }
+
+  /** @param {number} now - [ms] */
+  drawFrame(now) {
+    this.isScheduled = false;
+    if (this.gl.isContextLost()) {
+      return;
+    }
+    const seconds = Math.min((now - this.lastTime) / 1000, 0.1);
+    this.lastTime = now;
+    // The time of a frame is that of its beginning; a state may have come after it.
+    this.poses.update(now);
+    const isTurning = this.moveCameras(seconds);
+    const fresh = this.contacts.fresh(performance.now());
+    this.makeLines(fresh);
+    const { scene, poses, palette, camera } = this;
+    this.renderer.draw({ camera, palette, state: poses.last, poses });
+    this.labels.show([...makeSceneLabels({ scene, poses, camera, leading: this.isChase ? this.targetRow() : -1 }, this.texts), ...toolLabels(this)]);
+    this.viewTakers.forEach((take) => take());
+    if (isTurning || fresh.length > 0 || this.poses.isMoving(now)) {
+      this.schedule();
+    }
+  }
+
+  /**
+   * @param {number} seconds - since the last picture
+   * @returns {boolean} the camera still turns
+   */
+  moveCameras(seconds) {
+    const target = this.target();
+    if (target === null) {
+      return false;
+    }
+    if (!this.isPlaced) {
+      this.isPlaced = true;
+      this.chase.follow(target, 0);
+    }
+    if (!this.isFollowing && !this.isChase) {
+      return false;
+    }
+    this.top.x = target.x;
+    this.top.y = target.y;
+    return this.chase.follow(target, this.isChase && !this.still.matches ? seconds : 0) && this.isChase;
+  }
+
+  /** Row of the entity that the cameras follow; -1: there is none. */
+  targetRow() {
+    const selected = this.scene.selectedRow();
+    return selected >= 0 ? selected : (this.scene.egos()[0]?.row ?? -1);
+  }
+
+  /** Pose of the entity that the cameras follow: the selected one, or else the first ego. */
+  target() {
+    const { poses } = this;
+    const row = this.targetRow();
+    if (row < 0 || row >= poses.x.length) {
+      return null;
+    }
+    return { x: poses.x[row], y: poses.y[row], z: poses.z[row], heading: poses.heading[row] };
+  }
+
+  /** @param {import("../scene/contacts.js").Contact[]} fresh */
+  makeLines(fresh) {
+    const { lines, renderer, scene, poses } = this;
+    const selected = scene.selectedRow();
+    if (!this.hasNewLines && fresh.length === 0 && selected < 0) {
+      return;
+    }
+    this.hasNewLines = false;
+    lines.clear();
+    addTrails(lines, this.trails, renderer.origin);
+    if (selected >= 0 && poses.last !== null) {
+      const pixel = this.isChase ? 0 : this.top.pixelSize;
+      addFrame(lines, poses.last, poses, selected, renderer.origin, pixel);
+    }
+    addContacts(lines, fresh, renderer.origin, performance.now(), this.still.matches);
+    if (this.tool !== null) {
+      const z = this.isChase ? this.chase.target.z : 0;
+      addMeasure(lines, measuredPlaces(this).map((place) => ({ ...place, z })), renderer.origin);
+    }
+    renderer.setLines(lines);
+  }
+
+  // Events
+
+  listen() {
+    const { scene, canvas } = this;
+    scene.onMap(() => this.takeMap());
+    scene.onState(() => this.takeState());
+    scene.onSelect(() => this.change());
+    this.dark.addEventListener("change", () => {
+      this.palette = makePalette(this.dark.matches);
+      this.change();
+    });
+    new ResizeObserver(() => this.resize()).observe(this.element);
+    canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
+    canvas.addEventListener("webglcontextrestored", () => {
+      this.renderer = new Renderer(this.gl);
+      this.takeMap();
+    });
+    listenToPointers(this);
+  }
+
+  takeMap() {
+    if (this.scene.map !== null) {
+      this.renderer.setMap(this.scene.map);
+      if (this.target() === null) {
+        this.top.fit(this.scene.map);
+      }
+      this.change();
+    }
+  }
+
+  takeState() {
+    const { state } = this.scene;
+    if (state !== null) {
+      this.poses.take(state, performance.now());
+      this.poses.update(-Infinity); // rows of the new state, for whoever asks before the next picture
+      this.trails.take(state, this.scene.selectedRow());
+      this.change();
+    }
+  }
+
+  resize() {
+    const { clientWidth, clientHeight } = this.element;
+    const ratio = Math.min(devicePixelRatio || 1, MOST_RATIO);
+    this.canvas.width = Math.max(1, Math.round(clientWidth * ratio));
+    this.canvas.height = Math.max(1, Math.round(clientHeight * ratio));
+    this.top.resize(clientWidth, clientHeight);
+    this.chase.resize(clientWidth, clientHeight);
+    this.change();
+  }
+
+  /**
+   * @param {number} x
+   * @param {number} y
+   * @param {number} factor
+   */
+  zoom(x, y, factor) {
+    if (this.isChase) {
+      this.chase.zoomBy(factor);
+    } else if (this.isFollowing) {
+      this.top.zoomAt(0.5 * this.top.width, 0.5 * this.top.height, factor); // what it follows stays in the middle
+    } else {
+      this.top.zoomAt(x, y, factor);
+    }
+    this.change();
+  }
+
+  /**
+   * @param {number} x
+   * @param {number} y
+   * @param {number} angle
+   */
+  twist(x, y, angle) {
+    if (!this.isChase) {
+      this.top.rotateAt(x, y, angle);
+      this.change();
+    }
+  }
+
+  /** Show what is under the pointer. */
+  hover() {
+    if (this.tool !== null) {
+      this.change();
+    } else {
+      this.viewTakers.forEach((take) => take());
+    }
+  }
+}

@@ -1,0 +1,297 @@
+/**
+ * The renderer: everything of the scene, from a camera, by WebGL 2.
+ */
+
+import { makeMapGeometry } from "../scene/map_geometry.js";
+import { lightMaterial, makeLightBars } from "../scene/light_bars.js";
+import { LineBuffer } from "../scene/line_buffer.js";
+import { MATERIALS } from "../scene/materials.js";
+import { stampOf } from "../scene/store.js";
+import { fillEntities, fillPosts } from "./entity_filler.js";
+import { EntityLayer, LightLayer, LineLayer, ScreenLayer, SurfaceLayer } from "./gl_layers.js";
+import { GlProgram } from "./gl_program.js";
+import { makeMeshes } from "./meshes.js";
+import { BACKGROUND_SHADERS, ENTITY_SHADERS, HEAD_SHADERS, LINE_SHADERS, SHADOW_SHADERS, SURFACE_SHADERS } from "./shaders.js";
+
+/** @typedef {import("./top_camera.js").TopCamera} TopCamera */
+/** @typedef {import("./chase_camera.js").ChaseCamera} ChaseCamera */
+
+/**
+ * What is drawn.
+ * @typedef {{camera: TopCamera | ChaseCamera, palette: import("./palette.js").Palette,
+ *   state: import("../scene/store.js").SceneState | null, poses: import("./picking.js").Poses}} Picture
+ */
+
+/** Arrows are drawn from this scale on, and lanes as lines below that one [pixels/m]. */
+const ARROW_SCALE = 2.5;
+const SPINE_SCALE = 1;
+/** Fog behind the car: half of the colour is gone at about 500 m [1/m]. */
+const FOG_DENSITY = 1 / 600;
+/** Least size of lights of the map for vehicles and for people [pixels]. */
+const CAR_LIGHT_PIXELS = 7;
+const WALK_LIGHT_PIXELS = 4.5;
+/** Lights are drawn from these scales on; those for people would hide a small crossing [pixels/m]. */
+const CAR_LIGHT_SCALE = 0.9;
+const WALK_LIGHT_SCALE = 3;
+/** Phases of indicators a second of simulated time: a real one blinks about 1.5 times a second. */
+const BLINKS = 3;
+
+/** Draws the scene. */
+export class Renderer {
+  /**
+   * @param {WebGL2RenderingContext} gl
+   * @throws {Error} the shaders do not compile
+   */
+  constructor(gl) {
+    this.gl = gl;
+    this.programs = {
+      surface: new GlProgram(gl, SURFACE_SHADERS),
+      line: new GlProgram(gl, LINE_SHADERS),
+      entity: new GlProgram(gl, ENTITY_SHADERS),
+      shadow: new GlProgram(gl, SHADOW_SHADERS),
+      head: new GlProgram(gl, HEAD_SHADERS),
+      background: new GlProgram(gl, BACKGROUND_SHADERS),
+    };
+    const meshes = makeMeshes();
+    this.entities = {
+      car: new EntityLayer(gl, meshes.car, [0.4, 0.66]),
+      van: new EntityLayer(gl, meshes.van, [0.25, 0.38]),
+      person: new EntityLayer(gl, meshes.person, [2, 2]),
+      box: new EntityLayer(gl, meshes.box, [0.3, 0.6]),
+    };
+    this.posts = new EntityLayer(gl, meshes.box, [2, 2]);
+    this.heads = new LightLayer(gl);
+    this.screen = new ScreenLayer(gl);
+    this.bars = new LineLayer(gl);
+    /** Trails and other lines that change. */
+    this.drawn = new LineLayer(gl);
+    /** @type {{geometry: import("../scene/map_geometry.js").MapGeometry, lanes: SurfaceLayer, stripes: SurfaceLayer,
+        arrows: SurfaceLayer, lines: LineLayer, spines: LineLayer} | null} */
+    this.mapLayers = null;
+    this.origin = { x: 0, y: 0, z: 0 };
+    /** @type {import("../scene/map_types.js").MapLight[]} */
+    this.lights = [];
+    /** @type {import("../scene/light_bars.js").LightBar[]} */
+    this.lightBars = [];
+    /** @type {ArrayLike<number> | null} */
+    this.shownStates = null;
+    this.shownLights = "";
+    /** @type {number[]} */
+    this.lightMaterials = [];
+    this.headKey = "";
+    gl.enable(gl.BLEND);
+    gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.enable(gl.DEPTH_TEST);
+    gl.depthFunc(gl.LEQUAL);
+  }
+
+  /**
+   * Take a map; its buffers are made now, and once.
+   * @param {import("../scene/map_types.js").SceneMap} map
+   */
+  setMap(map) {
+    const { gl } = this;
+    if (this.mapLayers !== null) {
+      const { lanes, stripes, arrows, lines, spines } = this.mapLayers;
+      [lanes, stripes, arrows, lines, spines].forEach((layer) => layer.delete());
+    }
+    const geometry = makeMapGeometry(map);
+    this.mapLayers = {
+      geometry,
+      lanes: new SurfaceLayer(gl, geometry.lanes),
+      stripes: new SurfaceLayer(gl, geometry.stripes),
+      arrows: new SurfaceLayer(gl, geometry.arrows),
+      lines: new LineLayer(gl, geometry.lines),
+      spines: new LineLayer(gl, geometry.spines),
+    };
+    this.origin = geometry.origin;
+    this.lights = map.lights;
+    this.lightBars = makeLightBars(map, geometry.origin);
+    this.shownLights = "";
+    this.posts.clear();
+    fillPosts(this.posts, map.lights, geometry.origin);
+    this.posts.upload();
+  }
+
+  /**
+   * Set the lines that change: trails, marks, a measured distance. Places are relative to `origin`.
+   * @param {LineBuffer} lines
+   */
+  setLines(lines) {
+    this.drawn.fill(lines.view());
+  }
+
+  /**
+   * Draw a picture.
+   * @param {Picture} picture
+   */
+  draw(picture) {
+    const { gl } = this;
+    const { camera, palette } = picture;
+    this.showLights(picture.state?.light_state ?? null);
+    for (const layer of Object.values(this.entities)) {
+      layer.clear();
+    }
+    fillEntities(this.entities, picture.state, picture.poses, this.origin);
+    const scale = camera.isPerspective ? Infinity : 1 / camera.pixelSize;
+    const { single } = palette;
+    const common = { view: camera.matrix(this.origin), pixel: camera.pixelSize };
+    const fog = { fog: [...single.horizon, camera.isPerspective ? FOG_DENSITY : 0] };
+    gl.viewport(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight);
+    gl.depthMask(true);
+    gl.clearColor(single.paper[0], single.paper[1], single.paper[2], 1);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    if (camera.isPerspective) {
+      this.drawBackground(/** @type {ChaseCamera} */ (camera), single);
+    }
+    this.drawMap(scale, { ...common, ...fog, palette: palette.materials, opacity: 1 });
+    this.drawEntities({ ...common, ...fog, enlarge: camera.isPerspective ? 0 : 1 }, picture);
+    const spin = camera.isPerspective ? 100 : /** @type {TopCamera} */ (camera).rotation;
+    const ratio = gl.drawingBufferWidth / camera.width;
+    this.programs.head.use();
+    this.programs.head.set({ ...common, ...fog, palette: palette.materials, spin, ratio });
+    this.fillHeads(scale);
+    this.heads.draw();
+    gl.bindVertexArray(null);
+  }
+
+  /**
+   * @param {number} scale - [pixels/m]
+   * @param {Record<string, any>} uniforms
+   */
+  drawMap(scale, uniforms) {
+    const { gl, programs, mapLayers } = this;
+    gl.depthMask(false);
+    if (mapLayers !== null) {
+      programs.surface.use();
+      programs.surface.set({ ...uniforms, layer: 1 });
+      gl.depthMask(true);
+      mapLayers.lanes.draw();
+      gl.depthMask(false);
+      if (scale > 0.5) {
+        programs.surface.set({ layer: 2 });
+        mapLayers.stripes.draw();
+      }
+      if (scale > ARROW_SCALE) {
+        programs.surface.set({ layer: 2, opacity: 0.7 });
+        mapLayers.arrows.draw();
+      }
+    }
+    programs.line.use();
+    programs.line.set({ ...uniforms, layer: 3 });
+    if (mapLayers !== null) {
+      if (scale < SPINE_SCALE) {
+        mapLayers.spines.draw();
+      } else {
+        mapLayers.lines.draw();
+      }
+      if (scale > 0.5) {
+        programs.line.set({ layer: 4 });
+        this.bars.draw();
+      }
+    }
+    programs.line.set({ layer: 5, opacity: 0.85 });
+    this.drawn.draw();
+  }
+
+  /**
+   * @param {Record<string, any>} uniforms
+   * @param {Picture} picture
+   */
+  drawEntities(uniforms, { palette, state }) {
+    const { gl, programs } = this;
+    const layers = Object.values(this.entities);
+    layers.forEach((layer) => layer.upload());
+    programs.shadow.use();
+    programs.shadow.set({ ...uniforms, layer: 6 });
+    layers.forEach((layer) => layer.drawShadows());
+    gl.depthMask(true);
+    programs.entity.use();
+    const blink = state === null ? 0 : Math.floor(stampOf(state) * BLINKS) % 2;
+    const kinds = new Float32Array(15);
+    kinds.set(palette.kinds);
+    kinds.set(palette.single.horizon.map((part) => 0.45 * part), 12); // posts
+    programs.entity.set({ ...uniforms, kinds, contact: palette.single.contact, blink });
+    for (const layer of uniforms.enlarge ? layers : [...layers, this.posts]) {
+      programs.entity.set({ lampHeight: layer.lampHeight });
+      layer.draw();
+    }
+  }
+
+  /**
+   * @param {ChaseCamera} camera
+   * @param {import("./palette.js").Palette["single"]} colours
+   */
+  drawBackground(camera, { zenith, horizon, ground, grid }) {
+    const { programs } = this;
+    const [x, y, z] = camera.eye();
+    const forward = camera.forward();
+    const across = Math.hypot(forward[0], forward[1]);
+    const right = [forward[1] / across, -forward[0] / across, 0];
+    const up = [right[1] * forward[2], -right[0] * forward[2], right[0] * forward[1] - right[1] * forward[0]];
+    const [wide, high] = [0.5 * camera.width * camera.pixelSize, 0.5 * camera.height * camera.pixelSize];
+    programs.background.use();
+    programs.background.set({
+      eye: [x % 1000, y % 1000, Math.max(z - camera.target.z, 0.1)],
+      forward,
+      right: right.map((part) => part * wide),
+      up: up.map((part) => part * high),
+      zenith,
+      horizon,
+      ground,
+      grid,
+      density: FOG_DENSITY,
+    });
+    this.gl.depthMask(false);
+    this.screen.draw();
+    this.gl.depthMask(true);
+  }
+
+  /**
+   * Colour the bars of the lights, if a light has changed.
+   * @param {ArrayLike<number> | null} states
+   */
+  showLights(states) {
+    if (states === this.shownStates && this.shownLights !== "") {
+      return; // no new state
+    }
+    this.shownStates = states;
+    const materials = this.lights.map((_, row) => lightMaterial(states?.[row] ?? 0));
+    const shown = `lights ${materials.join(" ")}`;
+    if (shown === this.shownLights) {
+      return;
+    }
+    this.shownLights = shown;
+    this.lightMaterials = materials;
+    this.headKey = "";
+    const lines = new LineBuffer();
+    for (const bar of this.lightBars) {
+      const style = { width: bar.width, minPixels: 2.5, material: materials[bar.light] };
+      lines.add(bar.x0, bar.y0, bar.z0, bar.x1, bar.y1, bar.z1, style);
+    }
+    this.bars.fill(lines.view());
+  }
+
+  /**
+   * Fill the buffer of the lights that are drawn at a scale, if others were drawn before.
+   * @param {number} scale - [pixels/m]
+   */
+  fillHeads(scale) {
+    const key = `${scale > CAR_LIGHT_SCALE} ${scale > WALK_LIGHT_SCALE}`;
+    if (key === this.headKey) {
+      return;
+    }
+    this.headKey = key;
+    /** @type {number[]} */
+    const values = [];
+    this.lights.forEach((light, row) => {
+      if (scale > (light.is_pedestrian ? WALK_LIGHT_SCALE : CAR_LIGHT_SCALE)) {
+        const least = light.is_pedestrian ? WALK_LIGHT_PIXELS : CAR_LIGHT_PIXELS;
+        const material = this.lightMaterials[row] ?? MATERIALS.lightDark;
+        const { x, y, z } = this.origin;
+        values.push(light.x - x, light.y - y, light.z - z, material, (light.heading_deg * Math.PI) / 180, least);
+      }
+    });
+    this.heads.fill(new Float32Array(values));
+  }
+}

@@ -1,0 +1,293 @@
+/**
+ * The programs of the graphics card. `view` takes places relative to the map's origin to the clip space; `pixel` times the
+ * fourth clip coordinate is a pixel's size on the ground [m].
+ */
+
+import { NUM_MATERIALS } from "../scene/materials.js";
+
+const HEAD = `#version 300 es
+precision highp float;
+`;
+
+/** Distance fades into the colour of the horizon; a density of 0 is none, for the camera above the map. */
+const FOG = `
+uniform vec4 fog; // colour, and density [1/m]
+vec3 fade(vec3 colour) {
+  float far = fog.w / gl_FragCoord.w;
+  return mix(fog.rgb, colour, exp(-far * far));
+}
+`;
+
+/** Flat things lie in one plane; a small shift for each layer keeps their order. */
+const LAYER = `
+uniform float layer;
+vec4 lifted(vec4 place) {
+  place.z -= layer * 4e-6 * place.w;
+  return place;
+}
+`;
+
+/** Surface of the road, stripes and arrows. */
+export const SURFACE_SHADERS = {
+  vertex: `${HEAD}${LAYER}
+layout(location = 0) in vec4 vertex; // place and material
+uniform mat4 view;
+uniform vec3 palette[${NUM_MATERIALS}];
+flat out vec3 colour;
+void main() {
+  colour = palette[int(vertex.w)];
+  gl_Position = lifted(view * vec4(vertex.xyz, 1.0));
+}`,
+  fragment: `${HEAD}${FOG}
+flat in vec3 colour;
+uniform float opacity;
+out vec4 result;
+void main() { result = vec4(fade(colour), opacity); }`,
+};
+
+/** Lines: each piece is a rectangle with a width on the ground and a least width on the screen. */
+export const LINE_SHADERS = {
+  vertex: `${HEAD}${LAYER}
+layout(location = 0) in vec2 corner;
+layout(location = 1) in vec3 from;
+layout(location = 2) in vec3 to;
+layout(location = 3) in vec4 style; // width, least pixels, distance along, material
+layout(location = 4) in vec2 dashes;
+uniform mat4 view;
+uniform float pixel;
+uniform vec3 palette[${NUM_MATERIALS}];
+flat out vec3 colour;
+flat out vec2 dash;
+out float along;
+out float side;
+flat out float thin;
+void main() {
+  vec3 place = mix(from, to, corner.x);
+  float unit = pixel * max((view * vec4(place, 1.0)).w, 0.0);
+  float halfWidth = 0.5 * max(style.x, style.y * unit);
+  vec2 way = to.xy - from.xy;
+  float size = length(way);
+  way = size > 0.0 ? way / size : vec2(1.0, 0.0);
+  float ends = dashes.y > 0.0 ? 0.0 : (2.0 * corner.x - 1.0) * 0.4 * halfWidth; // closes the gap at a bend
+  place.xy += vec2(-way.y, way.x) * corner.y * halfWidth + way * ends;
+  along = style.z + corner.x * size + ends;
+  dash = dashes;
+  side = corner.y;
+  thin = clamp(style.x / max(style.y * unit, 1e-6), 0.55, 1.0); // a line that is too thin to see becomes fainter
+  colour = palette[int(style.w)];
+  gl_Position = lifted(view * vec4(place, 1.0));
+}`,
+  fragment: `${HEAD}${FOG}
+flat in vec3 colour;
+flat in vec2 dash;
+in float along;
+in float side;
+flat in float thin;
+uniform float opacity;
+out vec4 result;
+void main() {
+  float alpha = opacity * thin;
+  if (dash.y > 0.0) {
+    float blur = fwidth(along);
+    float at = mod(along, dash.y);
+    float on = smoothstep(-blur, blur, at) * (1.0 - smoothstep(dash.x - blur, dash.x + blur, at));
+    alpha *= mix(on, dash.x / dash.y, clamp(2.0 * blur / dash.y, 0.0, 1.0));
+  }
+  float edge = fwidth(side);
+  alpha *= 1.0 - smoothstep(1.0 - min(edge, 1.0), 1.0, abs(side)) * 0.5;
+  result = vec4(fade(colour), alpha);
+}`,
+};
+
+/** The part of an entity's vertex program that places it; `measure` is its size on the screen. */
+const ENTITY = `
+layout(location = 1) in vec4 pose; // x, y, z, heading
+layout(location = 2) in vec4 body; // length, width, height, middle in front of the reference point
+layout(location = 3) in vec4 looks; // kind, lamps, flags, least pixels
+layout(location = 4) in vec2 tilt; // roll, pitch
+uniform mat4 view;
+uniform float pixel;
+uniform float enlarge; // 1: a thing that is too small to see is drawn larger
+float sizeOnScreen() {
+  float unit = pixel * max((view * vec4(pose.xyz, 1.0)).w, 0.0);
+  return mix(1.0, max(1.0, looks.w * unit / max(body.x, 0.05)), enlarge);
+}
+vec3 placed(vec3 local) {
+  vec2 r = vec2(cos(tilt.x), sin(tilt.x));
+  vec2 p = vec2(cos(tilt.y), sin(tilt.y));
+  local = vec3(local.x, r.x * local.y - r.y * local.z, r.y * local.y + r.x * local.z);
+  local = vec3(p.x * local.x + p.y * local.z, local.y, p.x * local.z - p.y * local.x);
+  vec2 h = vec2(cos(pose.w), sin(pose.w));
+  return pose.xyz + vec3(h.x * local.x - h.y * local.y, h.y * local.x + h.x * local.y, local.z);
+}
+`;
+
+/** Entities as bodies with lamps. */
+export const ENTITY_SHADERS = {
+  vertex: `${HEAD}${ENTITY}
+layout(location = 0) in vec4 vertex; // along, across and up as shares of the body, and the part
+out vec3 place;
+out vec3 local; // along and across from the middle [m], and the share of the height
+flat out vec4 look;
+flat out vec2 size;
+flat out float part;
+void main() {
+  float scale = sizeOnScreen();
+  vec3 at = vec3(vertex.x * body.x * scale + body.w, vertex.y * max(body.y, 0.05) * scale, vertex.z * body.z);
+  local = vec3(vertex.x * body.x * scale, vertex.y * body.y * scale, vertex.z);
+  place = placed(at);
+  look = looks;
+  size = body.xy * scale;
+  part = vertex.w;
+  gl_Position = view * vec4(place, 1.0);
+}`,
+  fragment: `${HEAD}${FOG}
+in vec3 place;
+in vec3 local;
+flat in vec4 look;
+flat in vec2 size;
+flat in float part;
+uniform vec3 kinds[5];
+uniform vec3 contact;
+uniform vec2 lampHeight; // where lamps are, as shares of the height
+uniform float blink;
+out vec4 result;
+void main() {
+  vec3 normal = normalize(cross(dFdx(place), dFdy(place)));
+  vec3 base = kinds[int(look.x)];
+  int flags = int(look.z);
+  if ((flags & 1) != 0) base = mix(base, contact, 0.8);
+  float shade = 0.66 + 0.34 * max(dot(normal, normalize(vec3(0.35, 0.25, 0.9))), 0.0);
+  vec3 colour = base * shade;
+  if (part == 0.0 && look.x < 1.5 && local.z < lampHeight.x - 0.12) colour *= 0.6; // bumpers and sills
+  if (part == 1.0) colour = mix(vec3(0.10, 0.13, 0.17), vec3(0.42, 0.52, 0.60), 0.5 * max(normal.z, 0.0)) + 0.08 * base;
+  if (part == 2.0) colour = vec3(0.10) * shade;
+  if (part == 3.0) colour = mix(base, vec3(0.98, 0.80, 0.66), 0.75) * shade;
+  if (part == 4.0) colour = mix(base, vec3(1.0), 0.75);
+  if (part == 0.0 && look.x < 1.5) {
+    float unit = length(vec2(fwidth(local.x), fwidth(local.y)));
+    float deep = max(0.3, 1.3 * unit);
+    float wide = min(max(0.34, 2.0 * unit), 0.45 * size.y);
+    float aside = 0.5 * size.y - abs(local.y);
+    bool isRear = local.x < deep - 0.5 * size.x;
+    bool isFront = local.x > 0.5 * size.x - deep;
+    bool isLamp = (isRear || isFront) && local.z > lampHeight.x && (local.z < lampHeight.y || local.z > 0.97);
+    int lamps = int(look.y);
+    if (isLamp && aside < wide) {
+      bool isOn = blink > 0.5 && (lamps & (local.y > 0.0 ? 1 : 2)) != 0;
+      colour = isRear ? vec3(0.45, 0.02, 0.05) : vec3(0.93, 0.93, 0.86);
+      if (isRear && (lamps & 4) != 0) colour = vec3(1.0, 0.05, 0.05);
+      if (isOn) colour = vec3(1.0, 0.68, 0.0);
+    } else if (isLamp && isRear && aside < 2.0 * wide && (lamps & 8) != 0) {
+      colour = vec3(1.0);
+    }
+  }
+  result = vec4(fade(colour), 1.0);
+}`,
+};
+
+/** Soft shadows under entities. */
+export const SHADOW_SHADERS = {
+  vertex: `${HEAD}${ENTITY}${LAYER}
+layout(location = 0) in vec4 vertex;
+out vec2 at;
+flat out vec2 size;
+void main() {
+  float scale = sizeOnScreen();
+  size = 0.5 * body.xy * scale + 0.35;
+  at = vertex.xy * 2.0 * size;
+  gl_Position = lifted(view * vec4(placed(vec3(at.x + body.w, at.y, 0.0)), 1.0));
+}`,
+  fragment: `${HEAD}
+in vec2 at;
+flat in vec2 size;
+out vec4 result;
+void main() {
+  vec2 inside = (size - abs(at)) / 0.7;
+  result = vec4(0.0, 0.0, 0.0, 0.36 * clamp(inside.x, 0.0, 1.0) * clamp(inside.y, 0.0, 1.0));
+}`,
+};
+
+/** Heads of traffic lights: a disc for red, a diamond for yellow, an arrow for green, so that not colour alone tells. */
+export const HEAD_SHADERS = {
+  vertex: `${HEAD}
+layout(location = 0) in vec3 vertex;
+layout(location = 1) in vec3 light; // material, direction, least pixels
+uniform mat4 view;
+uniform float pixel;
+uniform float ratio; // of the screen's pixels to those of the page
+uniform float spin; // turn of the picture; above 50 the arrows point upwards
+uniform vec3 palette[${NUM_MATERIALS}];
+flat out vec3 colour;
+flat out float shape;
+flat out vec2 turn;
+flat out float sharp;
+void main() {
+  gl_Position = view * vec4(vertex, 1.0);
+  float unit = pixel * max(gl_Position.w, 0.01);
+  float size = clamp(1.5 / unit, light.z, 26.0);
+  gl_PointSize = size * ratio;
+  sharp = 2.5 / (size * ratio);
+  colour = palette[int(light.x)];
+  shape = light.x - 13.0;
+  float angle = spin > 50.0 ? 1.5708 : light.y + spin;
+  turn = vec2(cos(angle), sin(angle));
+}`,
+  fragment: `${HEAD}${FOG}
+flat in vec3 colour;
+flat in float shape;
+flat in vec2 turn;
+flat in float sharp;
+out vec4 result;
+void main() {
+  vec2 at = vec2(2.0 * gl_PointCoord.x - 1.0, 1.0 - 2.0 * gl_PointCoord.y);
+  vec2 p = vec2(turn.x * at.x + turn.y * at.y, turn.x * at.y - turn.y * at.x);
+  float round = length(at);
+  float inner = 0.62 - round; // above 0 inside
+  if (shape == 2.0) inner = 0.72 - abs(at.x) - abs(at.y);
+  if (shape == 3.0) inner = min(0.62 - p.x - 0.0, min(p.x + 0.5, 0.5 * (0.72 - p.x) - abs(p.y)));
+  if (shape == 0.0) inner = 0.28 - round;
+  float disc = 1.0 - smoothstep(0.98 - sharp, 0.98, round);
+  vec3 ground = vec3(0.08, 0.09, 0.10);
+  vec3 lit = shape == 0.0 ? vec3(0.42) : colour;
+  result = vec4(fade(mix(ground, lit, smoothstep(-0.5 * sharp, 0.5 * sharp, inner))), disc);
+}`,
+};
+
+/** Sky and ground for the camera behind the car. */
+export const BACKGROUND_SHADERS = {
+  vertex: `${HEAD}
+layout(location = 0) in vec2 corner;
+out vec2 at;
+void main() {
+  at = corner;
+  gl_Position = vec4(corner, 0.999999, 1.0);
+}`,
+  fragment: `${HEAD}
+in vec2 at;
+uniform vec3 eye; // above the ground in z; x and y within the pattern
+uniform vec3 forward;
+uniform vec3 right;
+uniform vec3 up;
+uniform vec3 zenith;
+uniform vec3 horizon;
+uniform vec3 ground;
+uniform vec3 grid;
+uniform float density;
+out vec4 result;
+void main() {
+  vec3 ray = forward + at.x * right + at.y * up;
+  if (ray.z >= 0.0) {
+    float high = ray.z / length(ray);
+    result = vec4(mix(horizon, zenith, smoothstep(0.0, 0.55, high)), 1.0);
+    return;
+  }
+  float distance = -eye.z / ray.z;
+  vec2 place = (eye.xy + distance * ray.xy) / 10.0;
+  vec2 blur = fwidth(place);
+  vec2 line = abs(fract(place - 0.5) - 0.5);
+  vec2 on = (1.0 - smoothstep(vec2(0.006), 0.006 + 1.5 * blur, line)) * clamp(1.0 - 3.0 * blur, 0.0, 1.0);
+  float far = density * distance;
+  result = vec4(mix(horizon, mix(ground, grid, max(on.x, on.y)), exp(-far * far)), 1.0);
+}`,
+};

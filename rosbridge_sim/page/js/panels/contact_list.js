@@ -1,0 +1,63 @@
+/**
+ * The latest collisions, over the map.
+ */
+
+import { KINDS } from "../scene/store.js";
+import { element, replaceChildren, setText } from "../widgets/dom.js";
+
+/** @typedef {import("../scene/contacts.js").Contact} Contact */
+
+/**
+ * Make the list.
+ * @param {{connection: import("../wire/connection.js").Connection, scene: import("../scene/store.js").SceneStore,
+ *   texts: import("../layout.js").Texts}} context
+ * @param {import("../scene/contacts.js").ContactList} contacts
+ * @param {import("../drawing/map_view.js").MapView | null} view
+ * @returns {HTMLElement}
+ */
+export function makeContactList({ connection, scene, texts }, contacts, view) {
+  const title = element("h2", {});
+  const clear = element("button", { type: "button", className: "close", title: texts.contacts.clear, "aria-label": texts.contacts.clear }, "×");
+  const list = element("ol", {});
+  const node = element("section", { className: "contact-list", "aria-live": "polite", hidden: true }, clear, title, list);
+  /** @type {(contact: Contact, i: number) => string} */
+  const nameOf = ({ id, kind, name }, i) => {
+    const what = KINDS[kind[i]] ?? "obstacle";
+    const number = texts.mapView.entity(texts.mapView.kinds[what], id[i]);
+    return what === "ego" ? texts.mapView.ego(id[i]) : `${number} (${name[i]})`;
+  };
+  const show = () => {
+    node.hidden = contacts.contacts.length === 0;
+    setText(title, texts.contacts.title(contacts.total));
+    replaceChildren(
+      list,
+      ...contacts.contacts.map((contact) => {
+        const speed = (3.6 * contact.relative_speed).toFixed(1);
+        const text = texts.contacts.line(contact.frame, nameOf(contact, 0), nameOf(contact, 1), speed);
+        const button = element("button", { type: "button", title: texts.contacts.goThere, disabled: view === null }, text);
+        button.onclick = () => view?.goTo(contact);
+        return element("li", {}, button);
+      }),
+    );
+    view?.change();
+  };
+  clear.onclick = () => {
+    contacts.clear();
+    show();
+  };
+  connection.subscribe(
+    "/sim/collisions",
+    "rosbridge_sim_msgs/Contact",
+    (message) => {
+      contacts.add(message, performance.now());
+      show();
+    },
+    { encoding: "cbor", queueLength: 10 },
+  );
+  scene.onState(() => {
+    if (contacts.dropAfter(scene.state?.frame ?? Infinity)) {
+      show();
+    }
+  });
+  return node;
+}

@@ -1,0 +1,49 @@
+/**
+ * The map in its place: canvas, controls, card and list; or a notice without WebGL 2.
+ */
+
+import { MapView } from "../drawing/map_view.js";
+import { ContactList } from "../scene/contacts.js";
+import { element } from "../widgets/dom.js";
+import { makeContactList } from "./contact_list.js";
+import { makeMapControls } from "./map_controls.js";
+import { makeObjectCard } from "./object_card.js";
+
+/**
+ * Put the map on the stage.
+ * @param {{connection: import("../wire/connection.js").Connection, scene: import("../scene/store.js").SceneStore,
+ *   texts: import("../layout.js").Texts}} context
+ * @param {HTMLElement} stage
+ * @returns {MapView | null} null without WebGL 2
+ */
+export function makeMapStage(context, stage) {
+  const { scene, texts } = context;
+  const contacts = new ContactList();
+  /** @type {MapView | null} */
+  let view = null;
+  let reason = texts.mapView.noWebGl;
+  try {
+    view = makeView(scene, contacts, texts);
+  } catch (error) {
+    reason = texts.mapView.failed(error instanceof Error ? error.message : String(error)); // a driver's mistake
+  }
+  if (view === null) {
+    stage.append(element("p", { className: "map-notice", role: "status" }, reason));
+  } else {
+    stage.append(view.element, makeMapControls(view, texts));
+  }
+  const overlays = [makeObjectCard(context, view), makeContactList(context, contacts, view)];
+  stage.append(element("div", { className: "map-overlays" }, ...overlays));
+  return view;
+}
+
+/**
+ * @param {import("../scene/store.js").SceneStore} scene
+ * @param {ContactList} contacts
+ * @param {import("../layout.js").Texts} texts
+ */
+function makeView(scene, contacts, texts) {
+  const canvas = element("canvas", { className: "map-canvas", tabIndex: 0, role: "img", "aria-label": texts.mapView.canvas });
+  const gl = canvas.getContext("webgl2", { alpha: false, antialias: true, powerPreference: "high-performance" });
+  return gl === null ? null : new MapView({ scene, contacts, texts, gl, canvas });
+}

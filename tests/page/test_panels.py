@@ -1,0 +1,226 @@
+"""The panels of the page in a browser: drive, step, respect another master, and say why something is refused."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.async_api import Page, expect
+
+from rosbridge_sim.client import AsyncClient
+from tests.conftest import Serve
+from tests.page.conftest import OpenPage
+
+pytestmark = [pytest.mark.client, pytest.mark.slow]
+
+HIDE = """() => {
+    Object.defineProperty(document, "hidden", { configurable: true, get: () => true });
+    document.dispatchEvent(new Event("visibilitychange"));
+}"""
+"""Makes a page believe that its tab is hidden: a headless browser hides none."""
+
+
+async def begin_drive(page: Page) -> None:
+    await page.get_by_role("button", name="Drive by hand").click()
+    await expect(page.get_by_role("button", name="End the drive")).to_be_visible()
+
+
+async def choose_tab(page: Page, name: str) -> None:
+    await page.get_by_role("tab", name=name, exact=True).click()
+
+
+async def test_car_moves_while_a_key_is_held_and_the_pedals_are_up_afterwards(
+    serve: Serve, open_page: OpenPage
+) -> None:
+    server = serve("--scenario", "town")
+    page = await open_page(server)
+    await begin_drive(page)
+    async with AsyncClient(server.url) as client:
+        before = await client.wait_for("/Ego_topic")
+        await page.keyboard.down("ArrowUp")
+        moved = await client.wait_for("/Ego_topic", lambda ego: ego["velocity"]["x"] > 2.0)
+        assert moved["position"]["x"] > before["position"]["x"]
+        await page.keyboard.up("ArrowUp")
+        await client.wait_for("/Ego_topic", lambda ego: ego["accel"] == 0.0)
+        await page.keyboard.down("Space")
+        await client.wait_for("/Ego_topic", lambda ego: ego["brake"] > 0.5)
+        await client.wait_for("/Ego_topic", lambda ego: ego["velocity"]["x"] == 0.0)
+
+
+async def test_hidden_tab_ends_the_drive(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_page(server)
+    await begin_drive(page)
+    async with AsyncClient(server.url) as client:
+        await page.keyboard.down("w")
+        await client.wait_for("/Ego_topic", lambda ego: ego["accel"] > 0.5)
+        await page.evaluate(HIDE)
+        await client.wait_for("/Ego_topic", lambda ego: ego["accel"] == 0.0)
+    await expect(page.get_by_role("button", name="Drive by hand")).to_be_visible()
+
+
+async def test_window_that_loses_the_keyboard_lifts_the_pedals(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_page(server)
+    await begin_drive(page)
+    async with AsyncClient(server.url) as client:
+        await page.keyboard.down("w")
+        await client.wait_for("/Ego_topic", lambda ego: ego["accel"] > 0.5)
+        await page.evaluate("window.dispatchEvent(new Event('blur'))")
+        await client.wait_for("/Ego_topic", lambda ego: ego["accel"] == 0.0)
+
+
+async def test_page_that_is_lost_lifts_the_pedals(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_page(server)
+    await begin_drive(page)
+    async with AsyncClient(server.url) as client:
+        await page.keyboard.down("w")
+        await client.wait_for("/Ego_topic", lambda ego: ego["accel"] > 0.5)
+        await page.context.close()
+        await client.wait_for("/Ego_topic", lambda ego: ego["accel"] == 0.0)
+
+
+async def test_step_moves_the_world_by_one_frame(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town", "--start", "sync")
+    page = await open_page(server)
+    await choose_tab(page, "Time")
+    frame = page.locator(".header-frame")
+    await expect(frame).to_have_text("frame 0")
+    await page.get_by_role("button", name="Step", exact=True).click()
+    await expect(frame).to_have_text("frame 1")
+    await expect(page.locator(".time-state")).to_contain_text("this page")
+    async with AsyncClient(server.url) as client:
+        assert (await client.wait_for("/SyncModeInfo"))["frame"] == 1
+
+
+async def test_step_of_a_paused_world_moves_it_by_the_step_alone(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_page(server)
+    await choose_tab(page, "Time")
+    await page.get_by_role("button", name="Pause", exact=True).click()
+    await expect(page.locator(".time-state")).to_have_text("Paused")
+    async with AsyncClient(server.url) as client:
+        before = (await client.wait_for("/SyncModeInfo"))["frame"]
+        await page.get_by_label("Steps").fill("3")
+        await page.get_by_role("button", name="Step", exact=True).click()
+        await client.wait_for("/SyncModeInfo", lambda info: info["frame"] == before + 3)
+        await expect(page.locator(".time-state")).to_contain_text("this page")
+        assert (await client.wait_for("/SyncModeInfo"))["frame"] == before + 3
+
+
+async def test_keys_act_with_each_step_in_synchronous_mode_of_the_page(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town", "--start", "sync")
+    page = await open_page(server)
+    await choose_tab(page, "Time")
+    await page.get_by_role("button", name="Take synchronous mode").click()
+    await expect(page.locator(".time-state")).to_contain_text("this page")
+    await choose_tab(page, "Ego")
+    await begin_drive(page)
+    await page.keyboard.down("w")
+    async with AsyncClient(server.url) as client:
+        for _ in range(5):
+            await page.keyboard.press(".")
+        await client.wait_for("/SyncModeInfo", lambda info: info["frame"] >= 2)
+        state = await client.describe(0)
+        assert state["speed"] > 0.0
+
+
+async def test_master_of_another_client_is_respected_and_named(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_page(server)
+    await begin_drive(page)
+    async with AsyncClient(server.url) as client:
+        await client.start_sync(user_id="planner")
+        drive = page.get_by_role("button", name="Drive by hand")
+        await expect(drive).to_have_attribute("aria-disabled", "true")
+        await expect(drive).to_have_attribute("title", "planner is the master of synchronous mode.")
+        await choose_tab(page, "Time")
+        await expect(page.locator(".time-state")).to_contain_text("planner")
+        await page.get_by_role("button", name="Step", exact=True).press("Enter")
+        await expect(
+            page.get_by_text("planner is the master of synchronous mode.").locator("visible=true")
+        ).to_be_visible()
+        assert (await client.wait_for("/SyncModeInfo"))["master_id"] == "planner"
+
+
+async def test_another_client_that_publishes_commands_is_named(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_page(server)
+    await begin_drive(page)
+    warning = page.get_by_role("alert")
+    await expect(warning).to_be_hidden()
+    async with AsyncClient(server.url) as client:
+        await client.publish("/ctrl_cmd", {"longlCmdType": 1}, "morai_msgs/CtrlCmd")
+        await expect(warning).to_contain_text("127.0.0.1:")
+    await expect(warning).to_be_hidden()
+
+
+async def test_bad_name_of_a_scenario_shows_the_reason_of_the_server(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_page(serve("--scenario", "town"))
+    await choose_tab(page, "Time")
+    await page.get_by_label("Name of a scenario").fill("twon")
+    await page.get_by_label("Name of a scenario").press("Enter")
+    await expect(page.locator(".notice[data-kind=bad]:visible")).to_contain_text("twon")
+
+
+async def test_scenarios_are_listed_with_pictures_and_loaded(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_page(serve("--scenario", "town"))
+    await choose_tab(page, "Time")
+    row = page.get_by_role("listitem").filter(has_text="loop")
+    await expect(row.locator("img")).to_be_visible()
+    await row.get_by_role("button", name="Load loop").click()
+    await expect(row).to_contain_text("loaded now")
+
+
+async def test_snapshot_brings_the_world_back(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town", "--start", "sync")
+    page = await open_page(server)
+    await choose_tab(page, "Time")
+    await page.get_by_role("button", name="Take synchronous mode").click()
+    await page.get_by_label("Name", exact=True).fill("<img onerror=alert(1)>")
+    await page.get_by_role("button", name="Save").click()
+    await page.get_by_role("button", name="Step", exact=True).click()
+    async with AsyncClient(server.url) as client:
+        await client.wait_for("/SyncModeInfo", lambda info: info["frame"] == 1)
+        await page.get_by_role("button", name="Go back to <img onerror=alert(1)>").click()
+        await client.wait_for("/SyncModeInfo", lambda info: info["frame"] == 0)
+
+
+async def test_object_is_placed_by_coordinates_and_taken_back(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town", "--start", "sync")
+    page = await open_page(server)
+    await choose_tab(page, "Objects")
+    await page.get_by_label("Search the catalogue").fill("ioniq 5")
+    form = page.get_by_role("region", name="Place an object")
+    await form.get_by_text("By coordinates").click()
+    for label, text in (("x, east [m]", "-60"), ("y, north [m]", "-5"), ("Heading [°]", "90")):
+        await form.get_by_label(label).fill(text)
+    async with AsyncClient(server.url) as client:
+        num = len((await client.wait_for("/sim/scene/state"))["id"])
+        await form.get_by_role("button", name="Place here").click()
+        await client.wait_for("/sim/scene/state", lambda scene: len(scene["id"]) == num + 1)
+        await page.get_by_role("button", name="Undo: Place").click()
+        await client.wait_for("/sim/scene/state", lambda scene: len(scene["id"]) == num)
+
+
+async def test_actions_are_shown_as_programs(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_page(server)
+    await choose_tab(page, "Time")
+    await page.get_by_role("button", name="Pause", exact=True).click()
+    await choose_tab(page, "Code")
+    await expect(page.get_by_label("Program")).to_contain_text("roslibpy.Service")
+    await page.get_by_role("radio", name="Shell").click()
+    await expect(page.get_by_label("Program")).to_contain_text("rosbridge-sim service call")
+
+
+@pytest.mark.parametrize("tab", ["Ego", "Time", "Objects", "Code"])
+async def test_each_control_has_a_name_for_screen_readers(serve: Serve, open_page: OpenPage, tab: str) -> None:
+    page = await open_page(serve("--scenario", "town"))
+    await choose_tab(page, tab)
+    controls = page.get_by_role("tabpanel", name=tab).locator("button, input, select, textarea, canvas, [role=slider]")
+    nameless = await controls.evaluate_all(
+        """(nodes) => nodes
+            .filter((node) => !(node.getAttribute("aria-label") || node.labels?.length || node.textContent.trim()))
+            .map((node) => node.outerHTML)"""
+    )
+    assert nameless == []
