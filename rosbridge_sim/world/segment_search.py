@@ -16,7 +16,7 @@ import numpy as np
 from rosbridge_sim.world.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, ranges
 
-__all__ = ["HEIGHT_COST", "LaneSegments", "SegmentSearch", "first_least"]
+__all__ = ["SAME_HEIGHT", "LaneSegments", "SegmentSearch", "first_least", "height_cost"]
 
 BLOCK_SEGMENTS: Final = 32
 """Segments in a block: about the root of their number on a small map, and 16 to 32 m of road."""
@@ -26,8 +26,10 @@ TURN_COST: Final = 3.0
 lane (3.5 m away) loses against one's own lane, even while one drives on the line between them."""
 
 HEIGHT_COST: Final = 2.0
-"""A metre of height counts as so many metres of distance. A bridge 5 m above a road loses against the road below for an
-entity on that road, as far as 10 m beside its line; steps of a few centimetres between lanes do not matter."""
+SAME_HEIGHT: Final = 1.0
+"""Each metre of height above the second number [m] counts as the first number of metres of distance. A bridge 6 m above
+a road loses against the road below for an entity on that road, as far as 10 m beside its line. Within one road only
+distances count: it rises by less across its lanes."""
 
 BESIDE: Final = 0.5
 """A place farther than this beyond the end of a lane, or outside a corner, is not beside the lane [m]."""
@@ -212,15 +214,15 @@ class SegmentSearch:
         """Return what `_best` returns for places of given heights."""
         gap = np.maximum(self._low - place[:, None], place[:, None] - self._high)
         above = np.maximum(np.maximum(self._bottom - height[:, None], height[:, None] - self._top), 0.0)
-        at_best = _length(np.maximum(gap, 0.0)) + HEIGHT_COST * above
+        at_best = _length(np.maximum(gap, 0.0)) + height_cost(above)
         at_most = _length(place[:, None] - self._middle)
-        at_most += HEIGHT_COST * np.abs(self._middle_height - height[:, None])
+        at_most += height_cost(np.abs(self._middle_height - height[:, None]))
         owner, block = np.nonzero(at_best <= ((at_most.min(axis=1) + slack) * (1.0 + 1e-9) + 1e-9)[:, None])
         size = self._size[block]
         segment, owner = ranges(self._first[block], size), np.repeat(owner, size)
         segments = self._segments
         along, _, score = segments.project(place[owner], segment)
-        score += HEIGHT_COST * np.abs(segments.height[segment] + along * segments.slope[segment] - height[owner])
+        score += height_cost(np.abs(segments.height[segment] + along * segments.slope[segment] - height[owner]))
         if heading is not None:
             score += TURN_COST * (1.0 - (heading[owner] * segments.direction[segment]).sum(axis=1))
         return segment[first_least(score, owner, len(place))]
@@ -264,6 +266,11 @@ def first_least(score: FloatArray, owner: IntArray, num: int) -> IntArray:
     least = np.minimum.reduceat(score, start)
     hit = np.flatnonzero(score == least[owner])
     return np.asarray(hit[np.searchsorted(hit, start)])
+
+
+def height_cost(amount: FloatArray) -> FloatArray:
+    """Return the metres of distance that amounts of height count as [m]."""
+    return np.asarray(HEIGHT_COST * np.maximum(amount - SAME_HEIGHT, 0.0))
 
 
 def _length(vector: FloatArray) -> FloatArray:

@@ -62,7 +62,8 @@ def settle_on_lanes(world: World, rows: IntArray) -> None:
 def keep_level(world: World) -> None:
     """Take the slope of former roads from all driven rows, because the new ones are flat."""
     rows = world.rows(Kind.EGO)
-    world.grade[rows] = world.ground_pitch[rows] = world.ground_roll[rows] = 0.0
+    world.grade[rows] = world.ground_pitch[rows] = world.ground_roll[rows] = world.climb[rows] = 0.0
+    world.pitch[rows], world.roll[rows] = world.lean_pitch[rows], world.lean_roll[rows]
 
 
 def stand(world: World, before: FloatArray, dt: float) -> None:

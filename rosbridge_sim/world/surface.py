@@ -7,9 +7,9 @@ plane of the nearest lane goes on for `BEYOND`, and is level after that.
 *The slope* along a lane is that between two points of its line. Near a point it changes evenly within `ROUNDING`, so
 that a vehicle does not pitch in one frame.
 
-*Where roads lie above one another* the one counts that fits the height of the entity: a metre of height is as much as
-`HEIGHT_COST` metres beside the line of a lane. So an entity on a bridge stays on it, as long as it is nearer to it than
-a dozen metres. For a place without a height the lowest road counts.
+*Where roads lie above one another* the one counts that fits the height of the entity: a difference in height counts as
+a distance (`segment_search.HEIGHT_COST`). So an entity on a bridge stays on it, as long as it is nearer to it than a
+dozen metres. For a place without a height the lowest road counts.
 
 Everything is prepared once for each map, and found for any number of places at once. Each place gets the bits that it
 would get alone.
@@ -25,7 +25,7 @@ import numpy as np
 from rosbridge_sim.world.block_grid import BlockGrid
 from rosbridge_sim.world.geometry import FloatArray, IntArray, in_columns
 from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.segment_search import HEIGHT_COST, first_least
+from rosbridge_sim.world.segment_search import SAME_HEIGHT, first_least, height_cost
 
 __all__ = ["BEYOND", "Ground", "Surface"]
 
@@ -92,6 +92,16 @@ class Surface:
         """
         place = in_columns(x, y)
         z = np.full(len(place), LOWEST) if z is None else z
+        ground = self._find_near(place, z)
+        # A height from elsewhere has chosen the road; the nearest place on that road is that at its own height.
+        far = (np.abs(ground.height - z) > SAME_HEIGHT).nonzero()[0]
+        if len(far):
+            again = self._find_near(place[far], ground.height[far])
+            ground.height[far], ground.east[far], ground.north[far] = again.height, again.east, again.north
+        return ground
+
+    def _find_near(self, place: FloatArray, z: FloatArray) -> Ground:
+        """Return the ground at places (n, 2) by the segments that are nearest to them and to the heights (n,)."""
         segments = self._roads.segments
         chosen = np.full(len(place), -1, dtype=np.int64)
         owner, segment = self._grid.find(place)
@@ -101,7 +111,7 @@ class Surface:
             owner, segment, along, lateral = owner[is_near], segment[is_near], along[is_near], lateral[is_near]
             height = segments.height[segment] + along * segments.slope[segment]
             height += self._rise_across(segment, along, lateral)
-            score = distance[is_near] + HEIGHT_COST * np.abs(height - z[owner])
+            score = distance[is_near] + height_cost(np.abs(height - z[owner]))
             found = np.bincount(owner, minlength=len(place)).nonzero()[0]
             if len(found):
                 chosen[found] = segment[first_least(score, found.searchsorted(owner), len(found))]

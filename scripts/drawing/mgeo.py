@@ -30,7 +30,7 @@ def mm(value: float) -> float:
 
 def _xyz(point: Point, above: float = 0.0) -> list[float]:
     """Return a point in a file, so much above the ground [m]."""
-    return [*map(mm, point), above] if len(point) == 2 else [mm(point[0]), mm(point[1]), mm(point[2] + above)]  # noqa: PLR2004 - x and y
+    return [*map(mm, point), above] if len(point) == 2 else [mm(point[0]), mm(point[1]), mm(point[2] + above)]
 
 
 def info(east: float, north: float) -> dict[str, Any]:
