@@ -110,6 +110,11 @@ class PtyScreen:
         return code
 
     @property
+    def is_stopped(self) -> bool:
+        """The program is suspended; true once for each time."""
+        return os.waitid(os.P_PID, self.process.pid, os.WSTOPPED | os.WNOHANG) is not None
+
+    @property
     def is_restored(self) -> bool:
         """The terminal is as it was before the program: its modes, its screen and its cursor."""
         last = self.written.rfind

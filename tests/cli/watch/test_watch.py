@@ -116,6 +116,7 @@ async def test_suspended_program_restores_the_terminal_until_it_goes_on() -> Non
         with PtyScreen("watch", sim.url) as terminal:
             await asyncio.to_thread(terminal.until_text, FIRST_PICTURE)
             terminal.send(signal.SIGTSTP)
+            await asyncio.to_thread(terminal.until, lambda: terminal.is_stopped)
             await asyncio.to_thread(terminal.until, lambda: terminal.is_restored)
             terminal.send(signal.SIGCONT)
             await asyncio.to_thread(terminal.until, lambda: not terminal.is_restored)

@@ -44,13 +44,14 @@ export function makeMapControls(view, texts) {
   ];
   const help = button("help", mapView.help, "?", () => showMapHelp(texts));
   const group = (/** @type {HTMLElement[]} */ ...buttons) => element("div", {}, ...buttons);
+  const gestures = (/** @type {HTMLElement[]} */ buttons) => element("div", { className: "gesture" }, ...buttons);
   const toolbar = element(
     "div",
     { className: "map-toolbar", role: "toolbar", "aria-label": mapView.toolbar, "aria-orientation": "vertical" },
     group(north),
-    group(...zooms),
+    gestures(zooms),
     group(chase, follow, whole),
-    group(...turns),
+    gestures(turns),
     group(measure, help),
   );
   const bar = element("div", { className: "scale-bar" });
@@ -124,7 +125,7 @@ export function listenToMapKeys(view, texts) {
   };
   window.addEventListener("keydown", (event) => {
     const { target } = event;
-    if (event.defaultPrevented || event.ctrlKey || event.altKey || event.metaKey || isTyping(target)) {
+    if (event.defaultPrevented || event.ctrlKey || event.altKey || event.metaKey || isInForm(target)) {
       return;
     }
     const isOnMap = target === view.canvas || target === document.body;
@@ -143,6 +144,6 @@ export function listenToMapKeys(view, texts) {
 }
 
 /** @param {EventTarget | null} target */
-function isTyping(target) {
+function isInForm(target) {
   return target instanceof Element && target.closest("input, select, textarea, dialog, [contenteditable]") !== null;
 }

@@ -1,46 +1,37 @@
 /**
- * The map from the server: over HTTP in one piece, or by `/sim/map` in pages where HTTP needs a token.
+ * The map from the server, by the pages of `/sim/map`: unlike `map.json` over HTTP, it needs no second proof of a token.
  */
 
 import { MAP_LISTS } from "./map_types.js";
 
 /** @typedef {import("./map_types.js").SceneMap} SceneMap */
 
-/** Most pages of a map; a page has about 200 kB. */
-const MOST_PAGES = 5000;
+/** Longest wait for a page [ms]: a busy server on a slow line. */
+const PAGE_TIMEOUT = 60_000;
+/** So many times a map may change while it is read. */
+const MOST_CHANGES = 5;
 
 /**
- * Load the map.
- * @param {import("../wire/connection.js").Connection} connection
+ * Load the map. If it changes meanwhile, begin again.
+ * @param {{call: (service: string, request: object, options: {timeoutMs: number}) => Promise<any>}} connection
  * @returns {Promise<SceneMap>} rejects with the server's reason
  */
 export async function loadMap(connection) {
-  try {
-    const response = await fetch("map.json");
-    if (response.ok) {
-      return await response.json();
-    }
-  } catch {
-    // The service has the server's reason.
-  }
-  return loadMapPages(connection);
-}
-
-/**
- * Load the map by pages. If it changes meanwhile, begin again.
- * @param {{call: (service: string, request: object) => Promise<any>}} connection
- * @returns {Promise<SceneMap>}
- */
-export async function loadMapPages(connection) {
-  let map = await connection.call("/sim/map", { page: 0 });
-  for (let page = 1; page < Math.min(map.num_pages, MOST_PAGES); page += 1) {
-    const more = await connection.call("/sim/map", { page });
-    if (more.digest === map.digest) {
+  const load = (/** @type {number} */ page) => connection.call("/sim/map", { page }, { timeoutMs: PAGE_TIMEOUT });
+  let map = await load(0);
+  let changes = 0;
+  for (let page = 1; page < map.num_pages; page += 1) {
+    const more = await load(page);
+    if (more.digest === map.digest && more.result !== false) {
       for (const list of MAP_LISTS) {
-        map[list].push(...more[list]);
+        map[list] = map[list].concat(more[list]);
       }
     } else {
-      map = await connection.call("/sim/map", { page: 0 });
+      changes += 1;
+      if (changes > MOST_CHANGES) {
+        throw new Error("the map changes all the time");
+      }
+      map = await load(0);
       page = 0;
     }
   }
