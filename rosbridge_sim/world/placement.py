@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
-from rosbridge_sim.world.standing import settle
+from rosbridge_sim.world.settling import settle
 from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, Dynamics, Kind, World, check_pose
 
 __all__ = ["place_ghost", "place_ghosts", "set_ghost", "set_speed", "show_ghosts", "teleport"]
@@ -55,7 +55,7 @@ def teleport(
     world.tilt(row, roll=roll, pitch=pitch)
     set_ghost(world, row, is_ghost=False)
     if not world.roads.is_flat:
-        settle(world, np.array([row]), np.array([z]))
+        settle(world, world.roads, np.array([row]), np.array([z]))
 
 
 def set_speed(world: World, row: int, speed: float) -> None:
@@ -179,4 +179,4 @@ def set_ghost(world: World, row: int, *, is_ghost: bool) -> None:
         world.is_ghost[row] = is_ghost
         world.touch()
         if not is_ghost and not world.roads.is_flat:  # from here on it is on the ground
-            settle(world, np.array([row]), world.z[[row]])
+            settle(world, world.roads, np.array([row]), world.z[[row]])

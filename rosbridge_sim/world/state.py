@@ -60,9 +60,9 @@ from rosbridge_sim.world.paths import (
     lay_segments,
 )
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.settling import keep_level, settle
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.signals import Signals, SignalsSnapshot
-from rosbridge_sim.world.standing import keep_level, settle
 
 __all__ = [
     "DT",
@@ -289,7 +289,7 @@ class World(EntityArrays):
         if segments is not None:
             self._join_path(row, base, segments, is_loop=is_loop)
         if not self.roads.is_flat:
-            settle(self, np.array([row]), None if height is None and segments is None else self.z[[row]])
+            settle(self, self.roads, np.array([row]), None if height is None and segments is None else self.z[[row]])
         self.touch()
         return uid
 
@@ -317,7 +317,7 @@ class World(EntityArrays):
         self.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
         self._join_path(row, self.paths.add(int(self.uid[row]), segments), segments, is_loop=is_loop)
         if not self.roads.is_flat and not is_ghost:
-            settle(self, np.array([row]), self.z[[row]])
+            settle(self, self.roads, np.array([row]), self.z[[row]])
         self.touch()
 
     @contextmanager
@@ -401,7 +401,7 @@ class World(EntityArrays):
         self.touch()
         if not roads.is_flat:
             rows = np.flatnonzero(self.alive & ~self.is_ghost)
-            settle(self, rows, self.z[rows])
+            settle(self, roads, rows, self.z[rows])
         elif not was_flat:
             keep_level(self)
 
