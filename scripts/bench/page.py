@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any
 
 from playwright.async_api import Page, async_playwright
-from program import SERVER, machine, running
 
 from rosbridge_sim.client import AsyncClient
+from scripts.bench.program import SERVER, machine, running
 
 LEAST_RATE = 20.0
 """Frames a second that the page must reach."""
