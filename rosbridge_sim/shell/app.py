@@ -496,7 +496,12 @@ def _make_node(
     try:
         node = make_node(
             bus,
-            World(settings.seed, Dynamics[settings.dynamics.upper().replace("-", "_")], is_creeping=settings.creep),
+            World(
+                settings.seed,
+                Dynamics[settings.dynamics.upper().replace("-", "_")],
+                is_creeping=settings.creep,
+                has_impacts=settings.on_collision == "impact",
+            ),
             library,
             scenario,
             choices,

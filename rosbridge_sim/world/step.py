@@ -9,11 +9,13 @@ each module sees the same half-finished world at the same point. So the order st
 3. *Agents*: lane followers (`lane_following.drive_lanes`) come first, because they look at other entities and must see
    the world as it was at the end of the last step. Then come the rows on paths and in constant motion, which look at
    nothing (`path_following.follow_paths`).
-4. *Driven rows* (`dynamics.drive`): the present commands act for exactly one step. A command that came between two
+4. *Loose rows* (`impacts.slide`), which an impact has thrown off their lane, and
+   *driven rows* (`dynamics.drive`): the present commands act for exactly one step. A command that came between two
    steps acts for the whole of the next one, and the state that a client reads after it already shows it.
 5. *Placed rows*: a caller with recorded or foreign motion places its rows where they are at the end of this step. They
    are placed before collision detection, so swept contacts are found.
 6. *Contacts* (`collisions.find`): all pairs that have touched within the step. It moves nothing.
+   *Impacts* (`impacts.collide`), if they are wanted: the pairs that touched change their motion from that moment on.
 7. *Scores* (`score.judge`) of the egos, while they are kept: they look at all of the above. They move nothing.
 8. *Frame counter*: it comes last, so that a reader that finds frame f finds the world of frame f.
 
@@ -24,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rosbridge_sim.world import collisions, score
+from rosbridge_sim.world import collisions, impacts, score
 from rosbridge_sim.world.dynamics import drive
 from rosbridge_sim.world.lane_following import drive_lanes
 from rosbridge_sim.world.path_following import follow_paths
@@ -47,10 +49,14 @@ def step(world: World, place: Callable[[], None] | None = None) -> None:
     start(world)
     drive_lanes(world, DT)
     follow_paths(world, DT)
+    if world.has_impacts:
+        impacts.slide(world, DT)
     drive(world, DT)
     if place is not None:
         place()
     collisions.find(world, before)
+    if world.has_impacts:
+        impacts.collide(world, DT)
     if unscored is not None:
         score.judge(world, unscored)
     world.frame += 1
