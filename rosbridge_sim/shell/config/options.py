@@ -58,6 +58,7 @@ class SimulatorOptions(TypedDict, total=False):
     dynamics: Literal["single-track", "kinematic"]
     creep: bool
     on_collision: Literal["report", "impact"]
+    sensor_noise: str
     score: bool
     on_world_failure: Literal["exit", "serve"]
     publishers: Mapping[str, object]

@@ -67,6 +67,7 @@ OTHER: dict[str, object] = {
     "dynamics": "kinematic",
     "creep": True,
     "on_collision": "impact",
+    "sensor_noise": "typical",
     "score": True,
     "sync_frames": "strict",
     "sync_lease": 2.5,
