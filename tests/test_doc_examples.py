@@ -48,6 +48,7 @@ OTHERS = (
     "node",
     "page",
     "step-node",
+    "scene-node",
     "roslibpy-drive",
     "status-python",
     "status-node",
@@ -168,6 +169,12 @@ def test_javascript_drive_brakes_and_prints_lines_as_the_page_says(serve: Serve,
 @pytest.mark.slow
 def test_steps_from_javascript_print_what_the_page_says(serve: Serve, tmp_path: Path) -> None:
     assert run_node("step-node", serve().port, tmp_path) == shown("step-node")
+
+
+@pytest.mark.client
+@pytest.mark.slow
+def test_scene_from_javascript_prints_what_the_page_says(serve: Serve, tmp_path: Path) -> None:
+    assert run_node("scene-node", serve().port, tmp_path) == shown("scene-node")
 
 
 SHOWN = "error: Message type morai_msgs/CtrlCmd does not have a field acel (did you mean accel?); it has longlCmdType, "

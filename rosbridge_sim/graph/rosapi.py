@@ -24,7 +24,7 @@ from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.topics_services import Call, Service, Topic
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.names import DefinitionKind
-from rosbridge_sim.schema.typedefs import typedefs
+from rosbridge_sim.schema.typedefs import full_text, typedefs
 
 __all__ = ["ROSAPI_NAME", "Rosapi"]
 
@@ -45,6 +45,10 @@ _OMITTED = (
 
 _ACTIONLIB = ("cancel", "feedback", "result", "status")
 """Topics of a ROS 1 action server in addition to `goal`."""
+
+_SERVICE_PARTS = ("request", "response")
+_ACTION_PARTS = ("goal", "result", "feedback")
+"""Parts of the types of services and actions; each is a message."""
 
 _DISTROS = {1: "noetic", 2: "jazzy"}
 """The distributions that the built-in standard definitions come from."""
@@ -110,6 +114,13 @@ class Rosapi:
         }
         for name, (type_name, respond) in table.items():
             bus.provide(self, f"/rosapi/{name}", f"rosapi/{type_name}", _handler(respond), is_exclusive=True)
+        bus.provide(
+            self,
+            "/rosapi/definition",
+            "rosbridge_sim_msgs/Definition",  # the rosapi of ROS has no such service
+            _handler(self._definition),
+            is_exclusive=True,
+        )
         bus.provide(self, "/rosapi/set_param", "rosapi/SetParam", self._set_param, is_exclusive=True)
         bus.on_leave.append(self._on_leave)
 
@@ -257,6 +268,17 @@ class Rosapi:
 
     def _feedback_details(self, request: _Request) -> _Fields:
         return self._describe(self._bus.store.action(request.type).feedback)
+
+    def _definition(self, request: _Request) -> _Fields:
+        """Return the text of any type, for forms that show comments and units."""
+        store, name, part = self._bus.store, request.type, request.part or "message"
+        if part == "message":
+            return {"text": store.full_text(name)}
+        if part in _SERVICE_PARTS:
+            return {"text": full_text(getattr(store.service(name), part).spec)}
+        if part in _ACTION_PARTS:
+            return {"text": full_text(getattr(store.action(name), part).spec)}
+        raise GraphError(f"part: expected one of message, {', '.join(_SERVICE_PARTS + _ACTION_PARTS)}; got {part[:40]}")
 
     def _interfaces(self, _request: _Request) -> _Fields:
         store, spelled = self._bus.store, self._spelled

@@ -1,8 +1,8 @@
 """Frame rate and script time of the web page with many objects, in Chromium with its software renderer.
 
-A server of its own has a scenario of the built-in town with so many vehicles that stand and drive. The page draws the whole
-picture again with each state, as it follows the ego. The script time of a frame is measured around the functions that the
-page gives to `requestAnimationFrame`, and around its messages.
+A server of its own runs the built-in town with so many vehicles more, which drive along all lanes. The page draws the
+whole picture again and again, because they move. The script time of a frame is measured around the functions that the
+page gives to `requestAnimationFrame`, and around its messages. Other programs on the machine make the rate wrong.
 
     python scripts/bench/page.py [--objects 1000] [--seconds 10]
 
@@ -23,9 +23,9 @@ from pathlib import Path
 from typing import Any
 
 from playwright.async_api import Page, async_playwright
-from program import SERVER, machine, running
 
 from rosbridge_sim.client import AsyncClient
+from scripts.bench.program import SERVER, machine, running
 
 LEAST_RATE = 20.0
 """Frames a second that the page must reach."""
@@ -69,6 +69,11 @@ PROBE = """
 
 
 async def main() -> int:
+    """Measure the three views, and print them.
+
+    Returns:
+        The exit code.
+    """
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--objects", type=int, default=1000, help="objects in the town [%(default)s]")
     parser.add_argument("--seconds", type=float, default=10.0, help="time of each measurement [%(default)s]")
@@ -127,6 +132,7 @@ async def measure(page: Page, seconds: float) -> dict[str, Any]:
 
 
 def report(view: str, found: dict[str, Any]) -> bool:
+    """Print the figures of a view; return true if they are within the bounds."""
     frames, messages = sorted(found["frames"]), sorted(found["messages"])
     rate = 1e3 * len(frames) / found["time"]
     script = frames[len(frames) // 2] if frames else math.inf

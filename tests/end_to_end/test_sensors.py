@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import csv
-import math
 from pathlib import Path
 
 import pytest
 from pyproj import Proj
 
+from rosbridge_sim.world.geometry import rotate
 from tests.conftest import Connect, Serve, Simulate
 from tests.end_to_end.programs import finish, start
 
@@ -30,12 +30,10 @@ def test_client_moves_an_antenna_drives_and_saves_sensor_data(simulate: Simulate
     assert seen["counts"] == {"gps": 5, "imu": 50, "Ego_topic": 50}
     gps, imu, ego = seen["gps"], seen["imu"], seen["Ego_topic"]
     east, north = Proj(proj="utm", zone=52, ellps="WGS84")(gps["longitude"], gps["latitude"])
-    heading = math.radians(ego["heading"])
-    antenna = (
-        ego["position"]["x"] + 1.5 * math.cos(heading),
-        ego["position"]["y"] + 1.5 * math.sin(heading),
-        ego["position"]["z"] + 1.75,
-    )
+    # The body leans, and the antenna with it; the inertial unit is mounted straight.
+    lean = tuple(imu["orientation"][axis] for axis in "xyzw")
+    reach = rotate(lean, (1.5, 0.0, 1.75))
+    antenna = tuple(ego["position"][axis] + part for axis, part in zip("xyz", reach, strict=True))
     assert (east - gps["eastOffset"], north - gps["northOffset"], gps["altitude"]) == pytest.approx(antenna, abs=1e-4)
     assert imu["angular_velocity"]["z"] > 0.01
     captured, saved = data / "SensorData", data / "mine"

@@ -162,6 +162,37 @@ def test_rosapi_gives_details_of_messages_services_and_actions(bus: Bus) -> None
     assert call(bus, "message_details", type="my_msgs/Thing")["result"] is False
 
 
+def test_rosapi_gives_the_text_of_each_part_of_a_type_with_its_comments(bus: Bus) -> None:
+    text = ask(bus, "definition", type="geometry_msgs/msg/Twist")["text"]
+    head, vector = text.split("=" * 80)
+    assert "geometry_msgs/Vector3 linear" in head
+    assert vector.startswith("\nMSG: geometry_msgs/Vector3\n")
+    assert "float64 x" in vector
+    for type_name, part, line in (
+        ("std_srvs/SetBool", "request", "bool data"),
+        ("std_srvs/SetBool", "response", "string message"),
+        ("example_interfaces/Fibonacci", "goal", "int32 order"),
+        ("example_interfaces/Fibonacci", "feedback", "int32[] sequence"),
+    ):
+        assert line in ask(bus, "definition", type=type_name, part=part)["text"]
+    assert "# " in ask(bus, "definition", type="rosbridge_sim_msgs/Spawn", part="request")["text"]
+
+
+@pytest.mark.parametrize(
+    ("type_name", "part", "reason"),
+    [
+        ("my_msgs/Thing", "", "my_msgs"),
+        ("std_srvs/SetBool", "message", "SetBool"),
+        ("std_msgs/String", "goal", "String"),
+        ("std_msgs/String", "text", "part: expected one of message, request"),
+    ],
+)
+def test_rosapi_refuses_the_text_of_what_is_not_there(bus: Bus, type_name: str, part: str, reason: str) -> None:
+    answer = call(bus, "definition", type=type_name, part=part)
+    assert answer["result"] is False
+    assert reason in answer["values"]
+
+
 def test_rosapi_lists_action_servers_of_both_ros_versions(bus: Bus) -> None:
     peer, _ = make_peer(bus)
     for part in ("goal", "cancel", "feedback", "result", "status"):

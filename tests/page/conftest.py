@@ -28,6 +28,15 @@ FLAGS = (
 )
 
 
+WITHOUT_WEBGL = """
+const getContext = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+  return kind === "webgl2" ? null : getContext.call(this, kind, ...rest);
+};
+"""
+"""A browser without WebGL 2. The software renderer needs all processors of a small machine for one moving picture."""
+
+
 class OpenPage(Protocol):
     """Opens a page in a new browser context."""
 
@@ -38,6 +47,7 @@ class OpenPage(Protocol):
         path: str = "",
         allow: tuple[str, ...] = (),
         state: str | None = "open",
+        has_webgl: bool = False,
         **options: Any,  # noqa: ANN401 - those of Playwright's new_context
     ) -> Page:
         """Open the page of a server.
@@ -47,6 +57,7 @@ class OpenPage(Protocol):
             path: added to the URL.
             allow: parts of console errors that are no mistake, such as those of a lost connection.
             state: the state of the connection to wait for; None waits for the load only.
+            has_webgl: let the page draw the map; only for tests of the map, because it takes long.
             options: of the browser context, such as `color_scheme` and `viewport`.
         """
 
@@ -73,12 +84,15 @@ async def open_page(browser: Browser, tmp_path: Path, request: pytest.FixtureReq
             path: str = "",
             allow: tuple[str, ...] = (),
             state: str | None = "open",
+            has_webgl: bool = False,
             **options: Any,  # noqa: ANN401 - see `OpenPage`
         ) -> Page:
             context = await browser.new_context(**({"viewport": {"width": 1280, "height": 720}} | options))
             contexts.push_async_callback(context.close)
             page = await context.new_page()
             page.set_default_timeout(PATIENCE * 1e3)
+            if not has_webgl:
+                await page.add_init_script(WITHOUT_WEBGL)
 
             def note(text: str) -> None:
                 if not any(part in text for part in allow):

@@ -8,8 +8,11 @@ from playwright.async_api import Page, expect
 from rosbridge_sim.client import AsyncClient
 from tests.conftest import Serve
 from tests.page.conftest import OpenPage
+from tests.support import PATIENCE
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
+
+expect.set_options(timeout=PATIENCE * 1e3)
 
 HIDE = """() => {
     Object.defineProperty(document, "hidden", { configurable: true, get: () => true });
@@ -33,7 +36,7 @@ async def test_car_moves_while_a_key_is_held_and_the_pedals_are_up_afterwards(
     server = serve("--scenario", "town")
     page = await open_page(server)
     await begin_drive(page)
-    async with AsyncClient(server.url) as client:
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
         before = await client.wait_for("/Ego_topic")
         await page.keyboard.down("ArrowUp")
         moved = await client.wait_for("/Ego_topic", lambda ego: ego["velocity"]["x"] > 2.0)
@@ -49,7 +52,7 @@ async def test_hidden_tab_ends_the_drive(serve: Serve, open_page: OpenPage) -> N
     server = serve("--scenario", "town")
     page = await open_page(server)
     await begin_drive(page)
-    async with AsyncClient(server.url) as client:
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
         await page.keyboard.down("w")
         await client.wait_for("/Ego_topic", lambda ego: ego["accel"] > 0.5)
         await page.evaluate(HIDE)
@@ -61,7 +64,7 @@ async def test_window_that_loses_the_keyboard_lifts_the_pedals(serve: Serve, ope
     server = serve("--scenario", "town")
     page = await open_page(server)
     await begin_drive(page)
-    async with AsyncClient(server.url) as client:
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
         await page.keyboard.down("w")
         await client.wait_for("/Ego_topic", lambda ego: ego["accel"] > 0.5)
         await page.evaluate("window.dispatchEvent(new Event('blur'))")
@@ -72,7 +75,7 @@ async def test_page_that_is_lost_lifts_the_pedals(serve: Serve, open_page: OpenP
     server = serve("--scenario", "town")
     page = await open_page(server)
     await begin_drive(page)
-    async with AsyncClient(server.url) as client:
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
         await page.keyboard.down("w")
         await client.wait_for("/Ego_topic", lambda ego: ego["accel"] > 0.5)
         await page.context.close()
@@ -88,7 +91,7 @@ async def test_step_moves_the_world_by_one_frame(serve: Serve, open_page: OpenPa
     await page.get_by_role("button", name="Step", exact=True).click()
     await expect(frame).to_have_text("frame 1")
     await expect(page.locator(".time-state")).to_contain_text("this page")
-    async with AsyncClient(server.url) as client:
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
         assert (await client.wait_for("/SyncModeInfo"))["frame"] == 1
 
 
@@ -98,7 +101,7 @@ async def test_step_of_a_paused_world_moves_it_by_the_step_alone(serve: Serve, o
     await choose_tab(page, "Time")
     await page.get_by_role("button", name="Pause", exact=True).click()
     await expect(page.locator(".time-state")).to_have_text("Paused")
-    async with AsyncClient(server.url) as client:
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
         before = (await client.wait_for("/SyncModeInfo"))["frame"]
         await page.get_by_label("Steps").fill("3")
         await page.get_by_role("button", name="Step", exact=True).click()
@@ -116,7 +119,7 @@ async def test_keys_act_with_each_step_in_synchronous_mode_of_the_page(serve: Se
     await choose_tab(page, "Ego")
     await begin_drive(page)
     await page.keyboard.down("w")
-    async with AsyncClient(server.url) as client:
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
         for _ in range(5):
             await page.keyboard.press(".")
         await client.wait_for("/SyncModeInfo", lambda info: info["frame"] >= 2)
@@ -128,7 +131,7 @@ async def test_master_of_another_client_is_respected_and_named(serve: Serve, ope
     server = serve("--scenario", "town")
     page = await open_page(server)
     await begin_drive(page)
-    async with AsyncClient(server.url) as client:
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
         await client.start_sync(user_id="planner")
         drive = page.get_by_role("button", name="Drive by hand")
         await expect(drive).to_have_attribute("aria-disabled", "true")
@@ -148,7 +151,7 @@ async def test_another_client_that_publishes_commands_is_named(serve: Serve, ope
     await begin_drive(page)
     warning = page.get_by_role("alert")
     await expect(warning).to_be_hidden()
-    async with AsyncClient(server.url) as client:
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
         await client.publish("/ctrl_cmd", {"longlCmdType": 1}, "morai_msgs/CtrlCmd")
         await expect(warning).to_contain_text("127.0.0.1:")
     await expect(warning).to_be_hidden()
@@ -166,6 +169,7 @@ async def test_scenarios_are_listed_with_pictures_and_loaded(serve: Serve, open_
     page = await open_page(serve("--scenario", "town"))
     await choose_tab(page, "Time")
     row = page.get_by_role("listitem").filter(has_text="loop")
+    await row.scroll_into_view_if_needed()  # a picture is asked for when its list is seen
     await expect(row.locator("img")).to_be_visible()
     await row.get_by_role("button", name="Load loop").click()
     await expect(row).to_contain_text("loaded now")
@@ -179,7 +183,7 @@ async def test_snapshot_brings_the_world_back(serve: Serve, open_page: OpenPage)
     await page.get_by_label("Name", exact=True).fill("<img onerror=alert(1)>")
     await page.get_by_role("button", name="Save").click()
     await page.get_by_role("button", name="Step", exact=True).click()
-    async with AsyncClient(server.url) as client:
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
         await client.wait_for("/SyncModeInfo", lambda info: info["frame"] == 1)
         await page.get_by_role("button", name="Go back to <img onerror=alert(1)>").click()
         await client.wait_for("/SyncModeInfo", lambda info: info["frame"] == 0)
@@ -194,7 +198,7 @@ async def test_object_is_placed_by_coordinates_and_taken_back(serve: Serve, open
     await form.get_by_text("By coordinates").click()
     for label, text in (("x, east [m]", "-60"), ("y, north [m]", "-5"), ("Heading [°]", "90")):
         await form.get_by_label(label).fill(text)
-    async with AsyncClient(server.url) as client:
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
         num = len((await client.wait_for("/sim/scene/state"))["id"])
         await form.get_by_role("button", name="Place here").click()
         await client.wait_for("/sim/scene/state", lambda scene: len(scene["id"]) == num + 1)

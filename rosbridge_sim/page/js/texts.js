@@ -540,4 +540,145 @@ export const TEXTS = {
     syncEnds: "Synchronous mode ends when this program disconnects: send the ticks here, with this user_id.",
     syncShell: "A master must stay connected. This command starts the mode, does one step, and ends the mode.",
   },
+  graph: {
+    title: "Graph",
+    /** @param {number} count */
+    more: (count) => `${count} more: search for them.`,
+    /**
+     * @param {string} type
+     * @param {string} reason
+     */
+    noDefinition: (type, reason) => `No fields for ${type}: ${reason}. Write JSON text.`,
+    topics: {
+      title: "Topics",
+      search: "Search topics, types",
+      empty: "No topic matches.",
+      name: "Topic",
+      rate: "Hz",
+      size: "Size",
+      publishers: "Pub.",
+      subscribers: "Sub.",
+      dropped: "Lost",
+    },
+    topic: {
+      label: "Chosen topic",
+      bytes: "Traffic",
+      dropped: "Lost by slow clients",
+      latched: "Kept for new subscribers",
+      publishers: "Publishers",
+      subscribers: "Subscribers",
+      nobody: "none",
+      yes: "yes",
+      no: "no",
+      none: "No message yet.",
+      live: "Latest message. Click a number, or press Enter on it, for a chart.",
+      held: "Held. The page does not receive this topic now.",
+      gone: "This topic is gone.",
+      hold: "Hold",
+      go: "Go on",
+      holdTitle: "Keep this message, and receive no other one",
+      close: "Close",
+    },
+    tree: {
+      label: "Message",
+      cut: "There are more rows. Close some nodes to see them.",
+      choose: "Show or remove a chart",
+    },
+    chart: {
+      remove: "Remove the chart of",
+      /** @param {string} name */
+      chart: (name) => `Chart of ${name} over the last minute`,
+      /**
+       * @param {string} low
+       * @param {string} high
+       */
+      range: (low, high) => `${low} to ${high}, last minute`,
+      full: "Six charts are the most. Remove one first.",
+    },
+    image: {
+      label: "Image of the topic",
+      unknown: "The browser cannot show this format. It shows PNG, JPEG and WebP.",
+      /**
+       * @param {number} width
+       * @param {number} height
+       */
+      size: (width, height) => `${width} × ${height} pixels`,
+    },
+    form: {
+      json: "Write as JSON",
+      fields: "Write as fields",
+      jsonLabel: "Message as JSON",
+      noFields: "No fields.",
+      other: "another value",
+      add: "Add",
+      remove: "Remove",
+      /** @param {number} count */
+      items: (count) => `a list of at most ${count} messages; longer ones as JSON`,
+      /**
+       * @param {string} path
+       * @param {string} what
+       */
+      expected: (path, what) => `${path}: expected ${what}`,
+      notObject: "Expected a JSON object, such as {}",
+      list: "a JSON list, such as [1, 2]",
+      /** @param {number} count */
+      listOf: (count) => `a JSON list of ${count}`,
+    },
+    publish: {
+      title: "Publish a message",
+      label: "Publish",
+      hint: "Publish this message once",
+      done: "Published.",
+      /** @param {string} topic */
+      action: (topic) => `Publish ${topic}`,
+    },
+    services: {
+      title: "Services",
+      search: "Search services, actions",
+      empty: "No service matches.",
+      name: "Name",
+      kind: "Kind",
+      kinds: { service: "service", action: "action" },
+      label: "Chosen service",
+      call: "Call",
+      answer: "Answer",
+      emptyAnswer: "Done. The answer has no fields.",
+      /** @param {string} service */
+      action: (service) => `Call ${service}`,
+      /** @param {string} type */
+      aboutAction: (type) => `${type || "actionlib"}: an action. Send goals with a program.`,
+    },
+    clients: {
+      title: "Clients",
+      hint: "A client that reads too slowly has waiting bytes. Then it loses messages, the oldest first.",
+      search: "Search clients",
+      empty: "No client matches.",
+      address: "Address",
+      thisPage: "this page",
+      time: "Connected",
+      received: "Frames in",
+      refused: "Refused",
+      sent: "Sent",
+      waiting: "Waiting",
+      held: "Memory",
+      /**
+       * @param {string} topic
+       * @param {number} count
+       */
+      lost: (topic, count) => `lost ${count} of ${topic}`,
+    },
+  },
+  log: {
+    title: "Log",
+    hint: "Log lines and refused requests while this panel is shown; messages to this page always.",
+    level: "Level",
+    levels: { debug: "Debug", info: "Info", warning: "Warning", error: "Error" },
+    search: "Search",
+    hold: "Hold",
+    go: "Go on",
+    holdTitle: "Keep these lines; new ones come when you go on",
+    clear: "Clear",
+    empty: "No lines.",
+    statusSource: "status",
+  },
 };

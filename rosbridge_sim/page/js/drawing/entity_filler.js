@@ -2,14 +2,20 @@
  * Entities of a state as rows of the graphics card's buffers.
  */
 
+import { ENTITY_FLOATS } from "./gl_layers.js";
+
 /** @typedef {import("../scene/store.js").SceneState} SceneState */
 /** @typedef {import("./gl_layers.js").EntityLayer} EntityLayer */
-/** @typedef {Record<"car" | "van" | "person" | "box", EntityLayer>} EntityLayers */
+/** @typedef {Record<"car" | "van" | "person" | "box" | "far", EntityLayer>} EntityLayers */
 
 /** Vehicles from this height on are drawn as vans, trucks and buses [m]. */
 const VAN_HEIGHT = 2;
 /** Vehicles below this length are two-wheelers and other small things, which are drawn as boxes [m]. */
 const CAR_LENGTH = 2.6;
+/** Entities that are shorter on the screen have the simplest form, without a shadow [pixels]. */
+const FAR_PIXELS = 22;
+/** Behind the car, entities are drawn up to here; farther away the fog hides them [m]. */
+const FARTHEST_ENTITY = 900;
 /** Least length on the screen of vehicles and of people, so that they are found on a large map [pixels]. */
 const LEAST_VEHICLE = 11;
 const LEAST_PERSON = 7;
@@ -22,35 +28,57 @@ const POST = 0.16;
  * @param {number} kind
  * @param {number} length - [m]
  * @param {number} height - [m]
+ * @param {number} pixels - length on the screen
  */
-export function meshOf(kind, length, height) {
+export function meshOf(kind, length, height, pixels) {
   if (kind === 2) {
     return "person";
   }
   if (kind > 2 || length < CAR_LENGTH) {
     return "box";
   }
+  if (pixels < FAR_PIXELS) {
+    return "far";
+  }
   return height >= VAN_HEIGHT ? "van" : "car";
 }
 
 /**
- * Fill the layers with all entities.
+ * Fill the layers with all entities on the screen.
  * @param {EntityLayers} layers
  * @param {SceneState | null} state
  * @param {import("./picking.js").Poses} poses - as drawn
  * @param {{x: number, y: number, z: number}} origin
+ * @param {ArrayLike<number>} view - from buffers to the clip space
+ * @param {number} pixel - size of a pixel by the fourth clip coordinate [m]
  */
-export function fillEntities(layers, state, poses, origin) {
-  if (state !== null) {
-    for (let row = 0; row < state.kind.length; row += 1) {
-      const kind = state.kind[row];
-      const layer = layers[meshOf(kind, state.length[row], state.height[row])];
+export function fillEntities(layers, state, poses, origin, view, pixel) {
+  if (state === null) {
+    return;
+  }
+  const across = Math.hypot(view[0], view[4], view[8]);
+  const upwards = Math.hypot(view[1], view[5], view[9]);
+  for (let row = 0; row < state.kind.length; row += 1) {
+    const [x, y, z] = [poses.x[row] - origin.x, poses.y[row] - origin.y, poses.z[row] - origin.z];
+    const w = view[3] * x + view[7] * y + view[11] * z + view[15];
+    const pixels = state.length[row] / (pixel * Math.max(w, 0.1));
+    const kind = state.kind[row];
+    const least = kind === 2 ? LEAST_PERSON : LEAST_VEHICLE;
+    // The whole body is near the reference point, and so is an enlarged one.
+    const reach = (state.length[row] + state.height[row]) * Math.max(1, least / pixels);
+    const isSeen =
+      w > -reach &&
+      w < FARTHEST_ENTITY &&
+      Math.abs(view[0] * x + view[4] * y + view[8] * z + view[12]) <= w + reach * across &&
+      Math.abs(view[1] * x + view[5] * y + view[9] * z + view[13]) <= w + reach * upwards;
+    if (isSeen) {
+      const layer = layers[meshOf(kind, state.length[row], state.height[row], pixels)];
       const at = layer.next();
       const { values } = layer;
-      values[at] = poses.x[row] - origin.x;
-      values[at + 1] = poses.y[row] - origin.y;
-      values[at + 2] = poses.z[row] - origin.z;
-      values[at + 3] = poses.heading[row];
+      values[at] = x;
+      values[at + 1] = y;
+      values[at + 2] = z;
+      values[at + 3] = state.roll[row];
       values[at + 4] = state.length[row];
       values[at + 5] = state.width[row];
       values[at + 6] = state.height[row];
@@ -58,9 +86,10 @@ export function fillEntities(layers, state, poses, origin) {
       values[at + 8] = Math.min(kind, 3);
       values[at + 9] = state.lamps[row];
       values[at + 10] = state.flags[row];
-      values[at + 11] = kind === 2 ? LEAST_PERSON : LEAST_VEHICLE;
-      values[at + 12] = state.roll[row];
-      values[at + 13] = state.pitch[row];
+      values[at + 11] = least;
+      values[at + 12] = Math.cos(poses.heading[row]);
+      values[at + 13] = Math.sin(poses.heading[row]);
+      values[at + 14] = state.pitch[row];
     }
   }
 }
@@ -74,9 +103,10 @@ export function fillEntities(layers, state, poses, origin) {
 export function fillPosts(layer, lights, origin) {
   for (const light of lights) {
     const at = layer.next();
-    layer.values.fill(0, at, at + 14);
+    layer.values.fill(0, at, at + ENTITY_FLOATS);
     layer.values.set([light.x - origin.x, light.y - origin.y, Math.min(light.z, 0) - origin.z, 0, POST, POST], at);
     layer.values[at + 6] = Math.abs(light.z);
     layer.values[at + 8] = POST_KIND;
+    layer.values[at + 12] = 1;
   }
 }

@@ -140,7 +140,7 @@ export class LineLayer {
   }
 }
 
-/** Floats of one entity: pose, body, looks, and tilt with two that keep the rows aligned. */
+/** Floats of one entity: place and roll, body, looks, direction and pitch, and one that keeps the rows aligned. */
 export const ENTITY_FLOATS = 16;
 
 /** Entities with one mesh, and the rectangles of their shadows. */
@@ -207,7 +207,7 @@ export class EntityLayer {
     this.entities.attribute(1, 4, 0);
     this.entities.attribute(2, 4, 4);
     this.entities.attribute(3, 4, 8);
-    this.entities.attribute(4, 2, 12);
+    this.entities.attribute(4, 3, 12);
     gl.bindVertexArray(null);
     return array;
   }

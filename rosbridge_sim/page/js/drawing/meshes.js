@@ -11,7 +11,7 @@ const FRONT_MARK = 4;
 
 /** @typedef {[number, number, number]} Corner along, across and up, as shares of length, width and height */
 
-/** Triangles of one body. */
+/** Triangles of one body. From outside their corners go counter-clockwise, so that inner faces are not drawn. */
 class MeshBuilder {
   /** @type {number[]} */
   values = [];
@@ -39,7 +39,23 @@ class MeshBuilder {
   }
 
   /**
-   * Add a body with one side view.
+   * @param {Corner} a
+   * @param {Corner} b
+   * @param {Corner} c
+   * @param {Corner} d
+   * @param {number} part
+   * @param {boolean} isReversed - the corners go clockwise
+   */
+  side(a, b, c, d, part, isReversed) {
+    if (isReversed) {
+      this.quad(d, c, b, a, part);
+    } else {
+      this.quad(a, b, c, d, part);
+    }
+  }
+
+  /**
+   * Add a body with one side view: from the lower rear up, forward and down.
    * @param {[number, number, number, number][]} profile - along, up, half the width, and the part of the face to the next
    * @param {number} sides - part of both sides
    */
@@ -51,7 +67,7 @@ class MeshBuilder {
         const [u0, h0, w0] = profile[0];
         const [u1, h1, w1] = profile[i - 1];
         this.triangle([u0, w0, h0], [u1, w1, h1], [u, w, h], sides);
-        this.triangle([u0, -w0, h0], [u1, -w1, h1], [u, -w, h], sides);
+        this.triangle([u0, -w0, h0], [u, -w, h], [u1, -w1, h1], sides);
       }
     });
   }
@@ -81,10 +97,10 @@ class MeshBuilder {
 
 /**
  * Make all bodies.
- * @returns {Record<"car" | "van" | "person" | "box", Float32Array>} vertices: place and part
+ * @returns {Record<"car" | "van" | "person" | "box" | "far", Float32Array>} vertices: place and part
  */
 export function makeMeshes() {
-  return { car: carMesh(), van: vanMesh(), person: personMesh(), box: boxMesh() };
+  return { car: carMesh(), van: vanMesh(), person: personMesh(), box: boxMesh(), far: farMesh() };
 }
 
 function carMesh() {
@@ -128,7 +144,7 @@ function vanMesh() {
     PAINT_PART,
   );
   for (const side of [0.505, -0.505]) {
-    mesh.quad([-0.44, side, 0.55], [0.4, side, 0.55], [0.37, side * 0.97, 0.85], [-0.44, side * 0.97, 0.85], GLASS);
+    mesh.side([-0.44, side, 0.55], [0.4, side, 0.55], [0.37, side * 0.97, 0.85], [-0.44, side * 0.97, 0.85], GLASS, side > 0);
   }
   mesh.triangle([0.2, 0.26, 1.005], [0.2, -0.26, 1.005], [0.38, 0, 1.005], FRONT_MARK);
   return mesh.finish();
@@ -136,9 +152,22 @@ function vanMesh() {
 
 function personMesh() {
   const mesh = new MeshBuilder();
-  mesh.column(0.32, 0.5, 0, 0.62, PAINT_PART);
-  mesh.column(0.5, 0.3, 0.62, 0.84, PAINT_PART);
-  mesh.column(0.24, 0.2, 0.84, 1, SKIN);
+  mesh.column(0.2, 0.3, 0, 0.48, TYRE);
+  mesh.column(0.34, 0.46, 0.46, 0.76, PAINT_PART);
+  mesh.column(0.46, 0.16, 0.76, 0.85, PAINT_PART);
+  mesh.column(0.2, 0.2, 0.85, 1, SKIN);
+  return mesh.finish();
+}
+
+/** A vehicle from far away: a box with a windscreen. */
+function farMesh() {
+  const mesh = new MeshBuilder();
+  /** @type {Corner[]} */
+  const low = [[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]; // prettier-ignore
+  const high = low.map(([u, w]) => /** @type {Corner} */ ([u, w, 0.9]));
+  low.forEach((corner, i) => mesh.quad(corner, low[(i + 1) % 4], high[(i + 1) % 4], high[i], PAINT_PART));
+  mesh.quad(high[0], high[1], high[2], high[3], PAINT_PART);
+  mesh.quad([0.05, -0.42, 0.95], [0.28, -0.48, 0.95], [0.28, 0.48, 0.95], [0.05, 0.42, 0.95], GLASS);
   return mesh.finish();
 }
 
@@ -168,12 +197,12 @@ function addWheels(mesh, place, height) {
       /** @type {(a: number, b: number, c: number) => Corner} */
       const at = (a, b, c) => [axle + a * u, side + b * w, c * h];
       for (const b of [-1, 1]) {
-        mesh.quad(at(-0.6, b, 0), at(0.6, b, 0), at(1, b, 0.4), at(-1, b, 0.4), TYRE);
-        mesh.quad(at(-1, b, 0.4), at(1, b, 0.4), at(0.6, b, 1), at(-0.6, b, 1), TYRE);
+        mesh.side(at(-0.6, b, 0), at(0.6, b, 0), at(1, b, 0.4), at(-1, b, 0.4), TYRE, b > 0);
+        mesh.side(at(-1, b, 0.4), at(1, b, 0.4), at(0.6, b, 1), at(-0.6, b, 1), TYRE, b > 0);
       }
       for (const a of [-1, 1]) {
-        mesh.quad(at(a, -1, 0.4), at(a, 1, 0.4), at(0.6 * a, 1, 1), at(0.6 * a, -1, 1), TYRE);
-        mesh.quad(at(a, -1, 0.4), at(a, 1, 0.4), at(0.6 * a, 1, 0), at(0.6 * a, -1, 0), TYRE);
+        mesh.side(at(a, -1, 0.4), at(a, 1, 0.4), at(0.6 * a, 1, 1), at(0.6 * a, -1, 1), TYRE, a < 0);
+        mesh.side(at(a, -1, 0.4), at(a, 1, 0.4), at(0.6 * a, 1, 0), at(0.6 * a, -1, 0), TYRE, a > 0);
       }
     }
   }

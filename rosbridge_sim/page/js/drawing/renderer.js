@@ -26,7 +26,7 @@ import { BACKGROUND_SHADERS, ENTITY_SHADERS, HEAD_SHADERS, LINE_SHADERS, SHADOW_
 const ARROW_SCALE = 2.5;
 const SPINE_SCALE = 1;
 /** Fog behind the car: half of the colour is gone at about 500 m [1/m]. */
-const FOG_DENSITY = 1 / 600;
+const FOG_DENSITY = 1 / 500;
 /** Least size of lights of the map for vehicles and for people [pixels]. */
 const CAR_LIGHT_PIXELS = 7;
 const WALK_LIGHT_PIXELS = 4.5;
@@ -58,6 +58,7 @@ export class Renderer {
       van: new EntityLayer(gl, meshes.van, [0.25, 0.38]),
       person: new EntityLayer(gl, meshes.person, [2, 2]),
       box: new EntityLayer(gl, meshes.box, [0.3, 0.6]),
+      far: new EntityLayer(gl, meshes.far, [0.3, 1]),
     };
     this.posts = new EntityLayer(gl, meshes.box, [2, 2]);
     this.heads = new LightLayer(gl);
@@ -79,7 +80,7 @@ export class Renderer {
     /** @type {number[]} */
     this.lightMaterials = [];
     this.headKey = "";
-    gl.enable(gl.BLEND);
+    gl.frontFace(gl.CCW);
     gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.enable(gl.DEPTH_TEST);
     gl.depthFunc(gl.LEQUAL);
@@ -132,15 +133,16 @@ export class Renderer {
     for (const layer of Object.values(this.entities)) {
       layer.clear();
     }
-    fillEntities(this.entities, picture.state, picture.poses, this.origin);
     const scale = camera.isPerspective ? Infinity : 1 / camera.pixelSize;
     const { single } = palette;
     const common = { view: camera.matrix(this.origin), pixel: camera.pixelSize };
+    fillEntities(this.entities, picture.state, picture.poses, this.origin, common.view, common.pixel);
     const fog = { fog: [...single.horizon, camera.isPerspective ? FOG_DENSITY : 0] };
     gl.viewport(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight);
     gl.depthMask(true);
     gl.clearColor(single.paper[0], single.paper[1], single.paper[2], 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.disable(gl.BLEND);
     if (camera.isPerspective) {
       this.drawBackground(/** @type {ChaseCamera} */ (camera), single);
     }
@@ -168,6 +170,7 @@ export class Renderer {
       gl.depthMask(true);
       mapLayers.lanes.draw();
       gl.depthMask(false);
+      gl.enable(gl.BLEND);
       if (scale > 0.5) {
         programs.surface.set({ layer: 2 });
         mapLayers.stripes.draw();
@@ -177,6 +180,7 @@ export class Renderer {
         mapLayers.arrows.draw();
       }
     }
+    gl.enable(gl.BLEND);
     programs.line.use();
     programs.line.set({ ...uniforms, layer: 3 });
     if (mapLayers !== null) {
@@ -204,8 +208,10 @@ export class Renderer {
     layers.forEach((layer) => layer.upload());
     programs.shadow.use();
     programs.shadow.set({ ...uniforms, layer: 6 });
-    layers.forEach((layer) => layer.drawShadows());
+    layers.filter((layer) => layer !== this.entities.far).forEach((layer) => layer.drawShadows());
     gl.depthMask(true);
+    gl.disable(gl.BLEND);
+    gl.enable(gl.CULL_FACE); // bodies are closed
     programs.entity.use();
     const blink = state === null ? 0 : Math.floor(stampOf(state) * BLINKS) % 2;
     const kinds = new Float32Array(15);
@@ -216,6 +222,8 @@ export class Renderer {
       programs.entity.set({ lampHeight: layer.lampHeight });
       layer.draw();
     }
+    gl.disable(gl.CULL_FACE);
+    gl.enable(gl.BLEND);
   }
 
   /**

@@ -13,8 +13,9 @@ precision highp float;
 const FOG = `
 uniform vec4 fog; // colour, and density [1/m]
 vec3 fade(vec3 colour) {
+  if (fog.w == 0.0) return colour;
   float far = fog.w / gl_FragCoord.w;
-  return mix(fog.rgb, colour, exp(-far * far));
+  return mix(fog.rgb, colour, 1.0 / (1.0 + far * far));
 }
 `;
 
@@ -101,10 +102,10 @@ void main() {
 
 /** The part of an entity's vertex program that places it; `measure` is its size on the screen. */
 const ENTITY = `
-layout(location = 1) in vec4 pose; // x, y, z, heading
+layout(location = 1) in vec4 pose; // x, y, z, roll
 layout(location = 2) in vec4 body; // length, width, height, middle in front of the reference point
 layout(location = 3) in vec4 looks; // kind, lamps, flags, least pixels
-layout(location = 4) in vec2 tilt; // roll, pitch
+layout(location = 4) in vec3 way; // cosine and sine of the heading, pitch
 uniform mat4 view;
 uniform float pixel;
 uniform float enlarge; // 1: a thing that is too small to see is drawn larger
@@ -113,12 +114,13 @@ float sizeOnScreen() {
   return mix(1.0, max(1.0, looks.w * unit / max(body.x, 0.05)), enlarge);
 }
 vec3 placed(vec3 local) {
-  vec2 r = vec2(cos(tilt.x), sin(tilt.x));
-  vec2 p = vec2(cos(tilt.y), sin(tilt.y));
-  local = vec3(local.x, r.x * local.y - r.y * local.z, r.y * local.y + r.x * local.z);
-  local = vec3(p.x * local.x + p.y * local.z, local.y, p.x * local.z - p.y * local.x);
-  vec2 h = vec2(cos(pose.w), sin(pose.w));
-  return pose.xyz + vec3(h.x * local.x - h.y * local.y, h.y * local.x + h.x * local.y, local.z);
+  if (pose.w != 0.0 || way.z != 0.0) {
+    vec2 r = vec2(cos(pose.w), sin(pose.w));
+    vec2 p = vec2(cos(way.z), sin(way.z));
+    local = vec3(local.x, r.x * local.y - r.y * local.z, r.y * local.y + r.x * local.z);
+    local = vec3(p.x * local.x + p.y * local.z, local.y, p.x * local.z - p.y * local.x);
+  }
+  return pose.xyz + vec3(way.x * local.x - way.y * local.y, way.y * local.x + way.x * local.y, local.z);
 }
 `;
 
@@ -288,6 +290,6 @@ void main() {
   vec2 line = abs(fract(place - 0.5) - 0.5);
   vec2 on = (1.0 - smoothstep(vec2(0.006), 0.006 + 1.5 * blur, line)) * clamp(1.0 - 3.0 * blur, 0.0, 1.0);
   float far = density * distance;
-  result = vec4(mix(horizon, mix(ground, grid, max(on.x, on.y)), exp(-far * far)), 1.0);
+  result = vec4(mix(horizon, mix(ground, grid, max(on.x, on.y)), 1.0 / (1.0 + far * far)), 1.0);
 }`,
 };

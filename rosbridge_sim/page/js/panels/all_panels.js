@@ -1,4 +1,4 @@
-// The panels of ego, time, objects and code, made and put under their tabs.
+// All panels, made and put under their tabs.
 
 import { Actions } from "./actions.js";
 import { makeCodePanel } from "./code.js";
@@ -7,7 +7,9 @@ import { DriversWatch } from "./drivers_watch.js";
 import { makeDrivingPanel } from "./driving.js";
 import { makeEgoPanel } from "./ego.js";
 import { EgoWatch } from "./ego_watch.js";
+import { makeGraphPanel } from "./graph/graph.js";
 import { makeHeaderValues } from "./header.js";
+import { makeLogPanel } from "./log.js";
 import { makeObjectsPanel } from "./objects.js";
 import { makeScorePanel } from "./score.js";
 import { ServerFiles } from "./server_files.js";
@@ -42,5 +44,7 @@ export function addPanels(context, layout) {
   layout.addPanel("ego", makeScorePanel(context));
   layout.addPanel("time", makeTimePanel(context));
   layout.addPanel("objects", makeObjectsPanel(context));
+  layout.addPanel("graph", makeGraphPanel(context));
+  layout.addPanel("log", makeLogPanel(context));
   layout.addPanel("code", makeCodePanel(context));
 }

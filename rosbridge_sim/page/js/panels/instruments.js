@@ -21,6 +21,7 @@ export class Instruments {
     this.speed = element("span", { className: "speed-value" }, texts.none);
     this.wheel = svgElement("g", {}, ...WHEEL_PATHS.map((d) => svgElement("path", { d })));
     this.wheelPicture = svgElement("svg", { viewBox: "0 0 100 100", class: "wheel", role: "img" }, this.wheel);
+    this.wheelPicture.setAttribute("aria-label", texts.wheelName(texts.none));
     this.wheelText = element("span", { className: "wheel-text" });
     this.throttle = new PedalBar(texts.throttle, "throttle");
     this.brake = new PedalBar(texts.brake, "brake");

@@ -44,13 +44,14 @@ export function makeMapControls(view, texts) {
   ];
   const help = button("help", mapView.help, "?", () => showMapHelp(texts));
   const group = (/** @type {HTMLElement[]} */ ...buttons) => element("div", {}, ...buttons);
+  const gestures = (/** @type {HTMLElement[]} */ buttons) => element("div", { className: "gesture" }, ...buttons);
   const toolbar = element(
     "div",
     { className: "map-toolbar", role: "toolbar", "aria-label": mapView.toolbar, "aria-orientation": "vertical" },
     group(north),
-    group(...zooms),
+    gestures(zooms),
     group(chase, follow, whole),
-    group(...turns),
+    gestures(turns),
     group(measure, help),
   );
   const bar = element("div", { className: "scale-bar" });

@@ -26,10 +26,11 @@ const LEGEND = /** @type {const} */ ([
  */
 export function showMapHelp({ mapHelp: texts }) {
   const palette = makePalette(matchMedia("(prefers-color-scheme: dark)").matches);
-  const close = element("button", { type: "button" }, texts.close);
+  const close = element("button", { type: "button", className: "close", title: texts.close, "aria-label": texts.close }, "×");
   const dialog = element(
     "dialog",
     { className: "dialog map-help", "aria-labelledby": "map-help-title" },
+    close,
     element("h2", { id: "map-help-title" }, texts.title),
     element("h3", {}, texts.keys),
     element("table", {}, element("tbody", {}, ...texts.rows.map(([key, what]) =>
@@ -45,7 +46,6 @@ export function showMapHelp({ mapHelp: texts }) {
         return legendEntry(texts.legend[name], palette.materials.subarray(at, at + 3));
       }),
     ),
-    close,
   );
   close.onclick = () => dialog.close();
   dialog.addEventListener("close", () => dialog.remove());

@@ -44,6 +44,16 @@ export function makeMapStage(context, stage) {
  */
 function makeView(scene, contacts, texts) {
   const canvas = element("canvas", { className: "map-canvas", tabIndex: 0, role: "img", "aria-label": texts.mapView.canvas });
-  const gl = canvas.getContext("webgl2", { alpha: false, antialias: true, powerPreference: "high-performance" });
+  const antialias = !isSoftwareRenderer();
+  const gl = canvas.getContext("webgl2", { alpha: false, antialias, powerPreference: "high-performance" });
   return gl === null ? null : new MapView({ scene, contacts, texts, gl, canvas });
+}
+
+/** Tell whether a processor does the work of a graphics card: smooth edges of bodies would cost a third of its frames. */
+function isSoftwareRenderer() {
+  const gl = element("canvas", { width: 1, height: 1 }).getContext("webgl2");
+  const info = gl?.getExtension("WEBGL_debug_renderer_info");
+  const name = gl && info ? String(gl.getParameter(info.UNMASKED_RENDERER_WEBGL)) : "";
+  gl?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|softpipe|software/i.test(name);
 }

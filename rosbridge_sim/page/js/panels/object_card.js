@@ -122,7 +122,7 @@ class ObjectCard {
 
   /** @param {any} answer */
   laneText({ link, distance, lateral }) {
-    return link === "" ? this.texts.noLane : this.texts.lanePlace(link, distance.toFixed(1), lateral.toFixed(2));
+    return link === "" ? this.texts.noLane : this.texts.lanePlace(link, distance.toFixed(1), (Math.round(100 * lateral) / 100 || 0).toFixed(2));
   }
 
   /** @param {any} answer */

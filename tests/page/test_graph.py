@@ -1,0 +1,382 @@
+"""The tabs "Graph" and "Log" of the page in a browser, with a real server and other clients."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from playwright.async_api import Locator, Page, WebSocketRoute, expect
+
+from tests.conftest import Connect, Serve
+from tests.page.conftest import OpenPage, page_url
+from tests.page.test_page import faults_of
+from tests.support import Client, Frame, ServerProcess
+
+pytestmark = [pytest.mark.client, pytest.mark.slow]
+
+HTML = "<img src=x onerror=document.title='broken'>"
+"""A text that would run a script if it became HTML."""
+
+PNG = "iVBORw0KGgoAAAANSUhEUgAAAAMAAAACCAIAAAASFvFNAAAAEklEQVR4nGP8z8DAwMDAxAADAA4MAQPfZ0JUAAAAAElFTkSuQmCC"
+"""A picture of 3 x 2 pixels, as base64."""
+
+MAX_ROWS = 400
+"""Rows that a tree has at most, see `MAX_TREE_ROWS` of tree_rows.js."""
+
+MAX_LINES = 200
+"""Lines that the log shows at most, see `SHOWN_LINES` of log.js."""
+
+
+async def open_graph(open_page: OpenPage, server: ServerProcess, **options: Any) -> Page:  # noqa: ANN401 - of open_page
+    page = await open_page(server, **options)
+    await page.get_by_role("tab", name="Graph").click()
+    return page
+
+
+async def choose_topic(page: Page, name: str) -> Locator:
+    """Choose a topic in the table, and return its view."""
+    await page.get_by_role("searchbox", name="Search topics").fill(name)
+    await page.locator(".table-choice").filter(has=page.get_by_text(name, exact=True)).click()
+    view = page.get_by_role("region", name="Chosen topic")
+    await expect(view.get_by_role("heading", name=name)).to_be_visible()
+    return view
+
+
+async def choose_service(page: Page, name: str) -> Locator:
+    """Choose a service in the table, and return its view."""
+    await page.get_by_role("tab", name="Services").click()
+    await page.get_by_role("searchbox", name="Search services").fill(name)
+    await page.get_by_role("button", name=name, exact=True).click()
+    return page.get_by_role("region", name="Chosen service")
+
+
+async def advertise(client: Client, topic: str, kind: str) -> None:
+    await client.send("advertise", topic=topic, type=kind)
+    await client.settle()
+
+
+# Topics
+
+
+async def test_table_has_the_traffic_of_topics_and_is_searched_and_sorted(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_graph(open_page, serve())
+    table = page.get_by_role("table", name="Topics")
+    row = table.get_by_role("row").filter(has=page.get_by_text("/Ego_topic", exact=True))
+    await expect(row.get_by_role("cell").nth(0)).to_have_text(re.compile(r"^[1-9]"))  # the ego's panel takes it
+    await expect(row.get_by_role("cell").nth(1)).to_have_text(re.compile(r"^\d+ B$"))
+    await table.get_by_role("button", name="Hz").click()
+    await expect(table.get_by_role("columnheader", name="Hz")).to_have_attribute("aria-sort", "descending")
+    await page.get_by_role("searchbox", name="Search topics").fill("EGOVEHICLE")
+    await expect(table.locator("tbody tr")).to_have_count(1)
+    await page.get_by_role("searchbox", name="Search topics").fill("nothing like it")
+    await expect(page.get_by_text("No topic matches.")).to_be_visible()
+
+
+async def test_messages_are_a_tree_that_moves_on_and_can_be_held(
+    serve: Serve, open_page: OpenPage, connect: Connect
+) -> None:
+    server = serve()
+    client = await connect(server.url)
+    await advertise(client, "/number", "std_msgs/Int32MultiArray")
+    page = await open_graph(open_page, server)
+    view = await choose_topic(page, "/number")
+
+    async def publish(number: int) -> None:
+        await client.send("publish", topic="/number", msg={"data": [number, 1, 2]})
+        await client.settle()
+
+    item = view.get_by_role("treeitem").filter(has_text=re.compile(r"^\[0\]"))
+    await watched(page, connect, server, "/number")
+    await publish(7)
+    await expect(item).to_have_text("[0]7")
+    await publish(8)
+    await expect(item).to_have_text("[0]8")
+    await view.get_by_role("button", name="Hold").click()
+    await watched(page, connect, server, "/number", count=0)
+    await publish(9)
+    await expect(item).to_have_text("[0]8")
+    await view.get_by_role("button", name="Go on").click()
+    await watched(page, connect, server, "/number")
+    await publish(10)
+    await expect(item).to_have_text("[0]10")
+
+
+async def test_tree_follows_the_keys_of_its_pattern_and_makes_charts(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_graph(open_page, serve())
+    view = await choose_topic(page, "/Ego_topic")
+    header = view.get_by_role("treeitem").first
+    await expect(header).to_have_text(re.compile("^.header"))
+    await expect(header).to_have_attribute("aria-expanded", "true")
+    await header.focus()
+    await page.keyboard.press("ArrowLeft")
+    await expect(header).to_have_attribute("aria-expanded", "false")
+    await page.keyboard.press("ArrowRight")
+    await page.keyboard.press("ArrowDown")
+    seq = view.get_by_role("treeitem").nth(1)
+    await expect(seq).to_be_focused()
+    await page.keyboard.press("Enter")
+    chart = view.get_by_role("img", name="Chart of header.seq")
+    await expect(chart).to_be_visible()
+    await expect(seq).to_be_focused()
+    await page.keyboard.press("ArrowLeft")
+    await expect(header).to_be_focused()
+    await view.get_by_role("button", name="Remove the chart of header.seq").click()
+    await expect(chart).to_have_count(0)
+
+
+@pytest.mark.parametrize("is_raw", [False, True])
+async def test_image_topics_are_seen_as_images(
+    serve: Serve, open_page: OpenPage, connect: Connect, *, is_raw: bool
+) -> None:
+    server = serve()
+    client = await connect(server.url)
+    pixels = base64.b64encode(bytes(range(18))).decode()
+    raw = {"width": 3, "height": 2, "step": 9, "encoding": "rgb8", "data": pixels}
+    await advertise(client, "/camera", "sensor_msgs/" + ("Image" if is_raw else "CompressedImage"))
+    page = await open_graph(open_page, server)
+    view = await choose_topic(page, "/camera")
+    await watched(page, connect, server, "/camera")
+    await client.send("publish", topic="/camera", msg=raw if is_raw else {"format": "png", "data": PNG})
+    await expect(view.get_by_text(re.compile("3 . 2 pixels"))).to_be_visible()
+    await expect(view.get_by_role("img", name="Image of the topic")).to_be_visible()
+    if is_raw:
+        script = "node => [...node.getContext('2d').getImageData(2, 1, 1, 1).data]"
+        assert await view.locator("canvas.topic-image").evaluate(script) == [15, 16, 17, 255]
+
+
+async def test_flood_of_large_messages_ends_with_the_last_one(
+    serve: Serve, open_page: OpenPage, connect: Connect
+) -> None:
+    server = serve()
+    client = await connect(server.url)
+    await advertise(client, "/flood", "std_msgs/Float64MultiArray")
+    page = await open_graph(open_page, server)
+    view = await choose_topic(page, "/flood")
+    await watched(page, connect, server, "/flood")
+    data = [0.5] * 120_000  # 1 MB in binary frames
+    body = json.dumps(data)
+    for number in range(40):
+        await client.send_raw(
+            f'{{"op":"publish","topic":"/flood","msg":{{"layout":{{"data_offset":{number}}},"data":{body}}}}}'
+        )
+    await client.settle()
+    offset = view.get_by_role("treeitem").filter(has_text=re.compile("^data_offset"))
+    await expect(offset).to_have_text("data_offset39")
+    for text in ("data(", "[0 … 9999]", "[0 … 99]"):
+        await view.get_by_role("treeitem").filter(has_text=text).first.click()
+    await expect(view.get_by_role("treeitem").filter(has_text=re.compile(r"^\[99\]0.5"))).to_have_count(1)
+    assert await view.get_by_role("treeitem").count() <= MAX_ROWS
+
+
+async def watched(page: Page, connect: Connect, server: ServerProcess, topic: str, *, count: int = 1) -> None:
+    """Come back when a topic has so many subscribers, as another client sees them."""
+    client = await connect(server.url)
+    await client.subscribe("/sim/topics")
+
+    def has_count(msg: Frame) -> bool:
+        return [len(info["subscribers"]) for info in msg["topics"] if info["name"] == topic] == [count]
+
+    await client.message_where("/sim/topics", has_count)
+    await client.close()
+    assert not page.is_closed()
+
+
+async def test_page_subscribes_only_to_what_is_seen(serve: Serve, open_page: OpenPage, connect: Connect) -> None:
+    server = serve()
+    page = await open_graph(open_page, server)
+    await choose_topic(page, "/gps")
+    await watched(page, connect, server, "/gps")
+    await page.get_by_role("tab", name="Clients").click()
+    await watched(page, connect, server, "/gps", count=0)
+    await watched(page, connect, server, "/sim/clients")
+    await page.get_by_role("tab", name="Log").click()
+    await watched(page, connect, server, "/sim/clients", count=0)
+    await watched(page, connect, server, "/rosout")
+    await page.get_by_role("tab", name="Ego").click()
+    await watched(page, connect, server, "/rosout", count=0)
+
+
+# Forms
+
+
+async def test_form_publishes_what_another_client_receives(serve: Serve, open_page: OpenPage, connect: Connect) -> None:
+    server = serve()
+    client = await connect(server.url)
+    await client.subscribe("/ctrl_cmd")
+    page = await open_graph(open_page, server)
+    view = await choose_topic(page, "/ctrl_cmd")
+    await view.get_by_text("Publish a message").click()
+    await expect(view.get_by_text("angle of the front wheels, left is positive")).to_be_visible()
+    await view.get_by_label("steering [rad]").fill("0.25")
+    await view.get_by_label("longlCmdType").fill("many")
+    publish = view.get_by_role("button", name="Publish", exact=True)
+    await publish.click()
+    await expect(view.get_by_role("alert")).to_contain_text("longlCmdType: expected int32")
+    await view.get_by_label("longlCmdType").fill("2")
+    await publish.click()
+    await expect(view.get_by_text("Published.")).to_be_visible()
+    message = await client.message("/ctrl_cmd")
+    assert (message["longlCmdType"], message["steering"]) == (2, 0.25)
+    await view.get_by_role("button", name="Write as JSON").click()
+    area = view.get_by_label("Message as JSON")
+    assert json.loads(await area.input_value())["steering"] == 0.25
+    await area.fill('{"velocity": 5}')
+    await publish.click()
+    assert (await client.message("/ctrl_cmd"))["velocity"] == 5
+    await page.get_by_role("tab", name="Code").click()
+    await expect(page.locator("pre.code")).to_contain_text("velocity")
+
+
+async def test_reason_of_a_refused_message_is_beside_the_form(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_graph(open_page, serve())
+    view = await choose_topic(page, "/clock")
+    await view.get_by_text("Publish a message").click()
+    await view.get_by_role("button", name="Publish", exact=True).click()
+    await expect(view.locator(".notice[data-kind=bad]").filter(has_text="/clock")).to_be_visible()
+
+
+async def test_call_shows_its_answer_and_the_reason_of_a_refusal(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_graph(open_page, serve())
+    view = await choose_service(page, "/sim/nearest_lane")
+    await view.get_by_role("button", name="Call").click()
+    await expect(view.get_by_role("tree", name="Answer").get_by_role("treeitem").first).to_be_visible()
+    view = await choose_service(page, "/sim/spawn")
+    await view.get_by_role("button", name="Add: objects").click()
+    await expect(view.get_by_text("start_within [m]")).to_be_visible()
+    await view.get_by_role("button", name="Call").click()
+    await expect(view.locator(".notice[role=status]")).to_contain_text("objects[0].model: expected a name")
+    await view.get_by_role("button", name="Write as JSON").click()
+    await view.get_by_label("Message as JSON").fill("[1]")
+    await view.get_by_role("button", name="Call").click()
+    await expect(view.get_by_role("alert")).to_contain_text("Expected a JSON object")
+
+
+# Texts from the wire
+
+
+async def test_names_and_texts_of_the_wire_never_become_html(
+    serve: Serve, open_page: OpenPage, connect: Connect
+) -> None:
+    server = serve()
+    page = await open_page("about:blank", state=None)
+
+    def spoil(frame: Frame) -> None:
+        msg = frame.get("msg", {})
+        if frame.get("topic") == "/sim/topics":
+            msg["topics"].append(
+                msg["topics"][0] | {"name": f"/{HTML}", "type": HTML, "publishers": [HTML], "subscribers": [HTML]}
+            )
+        elif frame.get("topic") == "/sim/clients":
+            msg["clients"][0] |= {"address": HTML, "dropped_topics": [HTML], "dropped_counts": [1]}
+        elif frame.get("topic") == "/sim/refusals":
+            line = {"header": {"stamp": {"secs": 1, "nsecs": 0}}, "level": 8, "name": HTML, "msg": HTML}
+            route[0].send(json.dumps({"op": "publish", "topic": "/rosout", "msg": line}))
+
+    route = await spoil_frames(page, server, spoil)
+    await page.goto(page_url(server))
+    await page.get_by_role("tab", name="Graph").click()
+    await page.get_by_role("searchbox", name="Search topics").fill("onerror")
+    await page.locator(".table-choice").filter(has=page.get_by_text(f"/{HTML}", exact=True)).click()
+    view = page.get_by_role("region", name="Chosen topic")
+    await expect(view.get_by_role("heading", name=f"/{HTML}")).to_be_visible()
+    await view.get_by_text("Publish a message").click()
+    await expect(view.get_by_role("alert")).to_contain_text(HTML)
+    client = await connect(server.url)
+    await advertise(client, "/text", "std_msgs/String")
+    view = await choose_topic(page, "/text")
+    await watched(page, connect, server, "/text")
+    await client.send("publish", topic="/text", msg={"data": HTML})
+    await expect(view.get_by_role("treeitem").filter(has_text=HTML)).to_be_visible()
+    await page.get_by_role("tab", name="Clients").click()
+    await expect(page.get_by_role("table", name="Clients")).to_contain_text(f"lost 1 of {HTML}")
+    await client.send("advertise", topic="/bad", type=HTML)
+    await page.get_by_role("tab", name="Log").click()
+    await expect(page.locator(".log-line[data-level=error]").filter(has_text=HTML)).to_be_visible()
+    await expect(page.locator(".log-line[data-level=warning]").filter(has_text=HTML).first).to_be_visible()
+    assert await page.locator("img[src=x], [onerror]").count() == 0
+    assert await page.title() == "rosbridge-sim"
+
+
+async def test_flood_of_log_lines_leaves_the_latest_ones(serve: Serve, open_page: OpenPage) -> None:
+    server = serve()
+    page = await open_page("about:blank", state=None)
+    num_lines = 10_000
+
+    def flood(frame: Frame) -> None:
+        if frame.get("topic") == "/sim/refusals":
+            for number in range(num_lines):
+                line = {"header": {}, "level": 2, "name": "node", "msg": f"line {number} " + "x" * 2000}
+                route[0].send(json.dumps({"op": "publish", "topic": "/rosout", "msg": line}))
+
+    route = await spoil_frames(page, server, flood)
+    await page.goto(page_url(server))
+    await page.get_by_role("tab", name="Log").click()
+    lines = page.locator(".log-line")
+    await expect(lines.first).to_contain_text(f"line {num_lines - 1} ")
+    assert await lines.count() == MAX_LINES
+    assert len(await lines.first.inner_text()) < 1200
+
+
+async def spoil_frames(page: Page, server: ServerProcess, spoil: Callable[[Frame], None]) -> list[WebSocketRoute]:
+    """Change JSON frames on their way to the page; return a list that will hold its socket."""
+    sockets: list[WebSocketRoute] = []
+
+    def connect_through(socket: WebSocketRoute) -> None:
+        sockets.append(socket)
+        far = socket.connect_to_server()
+
+        def pass_on(data: str | bytes) -> None:
+            if isinstance(data, str):
+                frame = json.loads(data)
+                spoil(frame)
+                socket.send(json.dumps(frame))
+            else:
+                socket.send(data)
+
+        far.on_message(pass_on)
+
+    await page.route_web_socket(re.compile(rf"127\.0\.0\.1:{server.port}"), connect_through)
+    return sockets
+
+
+# The log, and assistive technology
+
+
+async def test_log_has_refused_requests_by_level_and_words(serve: Serve, open_page: OpenPage, connect: Connect) -> None:
+    server = serve()
+    client = await connect(server.url)
+    await client.call("/no/such/service")
+    page = await open_page(server)
+    await page.get_by_role("tab", name="Log").click()
+    line = page.locator(".log-line").filter(has_text="/no/such/service")
+    await expect(line).to_have_count(1)
+    await expect(line).to_contain_text("Warning")
+    await page.get_by_label("Level").select_option("Error")
+    await expect(line).to_have_count(0)
+    await page.get_by_label("Level").select_option("Debug")
+    await expect(line).to_have_count(1)
+    await page.get_by_role("searchbox", name="Search").fill("something else")
+    await expect(line).to_have_count(0)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [360, 1280])
+async def test_graph_and_log_have_no_serious_fault_of_accessibility(
+    serve: Serve, open_page: OpenPage, scheme: str, width: int
+) -> None:
+    page = await open_graph(open_page, serve(), color_scheme=scheme, viewport={"width": width, "height": 720})
+    view = await choose_topic(page, "/ctrl_cmd")
+    await view.get_by_text("Publish a message").click()
+    await expect(view.get_by_label("steering [rad]")).to_be_visible()
+    assert await faults_of(page) == []
+    assert await page.evaluate("document.documentElement.scrollWidth") <= width
+    view = await choose_service(page, "/sim/spawn")
+    await view.get_by_role("button", name="Add: objects").click()
+    assert await faults_of(page) == []
+    for tab in ("Clients", "Log"):
+        await page.get_by_role("tab", name=tab).click()
+        assert await faults_of(page) == []

@@ -1,0 +1,242 @@
+"""The map of the page in a browser: what its pixels show, and what the pointer and the keys do."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import Callable
+from io import BytesIO
+from typing import Final
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.async_api import Page, expect
+
+from rosbridge_sim.client import AsyncClient
+from tests.conftest import Serve
+from tests.page.conftest import OpenPage
+from tests.support import PATIENCE, ROOT
+
+pytestmark = [pytest.mark.client, pytest.mark.slow]
+
+COLOURS: Final = json.loads((ROOT / "rosbridge_sim" / "page" / "colours.json").read_text())
+Pixels = np.ndarray[tuple[int, int, int], np.dtype[np.float64]]
+
+
+def colour(hex_text: str) -> tuple[int, int, int]:
+    return int(hex_text[1:3], 16), int(hex_text[3:5], 16), int(hex_text[5:7], 16)
+
+
+async def picture(page: Page) -> Pixels:
+    """The canvas as it is seen, (height, width, 3)."""
+    shot = await page.locator("canvas.map-canvas").screenshot()
+    return np.asarray(Image.open(BytesIO(shot)).convert("RGB"), dtype=np.float64)
+
+
+def places_of(pixels: Pixels, wanted: tuple[int, int, int], within: float = 60.0) -> np.ndarray:
+    """The pixels with about a colour, (k, 2) as x and y."""
+    y, x = np.nonzero(np.abs(pixels - wanted).sum(axis=-1) < within)
+    return np.stack([x, y], axis=-1)
+
+
+async def until(page: Page, check: Callable[[Pixels], bool]) -> Pixels:
+    """Wait until the canvas shows something."""
+    async with asyncio.timeout(PATIENCE):
+        while not check(pixels := await picture(page)):
+            await page.wait_for_timeout(50)
+    return pixels
+
+
+def ego_pixels(pixels: Pixels) -> np.ndarray:
+    return places_of(pixels, colour(COLOURS["kinds"]["ego"]), within=90.0)
+
+
+async def open_map(open_page: OpenPage, url: str, **options: object) -> Page:
+    """The page, once the ego and the road are drawn."""
+    page = await open_page(url, **options)  # type: ignore[arg-type]
+    lane = colour(COLOURS["mapDark" if options.get("color_scheme") == "dark" else "map"]["lane"])
+    await until(page, lambda pixels: len(places_of(pixels, lane, within=8.0)) > 2000)
+    return page
+
+
+async def coordinates(page: Page, x: float, y: float) -> str:
+    """The text about the place under a point of the canvas."""
+    box = await page.locator("canvas.map-canvas").bounding_box()
+    assert box is not None
+    left, top = round(box["x"] + x), round(box["y"] + y)  # a wheel knows whole pixels only
+    await page.mouse.move(left - 1, top)
+    await page.mouse.move(left, top)
+    return await page.locator(".coordinates").inner_text()
+
+
+def url_of(port: int) -> str:
+    return f"http://127.0.0.1:{port}/"
+
+
+async def test_ego_moves_on_the_canvas(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_map(open_page, url_of(server.port))
+    await page.keyboard.press("f")  # the map stands still
+    before = ego_pixels(await until(page, lambda pixels: len(ego_pixels(pixels)) > 50)).mean(axis=0)
+    async with AsyncClient(server.url) as client:
+        for _ in range(3):
+            await client.publish("/ctrl_cmd", {"longlCmdType": 1, "accel": 1.0})
+        await client.wait_for("/Ego_topic", lambda ego: ego["velocity"]["x"] > 2.0)
+    after = await until(page, lambda pixels: ego_pixels(pixels)[:, 0].mean() > before[0] + 20)
+    assert abs(ego_pixels(after)[:, 1].mean() - before[1]) < 10, "it drives to the east, which is on the right"
+
+
+async def test_ego_stays_in_the_middle_while_the_map_follows(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_map(open_page, url_of(server.port))
+    follow = page.get_by_role("button", name="Follow the car")
+    await expect(follow).to_have_attribute("aria-pressed", "true")
+    async with AsyncClient(server.url) as client:
+        for _ in range(3):
+            await client.publish("/ctrl_cmd", {"longlCmdType": 1, "accel": 1.0})
+        await client.wait_for("/Ego_topic", lambda ego: ego["position"]["x"] > -80.0)
+    pixels = await until(page, lambda pixels: len(ego_pixels(pixels)) > 50)
+    assert abs(ego_pixels(pixels)[:, 0].mean() / pixels.shape[1] - 0.5) < 0.06
+    await page.mouse.move(300, 300)
+    await page.mouse.down()
+    await page.mouse.move(360, 320, steps=3)
+    await page.mouse.up()
+    await expect(follow).to_have_attribute("aria-pressed", "false")
+
+
+async def test_light_has_the_colour_that_it_is_set_to(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_map(open_page, url_of(server.port))
+    async with AsyncClient(server.url) as client:
+        town = await client.map()
+        near = [light["name"] for light in town["lights"] if abs(light["x"] + 110) < 30 and abs(light["y"]) < 30]
+        for lamps, name in ((4, "yellow"), (1, "red"), (16, "green")):
+            for light in near:
+                await client.publish("/SetTrafficLight", {"trafficLightIndex": light, "trafficLightStatus": lamps})
+            others = [colour(COLOURS["signals"][other]) for other in ("yellow", "red", "green") if other != name]
+            shown = colour(COLOURS["signals"][name])
+
+            def shows(
+                pixels: Pixels, shown: tuple[int, int, int] = shown, others: list[tuple[int, int, int]] = others
+            ) -> bool:
+                return len(places_of(pixels, shown, 30.0)) > 200 and all(
+                    len(places_of(pixels, other, 30.0)) < 100 for other in others
+                )
+
+            await until(page, shows)
+
+
+async def test_zoom_at_the_pointer_keeps_the_place_under_it(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_map(open_page, url_of(serve("--scenario", "town").port))
+    await page.keyboard.press("f")
+    before = await coordinates(page, 600, 150)
+    scale = await page.locator(".scale-bar").inner_text()
+    await page.mouse.wheel(0, 400)
+    await expect(page.locator(".scale-bar")).not_to_have_text(scale)
+    assert await coordinates(page, 600, 150) == before
+
+
+async def test_click_selects_the_object_under_it_and_tells_what_it_does(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_map(open_page, url_of(server.port))
+    async with AsyncClient(server.url) as client:
+        await client.spawn("2015_Kia_K5", x=-80.0, y=-12.0, behaviour="stand")
+        number = await client.spawn("2015_Kia_K5", x=-80.0, y=12.0, behaviour="stand")
+    await page.keyboard.press("f")
+    box = await page.locator("canvas.map-canvas").bounding_box()
+    assert box is not None
+    middle = await coordinates(page, box["width"] / 2, box["height"] / 2)
+    assert middle.startswith("x -86.0 m, y -5.")
+    # 8 pixels are a metre in the first picture.
+    await page.wait_for_timeout(300)
+    await page.mouse.click(
+        box["x"] + box["width"] / 2 + 8 * (-79 + 86), box["y"] + box["height"] / 2 - 8 * (12.0 + 5.25)
+    )
+    card = page.get_by_role("region", name="Selected object")
+    await expect(card.get_by_role("heading")).to_have_text(f"Vehicle {number}")
+    await expect(card).to_contain_text("2015_Kia_K5")
+    await expect(card).to_contain_text("stand")
+    await page.keyboard.press("Escape")
+    await expect(card).to_be_hidden()
+
+
+async def test_objects_are_selected_by_the_keyboard(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_map(open_page, url_of(serve("--scenario", "town").port))
+    heading = page.get_by_role("region", name="Selected object").get_by_role("heading")
+    await page.keyboard.press("o")
+    await expect(heading).to_have_text("Ego")
+    await page.keyboard.press("o")
+    await expect(heading).to_have_text("Vehicle 1")
+    await page.keyboard.press("Shift+O")
+    await expect(heading).to_have_text("Ego")
+
+
+async def test_collision_is_listed_with_both_names(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_map(open_page, url_of(server.port))
+    async with AsyncClient(server.url) as client:
+        await client.spawn("2015_Kia_K5", x=-85.0, y=-5.25, behaviour="stand")
+    entry = page.locator(".contact-list li")
+    await expect(entry.first).to_contain_text("Ego and Vehicle")
+    await page.get_by_role("button", name="Clear the list of collisions").click()
+    await expect(page.locator(".contact-list")).to_be_hidden()
+
+
+async def test_camera_behind_the_car_shows_sky_and_the_car(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_map(open_page, url_of(serve("--scenario", "town").port))
+    await page.keyboard.press("c")
+    await expect(page.get_by_role("button", name="Camera behind the car")).to_have_attribute("aria-pressed", "true")
+    sky = np.array(colour(COLOURS["sky"]["horizon"]))
+    pixels = await until(page, lambda pixels: bool(np.abs(pixels[10:60, 200] - sky).sum(axis=-1).max() < 120))
+    assert len(ego_pixels(pixels)) > 3000, "the car is large"
+
+
+async def test_distance_between_two_clicks_is_measured(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_map(open_page, url_of(serve("--scenario", "town").port))
+    await page.keyboard.press("f")
+    await page.keyboard.press("m")
+    await page.mouse.click(200, 200)
+    await page.mouse.click(360, 200)
+    await expect(page.locator(".map-label.measure")).to_have_text("20 m")
+    await page.keyboard.press("Escape")
+    await expect(page.locator(".map-label.measure")).to_be_hidden()
+
+
+async def test_nothing_is_drawn_while_nothing_changes(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    async with AsyncClient(server.url) as client:
+        await client.start_sync()
+        page = await open_map(open_page, url_of(server.port))
+        await page.evaluate("""() => {
+            window.drawn = 0;
+            const clear = WebGL2RenderingContext.prototype.clear;
+            WebGL2RenderingContext.prototype.clear = function (mask) { window.drawn += 1; clear.call(this, mask); };
+        }""")
+        await page.wait_for_timeout(500)
+        assert await page.evaluate("window.drawn") == 0
+        await client.tick()
+        await page.wait_for_function("window.drawn > 0")
+
+
+async def test_page_without_webgl_says_so_and_the_rest_works(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "town")
+    page = await open_page(server, state=None)
+    await page.add_init_script(
+        "const get = HTMLCanvasElement.prototype.getContext;"
+        "HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {"
+        " return kind === 'webgl2' ? null : get.call(this, kind, ...rest); };"
+    )
+    await page.reload()
+    await expect(page.get_by_text("This browser has no WebGL 2")).to_be_visible()
+    await expect(page.get_by_text("Connected", exact=True)).to_be_visible()
+
+
+async def test_help_lists_keys_and_colours(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_map(open_page, url_of(serve("--scenario", "town").port), color_scheme="dark")
+    await page.get_by_role("button", name="Keys and colours").click()
+    dialog = page.get_by_role("dialog", name="Map: keys and colours")
+    await expect(dialog).to_contain_text("Measure a distance between two clicks")
+    await expect(dialog).to_contain_text("within an intersection")
+    await page.keyboard.press("Escape")
+    await expect(dialog).to_be_hidden()
