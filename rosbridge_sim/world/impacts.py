@@ -44,7 +44,7 @@ GRAVITY: Final = 9.80665
 """[m/s^2]"""
 
 MAX_PAIRS: Final = 128
-"""Pairs whose impacts are worked out in one step: about 10 ms. A crash of more has pairs that pass through each other
+"""Pairs whose impacts are worked out in one step: 50 ms at most. A crash of more has pairs that pass through each other
 in this step; most of them are apart again, or get their turn, in the next ones."""
 
 NEAR: Final = 0.5
