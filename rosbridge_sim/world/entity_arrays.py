@@ -150,7 +150,7 @@ class EntityArrays:
             yaw rate as well.
 
         loose: 1 for a vehicle that an impact has thrown off its lane and that slides with locked wheels or has come to
-            rest so, else 0; see `impacts`.
+            rest so, and for an ego that spins, else 0; see `impacts`.
 
         arc: distance along the path or the lane; without either, since the row was placed; 0 for driven rows [m].
         lateral_speed, climb, climb_accel: velocity to the left [m/s] and up [m/s], acceleration up [m/s^2], of ghosts

@@ -15,8 +15,9 @@ It is in `World.passing` until then. So is a pair of which one was passed throug
 or gives it a speed, a path or a lane. The model: two masses above the axles (k^2 = a b), so each axle is slowed by mu g
 against its own motion, and the rigid body keeps the mean of both along the heading. Energy never grows by that.
 
-Egos go on by their own model. In the kinematic one wheels never slip, so of the velocity after an impact only the part
-along the heading is left.
+Egos go on by their own model. One that spins after an impact, faster than `SPIN`, is loose until it turns slower than
+`SPIN_END`: one wheel for each axle does not describe a spin, and a driver brakes then. In the kinematic model wheels
+never slip, so of the velocity after an impact only the part along the heading is left.
 
 Order: bodies are sorted by id, so rows do not matter. Limits: at most `MAX_PAIRS` pairs in a step get an impulse, those
 that touch first; a loose vehicle keeps its height.
@@ -42,6 +43,11 @@ SLIDING_FRICTION: Final = 0.75
 
 GRAVITY: Final = 9.80665
 """[m/s^2]"""
+
+SPIN: Final = 3.0
+SPIN_END: Final = 1.5
+"""Yaw rates above which an ego begins to spin, and below which its driver has it again [rad/s]. No manoeuvre of a car
+reaches the first one; above 5 rad/s the steps of `single_track` would add energy."""
 
 MAX_PAIRS: Final = 128
 """Pairs whose impacts are worked out in one step: 50 ms at most. A crash of more has pairs that pass through each other
@@ -111,6 +117,13 @@ def slide(world: World, dt: float) -> None:
     change = (new[0] - old[0]) / dt, (new[1] - old[1]) / dt
     world.accel[rows] = change[0] * cos + change[1] * sin
     world.lateral_accel[rows] = change[1] * cos - change[0] * sin
+    egos = (world.kind[rows] == Kind.EGO).nonzero()[0]
+    if len(egos):
+        world.yaw_accel[rows[egos]] = (rate - r)[egos] / dt
+        caught = egos[np.abs(rate[egos]) < SPIN_END]
+        if len(caught):
+            world.loose[rows[caught]] = 0.0
+            world.touch()
 
 
 class _Crash:
@@ -224,6 +237,8 @@ class _Crash:
         world.lateral_speed[row], world.lateral_accel[row] = across, lateral_accel
         world.yaw_rate[row] = body.rate
         if world.kind.item(row) == Kind.EGO:
+            if abs(body.rate) > SPIN:
+                world.loose[row] = 1.0
             world.yaw_accel[row] += (body.rate - before[2]) / self._dt
 
 

@@ -161,9 +161,10 @@ class _Reader:
         is_plain = not (len(passing) or len(placed) or floats[FLOATS.index("loose")].any())
         _expect(has_impacts or is_plain, "has_impacts", "nothing of impacts without them")
         loose = floats[FLOATS.index("loose")] != 0.0
-        is_vehicle = ints[INTS.index("kind")] == Kind.VEHICLE
+        kind = ints[INTS.index("kind")]
         is_driving = bools[BOOLS.index("has_lane")] | bools[BOOLS.index("has_path")]
-        _expect(not bool((loose & (~is_vehicle | is_driving)).any()), "floats.loose", "vehicles off lanes and paths")
+        is_wrong = loose & (kind != Kind.EGO) & ((kind != Kind.VEHICLE) | is_driving)
+        _expect(not bool(is_wrong.any()), "floats.loose", "egos, and vehicles off lanes and paths")
         followers = ints[INTS.index("uid")][bools[BOOLS.index("has_lane")]]
         _expect(set(routes) <= set(followers.tolist()), "routes", "ids of lane followers")
         return Snapshot(

@@ -563,7 +563,9 @@ class World(EntityArrays):
         self.leg_yaw[row], self.leg_turn[row] = wrapped, 0.0
         self.climb[row] = self.climb_accel[row] = 0.0
         self.block("drive_lag", "roll_rate")[:, row] = 0.0
-        self.loose[row] = 0.0
+        if self.loose[row]:
+            self.loose[row] = 0.0
+            self.touch()
         if self.has_impacts:
             self.placed_uids.add(self.uid.item(row))
         if self.kind[row] != Kind.EGO:

@@ -2,8 +2,7 @@
 
     python scripts/bench/impacts.py [--images DIR]
 
-It needs matplotlib. An ego hits a vehicle on a lane, and both are drawn from above every 0.2 s; below are speeds and yaw
-rates.
+It needs matplotlib. An ego hits a vehicle on a lane. Both are drawn from above every 0.2 s, with speeds and yaw rates.
 """
 
 from __future__ import annotations
@@ -18,8 +17,7 @@ from typing import Any
 
 import numpy as np
 
-ROOT = Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(ROOT))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim.morai.catalogue import DEFAULT_EGO
 from rosbridge_sim.world.commands import command
@@ -27,6 +25,8 @@ from rosbridge_sim.world.lane_position import keep_lane
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import DT, Dynamics, Kind, Mode, World
 from rosbridge_sim.world.step import step
+
+ROOT = Path(__file__).resolve().parents[2]
 
 SECONDS = 3.0
 EVERY = 10

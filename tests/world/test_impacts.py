@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.world import collisions
 from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.dynamics import drive
-from rosbridge_sim.world.impacts import MAX_PAIRS, SLIDING_FRICTION, collide
+from rosbridge_sim.world.impacts import MAX_PAIRS, SLIDING_FRICTION, SPIN_END, collide, slide
 from rosbridge_sim.world.placement import place_ghost, set_speed, teleport
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state import DT, Body, Dynamics, Kind, Mode, World
@@ -167,6 +167,53 @@ def test_wreck_drives_again_when_a_speed_is_set() -> None:
     assert world.x[0] == pytest.approx(at + 5.0, abs=0.01)
 
 
+def energy_of(world: World, row: int) -> float:
+    """Twice the energy of motion of an ego, for each kilogram."""
+    to_rear = CAR.front_load * CAR.wheelbase
+    across = world.lateral_speed[row] + to_rear * world.yaw_rate[row]
+    spin = to_rear * (CAR.wheelbase - to_rear) * world.yaw_rate[row] ** 2
+    return float(world.speed[row] ** 2 + across**2 + spin)
+
+
+@pytest.mark.parametrize("rate", [3.5, 8.0, 20.0, 300.0])
+def test_ego_that_spins_loses_energy_and_is_caught(rate: float) -> None:
+    world = world_of()
+    row = ego(world, 0.0, speed=30.0)
+    world.yaw_rate[row], world.loose[row] = rate, 1.0
+    energies = [energy_of(world, row)]
+    while world.loose[row]:
+        step(world)
+        energies.append(energy_of(world, row))
+    assert (np.diff(energies) <= 1e-9 * energies[0]).all()
+    assert abs(world.yaw_rate[row]) < SPIN_END
+    command(world, row, mode=Mode.PEDALS, steer=0.0, brake=1.0)
+    run(world, 500)
+    assert world.speed[row] == 0.0
+
+
+def test_hard_impact_on_a_corner_makes_the_ego_spin() -> None:
+    world = world_of()
+    row, _ = ego(world, 0.0, speed=40.0), thing(world, 8.0, y=2.6)
+    was_loose = False
+    for _ in range(400):
+        step(world)
+        was_loose = was_loose or bool(world.loose[row])
+    assert was_loose
+    assert not world.loose[row]
+
+
+def test_spinning_ego_that_is_placed_elsewhere_obeys_at_once() -> None:
+    world = world_of()
+    row = ego(world, 0.0, speed=30.0)
+    world.yaw_rate[row], world.loose[row] = 8.0, 1.0
+    run(world, 3)
+    teleport(world, row, x=0.0, y=0.0, z=0.0, yaw=0.0, speed=5.0)
+    command(world, row, mode=Mode.SPEED, steer=0.0, speed=5.0)
+    run(world, 50)
+    assert world.x[row] == pytest.approx(5.0, abs=0.1)
+    assert world.y[row] == 0.0
+
+
 # Who is moved, and who is passed through
 
 
@@ -317,6 +364,7 @@ def test_impacts_in_a_heap_of_egos_never_add_energy(cars: list[tuple[float, floa
 
     for _ in range(40):
         before = collisions.remember(world)
+        slide(world, DT)
         drive(world, DT)
         collisions.find(world, before)
         most = energy()
