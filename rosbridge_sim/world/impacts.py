@@ -44,10 +44,11 @@ SLIDING_FRICTION: Final = 0.75
 GRAVITY: Final = 9.80665
 """[m/s^2]"""
 
-SPIN: Final = 3.0
-SPIN_END: Final = 1.5
-"""Yaw rates above which an ego begins to spin, and below which its driver has it again [rad/s]. No manoeuvre of a car
-reaches the first one; above 5 rad/s the steps of `single_track` would add energy."""
+SPIN: Final = 1.5
+SPIN_END: Final = 0.5
+"""Yaw rates above which an ego begins to spin, and below which its driver has it again [rad/s]. Full lock at
+5 m/s turns a car by 1.35 rad/s, and no driver catches a faster spin. Above 5 rad/s the steps of `single_track` would
+add energy."""
 
 MAX_PAIRS: Final = 128
 """Pairs whose impacts are worked out in one step: 50 ms at most. A crash of more has pairs that pass through each other

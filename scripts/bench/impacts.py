@@ -103,7 +103,7 @@ def draw(images: Path) -> None:
         above.set_title(case.name)
         above.set_xlabel("x [m]")
         above.set_ylabel("y [m]")
-        speeds.set_ylabel("speed [m/s]")
+        speeds.set_ylabel("speed of the rear axle [m/s]")
         rates.set_ylabel("yaw rate [rad/s]")
         rates.set_xlabel("time [s]")
     figure.tight_layout()
