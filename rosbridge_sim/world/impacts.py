@@ -20,7 +20,7 @@ Egos go on by their own model. One that spins after an impact, faster than `SPIN
 never slip, so of the velocity after an impact only the part along the heading is left.
 
 Order: bodies are sorted by id, so rows do not matter. Limits: at most `MAX_PAIRS` pairs in a step get an impulse, those
-that touch first; a loose vehicle keeps its height.
+with the lowest ids; a slope does not move a loose vehicle.
 """
 
 from __future__ import annotations

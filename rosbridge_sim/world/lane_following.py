@@ -279,6 +279,7 @@ def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray]:
         world.roads,
         x=world.x[rows] + world.centre[rows] * cos,
         y=world.y[rows] + world.centre[rows] * sin,
+        z=world.z[rows],
         yaw=world.yaw[rows],
         speed=world.speed[rows],
         half_length=world.half_length[rows],

@@ -60,6 +60,7 @@ from rosbridge_sim.world.paths import (
     lay_segments,
 )
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.settling import keep_level, settle
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.signals import Signals, SignalsSnapshot
 
@@ -229,7 +230,7 @@ class World(EntityArrays):
         name: str,
         x: float,
         y: float,
-        z: float = 0.0,
+        z: float | None = None,
         yaw: float = 0.0,
         speed: float = 0.0,
         uid: int | None = None,
@@ -252,14 +253,15 @@ class World(EntityArrays):
             name: any text.
             x: reference point, east [m].
             y: reference point, north [m].
-            z: reference point, up [m].
+            z: reference point, up [m]. On a map with hills the entity is put onto the ground, and this chooses between
+                a bridge and the road below it. None for the lowest road there, or 0 on a flat map.
             yaw: heading; any angle is wrapped [rad].
             speed: along the heading; not negative with a path [m/s].
             uid: its id, 0..2^31-1; None for the next free one.
             path: (m, 2) or (m, 3) waypoints, m >= 2 [m]; with two columns they are at height z.
             is_loop: a last segment to the first point closes the path.
             gear: of an EGO.
-            roll: kept until the entity is placed elsewhere [rad].
+            roll: kept until the entity is placed elsewhere, or moves on a map with hills [rad].
             pitch: kept likewise, positive with the nose down [rad].
             start_within: the entity stands until an EGO is this near, then it starts with `speed` [m]; 0 for at once.
                 Not for an EGO.
@@ -268,6 +270,7 @@ class World(EntityArrays):
             ValueError: a number is not finite or out of bounds, the id is in use, the path has no length, an EGO has a
                 path or no wheelbase, or there is no such kind or gear. The world is as it was.
         """
+        height, z = z, z or 0.0
         check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch, start_within=start_within)
         kind, gear = Kind(kind), Gear(gear)
         if start_within < 0.0 or (kind == Kind.EGO and start_within > 0.0):
@@ -302,6 +305,8 @@ class World(EntityArrays):
             self._equip(row, body)
         if segments is not None:
             self._join_path(row, base, segments, is_loop=is_loop)
+        if not self.roads.is_flat:
+            settle(self, self.roads, np.array([row]), None if height is None and segments is None else self.z[[row]])
         self.touch()
         return uid
 
@@ -322,11 +327,14 @@ class World(EntityArrays):
         if self.kind[row] == Kind.EGO or not self.alive[row] or speed < 0.0:
             raise ValueError(f"path: expected an entity that is no ego and has a speed >= 0, got speed {speed!r}")
         x, y, z, yaw = (float(getattr(self, name)[row]) for name in ("x", "y", "z", "yaw"))
+        is_ghost = self.is_ghost.item(row)
         reach = _reach_of(Kind(self.kind.item(row)), self.bodies[row])
         segments = lay_segments(_in_space(path, z), is_loop=is_loop, reach=reach)
         self.paths.check_room(segments)
         self.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
         self._join_path(row, self.paths.add(int(self.uid[row]), segments), segments, is_loop=is_loop)
+        if not self.roads.is_flat and not is_ghost:
+            settle(self, self.roads, np.array([row]), self.z[[row]])
         self.touch()
 
     @contextmanager
@@ -393,6 +401,8 @@ class World(EntityArrays):
     def lay_roads(self, roads: Roads, plan: SignalPlan | None = None) -> None:
         """Replace the roads. The lights begin their cycles now; lane followers stop where they are.
 
+        Entities are put onto the new ground, if it is not flat.
+
         Args:
             roads: the new lanes.
             plan: their traffic lights; None for none.
@@ -405,9 +415,15 @@ class World(EntityArrays):
             raise ValueError(f"the plan is for {len(plan.light_of_lane)} lanes, the roads have {len(roads)}")
         for row in np.flatnonzero(self.has_lane).tolist():  # rare: the map changes while vehicles drive on it
             self.place(row, x=self.x[row], y=self.y[row], z=self.z[row], yaw=self.yaw[row], speed=0.0)
+        was_flat = self.roads.is_flat
         self.roads, self.signals = roads, Signals(plan, self.frame)
         self.int_block("near_lane", "open_reds")[:] = 0  # rows of the former lanes
         self.touch()
+        if not roads.is_flat:
+            rows = np.flatnonzero(self.alive & ~self.is_ghost)
+            settle(self, roads, rows, self.z[rows])
+        elif not was_flat:
+            keep_level(self)
 
     def start_scoring(self) -> None:
         """Keep the scores of all egos from this frame on, until the next `reset`; twice is no error. See `score`."""

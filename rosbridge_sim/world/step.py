@@ -12,12 +12,13 @@ each module sees the same half-finished world at the same point. So the order st
 4. *Loose rows* (`impacts.slide`), which an impact has thrown off their lane, and
    *driven rows* (`dynamics.drive`): the present commands act for exactly one step. A command that came between two
    steps acts for the whole of the next one, and the state that a client reads after it already shows it.
-5. *Placed rows*: a caller with recorded or foreign motion places its rows where they are at the end of this step. They
+5. *Ground* (`standing.stand`): what has moved is put onto the surface of the roads, if these are not flat.
+6. *Placed rows*: a caller with recorded or foreign motion places its rows where they are at the end of this step. They
    are placed before collision detection, so swept contacts are found.
-6. *Contacts* (`collisions.find`): all pairs that have touched within the step. It moves nothing.
+7. *Contacts* (`collisions.find`): all pairs that have touched within the step. It moves nothing.
    *Impacts* (`impacts.collide`), if they are wanted: the pairs that touched change their motion from that moment on.
-7. *Scores* (`score.judge`) of the egos, while they are kept: they look at all of the above. They move nothing.
-8. *Frame counter*: it comes last, so that a reader that finds frame f finds the world of frame f.
+8. *Scores* (`score.judge`) of the egos, while they are kept: they look at all of the above. They move nothing.
+9. *Frame counter*: it comes last, so that a reader that finds frame f finds the world of frame f.
 
 A step draws no random number, reads no clock and allocates no memory that stays.
 """
@@ -30,6 +31,7 @@ from rosbridge_sim.world import collisions, impacts, score
 from rosbridge_sim.world.dynamics import drive
 from rosbridge_sim.world.lane_following import drive_lanes
 from rosbridge_sim.world.path_following import follow_paths
+from rosbridge_sim.world.standing import stand
 from rosbridge_sim.world.state import DT, World
 from rosbridge_sim.world.waiting import start
 
@@ -52,6 +54,8 @@ def step(world: World, place: Callable[[], None] | None = None) -> None:
     if world.has_impacts:
         impacts.slide(world, DT)
     drive(world, DT)
+    if not world.roads.is_flat:
+        stand(world, before.poses[0], DT)
     if place is not None:
         place()
     collisions.find(world, before)

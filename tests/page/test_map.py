@@ -146,13 +146,11 @@ async def test_click_selects_the_object_under_it_and_tells_what_it_does(serve: S
     await page.keyboard.press("f")
     box = await page.locator("canvas.map-canvas").bounding_box()
     assert box is not None
-    middle = await coordinates(page, box["width"] / 2, box["height"] / 2)
-    assert middle.startswith("x -86.0 m, y -5.")
-    # 8 pixels are a metre in the first picture.
-    await page.wait_for_timeout(300)
-    await page.mouse.click(
-        box["x"] + box["width"] / 2 + 8 * (-79 + 86), box["y"] + box["height"] / 2 - 8 * (12.0 + 5.25)
-    )
+    # The ego at -86, -5.25 is in the middle, and 8 pixels are a metre in the first picture.
+    x, y = round(box["width"] / 2 + 8 * (-79 + 86)), round(box["height"] / 2 - 8 * (12.0 + 5.25))
+    paper = np.array(colour(COLOURS["map"]["paper"]))
+    await until(page, lambda pixels: bool(np.abs(pixels[y, x] - paper).sum() > 100))
+    await page.mouse.click(box["x"] + x, box["y"] + y)
     card = page.get_by_role("region", name="Selected object")
     await expect(card.get_by_role("heading")).to_have_text(f"Vehicle {number}")
     await expect(card).to_contain_text("2015_Kia_K5")
@@ -216,7 +214,9 @@ async def test_nothing_is_drawn_while_nothing_changes(serve: Serve, open_page: O
         await page.wait_for_timeout(500)
         assert await page.evaluate("window.drawn") == 0
         await client.tick()
-        await page.wait_for_function("window.drawn > 0")
+        async with asyncio.timeout(PATIENCE):
+            while await page.evaluate("window.drawn") == 0:
+                await page.wait_for_timeout(20)
 
 
 async def test_page_without_webgl_says_so_and_the_rest_works(serve: Serve, open_page: OpenPage) -> None:
