@@ -5,8 +5,9 @@ car (an ego or a vehicle); contacts among pedestrians and obstacles are not repo
 turned by the yaw, from the ground up to `height`. Boxes that stand edge to edge do not touch. `World.contacts` holds
 the pairs of the last step.
 
-*What a contact does.* It is reported only; it does not affect motion. MORAI documents no effect on motion. An ego that
-is stopped, thrown back or bent by a model of our own would surprise everyone who uses a collision to end an episode.
+*What a contact does.* It is reported only, unless the world has `impacts`. MORAI documents no effect on motion.
+An ego that is stopped or thrown back by a model of our own would surprise everyone who uses a collision to end an
+episode.
 
 *How it is exact at any speed.* Within a step the boxes slide along the straight line from where they stood to where
 they stand, with the heading that they have at the end; `geometry.do_boxes_meet` decides for the whole line at once. If

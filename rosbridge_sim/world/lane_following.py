@@ -155,7 +155,7 @@ class _LaneFollowers:
         self.choice = RouteChoice(world, self.rows)
         self.egos = SelfDrivingEgos(world, self.rows)
         others = world.alive & ~world.has_lane
-        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0)
+        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0)
         still = np.flatnonzero(others & ~may_move)
         self.still, owner = _entries_of(world, still)
         self.still_rows = still[owner]

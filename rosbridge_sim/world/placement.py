@@ -74,6 +74,11 @@ def set_speed(world: World, row: int, speed: float) -> None:
     check_pose(speed=speed)
     if speed < 0.0 and (world.has_path[row] or (world.has_lane[row] and world.kind[row] != Kind.EGO)):
         raise ValueError(f"speed: expected >= 0 on a path or a lane, got {speed!r}")
+    if world.loose[row] and world.kind[row] == Kind.EGO:
+        world.loose[row] = 0.0
+    elif world.loose[row]:
+        x, y, z, yaw = (float(getattr(world, name)[row]) for name in ("x", "y", "z", "yaw"))
+        world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.speed[row] = speed
     if world.dynamics == Dynamics.SINGLE_TRACK and world.kind[row] == Kind.EGO:
         world.lateral_speed[row] = world.yaw_rate[row] = 0.0

@@ -60,4 +60,4 @@ class _Standing:
         on_ground = world.alive & ~world.is_ghost
         is_follower = world.has_lane & ~is_ego
         self.followers = np.flatnonzero(on_ground & is_follower)
-        self.searched = np.flatnonzero(on_ground & ~is_follower & (is_ego | (world.speed != 0.0)))
+        self.searched = np.flatnonzero(on_ground & ~is_follower & (is_ego | (world.loose > 0.0) | (world.speed != 0.0)))

@@ -164,6 +164,9 @@ class Snapshot:
     is_scoring: bool
     dynamics: Dynamics
     is_creeping: bool
+    has_impacts: bool
+    passing: IntArray
+    placed_uids: tuple[int, ...]
 
 
 class World(EntityArrays):
@@ -184,17 +187,31 @@ class World(EntityArrays):
         is_scoring: steps keep the scores of all egos; see `start_scoring`.
         dynamics: the model that moves all egos.
         is_creeping: egos under the control of pedals creep in D and R, and roll on slopes; for SINGLE_TRACK only.
+        has_impacts: collisions change motion; see `impacts`.
+        passing: (m, 2) int64, ids of the pairs in `contacts` that go through each other, the lower first; without
+            `has_impacts` it is empty.
+        placed_uids: ids of what was placed since the last step, while `has_impacts`.
 
     Args:
         seed: not negative.
         dynamics: see above.
         is_creeping: see above.
+        has_impacts: see above.
     """
 
-    def __init__(self, seed: int = 0, dynamics: Dynamics = Dynamics.KINEMATIC, *, is_creeping: bool = False) -> None:
+    def __init__(
+        self,
+        seed: int = 0,
+        dynamics: Dynamics = Dynamics.KINEMATIC,
+        *,
+        is_creeping: bool = False,
+        has_impacts: bool = False,
+    ) -> None:
         super().__init__()
         self.seed = seed
         self.dynamics, self.is_creeping = dynamics, is_creeping
+        self.has_impacts, self.passing = has_impacts, NO_CONTACTS
+        self.placed_uids: set[int] = set()
         self.paths = Paths()
         self.contacts = NO_CONTACTS
         self.roads, self.signals = NO_ROADS, Signals(NO_PLAN)
@@ -347,6 +364,8 @@ class World(EntityArrays):
         self.names[row], self.bodies[row] = "", NO_BODY
         if len(self.contacts):
             self.contacts = self.contacts[(self.contacts != uid).all(axis=1)]
+            self.passing = self.passing[(self.passing != uid).all(axis=1)]
+        self.placed_uids.discard(uid)
         if row == self.n - 1:
             self._trim()
         self.touch()
@@ -355,7 +374,8 @@ class World(EntityArrays):
         """Remove all entities. Roads, lights, frame, random generator and the count of ids stay."""
         self._rows = {}
         self.routes = {}
-        self.contacts = NO_CONTACTS
+        self.contacts = self.passing = NO_CONTACTS
+        self.placed_uids.clear()
         self.paths.clear()
         self._allocate(0)
         self.touch()
@@ -462,6 +482,9 @@ class World(EntityArrays):
             is_scoring=self.is_scoring,
             dynamics=self.dynamics,
             is_creeping=self.is_creeping,
+            has_impacts=self.has_impacts,
+            passing=self.passing.copy(),
+            placed_uids=tuple(sorted(self.placed_uids)),
         )
 
     def restore(self, saved: Snapshot) -> None:
@@ -481,6 +504,8 @@ class World(EntityArrays):
         self.rng.bit_generator.state = saved.rng_state
         self.is_scoring = saved.is_scoring
         self.dynamics, self.is_creeping = saved.dynamics, saved.is_creeping
+        self.has_impacts, self.passing = saved.has_impacts, saved.passing.copy()
+        self.placed_uids = set(saved.placed_uids)
         self.touch()
 
     def restore_driven(self, uid: int, saved: Snapshot) -> None:
@@ -501,10 +526,12 @@ class World(EntityArrays):
         counts = (self.frame, self.seed, self._next_uid, self.n)
         state.update(repr((counts, list(self._rows.items()), self.rng.bit_generator.state)).encode())
         num_floats, num_ints, num_bools = (None, None, None) if self.is_scoring else NUM_CORE
-        if self.dynamics == Dynamics.KINEMATIC:
+        if self.has_impacts:
+            state.update(b"impacts" + repr(sorted(self.placed_uids)).encode() + self.passing.tobytes())
+        if self.dynamics == Dynamics.KINEMATIC and not self.has_impacts:
             state.update(self._floats[KINEMATIC_ALL if self.is_scoring else KINEMATIC_CORE, : self.n].tobytes())
         else:
-            state.update(b"single-track")
+            state.update(self.dynamics.name.lower().replace("_", "-").encode())
             state.update(self._floats[:num_floats, : self.n].tobytes())
         state.update(self._ints[:num_ints, : self.n].tobytes())
         state.update(self._bools[:num_bools, : self.n].tobytes())
@@ -552,6 +579,11 @@ class World(EntityArrays):
         self.leg_yaw[row], self.leg_turn[row] = wrapped, 0.0
         self.climb[row] = self.climb_accel[row] = 0.0
         self.block("drive_lag", "roll_rate")[:, row] = 0.0
+        if self.loose[row]:
+            self.loose[row] = 0.0
+            self.touch()
+        if self.has_impacts:
+            self.placed_uids.add(self.uid.item(row))
         if self.kind[row] != Kind.EGO:
             self.touch()  # it may move now, or no longer
             return
@@ -582,6 +614,9 @@ class World(EntityArrays):
         self.leg_yaw[rows], self.leg_turn[rows] = self.yaw[rows], 0.0
         self.climb[rows] = self.climb_accel[rows] = 0.0
         self.block("drive_lag", "roll_rate")[:, rows] = 0.0
+        self.loose[rows] = 0.0
+        if self.has_impacts:
+            self.placed_uids.update(self.uid[rows].tolist())
         self.near_lane[rows] = self.open_line[rows] = 0
         self.touch()
 
