@@ -54,7 +54,7 @@ def ego_pixels(pixels: Pixels) -> np.ndarray:
 
 async def open_map(open_page: OpenPage, url: str, **options: object) -> Page:
     """The page, once the ego and the road are drawn."""
-    page = await open_page(url, **options)  # type: ignore[arg-type]
+    page = await open_page(url, has_webgl=True, **options)  # type: ignore[arg-type]
     lane = colour(COLOURS["mapDark" if options.get("color_scheme") == "dark" else "map"]["lane"])
     await until(page, lambda pixels: len(places_of(pixels, lane, within=8.0)) > 2000)
     return page
@@ -220,16 +220,9 @@ async def test_nothing_is_drawn_while_nothing_changes(serve: Serve, open_page: O
 
 
 async def test_page_without_webgl_says_so_and_the_rest_works(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--scenario", "town")
-    page = await open_page(server, state=None)
-    await page.add_init_script(
-        "const get = HTMLCanvasElement.prototype.getContext;"
-        "HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {"
-        " return kind === 'webgl2' ? null : get.call(this, kind, ...rest); };"
-    )
-    await page.reload()
+    page = await open_page(serve("--scenario", "town"), has_webgl=False)
     await expect(page.get_by_text("This browser has no WebGL 2")).to_be_visible()
-    await expect(page.get_by_text("Connected", exact=True)).to_be_visible()
+    await expect(page.locator(".connection-state")).to_have_text("Connected")
 
 
 async def test_help_lists_keys_and_colours(serve: Serve, open_page: OpenPage) -> None:
