@@ -6,7 +6,8 @@
 It writes `page_town.png`, `page_chase.png` and `page_graph.png` to docs/images; `--more` adds views that no document
 shows, for those who change the page: a phone, a collision, and the other tabs. The scene is the same in each run: the
 built-in town with more traffic, after a drive of so many steps in synchronous mode; for the picture of the graph the
-world then runs some seconds in real time, so that the topics have rates. It needs Chromium and Playwright. The pictures are not compared by a test, because a font or a browser may change a pixel.
+world then runs some seconds in real time, so that the topics have rates. It needs Chromium and Playwright.
+The pictures are not compared by a test, because a font or a browser may change a pixel.
 """
 
 from __future__ import annotations
