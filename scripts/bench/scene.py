@@ -2,15 +2,21 @@
 
     python scripts/bench/scene.py [--rounds N] [--seconds S]
 
+    python scripts/bench/scene.py --browser    the real page in Chromium, without the first table
+
 The first table is made in this process. For the second, three servers run the same scene in real time at the same
 time on one core: one without a client, one with a plain client, one with the page's subscriptions. The plain client
 has the state as other programs have it: `/Ego_topic`, `/Object_topic` and `/SyncModeInfo` as JSON, at 20 Hz, with the
-same rate as the page's. The figures are the CPU time of a frame, and their ratios.
+same rate as the page's. The figures are the CPU time of a frame, and their ratios. With `--browser`
+the page is the real one in Chromium, on the core that the servers do not use. The plain client then has the page's own
+subscriptions, as its socket has sent them: the same topics, rates and encoding.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import shutil
 import statistics
 import sys
 import time
@@ -19,6 +25,8 @@ from contextlib import ExitStack
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from playwright.sync_api import sync_playwright
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.node_factory import make_node
@@ -29,6 +37,7 @@ from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state import Body, Kind, World
 from scripts.bench.load import Socket
+from scripts.bench.page import FLAGS
 from scripts.bench.program import SERVER, Program, machine, running
 
 NUM_OBJECTS = (20, 200, 1_000)
@@ -47,8 +56,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=7, help="rounds of each figure, 7 by default")
     parser.add_argument("--seconds", type=float, default=4.0, help="length of a round with servers, 4 by default [s]")
+    parser.add_argument("--browser", action="store_true", help="compare the real page with its own subscriptions")
     choice = parser.parse_args()
     print(machine())
+    if choice.browser:
+        _measure_browser(choice.rounds, choice.seconds)
+        return
     for num in NUM_OBJECTS:
         _measure_message(num, choice.rounds)
     _measure_servers(choice.rounds, choice.seconds)
@@ -111,6 +124,43 @@ def _measure_servers(rounds: int, seconds: float) -> None:
         print(f"{name:>12}: {statistics.median(costs[name]) * 1e6:.0f} us of CPU a frame")
     ratios = [page / plain for page, plain in zip(costs["page"], costs["plain client"], strict=True)]
     print(f"page / plain client: {statistics.median(ratios):.2f} ({min(ratios):.2f} to {max(ratios):.2f})")
+
+
+def _measure_browser(rounds: int, seconds: float) -> None:
+    """Print the CPU time of a frame of a server with the real page, and of one with a client of the same topics."""
+    ops: list[dict[str, object]] = []
+    with ExitStack() as stack:
+        servers = {name: stack.enter_context(running((*SERVER, "--scenario", "town"))) for name in ("plain", "page")}
+        browser = stack.enter_context(sync_playwright()).chromium.launch(
+            executable_path=shutil.which("chromium"), args=FLAGS
+        )
+        stack.callback(browser.close)
+        page = browser.new_page()
+        page.on("websocket", lambda socket: socket.on("framesent", lambda text: ops.append(json.loads(text))))
+        page.goto(f"http://127.0.0.1:{servers['page'].port}/")
+        page.wait_for_selector(".header-frame:not(:empty)", state="attached")
+        page.wait_for_timeout(1e3 * seconds)
+        subscriptions = [op for op in ops if op["op"] == "subscribe"]
+        socket = Socket(servers["plain"].port)
+        stack.callback(socket.close)
+        socket.finish()
+        for op in subscriptions:
+            socket.tell(**op)
+        costs: dict[str, list[float]] = {name: [] for name in servers}
+        for i in range(rounds + 1):
+            before = {name: server.cpu() for name, server in servers.items()}
+            end = time.perf_counter() + seconds
+            while time.perf_counter() < end:
+                socket.payloads()
+                page.wait_for_timeout(10)
+            if i:  # the first round has the start of each server
+                for name, server in servers.items():
+                    costs[name].append((server.cpu() - before[name]) / (seconds * 50))
+    print("subscriptions:", ", ".join(str(op["topic"]) for op in subscriptions))
+    for name, figures in costs.items():
+        print(f"{name:>12}: {statistics.median(figures) * 1e6:.0f} us of CPU a frame")
+    ratios = [page / plain for page, plain in zip(costs["page"], costs["plain"], strict=True)]
+    print(f"page / client of the same topics: {statistics.median(ratios):.2f} ({min(ratios):.2f} to {max(ratios):.2f})")
 
 
 def _subscribe(stack: ExitStack, server: Program, topics: Sequence[tuple[str, str, int]]) -> list[Socket]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from playwright.async_api import Page, expect
 from tests.conftest import Serve
 from tests.page.conftest import OpenPage, page_url
 from tests.page.prefix_proxy import PrefixProxy
+from tests.shell.websocket.test_access import Certificate
 from tests.support import ROOT, ServerProcess, miss
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
@@ -29,7 +31,7 @@ async def test_page_connects_with_few_requests_that_all_succeed(serve: Serve, op
     page.on("response", lambda response: statuses.update({response.url: response.status}))
     page.on("websocket", lambda socket: sockets.append(socket.url))
     await page.goto(page_url(server), wait_until="networkidle")
-    await expect(page.get_by_text("Connected", exact=True)).to_be_visible()
+    await expect(page.locator(".connection-state")).to_have_text("Connected")
     assert set(statuses.values()) == {200}, statuses
     assert sockets == [f"ws://127.0.0.1:{server.port}/"]
     assert len(statuses) + len(sockets) <= MAX_REQUESTS
@@ -51,6 +53,20 @@ async def test_page_works_behind_a_proxy_that_strips_a_prefix(serve: Serve, open
             page = await open_page(url)
             await page.close()  # before the proxy, which it would miss
         assert proxy.num_refused == 0
+
+
+async def test_page_of_a_server_with_a_certificate_speaks_wss(
+    serve: Serve, open_page: OpenPage, tmp_path: Path
+) -> None:
+    certificate = Certificate(tmp_path)
+    server = serve("--certfile", certificate.certfile, "--keyfile", certificate.keyfile)
+    page = await open_page("about:blank", state=None, ignore_https_errors=True)  # no authority knows it
+    sockets: list[str] = []
+    page.on("websocket", lambda socket: sockets.append(socket.url))
+    await page.goto(f"https://127.0.0.1:{server.port}/")
+    await expect(page.locator(".connection-state")).to_have_text("Connected")
+    await expect(page.locator(".header-frame")).to_have_text(re.compile(r"frame [1-9]"))
+    assert sockets == [f"wss://127.0.0.1:{server.port}/"]
 
 
 @pytest.mark.parametrize("is_named", [False, True])
@@ -80,14 +96,14 @@ async def test_page_asks_for_the_token_and_keeps_it_for_this_tab_alone(serve: Se
     await expect(page.get_by_text("The token is wrong.")).to_be_visible()
     await page.keyboard.type(TOKEN)  # the wrong one is selected
     await page.keyboard.press("Enter")
-    await expect(page.get_by_text("Connected", exact=True)).to_be_visible()
+    await expect(page.locator(".connection-state")).to_have_text("Connected")
     await expect(page.locator(".token-form")).to_be_hidden()
     assert TOKEN not in page.url
     assert await page.evaluate("localStorage.length") == 0
     assert await page.evaluate("document.cookie") == ""
     assert TOKEN not in await page.content()
     await page.reload()
-    await expect(page.get_by_text("Connected", exact=True)).to_be_visible()
+    await expect(page.locator(".connection-state")).to_have_text("Connected")
     other = await page.context.new_page()
     await other.goto(page_url(server))
     await expect(other.locator(".token-form")).to_be_visible()
@@ -119,7 +135,7 @@ async def test_killed_server_is_noticed_and_survived(tmp_path: Path, open_page: 
         second = ServerProcess(tmp_path / "second.txt", port=server.port)
         try:
             await expect(banner).to_contain_text("Connected again")
-            await expect(page.get_by_text("Connected", exact=True)).to_be_visible()
+            await expect(page.locator(".connection-state")).to_have_text("Connected")
             await expect(banner).to_be_hidden()
         finally:
             second.stop_cleanly()

@@ -47,6 +47,34 @@ async def test_element_takes_texts_as_text_and_no_property_that_is_html(serve: S
     await assert_no_image(page)
 
 
+async def test_graph_and_log_show_what_looks_like_html_as_it_is(
+    serve: Serve, open_page: OpenPage, connect: Connect
+) -> None:
+    server = serve()
+    page = await open_page(server)
+    client = await connect(server.url)
+    await client.send("advertise", topic=f"/{IMAGE}", type="std_msgs/String")  # refused: the log has the name
+    await client.send("call_service", service=f"/{IMAGE}", args={})
+    await client.send("advertise", topic="/shown", type="std_msgs/String")
+    await client.settle()
+    await page.get_by_role("tab", name="Graph").click()
+    await page.get_by_role("searchbox", name="Search topics").fill("shown")
+    await page.locator(".table-choice").filter(has_text="/shown").click()
+    await client.subscribe("/sim/topics")
+    await client.message_where(
+        "/sim/topics", lambda msg: any(one["name"] == "/shown" and one["subscribers"] for one in msg["topics"])
+    )
+    await client.send("publish", topic="/shown", msg={"data": IMAGE})
+    await expect(page.get_by_role("treeitem").filter(has_text=IMAGE)).to_be_visible()
+    await page.get_by_role("searchbox", name="Search topics").fill(IMAGE)
+    await expect(page.get_by_text("No topic matches.")).to_be_visible()
+    await page.get_by_role("tab", name="Log").click()
+    await expect(page.locator(".log-line").filter(has_text=f"/{IMAGE}").first).to_be_visible()
+    await page.get_by_role("searchbox", name="Search", exact=True).fill(IMAGE)
+    await expect(page.locator(".log-text").first).to_contain_text(IMAGE)
+    await assert_no_image(page)
+
+
 async def test_names_and_texts_of_another_client_enter_no_panel_as_html(
     serve: Serve, open_page: OpenPage, connect: Connect
 ) -> None:

@@ -54,6 +54,7 @@ export function makeCodePanel({ actions, connection, texts: { code: texts } }) {
     });
     const options = { address: connection.url, hasToken: connection.hasToken, texts };
     setText(program, action ? codeFor(action.operation, options)[language] : texts.empty);
+    text.classList.toggle("is-empty", !action);
     copy.setReason(action ? "" : texts.empty);
     const focused = list.contains(document.activeElement) ? Number(/** @type {HTMLElement} */ (document.activeElement).dataset.number) : 0;
     replaceChildren(list, ...actions.recent.map((one) => makeRow(one, one === action)));

@@ -128,7 +128,7 @@ class Driving {
   judge() {
     const reason = this.context.time.reasons.drive;
     if (reason && this.session.isOn) {
-      this.end(reason);
+      this.end(this.context.connection.state === "open" ? reason : this.texts.endedLost);
     }
     this.button.setReason(reason);
     this.show();
