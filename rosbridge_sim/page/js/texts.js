@@ -459,7 +459,7 @@ export const TEXTS = {
     lightsTitle: "Traffic lights",
     search: "Search the catalogue",
     catalogue: "Model",
-    dragHint: "Drag a model onto the map, or use the button.",
+    dragHint: "Drag the name beside the button onto the map, or press the button.",
     /**
      * @param {string} name
      * @param {string} kind
