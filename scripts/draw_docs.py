@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Draw the pictures of README and of the documentation's first pages.
 
-    python scripts/draw_docs.py    writes docs/images/town.png and docs/images/drive.svg
+    python scripts/draw_docs.py    writes docs/images/town.png, docs/images/hills.png and docs/images/drive.svg
 
-`town.png` is the built-in scene `town` as `rosbridge-sim scenario check town --picture` draws it, with fewer colours.
+`town.png` is the built-in scene `town` as `rosbridge-sim scenario check town --picture` draws it, with fewer colours;
+`hills.png` is the scene `hills`.
 `drive.svg` shows the drive of the Python program in README: 30 km/h in a left bend for five seconds, then the brake.
-Other pictures are drawn by `write_docs.py` from the sources and are compared by a test. These two are not compared,
+Other pictures are drawn by `write_docs.py` from the sources and are compared by a test. These are not compared,
 because a font or a numpy build may change a pixel.
 """
 
@@ -62,15 +63,16 @@ class Moment:
     brake: float
 
 
-def draw_scene(path: Path) -> None:
-    """Write the picture of the scene `town`.
+def draw_scene(name: str, path: Path) -> None:
+    """Write the picture of a built-in scene.
 
     Args:
+        name: of the scene.
         path: of the PNG file.
     """
     with tempfile.TemporaryDirectory() as folder:
-        large = Path(folder) / "town.png"
-        run_scenario(["check", "town", "--picture", str(large)])
+        large = Path(folder) / f"{name}.png"
+        run_scenario(["check", name, "--picture", str(large)])
         picture = Image.open(large).convert("RGB")
         picture.thumbnail((SIDE, SIDE), Image.Resampling.LANCZOS)
         picture.quantize(COLOURS, Image.Quantize.FASTOCTREE).save(path, optimize=True)
@@ -168,13 +170,14 @@ def draw_drive(path: Path) -> None:
 
 
 def main() -> int:
-    """Write both pictures.
+    """Write all pictures.
 
     Returns:
         The exit code.
     """
     IMAGES.mkdir(parents=True, exist_ok=True)
-    draw_scene(IMAGES / "town.png")
+    for name in ("town", "hills"):
+        draw_scene(name, IMAGES / f"{name}.png")
     draw_drive(IMAGES / "drive.svg")
     return 0
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draw the built-in maps and the scenarios on them: `track` with `demo`, `town` and `loop` with their namesakes.
+"""Draw the built-in maps and the scenarios on them: `track` with `demo`, the others with their namesakes.
 
     python scripts/draw_maps.py    writes rosbridge_sim/data/{maps,scenarios}/...
 
@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parent.parent
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
+from scripts.drawing.hills import hills_files, hills_scenario  # noqa: E402
 from scripts.drawing.loop import loop_files, loop_scenario  # noqa: E402
 from scripts.drawing.town import town_files, town_scenario  # noqa: E402
 from scripts.drawing.track import demo_scenario, track_files  # noqa: E402
@@ -25,8 +26,8 @@ __all__ = ["demo_scenario", "drawn", "track_files"]
 
 DATA = ROOT / "rosbridge_sim" / "data"
 
-MAPS = {"track": track_files, "town": town_files, "loop": loop_files}
-SCENARIOS = {"demo": demo_scenario, "town": town_scenario, "loop": loop_scenario}
+MAPS = {"track": track_files, "town": town_files, "loop": loop_files, "hills": hills_files}
+SCENARIOS = {"demo": demo_scenario, "town": town_scenario, "loop": loop_scenario, "hills": hills_scenario}
 
 
 def drawn() -> dict[Path, bytes]:

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Write schemas/scenario.schema.json, the JSON Schema of the scenario files that we read.
+"""Write the JSON Schemas of the files that we read: schemas/scenario.schema.json, schemas/sensor_noise.schema.json.
 
     python scripts/write_schemas.py
 
-It is generated from the models that read the files; a test fails if it is out of date.
+They are generated from the models that read the files; a test fails if one is out of date.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
 from rosbridge_sim.morai.scenarios.model import scenario_schema  # noqa: E402
+from rosbridge_sim.morai.sensor_noise import noise_schema  # noqa: E402
 
 
 def schema_files() -> dict[Path, str]:
@@ -25,7 +26,11 @@ def schema_files() -> dict[Path, str]:
     Returns:
         Path -> text.
     """
-    return {ROOT / "schemas" / "scenario.schema.json": json.dumps(scenario_schema(), indent=2) + "\n"}
+    schemas = {"scenario": scenario_schema(), "sensor_noise": noise_schema()}
+    return {
+        ROOT / "schemas" / f"{name}.schema.json": json.dumps(schema, indent=2) + "\n"
+        for name, schema in schemas.items()
+    }
 
 
 if __name__ == "__main__":

@@ -163,7 +163,7 @@ _AXLE_OF: Final[Mapping[str, Literal["front", "rear"]]] = {"fl": "front", "fr": 
 
 
 def _find_lane(world: World, row: int, roads: Roads) -> _Lane:
-    places = roads.nearest(world.x[row], world.y[row], world.yaw[row])
+    places = roads.nearest(world.x[row], world.y[row], world.yaw[row], world.z[row])
     to_left, to_right = roads.beside(places)
     return _Lane(places.lateral.item(), to_left.item(), to_right.item())
 

@@ -31,6 +31,7 @@ __all__ = [
     "find_mistakes",
     "keys_beside",
     "read_document",
+    "read_number",
     "sort_keys",
 ]
 
@@ -64,7 +65,7 @@ class Document(BaseModel):
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False, coerce_numbers_to_str=True)
 
 
-def _number(value: object) -> object:
+def read_number(value: object) -> object:
     """Return a number that is given as such or as text; MORAI also writes numbers as text with thousands commas."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value
@@ -88,23 +89,23 @@ def _flag(value: object) -> object:
 
 _NUMBER_SCHEMA = WithJsonSchema({"type": ["number", "string"]})
 
-Number = Annotated[float, BeforeValidator(_number), Field(ge=-1e12, le=1e12), _NUMBER_SCHEMA]
+Number = Annotated[float, BeforeValidator(read_number), Field(ge=-1e12, le=1e12), _NUMBER_SCHEMA]
 """Any finite number, also as text."""
 
 Coordinate = Annotated[
-    float, BeforeValidator(_number), Field(ge=-MAX_DOCUMENT_COORDINATE, le=MAX_DOCUMENT_COORDINATE), _NUMBER_SCHEMA
+    float, BeforeValidator(read_number), Field(ge=-MAX_DOCUMENT_COORDINATE, le=MAX_DOCUMENT_COORDINATE), _NUMBER_SCHEMA
 ]
 """Metres."""
 
 Ratio = Annotated[
     float,
-    BeforeValidator(_number),
+    BeforeValidator(read_number),
     Field(ge=0.0, le=1.0),
     WithJsonSchema({"type": ["number", "string"], "minimum": 0, "maximum": 1}),
 ]
 
 Whole = Annotated[
-    int, BeforeValidator(_number), Field(ge=-(2**31), le=2**31 - 1), WithJsonSchema({"type": ["integer", "string"]})
+    int, BeforeValidator(read_number), Field(ge=-(2**31), le=2**31 - 1), WithJsonSchema({"type": ["integer", "string"]})
 ]
 """An int32, also as text or as 2.0."""
 

@@ -92,7 +92,7 @@ def make_node(
     """
     chosen = settings or NodeSettings()
     context = _make_context(bus, world, library, scenario, chosen)
-    sensors = Sensors(context, archive)
+    sensors = Sensors(context, archive, chosen.sensor_noise)
     CommandExecutor(context, sensors)
     reader = reader or AtOnce()
     replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)

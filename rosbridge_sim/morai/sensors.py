@@ -6,7 +6,8 @@ Each ego has these, by their numbers in SensorPosControl:
     1  IMU   /imu   sensor_msgs/Imu        frame imu_link
 
 They are in the middle of the rear axle until a client moves them, and keep their place when a scenario is loaded.
-Readings are those of the sensor's place, without noise. They are computed only for topics with subscribers.
+Readings are those of the sensor's place, without noise unless the settings have it (`sensor_noise`). They are computed
+only for topics with subscribers.
 
 GPS. `latitude` and `longitude` are WGS 84. In the map's projection (mostly UTM), minus `eastOffset` and `northOffset`,
 they give the map's x and y. `altitude` has the same zero as the map's heights. `status` is 1 with a fix. It is 0, and
@@ -34,7 +35,9 @@ from rosbridge_sim.morai.ego import GPS, IMU, SENSORS, Ego
 from rosbridge_sim.morai.interfaces.publishers import Publishers
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.maps.georeference import Georeference
+from rosbridge_sim.morai.plain_bytes import PlainData
 from rosbridge_sim.morai.sensor_files import SensorDataStore, boxes_text, gps_text, imu_text
+from rosbridge_sim.morai.sensor_noise import NoiseSource, SensorNoise, covariance
 from rosbridge_sim.morai.tf_publisher import frame_prefix
 from rosbridge_sim.world.sensors import Mounting, feel, find_boxes, locate
 
@@ -57,14 +60,18 @@ _log = logging.getLogger("rosbridge_sim.morai")
 class Sensors(Component):
     """Component of the sensors. The egos keep the sensors' places."""
 
-    def __init__(self, context: SimulatorContext, archive: SensorDataStore | None) -> None:
+    def __init__(
+        self, context: SimulatorContext, archive: SensorDataStore | None, noise: SensorNoise | None = None
+    ) -> None:
         """Keep the sensors' data nowhere yet.
 
         Args:
             context: of the simulator.
             archive: saves captures; None if there is no folder for them.
+            noise: errors of all sensors; None for exact readings.
         """
         self._context = context
+        self._noise = noise
         self._archive = archive
         self._globe = Georeference()
         context.hooks.on_reset.append(self._reset)
@@ -87,7 +94,7 @@ class Sensors(Component):
     def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:
         """Publish the ego's GPS and IMU."""
         publishers.add(prefix + "gps", "morai_msgs/GPSMessage", partial(self._gps, ego), is_sampled=True)
-        publishers.add(prefix + "imu", "sensor_msgs/Imu", partial(self._imu, ego), is_sampled=True)
+        publishers.add(prefix + "imu", "sensor_msgs/Imu", partial(self._imu_unless_lost, ego), is_sampled=True)
 
     def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """Subscribe to the topics that move the ego's sensors and save their data."""
@@ -98,6 +105,19 @@ class Sensors(Component):
         """Put the sensors back where they were at the start."""
         for ego in self._context.egos:
             ego.mountings = dict.fromkeys(SENSORS, Mounting())
+
+    def save_state(self) -> PlainData:
+        """Return the settings of the noise, so that a snapshot goes on with the same readings."""
+        return None if self._noise is None else self._noise.model_dump_json()
+
+    def load_state(self, data: PlainData, now: float) -> None:  # noqa: ARG002 - the settings do not change
+        """Check that the snapshot was made with the same noise; there is no other state.
+
+        Raises:
+            ValueError: it was not.
+        """
+        if data != self.save_state():
+            raise ValueError("expected a snapshot with the same --sensor-noise")
 
     def capture(self, ego: Ego, notify: Notify, service: str) -> None:
         """Save the data of an ego's sensors in this frame, under the frame's number. An error is sent to the caller.
@@ -122,8 +142,12 @@ class Sensors(Component):
     def _gps(self, ego: Ego) -> Struct:
         road_map = self._context.scene.road_map
         x, y, z = locate(self._context.world, ego.row, ego.mountings[GPS])
+        has_fix = True
+        if self._noise is not None:
+            read = self._source(self._noise, ego).locate((x, y, z))
+            has_fix, (x, y, z) = read is not None, read or (x, y, z)
         east, north, up = road_map.origin
-        place = self._globe.locate(road_map, x, y)
+        place = self._globe.locate(road_map, x, y) if has_fix else None
         latitude, longitude = place or (0.0, 0.0)
         return self._make_gps(
             self._header(ego, GPS), latitude, longitude, z + up, east, north, 0 if place is None else 1
@@ -132,12 +156,27 @@ class Sensors(Component):
     def _imu(self, ego: Ego) -> Struct:
         reading = feel(self._context.world, ego.row, ego.mountings[IMU])
         vector, unknown = self._make_vector, [0.0] * 9  # by convention, all zeros mean an unknown covariance
+        about_axes = about_rates = about_accel = unknown
+        if self._noise is not None:
+            reading, imu = self._source(self._noise, ego).feel(reading), self._noise.imu
+            about_axes = covariance(imu.roll_pitch.variance, imu.roll_pitch.variance, imu.yaw.variance)
+            about_rates = covariance(*[imu.angular_velocity.variance] * 3)
+            about_accel = covariance(*[imu.acceleration.variance] * 3)
         return self._make_imu(
             self._header(ego, IMU),
-            *(self._make_quaternion(*reading.orientation), unknown),
-            *(vector(*reading.angular_velocity), unknown),
-            *(vector(*reading.acceleration), unknown),
+            *(self._make_quaternion(*reading.orientation), about_axes),
+            *(vector(*reading.angular_velocity), about_rates),
+            *(vector(*reading.acceleration), about_accel),
         )
+
+    def _imu_unless_lost(self, ego: Ego) -> Struct | None:
+        if self._noise is not None and self._source(self._noise, ego).is_imu_lost():
+            return None
+        return self._imu(ego)
+
+    def _source(self, noise: SensorNoise, ego: Ego) -> NoiseSource:
+        world = self._context.world
+        return NoiseSource(noise, world.seed, world.uid.item(ego.row), world.frame)
 
     # In
 

@@ -31,6 +31,7 @@ from rosbridge_sim.morai.real_time import RealTime, set_real_time_factor
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits
 from rosbridge_sim.morai.scene import Scene
 from rosbridge_sim.morai.scene_commands import SceneCommand
+from rosbridge_sim.morai.sensor_noise import SensorNoise
 from rosbridge_sim.morai.sim_services.scene_markers import SCENE_MAP, SCENE_OBJECTS
 from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.schema.message import Message
@@ -60,6 +61,7 @@ class NodeSettings:
         real_time_factor: how fast the world runs while real time moves it; see `RealTimePacer`.
         replay_info: publish ReplayInfo of any drive for all subscribers, also for those that subscribe to every topic.
         score: keep scores of the egos from frame 0 on, with and without a listener.
+        sensor_noise: errors of GPS and IMU; None for exact readings.
         on_world_failure: `exit` raises the exception of a failed step to the caller of `advance`; `serve` stops the
             world and refuses every call.
     """
@@ -77,6 +79,7 @@ class NodeSettings:
     real_time_factor: float = 1.0
     replay_info: bool = False
     score: bool = False
+    sensor_noise: SensorNoise | None = None
     on_world_failure: Literal["exit", "serve"] = "exit"
 
 

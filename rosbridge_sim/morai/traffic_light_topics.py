@@ -104,7 +104,7 @@ class TrafficLightTopics(Component):
     def _place(self, ego: Ego) -> tuple[int, float] | None:
         """Return the ego's lane and arc length on it [m]; None off the road, or on the wrong side of it."""
         world, row = self._context.world, ego.row
-        places = world.roads.nearest(world.x[row], world.y[row], world.yaw[row])
+        places = world.roads.nearest(world.x[row], world.y[row], world.yaw[row], world.z[row])
         is_along = math.cos(places.yaw[0] - world.yaw[row]) > 0.0
         if not (places.distance[0] <= MAX_LIGHT_TO_LANE and is_along):
             return None

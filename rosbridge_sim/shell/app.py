@@ -47,6 +47,7 @@ from rosbridge_sim.shell.files.access_rights import is_writable, why_not_writabl
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.network_files import DiskNetworks
+from rosbridge_sim.shell.files.noise_file import read_sensor_noise
 from rosbridge_sim.shell.files.quota import DataQuota, in_thread
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
@@ -437,7 +438,9 @@ def list_items(settings: Settings) -> list[ListedInterface]:
     bus = Bus(Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros))
     Rosapi(bus)
     WebRepublisher(bus)
-    built_in = replace(settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None)
+    built_in = replace(
+        settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None, sensor_noise="none"
+    )
     return list(_make_node(bus, built_in, None, None).interfaces.listing())
 
 
@@ -489,6 +492,7 @@ def _make_node(
         real_time_factor=settings.real_time_factor,
         replay_info=settings.replay_info,
         score=settings.score,
+        sensor_noise=read_sensor_noise(settings.sensor_noise),
         on_world_failure=settings.on_world_failure,
     )
     scenario = library.opening_scenario(settings.scenario)
@@ -496,7 +500,12 @@ def _make_node(
     try:
         node = make_node(
             bus,
-            World(settings.seed, Dynamics[settings.dynamics.upper().replace("-", "_")], is_creeping=settings.creep),
+            World(
+                settings.seed,
+                Dynamics[settings.dynamics.upper().replace("-", "_")],
+                is_creeping=settings.creep,
+                has_impacts=settings.on_collision == "impact",
+            ),
             library,
             scenario,
             choices,

@@ -27,21 +27,23 @@ CELL_COLUMN: Final = 1 << 32
 
 
 class BlockGrid:
-    """Boxes by the cells that they, enlarged by `REACH`, lie in."""
+    """Boxes by the cells that they, enlarged by a reach, lie in."""
 
     __slots__ = ("_block", "_number", "_size")
 
-    def __init__(self, low: FloatArray, high: FloatArray) -> None:
+    def __init__(self, low: FloatArray, high: FloatArray, reach: float = REACH, cell: float = CELL) -> None:
         """Sort boxes into cells.
 
         Args:
             low: (b, 2) south-western corners of the boxes, east and north [m].
             high: (b, 2) north-eastern corners [m].
+            reach: boxes within this distance of a place are certainly found [m].
+            cell: side of a cell [m].
         """
-        self._size = CELL
+        self._size = cell
         while True:
-            first = np.floor((low - REACH) / self._size).astype(np.int64)
-            width, height = np.floor((high + REACH) / self._size).astype(np.int64).T - first.T + 1
+            first = np.floor((low - reach) / self._size).astype(np.int64)
+            width, height = np.floor((high + reach) / self._size).astype(np.int64).T - first.T + 1
             if np.sum(width.astype(np.float64) * height) <= CELLS_EACH * (len(low) + 1):
                 break
             self._size *= 2.0
@@ -53,7 +55,7 @@ class BlockGrid:
         self._number, self._block = number[order], block[order]
 
     def find(self, place: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return the boxes that can be within `REACH` of each place.
+        """Return the boxes that can be within the reach of each place.
 
         Args:
             place: (n, 2) east and north [m].

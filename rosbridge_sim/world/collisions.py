@@ -5,13 +5,15 @@ car (an ego or a vehicle); contacts among pedestrians and obstacles are not repo
 turned by the yaw, from the ground up to `height`. Boxes that stand edge to edge do not touch. `World.contacts` holds
 the pairs of the last step.
 
-*What a contact does.* It is reported only; it does not affect motion. MORAI documents no effect on motion. An ego that
-is stopped, thrown back or bent by a model of our own would surprise everyone who uses a collision to end an episode.
+*What a contact does.* It is reported only, unless the world has `impacts`. MORAI documents no effect on motion.
+An ego that is stopped or thrown back by a model of our own would surprise everyone who uses a collision to end an
+episode.
 
 *How it is exact at any speed.* Within a step the boxes slide along the straight line from where they stood to where
 they stand, with the heading that they have at the end; `geometry.do_boxes_meet` decides for the whole line at once. If
 a box turns so much that a corner strays by more than `GRAIN`, the step is cut into smaller pieces. So the end of a step
-is judged exactly, and the rest of it to `GRAIN`. Heights are judged coarsely, by all that a body passes in the step.
+is judged exactly, and the rest of it to `GRAIN`. Heights are judged coarsely, by all that a body passes in the step; on
+a slope from its lowest to its highest end.
 
 *How it is cheap.* Usually no entity is near another. A *list* holds the pairs that could meet within the next `LIFE`
 steps if every entity kept its velocity, or strayed from that by less than a margin. An entity that strays by more ends
@@ -214,8 +216,26 @@ class CollisionDetector:
             return NO_CONTACTS
         pairs, z = pairs[:, is_hit], poses[:, POSE_Z][..., is_hit]
         low, high = z.min(axis=0), z.max(axis=0) + self._world.height[pairs]
+        if not self._world.roads.is_flat:
+            low, high = self._reach_on_slope(pairs, low, high)
         pairs = pairs[:, (low < high[::-1] - TOUCHING).all(axis=0)]
         return np.ascontiguousarray(self._uid[pairs].T)
+
+    def _reach_on_slope(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return least and greatest heights of bodies on sloping ground, whose reference points are between others.
+
+        Args:
+            pairs: (2, m) int64, rows.
+            low: (2, m) least heights of their reference points [m].
+            high: (2, m) greatest heights above these [m].
+        """
+        world = self._world
+        # The lean of a body on its springs is no slope of the ground.
+        pitch, roll = world.pitch[pairs] - world.lean_pitch[pairs], world.roll[pairs] - world.lean_roll[pairs]
+        nose = -np.sin(pitch) * (world.centre[pairs] + world.half_length[pairs])
+        tail = -np.sin(pitch) * (world.centre[pairs] - world.half_length[pairs])
+        aside = np.abs(np.sin(roll)) * world.half_width[pairs]
+        return low + np.minimum(nose, tail) - aside, high + np.maximum(nose, tail) + aside
 
     def _judge_turning(self, poses: FloatArray, of: BoolArray, num: int) -> BoolArray:
         """Return which pairs of boxes that turn touch, with the step cut into pieces.

@@ -73,7 +73,7 @@ def drive(world: World, dt: float) -> None:
 
 def _find_driven(world: World) -> IntArray:
     """Return the rows that the model moves, (k,) int64."""
-    return np.flatnonzero(world.alive & (world.kind == Kind.EGO) & ~world.is_ghost)
+    return np.flatnonzero(world.alive & (world.kind == Kind.EGO) & ~world.is_ghost & (world.loose == 0.0))
 
 
 class _SingleTrack:

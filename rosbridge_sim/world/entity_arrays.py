@@ -83,7 +83,13 @@ _KINEMATIC: Final = (
     *("lane_offset", "lane_offset_sum", "max_lane_offset"),
     *("jerk", "max_jerk", "jerk_square_sum", "max_lateral_accel", "lateral_accel_square_sum"),
 )
-FLOATS: Final = (*_SINGLE_TRACK, *(name for name in _KINEMATIC if name not in _SINGLE_TRACK))
+_SCORE: Final = _KINEMATIC.index("score_distance")
+FLOATS: Final = (
+    *_SINGLE_TRACK,
+    *(name for name in _KINEMATIC[:_SCORE] if name not in _SINGLE_TRACK),
+    "loose",  # of impacts
+    *_KINEMATIC[_SCORE:],
+)
 LEG_COLUMNS: Final = (
     *("leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
     *("leg_yaw", "leg_turn"),
@@ -109,7 +115,7 @@ NUM_CORE: Final = (FLOATS.index("score_distance"), INTS.index("score_since"), BO
 """Columns of each block without those of `score`, which are zeros while no scores are kept."""
 
 
-KINEMATIC_CORE: Final = np.array([FLOATS.index(name) for name in _KINEMATIC[: _KINEMATIC.index("score_distance")]])
+KINEMATIC_CORE: Final = np.array([FLOATS.index(name) for name in _KINEMATIC[:_SCORE]])
 """Rows of the float block that the kinematic model has, in its own order, without those of `score`: its digests do not
 depend on the columns of other models."""
 
@@ -143,9 +149,13 @@ class EntityArrays:
             The attributes from `accel` to here are those of driven rows (EGO); lane followers have accelerations and
             yaw rate as well.
 
+        loose: 1 for a vehicle that an impact has thrown off its lane and that slides with locked wheels or has come to
+            rest so, and for an ego that spins, else 0; see `impacts`.
+
         arc: distance along the path or the lane; without either, since the row was placed; 0 for driven rows [m].
         lateral_speed, climb, climb_accel: velocity to the left [m/s] and up [m/s], acceleration up [m/s^2], of ghosts
-            as their recording has them, and lateral_speed of a row of the single track model; 0 for all others.
+            as their recording has them, and lateral_speed of a loose row and of a row of the single track model; 0 for
+            all others.
 
         The following entries are those of driven rows in the single track model; see `single_track`.
         friction: of the ground below; see `ground`.
@@ -282,6 +292,7 @@ class EntityArrays:
     half_width: FloatArray
     height: FloatArray
     centre: FloatArray
+    loose: FloatArray
     score_distance: FloatArray
     time_to_collision: FloatArray
     min_time_to_collision: FloatArray

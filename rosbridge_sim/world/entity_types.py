@@ -86,8 +86,8 @@ class Body:
         drag: deceleration by air, engine and gears for each (m/s)^2 [1/m]. With the default, full throttle reaches
             180 km/h at most, and 100 km/h in ten seconds.
         speed_mode_accel, speed_mode_decel: the most that the speed controller asks for [m/s^2].
-        mass: with a driver [kg]: 1,375 kg and 75 kg. The dynamics are those of one kilogram, so it counts for forces
-            that are reported only.
+        mass: with a driver [kg]: 1,375 kg and 75 kg. The dynamics are those of one kilogram, so it counts for
+            impacts and for forces that are reported.
         front_load: share of the weight on the front axle at rest. 0.59 is usual for a car with front engine and
             front-wheel drive.
         cg_height: height of the centre of gravity [m]; see `CG_SHARE`.

@@ -44,20 +44,24 @@ def find_friction(world: World, rows: IntArray) -> None:
     near = (accel * accel + lateral * lateral > NEAR_LIMIT * NEAR_LIMIT).nonzero()[0]
     if len(near):
         those = rows[near]
-        is_on = are_on_road(world.roads, world.x[those], world.y[those])
+        is_on = are_on_road(world.roads, world.x[those], world.y[those], world.z[those])
         world.friction[those] = np.where(is_on, ROAD_FRICTION, OFF_ROAD_FRICTION)
 
 
-def are_on_road(roads: Roads, x: FloatArray, y: FloatArray) -> BoolArray:
+def are_on_road(roads: Roads, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
     """Return which places are within the edges of any lane.
 
     Args:
         roads: at least one lane.
         x: (k,) east [m].
         y: (k,) north [m].
+        z: (k,) heights; lanes on another level do not count, unless the map is flat [m].
     """
     owner, places = roads.within(x, y, np.full(len(x), MAX_EDGE))
     to_left, to_right = roads.beside(places)
+    is_within = (to_left >= 0.0) & (to_right >= 0.0)
+    if not roads.is_flat:
+        is_within &= roads.are_level(places, z[owner])
     is_on = np.zeros(len(x), dtype=bool)
-    is_on[owner[(to_left >= 0.0) & (to_right >= 0.0)]] = True
+    is_on[owner[is_within]] = True
     return is_on

@@ -88,6 +88,7 @@ def find_entries(
     *,
     x: FloatArray,
     y: FloatArray,
+    z: FloatArray,
     yaw: FloatArray,
     speed: FloatArray,
     half_length: FloatArray,
@@ -100,6 +101,7 @@ def find_entries(
         roads: the lanes.
         x: middle of the box, east [m].
         y: middle of the box, north [m].
+        z: height of the box; it has no entries on lanes of another level, unless the map is flat [m].
         yaw: heading [rad].
         speed: along the heading [m/s].
         half_length: half of the length of the box [m].
@@ -115,7 +117,10 @@ def find_entries(
     half_along = np.abs(cos) * half_length[owner] + np.abs(sin) * half_width[owner]
     then = places.lateral + sin * speed[owner] * foresight[owner]
     left, right = np.fmax(places.lateral, then), np.fmin(places.lateral, then)
-    at = np.flatnonzero((right < CORRIDOR + half_across) & (left > -CORRIDOR - half_across))
+    obstructs = (right < CORRIDOR + half_across) & (left > -CORRIDOR - half_across)
+    if not roads.is_flat:
+        obstructs &= roads.are_level(places, z[owner])
+    at = np.flatnonzero(obstructs)
     lane, s = places.lane[at], places.s[at]
     along = np.maximum(speed[owner[at]] * cos[at], 0.0)
     return Entries(lane, s, s - half_along[at], along, np.full(len(at), -1, dtype=np.int64)), owner[at]

@@ -155,7 +155,7 @@ class _LaneFollowers:
         self.choice = RouteChoice(world, self.rows)
         self.egos = SelfDrivingEgos(world, self.rows)
         others = world.alive & ~world.has_lane
-        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0)
+        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0)
         still = np.flatnonzero(others & ~may_move)
         self.still, owner = _entries_of(world, still)
         self.still_rows = still[owner]
@@ -279,6 +279,7 @@ def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray]:
         world.roads,
         x=world.x[rows] + world.centre[rows] * cos,
         y=world.y[rows] + world.centre[rows] * sin,
+        z=world.z[rows],
         yaw=world.yaw[rows],
         speed=world.speed[rows],
         half_length=world.half_length[rows],

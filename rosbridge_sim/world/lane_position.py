@@ -18,6 +18,7 @@ from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.route_choice import RouteChoice
+from rosbridge_sim.world.settling import settle_on_lanes
 from rosbridge_sim.world.state import Kind, World, usual_wheelbase
 
 __all__ = [
@@ -107,6 +108,7 @@ def keep_lanes(world: World, starts: Sequence[LaneStart]) -> None:
     set_legs(world, roads.derived(LaneConflicts), rows)
     lanes = world.int_block("lane", "ahead_5")[:, rows]
     world.yaw[rows] = headings(roads, lanes, world.arc[rows], world.wheelbase[rows])
+    settle_on_lanes(world, world.roads, rows)
     world.touch()
 
 

@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.settling import settle
 from rosbridge_sim.world.state import MAX_COORDINATE, MAX_SPEED, Dynamics, Kind, World, check_pose
 
 __all__ = ["place_ghost", "place_ghosts", "set_ghost", "set_speed", "show_ghosts", "teleport"]
@@ -32,6 +33,9 @@ def teleport(
 ) -> None:
     """Place a row somewhere else. Commands, gear and steering stay. It leaves its path or lane.
 
+    On a map with hills it is put onto the ground: z chooses between a bridge and the road below it, and roll and pitch
+    are those of the ground.
+
     Args:
         world: written in place.
         row: any row in use.
@@ -50,6 +54,8 @@ def teleport(
     world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.tilt(row, roll=roll, pitch=pitch)
     set_ghost(world, row, is_ghost=False)
+    if not world.roads.is_flat:
+        settle(world, world.roads, np.array([row]), np.array([z]))
 
 
 def set_speed(world: World, row: int, speed: float) -> None:
@@ -68,6 +74,11 @@ def set_speed(world: World, row: int, speed: float) -> None:
     check_pose(speed=speed)
     if speed < 0.0 and (world.has_path[row] or (world.has_lane[row] and world.kind[row] != Kind.EGO)):
         raise ValueError(f"speed: expected >= 0 on a path or a lane, got {speed!r}")
+    if world.loose[row] and world.kind[row] == Kind.EGO:
+        world.loose[row] = 0.0
+    elif world.loose[row]:
+        x, y, z, yaw = (float(getattr(world, name)[row]) for name in ("x", "y", "z", "yaw"))
+        world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.speed[row] = speed
     if world.dynamics == Dynamics.SINGLE_TRACK and world.kind[row] == Kind.EGO:
         world.lateral_speed[row] = world.yaw_rate[row] = 0.0
@@ -172,3 +183,5 @@ def set_ghost(world: World, row: int, *, is_ghost: bool) -> None:
     if world.is_ghost.item(row) != is_ghost:
         world.is_ghost[row] = is_ghost
         world.touch()
+        if not is_ghost and not world.roads.is_flat:  # from here on it is on the ground
+            settle(world, world.roads, np.array([row]), world.z[[row]])

@@ -37,7 +37,7 @@ class LanePlace:
     yaw: float
 
 
-def find_lane(roads: Roads, x: float, y: float, yaw: float | None = None) -> LanePlace | None:
+def find_lane(roads: Roads, x: float, y: float, yaw: float | None = None, z: float | None = None) -> LanePlace | None:
     """Return the place on the lane nearest to a point.
 
     Args:
@@ -46,13 +46,14 @@ def find_lane(roads: Roads, x: float, y: float, yaw: float | None = None) -> Lan
         y: north, finite [m].
         yaw: heading; lanes of another direction then count as farther away, see `Roads.nearest` [rad]. None compares
             distances alone.
+        z: height, which tells a bridge from the road below it [m]. None for any.
 
     Returns:
         The place; None where the map has no lanes.
     """
     if not len(roads):
         return None
-    return _pick(roads.nearest(x, y, yaw), 0)
+    return _pick(roads.nearest(x, y, yaw, z), 0)
 
 
 def place_on_lane(roads: Roads, lane: int, x: float, y: float, reach: float) -> LanePlace | None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
-from typing import TypeVar, cast
+from typing import Final, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -20,9 +20,13 @@ import numpy.typing as npt
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, in_columns, wrap_angle
 from rosbridge_sim.world.segment_search import LaneSegments, SegmentSearch
 
-__all__ = ["LanePlaces", "Roads"]
+__all__ = ["LEVEL", "LanePlaces", "Roads"]
 
 T = TypeVar("T")
+
+LEVEL: Final = 2.5
+"""An entity that is farther than this above or below a lane is on another level [m]: bridges have a clearance of 4.5 m
+and more, and the ground within a few metres of a lane is not steeper than this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,6 +65,10 @@ class Roads:
         is_stop: (l,) bool, a stop line lies across the lane's end.
         border: (n, 2) distances of the lane's edges to the left and to the right of each point; half a width where the
             map does not say [m].
+        bank: (n, 2) rise across the lane for each metre to the left, in its left and its right half, at each point; 0
+            where the map does not say.
+        is_flat: whether all of it has one height.
+        segments: the straight segments of all lanes.
         first_successor, successor: (l + 1,) and (k,) int64; `successor[first_successor[i]:first_successor[i + 1]]`
             are the rows of the lanes that begin where lane `i` ends.
         base, chain: (l,) and (n,) one scale for all lanes: the place `s` on lane `i` is `base[i] + s`. `chain` has the
@@ -72,7 +80,7 @@ class Roads:
         "_derived",
         "_rows",
         "_search",
-        "_segments",
+        "bank",
         "base",
         "border",
         "chain",
@@ -80,12 +88,14 @@ class Roads:
         "first",
         "first_successor",
         "ids",
+        "is_flat",
         "is_stop",
         "left",
         "length",
         "points",
         "right",
         "s",
+        "segments",
         "speed_limit",
         "successor",
         "turn",
@@ -104,6 +114,7 @@ class Roads:
         right: Sequence[int] | None = None,
         is_stop: Sequence[bool] | None = None,
         borders: Mapping[int, FloatArray] | None = None,
+        banks: Mapping[int, FloatArray] | None = None,
     ) -> None:
         """Make the lanes; without arguments, a map without roads.
 
@@ -117,6 +128,7 @@ class Roads:
             right: for each lane the row of the lane to its right, or -1; None for no such lanes.
             is_stop: for each lane whether it ends at a stop line; None for no stop lines.
             borders: for some lanes (k, 2) the distances to the left and the right edge at each point of the line [m].
+            banks: for some lanes (k, 2) the `bank` at each point of the line.
 
         Raises:
             ValueError: the arguments differ in length, a name comes twice or a line has no length.
@@ -147,8 +159,13 @@ class Roads:
         self.border = np.repeat(0.5 * self.width, np.diff(self.first))[:, None].repeat(2, axis=1)
         for lane, distances in (borders or {}).items():
             self.border[self.first[lane] : self.first[lane + 1]] = distances[kept[lane]]
+        self.bank = np.zeros((len(self.points), 2))
+        for lane, rises in (banks or {}).items():
+            self.bank[self.first[lane] : self.first[lane + 1]] = rises[kept[lane]]
+        height = self.points[:, 2]
+        self.is_flat = not self.bank.any() and not (height != height[:1]).any()
         self._measure()
-        self._search = SegmentSearch(self._segments, num) if num else None
+        self._search = SegmentSearch(self.segments, num) if num else None
         self._derived: dict[object, object] = {}
         self.digest = self._hash()
 
@@ -192,7 +209,7 @@ class Roads:
         point, share = self.locate(lane, np.asarray(s, dtype=np.float64))
         start = self.points[point]
         # Each lane before has one segment fewer than it has points.
-        return start + share[:, None] * (self.points[point + 1] - start), self._segments.yaw(point - lane)
+        return start + share[:, None] * (self.points[point + 1] - start), self.segments.yaw(point - lane)
 
     def beside(self, places: LanePlaces) -> tuple[FloatArray, FloatArray]:
         """Return how far the edges of their lanes are from given places.
@@ -231,9 +248,15 @@ class Roads:
             at = np.flatnonzero(is_wrong)
             found = np.searchsorted(self.chain, self.base[lane[at]] + s[at], side="right") - 1
             point[at] = np.minimum(np.maximum(found, first[at]), last[at])
-        return point, (s - self.s[point]) / self._segments.length[point - lane]
+        return point, (s - self.s[point]) / self.segments.length[point - lane]
 
-    def nearest(self, x: npt.ArrayLike, y: npt.ArrayLike, yaw: npt.ArrayLike | None = None) -> LanePlaces:
+    def nearest(
+        self,
+        x: npt.ArrayLike,
+        y: npt.ArrayLike,
+        yaw: npt.ArrayLike | None = None,
+        z: npt.ArrayLike | None = None,
+    ) -> LanePlaces:
         """Return the lane nearest to each point, and the place on it.
 
         Args:
@@ -241,6 +264,8 @@ class Roads:
             y: (n,) north, finite [m].
             yaw: (n,) headings [rad]; when given, lanes of another direction count as farther away
                 (`segment_search.TURN_COST`).
+            z: (n,) heights; when given, lanes above and below count as farther away (`segment_search.HEIGHT_COST`)
+                [m]. On a flat map it makes no difference.
 
         Returns:
             (n,) places. Of equally near lanes the first in the map's order.
@@ -259,7 +284,35 @@ class Roads:
             if angle.shape != (n,):
                 angle = np.broadcast_to(angle, (n,))
             heading = in_columns(np.cos(angle), np.sin(angle))
-        return self._places(place, self._search.nearest(place, heading))
+        height = None
+        if z is not None and not self.is_flat:
+            height = np.broadcast_to(np.asarray(z, dtype=np.float64), (n,))
+        return self._places(place, self._search.nearest(place, heading, height))
+
+    def find_segments(self, place: FloatArray, height: FloatArray) -> IntArray:
+        """Return the nearest segment for each place, (n,) int64, rows of `segments`.
+
+        Args:
+            place: (n, 2) east and north, n >= 1 [m].
+            height: (n,) segments above and below count as farther away [m].
+
+        Raises:
+            ValueError: there are no lanes.
+        """
+        if self._search is None:
+            raise ValueError("expected roads with at least one lane")
+        return self._search.nearest(place, None, height)
+
+    def are_level(self, places: LanePlaces, z: FloatArray) -> BoolArray:
+        """Return (n,) whether places on lanes are on the level of given heights, not on a bridge above or below it.
+
+        Args:
+            places: places on lanes.
+            z: (n,) heights [m].
+        """
+        point, share = self.locate(places.lane, places.s)
+        height = self.points[:, 2]
+        return np.asarray(np.abs(height[point] + share * (height[point + 1] - height[point]) - z) < LEVEL)
 
     def within(self, x: FloatArray, y: FloatArray, radius: FloatArray) -> tuple[IntArray, LanePlaces]:
         """Return all lanes near each point. A point beyond the ends of a lane is not near it.
@@ -282,7 +335,7 @@ class Roads:
 
     def _places(self, place: FloatArray, segment: IntArray) -> LanePlaces:
         """Return the places of points (n, 2) relative to the segments (n,) chosen for them."""
-        segments = self._segments
+        segments = self.segments
         along, lateral, distance = segments.project(place, segment)
         s = self.s[segments.point[segment]] + along
         return LanePlaces(segments.lane[segment], s, lateral, distance, segments.yaw(segment))
@@ -297,7 +350,9 @@ class Roads:
         start, end = self.points[point, :2], self.points[point + 1, :2]
         step = end - start
         length = np.hypot(step[:, 0], step[:, 1])
-        self._segments = LaneSegments(lane, point, start, end, length, step / length[:, None])
+        height = self.points[:, 2]
+        slope = (height[point + 1] - height[point]) / length
+        self.segments = LaneSegments(lane, point, start, end, length, step / length[:, None], height[point], slope)
 
         # One rising scale for all lanes, with an unused metre between two of them: a single search serves them all.
         gap = np.ones(len(self.points))
@@ -308,7 +363,7 @@ class Roads:
         self.s = self.chain - self.base[lane_of_point]
         self.length = self.s[self.first[1:] - 1]
 
-        yaw = self._segments.yaw(np.arange(len(lane)))
+        yaw = self.segments.yaw(np.arange(len(lane)))
         bend = np.where(lane[1:] == lane[:-1], wrap_angle(np.diff(yaw)), 0.0)
         self.turn = np.bincount(lane[1:], weights=bend, minlength=len(self))
 
@@ -317,6 +372,8 @@ class Roads:
         columns = (self.points, self.border, self.first, self.width, self.speed_limit, self.left, self.right)
         for column in (*columns, self.is_stop, self.first_successor, self.successor):
             state.update(column.tobytes())
+        if self.bank.any():
+            state.update(self.bank.tobytes())
         return state.digest()
 
 

@@ -82,6 +82,9 @@ def to_plain(saved: Snapshot) -> Plain:
         "is_scoring": int(saved.is_scoring),
         "dynamics": int(saved.dynamics),
         "is_creeping": int(saved.is_creeping),
+        "has_impacts": int(saved.has_impacts),
+        "passing": saved.passing,
+        "placed_uids": np.array(saved.placed_uids, dtype=np.int64),
         "rng": _plain_rng(saved.rng_state),
     }
 
@@ -151,6 +154,17 @@ class _Reader:
             _expect(not any(scores), "is_scoring", "zeros in the columns of scores while none are kept")
         contacts = self._array("contacts", np.int64, (None, 2))
         _expect(bool(np.isin(contacts, uids[:, 0]).all()), "contacts", "ids of entities")
+        passing, placed = self._array("passing", np.int64, (None, 2)), self._array("placed_uids", np.int64, (None,))
+        _expect(bool(np.isin(passing, contacts).all()), "passing", "pairs of contacts")
+        _expect(bool(np.isin(placed, uids[:, 0]).all()), "placed_uids", "ids of entities")
+        has_impacts = self._int("has_impacts", 0, 1) == 1
+        is_plain = not (len(passing) or len(placed) or floats[FLOATS.index("loose")].any())
+        _expect(has_impacts or is_plain, "has_impacts", "nothing of impacts without them")
+        loose = floats[FLOATS.index("loose")] != 0.0
+        kind = ints[INTS.index("kind")]
+        is_driving = bools[BOOLS.index("has_lane")] | bools[BOOLS.index("has_path")]
+        is_wrong = loose & (kind != Kind.EGO) & ((kind != Kind.VEHICLE) | is_driving)
+        _expect(not bool(is_wrong.any()), "floats.loose", "egos, and vehicles off lanes and paths")
         followers = ints[INTS.index("uid")][bools[BOOLS.index("has_lane")]]
         _expect(set(routes) <= set(followers.tolist()), "routes", "ids of lane followers")
         return Snapshot(
@@ -171,6 +185,9 @@ class _Reader:
             rng_state=self._rng(),
             dynamics=Dynamics(self._int("dynamics", min(Dynamics), max(Dynamics))),
             is_creeping=self._int("is_creeping", 0, 1) == 1,
+            has_impacts=has_impacts,
+            passing=passing,
+            placed_uids=tuple(placed.tolist()),
             is_scoring=is_scoring,
         )
 

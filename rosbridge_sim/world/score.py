@@ -255,12 +255,13 @@ def _judge_lanes(world: World, rows: IntArray, middle: ComplexArray, heading: Co
     """
     roads = world.roads
     x, y = middle.real.copy(), middle.imag.copy()
-    places = roads.nearest(x, y, world.yaw[rows])
+    z = world.z[rows]
+    places = roads.nearest(x, y, world.yaw[rows], z)
     to_left, to_right = roads.beside(places)
     is_on = (to_left >= 0.0) & (to_right >= 0.0) & (places.distance - np.abs(places.lateral) < BESIDE)
     doubtful = (~is_on).nonzero()[0]
     if len(doubtful):
-        is_on[doubtful] = are_on_road(roads, x[doubtful], y[doubtful])
+        is_on[doubtful] = are_on_road(roads, x[doubtful], y[doubtful], z[doubtful])
     world.is_off_road[rows] = ~is_on
     world.off_road_frames[rows] += ~is_on
     world.road_frames[rows] += is_on
@@ -331,7 +332,7 @@ def _judge_lines(world: World, rows: IntArray, nose: tuple[ComplexArray, Complex
     """
     world.has_passed_red[rows] = False
     roads, signals = world.roads, world.signals
-    passed = roads.derived(StopLines).find_passed(signals, *nose, heading)
+    passed = roads.derived(StopLines).find_passed(signals, *nose, heading, world.z[rows])
     open_lines = world.open_line[rows]
     if open_lines.any():
         at = open_lines.nonzero()[0]

@@ -16,7 +16,7 @@ import numpy as np
 from rosbridge_sim.world.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, ranges
 
-__all__ = ["LaneSegments", "SegmentSearch"]
+__all__ = ["SAME_HEIGHT", "LaneSegments", "SegmentSearch", "first_least", "height_cost"]
 
 BLOCK_SEGMENTS: Final = 32
 """Segments in a block: about the root of their number on a small map, and 16 to 32 m of road."""
@@ -24,6 +24,12 @@ BLOCK_SEGMENTS: Final = 32
 TURN_COST: Final = 3.0
 """A lane across the heading counts as this much farther away [m], and an opposite lane as twice as much. So an oncoming
 lane (3.5 m away) loses against one's own lane, even while one drives on the line between them."""
+
+HEIGHT_COST: Final = 2.0
+SAME_HEIGHT: Final = 1.0
+"""Each metre of height above the second number [m] counts as the first number of metres of distance. A bridge 6 m above
+a road loses against the road below for an entity on that road, as far as 10 m beside its line. Within one road only
+distances count: it rises by less across its lanes."""
 
 BESIDE: Final = 0.5
 """A place farther than this beyond the end of a lane, or outside a corner, is not beside the lane [m]."""
@@ -51,6 +57,8 @@ class LaneSegments:
         end: (k, 2) end points, east and north [m].
         length: (k,) in the plane, positive [m].
         direction: (k, 2) unit vectors in the plane.
+        height: (k,) of the start points [m].
+        slope: (k,) rise for each metre in the plane.
     """
 
     lane: IntArray
@@ -59,6 +67,8 @@ class LaneSegments:
     end: FloatArray
     length: FloatArray
     direction: FloatArray
+    height: FloatArray
+    slope: FloatArray
 
     def yaw(self, segment: IntArray) -> FloatArray:
         """Return the directions of segments, (n,), counter-clockwise from east, (-pi, pi] [rad]."""
@@ -92,7 +102,10 @@ class SegmentSearch:
         num_lanes: lanes, each of which has a segment.
     """
 
-    __slots__ = ("_first", "_grid", "_high", "_low", "_middle", "_num_lanes", "_segments", "_size")
+    __slots__ = (
+        *("_bottom", "_first", "_grid", "_high", "_low", "_middle", "_middle_height", "_num_lanes", "_segments"),
+        *("_size", "_top"),
+    )
 
     def __init__(self, segments: LaneSegments, num_lanes: int) -> None:
         self._segments, self._num_lanes = segments, num_lanes
@@ -103,24 +116,33 @@ class SegmentSearch:
         offset = BLOCK_SEGMENTS * ranges(np.zeros_like(blocks), blocks)
         self._first = first[lane] + offset
         self._size = np.minimum(num[lane] - offset, BLOCK_SEGMENTS)
-        self._middle = segments.start[self._first + self._size // 2]
+        middle = self._first + self._size // 2
+        self._middle, self._middle_height = segments.start[middle], segments.height[middle]
+        end_height = segments.height + segments.slope * segments.length
+        self._bottom = np.minimum.reduceat(np.minimum(segments.height, end_height), self._first)
+        self._top = np.maximum.reduceat(np.maximum(segments.height, end_height), self._first)
         self._low = np.minimum.reduceat(np.minimum(segments.start, segments.end), self._first)
         self._high = np.maximum.reduceat(np.maximum(segments.start, segments.end), self._first)
         self._grid: BlockGrid | None = None
 
-    def nearest(self, place: FloatArray, heading: FloatArray | None) -> IntArray:
+    def nearest(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None = None) -> IntArray:
         """Return the nearest segment for each place, (n,) int64; of equally near ones the first.
 
         Args:
             place: (n, 2) east and north, n >= 1 [m].
             heading: (n, 2) unit vectors; segments of another direction count as farther away (`TURN_COST`). None
                 compares distances alone.
+            height: (n,) heights of the places; segments above and below count as farther away (`HEIGHT_COST`) [m].
         """
         best = np.zeros(len(place), dtype=np.int64)
         step = max(1, MAX_BLOCK_PAIRS // len(self._size))
         for i in range(0, len(place), step):  # nearly always one part
             part = slice(i, i + step)
-            best[part] = self._best(place[part], None if heading is None else heading[part])
+            best[part] = self._best(
+                place[part],
+                None if heading is None else heading[part],
+                None if height is None else height[part],
+            )
         return best
 
     def within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
@@ -165,9 +187,11 @@ class SegmentSearch:
         is_within = _length(np.maximum(gap, 0.0)) <= radius[owner]
         return owner[is_within], block[is_within]
 
-    def _best(self, place: FloatArray, heading: FloatArray | None) -> IntArray:
+    def _best(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None) -> IntArray:
         """Return the nearest segment for each place, (n,); arguments as for `nearest`."""
         slack = 0.0 if heading is None else 2.0 * TURN_COST
+        if height is not None:
+            return self._best_at(place, heading, height, slack)
         if len(place) == 1:  # the usual case: one ego, in half of the time
             segment = self._candidates_of_one(place, slack)
             score = self._segments.project(place, segment)[2]
@@ -185,6 +209,23 @@ class SegmentSearch:
         least = np.minimum.reduceat(score, start)
         hit = np.flatnonzero(score == least[owner])
         return np.asarray(segment[hit[np.searchsorted(hit, start)]])
+
+    def _best_at(self, place: FloatArray, heading: FloatArray | None, height: FloatArray, slack: float) -> IntArray:
+        """Return what `_best` returns for places of given heights."""
+        gap = np.maximum(self._low - place[:, None], place[:, None] - self._high)
+        above = np.maximum(np.maximum(self._bottom - height[:, None], height[:, None] - self._top), 0.0)
+        at_best = _length(np.maximum(gap, 0.0)) + height_cost(above)
+        at_most = _length(place[:, None] - self._middle)
+        at_most += height_cost(np.abs(self._middle_height - height[:, None]))
+        owner, block = np.nonzero(at_best <= ((at_most.min(axis=1) + slack) * (1.0 + 1e-9) + 1e-9)[:, None])
+        size = self._size[block]
+        segment, owner = ranges(self._first[block], size), np.repeat(owner, size)
+        segments = self._segments
+        along, _, score = segments.project(place[owner], segment)
+        score += height_cost(np.abs(segments.height[segment] + along * segments.slope[segment] - height[owner]))
+        if heading is not None:
+            score += TURN_COST * (1.0 - (heading[owner] * segments.direction[segment]).sum(axis=1))
+        return segment[first_least(score, owner, len(place))]
 
     def _candidates_of_one(self, place: FloatArray, slack: float) -> IntArray:
         """Return what `_candidates` returns for one place, (1, 2)."""
@@ -211,6 +252,25 @@ class SegmentSearch:
         size = self._size[block]
         count = np.bincount(np.repeat(owner, size), minlength=len(place))
         return ranges(self._first[block], size), count
+
+
+def first_least(score: FloatArray, owner: IntArray, num: int) -> IntArray:
+    """Return for each of `num` owners the index of its least score; of equal ones the first.
+
+    Args:
+        score: (m,) with one or more for each owner.
+        owner: (m,) int64, rising, 0 to `num` - 1.
+        num: owners.
+    """
+    start = owner.searchsorted(np.arange(num))
+    least = np.minimum.reduceat(score, start)
+    hit = np.flatnonzero(score == least[owner])
+    return np.asarray(hit[np.searchsorted(hit, start)])
+
+
+def height_cost(amount: FloatArray) -> FloatArray:
+    """Return the metres of distance that amounts of height count as [m]."""
+    return np.asarray(HEIGHT_COST * np.maximum(amount - SAME_HEIGHT, 0.0))
 
 
 def _length(vector: FloatArray) -> FloatArray:

@@ -62,9 +62,9 @@ def start_self_driving(
     if world.kind[row] != Kind.EGO or not world.alive[row]:
         raise ValueError(f"row {row} is not driven")
     check_route(world.roads, route, is_loop=is_loop)
-    x, y, yaw = (float(getattr(world, name)[row]) for name in ("x", "y", "yaw"))
+    x, y, yaw, z = (float(getattr(world, name)[row]) for name in ("x", "y", "yaw", "z"))
     roads = world.roads
-    near = place_on_lane(roads, route[0], x, y, MAX_LATERAL_OFFSET) if len(route) else find_lane(roads, x, y, yaw)
+    near = place_on_lane(roads, route[0], x, y, MAX_LATERAL_OFFSET) if len(route) else find_lane(roads, x, y, yaw, z)
     if near is None or near.distance > MAX_LATERAL_OFFSET:
         return False
     if math.cos(near.yaw - yaw) < math.cos(MAX_HEADING_ERROR):

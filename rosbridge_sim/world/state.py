@@ -60,6 +60,7 @@ from rosbridge_sim.world.paths import (
     lay_segments,
 )
 from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.settling import keep_level, settle
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.signals import Signals, SignalsSnapshot
 
@@ -163,6 +164,9 @@ class Snapshot:
     is_scoring: bool
     dynamics: Dynamics
     is_creeping: bool
+    has_impacts: bool
+    passing: IntArray
+    placed_uids: tuple[int, ...]
 
 
 class World(EntityArrays):
@@ -183,17 +187,31 @@ class World(EntityArrays):
         is_scoring: steps keep the scores of all egos; see `start_scoring`.
         dynamics: the model that moves all egos.
         is_creeping: egos under the control of pedals creep in D and R, and roll on slopes; for SINGLE_TRACK only.
+        has_impacts: collisions change motion; see `impacts`.
+        passing: (m, 2) int64, ids of the pairs in `contacts` that go through each other, the lower first; without
+            `has_impacts` it is empty.
+        placed_uids: ids of what was placed since the last step, while `has_impacts`.
 
     Args:
         seed: not negative.
         dynamics: see above.
         is_creeping: see above.
+        has_impacts: see above.
     """
 
-    def __init__(self, seed: int = 0, dynamics: Dynamics = Dynamics.KINEMATIC, *, is_creeping: bool = False) -> None:
+    def __init__(
+        self,
+        seed: int = 0,
+        dynamics: Dynamics = Dynamics.KINEMATIC,
+        *,
+        is_creeping: bool = False,
+        has_impacts: bool = False,
+    ) -> None:
         super().__init__()
         self.seed = seed
         self.dynamics, self.is_creeping = dynamics, is_creeping
+        self.has_impacts, self.passing = has_impacts, NO_CONTACTS
+        self.placed_uids: set[int] = set()
         self.paths = Paths()
         self.contacts = NO_CONTACTS
         self.roads, self.signals = NO_ROADS, Signals(NO_PLAN)
@@ -212,7 +230,7 @@ class World(EntityArrays):
         name: str,
         x: float,
         y: float,
-        z: float = 0.0,
+        z: float | None = None,
         yaw: float = 0.0,
         speed: float = 0.0,
         uid: int | None = None,
@@ -235,14 +253,15 @@ class World(EntityArrays):
             name: any text.
             x: reference point, east [m].
             y: reference point, north [m].
-            z: reference point, up [m].
+            z: reference point, up [m]. On a map with hills the entity is put onto the ground, and this chooses between
+                a bridge and the road below it. None for the lowest road there, or 0 on a flat map.
             yaw: heading; any angle is wrapped [rad].
             speed: along the heading; not negative with a path [m/s].
             uid: its id, 0..2^31-1; None for the next free one.
             path: (m, 2) or (m, 3) waypoints, m >= 2 [m]; with two columns they are at height z.
             is_loop: a last segment to the first point closes the path.
             gear: of an EGO.
-            roll: kept until the entity is placed elsewhere [rad].
+            roll: kept until the entity is placed elsewhere, or moves on a map with hills [rad].
             pitch: kept likewise, positive with the nose down [rad].
             start_within: the entity stands until an EGO is this near, then it starts with `speed` [m]; 0 for at once.
                 Not for an EGO.
@@ -251,6 +270,7 @@ class World(EntityArrays):
             ValueError: a number is not finite or out of bounds, the id is in use, the path has no length, an EGO has a
                 path or no wheelbase, or there is no such kind or gear. The world is as it was.
         """
+        height, z = z, z or 0.0
         check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch, start_within=start_within)
         kind, gear = Kind(kind), Gear(gear)
         if start_within < 0.0 or (kind == Kind.EGO and start_within > 0.0):
@@ -285,6 +305,8 @@ class World(EntityArrays):
             self._equip(row, body)
         if segments is not None:
             self._join_path(row, base, segments, is_loop=is_loop)
+        if not self.roads.is_flat:
+            settle(self, self.roads, np.array([row]), None if height is None and segments is None else self.z[[row]])
         self.touch()
         return uid
 
@@ -305,11 +327,14 @@ class World(EntityArrays):
         if self.kind[row] == Kind.EGO or not self.alive[row] or speed < 0.0:
             raise ValueError(f"path: expected an entity that is no ego and has a speed >= 0, got speed {speed!r}")
         x, y, z, yaw = (float(getattr(self, name)[row]) for name in ("x", "y", "z", "yaw"))
+        is_ghost = self.is_ghost.item(row)
         reach = _reach_of(Kind(self.kind.item(row)), self.bodies[row])
         segments = lay_segments(_in_space(path, z), is_loop=is_loop, reach=reach)
         self.paths.check_room(segments)
         self.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
         self._join_path(row, self.paths.add(int(self.uid[row]), segments), segments, is_loop=is_loop)
+        if not self.roads.is_flat and not is_ghost:
+            settle(self, self.roads, np.array([row]), self.z[[row]])
         self.touch()
 
     @contextmanager
@@ -339,6 +364,8 @@ class World(EntityArrays):
         self.names[row], self.bodies[row] = "", NO_BODY
         if len(self.contacts):
             self.contacts = self.contacts[(self.contacts != uid).all(axis=1)]
+            self.passing = self.passing[(self.passing != uid).all(axis=1)]
+        self.placed_uids.discard(uid)
         if row == self.n - 1:
             self._trim()
         self.touch()
@@ -347,7 +374,8 @@ class World(EntityArrays):
         """Remove all entities. Roads, lights, frame, random generator and the count of ids stay."""
         self._rows = {}
         self.routes = {}
-        self.contacts = NO_CONTACTS
+        self.contacts = self.passing = NO_CONTACTS
+        self.placed_uids.clear()
         self.paths.clear()
         self._allocate(0)
         self.touch()
@@ -373,6 +401,8 @@ class World(EntityArrays):
     def lay_roads(self, roads: Roads, plan: SignalPlan | None = None) -> None:
         """Replace the roads. The lights begin their cycles now; lane followers stop where they are.
 
+        Entities are put onto the new ground, if it is not flat.
+
         Args:
             roads: the new lanes.
             plan: their traffic lights; None for none.
@@ -385,9 +415,15 @@ class World(EntityArrays):
             raise ValueError(f"the plan is for {len(plan.light_of_lane)} lanes, the roads have {len(roads)}")
         for row in np.flatnonzero(self.has_lane).tolist():  # rare: the map changes while vehicles drive on it
             self.place(row, x=self.x[row], y=self.y[row], z=self.z[row], yaw=self.yaw[row], speed=0.0)
+        was_flat = self.roads.is_flat
         self.roads, self.signals = roads, Signals(plan, self.frame)
         self.int_block("near_lane", "open_reds")[:] = 0  # rows of the former lanes
         self.touch()
+        if not roads.is_flat:
+            rows = np.flatnonzero(self.alive & ~self.is_ghost)
+            settle(self, roads, rows, self.z[rows])
+        elif not was_flat:
+            keep_level(self)
 
     def start_scoring(self) -> None:
         """Keep the scores of all egos from this frame on, until the next `reset`; twice is no error. See `score`."""
@@ -446,6 +482,9 @@ class World(EntityArrays):
             is_scoring=self.is_scoring,
             dynamics=self.dynamics,
             is_creeping=self.is_creeping,
+            has_impacts=self.has_impacts,
+            passing=self.passing.copy(),
+            placed_uids=tuple(sorted(self.placed_uids)),
         )
 
     def restore(self, saved: Snapshot) -> None:
@@ -465,6 +504,8 @@ class World(EntityArrays):
         self.rng.bit_generator.state = saved.rng_state
         self.is_scoring = saved.is_scoring
         self.dynamics, self.is_creeping = saved.dynamics, saved.is_creeping
+        self.has_impacts, self.passing = saved.has_impacts, saved.passing.copy()
+        self.placed_uids = set(saved.placed_uids)
         self.touch()
 
     def restore_driven(self, uid: int, saved: Snapshot) -> None:
@@ -485,10 +526,12 @@ class World(EntityArrays):
         counts = (self.frame, self.seed, self._next_uid, self.n)
         state.update(repr((counts, list(self._rows.items()), self.rng.bit_generator.state)).encode())
         num_floats, num_ints, num_bools = (None, None, None) if self.is_scoring else NUM_CORE
-        if self.dynamics == Dynamics.KINEMATIC:
+        if self.has_impacts:
+            state.update(b"impacts" + repr(sorted(self.placed_uids)).encode() + self.passing.tobytes())
+        if self.dynamics == Dynamics.KINEMATIC and not self.has_impacts:
             state.update(self._floats[KINEMATIC_ALL if self.is_scoring else KINEMATIC_CORE, : self.n].tobytes())
         else:
-            state.update(b"single-track")
+            state.update(self.dynamics.name.lower().replace("_", "-").encode())
             state.update(self._floats[:num_floats, : self.n].tobytes())
         state.update(self._ints[:num_ints, : self.n].tobytes())
         state.update(self._bools[:num_bools, : self.n].tobytes())
@@ -536,6 +579,11 @@ class World(EntityArrays):
         self.leg_yaw[row], self.leg_turn[row] = wrapped, 0.0
         self.climb[row] = self.climb_accel[row] = 0.0
         self.block("drive_lag", "roll_rate")[:, row] = 0.0
+        if self.loose[row]:
+            self.loose[row] = 0.0
+            self.touch()
+        if self.has_impacts:
+            self.placed_uids.add(self.uid.item(row))
         if self.kind[row] != Kind.EGO:
             self.touch()  # it may move now, or no longer
             return
@@ -566,6 +614,9 @@ class World(EntityArrays):
         self.leg_yaw[rows], self.leg_turn[rows] = self.yaw[rows], 0.0
         self.climb[rows] = self.climb_accel[rows] = 0.0
         self.block("drive_lag", "roll_rate")[:, rows] = 0.0
+        self.loose[rows] = 0.0
+        if self.has_impacts:
+            self.placed_uids.update(self.uid[rows].tolist())
         self.near_lane[rows] = self.open_line[rows] = 0
         self.touch()
 

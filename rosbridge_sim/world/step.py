@@ -9,13 +9,16 @@ each module sees the same half-finished world at the same point. So the order st
 3. *Agents*: lane followers (`lane_following.drive_lanes`) come first, because they look at other entities and must see
    the world as it was at the end of the last step. Then come the rows on paths and in constant motion, which look at
    nothing (`path_following.follow_paths`).
-4. *Driven rows* (`dynamics.drive`): the present commands act for exactly one step. A command that came between two
+4. *Loose rows* (`impacts.slide`), which an impact has thrown off their lane, and
+   *driven rows* (`dynamics.drive`): the present commands act for exactly one step. A command that came between two
    steps acts for the whole of the next one, and the state that a client reads after it already shows it.
-5. *Placed rows*: a caller with recorded or foreign motion places its rows where they are at the end of this step. They
+5. *Ground* (`standing.stand`): what has moved is put onto the surface of the roads, if these are not flat.
+6. *Placed rows*: a caller with recorded or foreign motion places its rows where they are at the end of this step. They
    are placed before collision detection, so swept contacts are found.
-6. *Contacts* (`collisions.find`): all pairs that have touched within the step. It moves nothing.
-7. *Scores* (`score.judge`) of the egos, while they are kept: they look at all of the above. They move nothing.
-8. *Frame counter*: it comes last, so that a reader that finds frame f finds the world of frame f.
+7. *Contacts* (`collisions.find`): all pairs that have touched within the step. It moves nothing.
+   *Impacts* (`impacts.collide`), if they are wanted: the pairs that touched change their motion from that moment on.
+8. *Scores* (`score.judge`) of the egos, while they are kept: they look at all of the above. They move nothing.
+9. *Frame counter*: it comes last, so that a reader that finds frame f finds the world of frame f.
 
 A step draws no random number, reads no clock and allocates no memory that stays.
 """
@@ -24,10 +27,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rosbridge_sim.world import collisions, score
+from rosbridge_sim.world import collisions, impacts, score
 from rosbridge_sim.world.dynamics import drive
 from rosbridge_sim.world.lane_following import drive_lanes
 from rosbridge_sim.world.path_following import follow_paths
+from rosbridge_sim.world.standing import stand
 from rosbridge_sim.world.state import DT, World
 from rosbridge_sim.world.waiting import start
 
@@ -47,10 +51,16 @@ def step(world: World, place: Callable[[], None] | None = None) -> None:
     start(world)
     drive_lanes(world, DT)
     follow_paths(world, DT)
+    if world.has_impacts:
+        impacts.slide(world, DT)
     drive(world, DT)
+    if not world.roads.is_flat:
+        stand(world, before.poses[0], DT)
     if place is not None:
         place()
     collisions.find(world, before)
+    if world.has_impacts:
+        impacts.collide(world, DT)
     if unscored is not None:
         score.judge(world, unscored)
     world.frame += 1

@@ -15,8 +15,8 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.block_grid import BlockGrid
-from rosbridge_sim.world.geometry import BoolArray, ComplexArray, IntArray, in_columns, ranges
-from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.geometry import BoolArray, ComplexArray, FloatArray, IntArray, in_columns, ranges
+from rosbridge_sim.world.roads import LEVEL, Roads
 from rosbridge_sim.world.signal_plan import Lamp
 from rosbridge_sim.world.signals import Signals
 
@@ -56,20 +56,23 @@ class StopLines:
         roads: the lanes.
     """
 
-    __slots__ = ("_ahead", "_end", "_grid", "_left", "_right", "_roads")
+    __slots__ = ("_ahead", "_end", "_grid", "_height", "_left", "_right", "_roads")
 
     def __init__(self, roads: Roads) -> None:
         self._roads = roads
         last = roads.first[1:] - 1
         place, yaw = roads.at(np.arange(len(roads)), roads.length) if len(roads) else (np.zeros((0, 3)), np.zeros(0))
         self._end = place[:, 0] + 1j * place[:, 1]
+        self._height = place[:, 2]
         self._ahead = np.cos(yaw) + 1j * np.sin(yaw)
         self._left, self._right = (roads.border[last] + BESIDE_LINE).T
         corners = np.stack([self._end + 1j * self._left * self._ahead, self._end - 1j * self._right * self._ahead])
         box = np.stack([corners.real, corners.imag], axis=-1)
         self._grid = BlockGrid(box.min(axis=0), box.max(axis=0))
 
-    def find_passed(self, signals: Signals, first: ComplexArray, last: ComplexArray, heading: ComplexArray) -> Passed:
+    def find_passed(
+        self, signals: Signals, first: ComplexArray, last: ComplexArray, heading: ComplexArray, z: FloatArray
+    ) -> Passed:
         """Return the stop lines that points have come over in the lanes' direction.
 
         Args:
@@ -77,9 +80,12 @@ class StopLines:
             first: (k,) places before the step, east + i north [m].
             last: (k,) places after it [m].
             heading: (k,) unit vectors; who comes over a line backwards has not passed it.
+            z: (k,) heights; a line on another level is not passed [m].
         """
         index, lane = self._grid.find(in_columns(last.real, last.imag))
         is_line = self._roads.is_stop[lane] | signals.plan.is_before_light[lane]
+        if not self._roads.is_flat:
+            is_line &= np.abs(self._height[lane] - z[index]) < LEVEL
         index, lane = index[is_line], lane[is_line]
         if not len(index):
             return Passed(index, lane)

@@ -1,7 +1,7 @@
 """Readings of one wheel of each axle of a driven row: steering, slip, sideways force and cornering stiffness.
 
 Both wheels of an axle have the same ones, because the model has one wheel for each axle. The kinematic model has no
-tyres: all its readings are 0.
+tyres: all its readings are 0. A row that is placed from outside, as in a replay, has no slip and no force.
 """
 
 from __future__ import annotations
@@ -47,4 +47,7 @@ def read_tyres(world: World, row: int, axle: Literal["front", "rear"]) -> TyreRe
         load, stiffness, slip, force = body.front_load, body.front_stiffness, world.front_slip, world.front_force
     else:
         load, stiffness, slip, force = 1.0 - body.front_load, body.rear_stiffness, world.rear_slip, world.rear_force
-    return TyreReading(slip.item(row), half * force.item(row), half * GRAVITY * load * stiffness)
+    cornering_stiffness = half * GRAVITY * load * stiffness
+    if world.is_ghost.item(row):
+        return TyreReading(0.0, 0.0, cornering_stiffness)
+    return TyreReading(slip.item(row), half * force.item(row), cornering_stiffness)

@@ -4,7 +4,7 @@ A server of its own runs the built-in town with so many vehicles more, which dri
 whole picture again and again, because they move. The script time of a frame is measured around the functions that the
 page gives to `requestAnimationFrame`, and around its messages. Other programs on the machine make the rate wrong.
 
-    python scripts/bench/page.py [--objects 1000] [--seconds 10]
+    python -m scripts.bench.page [--objects 1000] [--seconds 10]
 
 It exits with code 1 below 20 frames a second, or above 4 ms of script time a frame (median).
 """

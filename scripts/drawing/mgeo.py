@@ -12,7 +12,8 @@ __all__ = ["LANE", "MapFiles", "engine_waypoints", "info", "init", "json_lines",
 
 LANE = 3.5  # width of a lane [m]
 
-Point = tuple[float, float]
+Point = tuple[float, float] | tuple[float, float, float]
+"""East and north, and up where that is not 0 [m]."""
 
 
 def mm(value: float) -> float:
@@ -25,6 +26,11 @@ def mm(value: float) -> float:
         [m].
     """
     return round(value, 3) + 0.0  # no -0.0
+
+
+def _xyz(point: Point, above: float = 0.0) -> list[float]:
+    """Return a point in a file, so much above the ground [m]."""
+    return [*map(mm, point), above] if len(point) == 2 else [mm(point[0]), mm(point[1]), mm(point[2] + above)]
 
 
 def info(east: float, north: float) -> dict[str, Any]:
@@ -110,7 +116,7 @@ class MapFiles:
             "idx": idx,
             "from_node_idx": start,
             "to_node_idx": end,
-            "points": [[mm(x), mm(y), 0.0] for x, y in points],
+            "points": list(map(_xyz, points)),
             "max_speed": max_speed,
             "speed_unit": "kph",
             "lazy_init": False,
@@ -155,7 +161,7 @@ class MapFiles:
                 "idx": idx,
                 "from_node_idx": f"{idx}A",
                 "to_node_idx": f"{idx}B",
-                "points": [[mm(x), mm(y), 0.0] for x, y in points],
+                "points": list(map(_xyz, points)),
                 "lane_type_def": "ngii_model2",
                 "lane_type": lane_type,
                 "lane_color": colour,
@@ -175,7 +181,7 @@ class MapFiles:
         Args:
             idx: its id.
             links: ids of the links that it is for.
-            at: east, north [m].
+            at: east, north; the lamps hang above [m].
             heading: direction that it faces [deg].
             lamps: `sub_type`; None for a pedestrian light.
 
@@ -191,7 +197,7 @@ class MapFiles:
                 "sub_type": list(lamps) if lamps else None,
                 "dynamic": True,
                 "orientation": "horizontal",
-                "point": [mm(at[0]), mm(at[1]), 5.0 if lamps else 2.5],
+                "point": _xyz(at, 5.0 if lamps else 2.5),
                 "heading": mm(math.remainder(heading, 360.0)),
                 "ref_crosswalk_id": "",
             }
@@ -229,7 +235,7 @@ class MapFiles:
                 light["ref_crosswalk_id"] = idx
         entry = {"idx": idx, "single_crosswalk_list": [f"S{idx}"], "ref_traffic_light_list": list(lights)}
         self.crosswalks.append(entry)
-        points = [[mm(x), mm(y), 0.0] for x, y in corners]
+        points = list(map(_xyz, corners))
         self.stripes.append({"idx": f"S{idx}", "points": points, "sign_type": "5", "ref_crosswalk_id": idx})
 
     def files(self) -> dict[str, bytes]:
@@ -255,8 +261,7 @@ class MapFiles:
 
 
 def _node(idx: str, at: Point, *, is_stop: bool = False) -> dict[str, Any]:
-    point = [mm(at[0]), mm(at[1]), 0.0]
-    return {"idx": idx, "node_type": None, "junction": [], "point": point, "on_stop_line": is_stop}
+    return {"idx": idx, "node_type": None, "junction": [], "point": _xyz(at), "on_stop_line": is_stop}
 
 
 _compact = json.JSONEncoder(separators=(",", ":"), ensure_ascii=False).encode
@@ -288,45 +293,48 @@ def _rows(items: list[Any]) -> str:
 # Scenarios
 
 
-def pose(x: float, y: float, yaw: float) -> dict[str, Any]:
+def pose(x: float, y: float, yaw: float, z: float = 0.0) -> dict[str, Any]:
     """Return a position and a heading of a scenario.
 
     Args:
         x: east [m].
         y: north [m].
         yaw: [deg].
+        z: up [m].
 
     Returns:
         The keys `pos` and `rot`.
     """
     return {
-        "pos": {"x": mm(x), "y": mm(y), "z": 0.0},
+        "pos": {"x": mm(x), "y": mm(y), "z": mm(z)},
         "rot": {"roll": "0", "pitch": "0", "yaw": f"{mm(yaw):g}"},
     }
 
 
-def init(x: float, y: float, yaw: float) -> dict[str, Any]:
+def init(x: float, y: float, yaw: float, z: float = 0.0) -> dict[str, Any]:
     """Return a pose as the start of a vehicle.
 
     Args:
         x: east [m].
         y: north [m].
         yaw: [deg].
+        z: up [m].
 
     Returns:
         The value of `initPosition`.
     """
-    return {"initPositionMode": "Absolute", **pose(x, y, yaw)}
+    return {"initPositionMode": "Absolute", **pose(x, y, yaw, z)}
 
 
 def engine_waypoints(line: Iterable[Point]) -> Iterator[dict[str, Any]]:
     """Yield waypoints in the axes of MORAI's engine: (-east, up, -north).
 
     Args:
-        line: points of the path, east and north [m].
+        line: points of the path [m].
 
     Yields:
         Each waypoint.
     """
-    for x, y in line:
-        yield {"pos": {"x": mm(-x), "y": 0.0, "z": mm(-y)}}
+    for point in line:
+        x, y, z = _xyz(point)
+        yield {"pos": {"x": mm(-x), "y": z, "z": mm(-y)}}

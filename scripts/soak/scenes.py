@@ -8,7 +8,7 @@ from typing import Any
 
 __all__ = ["BAD", "BAD_NETWORK", "BUILT_IN", "GOOD", "MISSING", "NETWORKS", "write_networks", "write_scenes"]
 
-BUILT_IN = ("demo", "town", "loop")
+BUILT_IN = ("demo", "town", "loop", "hills")
 
 MISSING = ("nowhere", "../secret", "a/b/c", "", "x" * 1_000, "nul\0byte")
 """Names without a file."""

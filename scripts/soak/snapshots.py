@@ -142,7 +142,7 @@ class _Turns:
         await self._client.score(reset=self._chance.random() < 0.5)
 
     async def _load(self) -> None:
-        scene = self._chance.choice(["demo", "town", "loop"])
+        scene = self._chance.choice(["demo", "town", "loop", "hills"])
         await self._client.ask("/Service_MoraiSL", file_name=scene, delete_all=True, load_ego_vehicle_data=True)
 
     async def _barrier(self) -> None:

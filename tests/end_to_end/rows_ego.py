@@ -62,12 +62,15 @@ async def _(play: SceneClient) -> None:
         mean = 0.5 * (before["velocity"]["x"] + after["velocity"]["x"])
         assert math.hypot(dx, dy) == pytest.approx(mean * 0.02, abs=1e-4)
         between = math.radians(0.5 * (before["heading"] + after["heading"]))
-        assert math.atan2(dy, dx) == pytest.approx(between, abs=1e-3)
+        sideways = 0.5 * (before["velocity"]["y"] + after["velocity"]["y"])
+        assert math.atan2(dy, dx) == pytest.approx(between + sideways / mean, abs=1e-3)
         gain = (after["velocity"]["x"] - before["velocity"]["x"]) / 0.02
-        assert after["acceleration"]["x"] == pytest.approx(gain, abs=1e-6)
+        turn_rate = math.radians(after["heading"] - before["heading"]) / 0.02
+        assert after["acceleration"]["x"] == pytest.approx(gain - turn_rate * sideways, abs=1e-3), "in a turning frame"
     last = drive[-1]
     turned = (last["heading"] - drive[-2]["heading"]) / 0.02
-    assert math.radians(turned) == pytest.approx(last["velocity"]["x"] * math.tan(0.1) / 2.7, rel=0.01)
+    without_slip = last["velocity"]["x"] * math.tan(0.1) / 2.7
+    assert 0.9 * without_slip < math.radians(turned) < without_slip, "it understeers"
     assert (last["accel"], last["brake"], last["header"]["frame_id"]) == (0.75, 0.0, "base_link")
     assert _wheel_rad(play, last) == pytest.approx(0.1, abs=1e-3)
     await play.control(longlCmdType=1, brake=1.0)
@@ -197,7 +200,7 @@ async def _(play: SceneClient) -> None:
     heard = play.heard("/Ego_topic")
     xs, ys = ([status["position"][axis] for status in heard] for axis in "xy")
     radius = spec["wheel_base"] / math.tan(math.radians(spec["max_steering"]))
-    assert max(xs) - min(xs) == pytest.approx(2.0 * radius, rel=0.01)
-    assert max(ys) - min(ys) == pytest.approx(2.0 * radius, rel=0.01)
+    for span in (max(xs) - min(xs), max(ys) - min(ys)):
+        assert 1.0 < span / (2.0 * radius) < 1.03, "a little wider, because the tyres slip"
     nobody = await play.ask("/Service_MoraiVehicleSpec", unique_id=99)
     assert (nobody["wheel_base"], nobody["max_steering"], nobody["size"]["x"]) == (0.0, 0.0, 0.0)

@@ -77,10 +77,13 @@ async def _(play: SceneClient) -> None:
         answer = await play.ask("/SyncModeCtrlCmd", frame=frame, command=command, sensor_capture=False)
         assert answer["result"] is True
     await play.tick(1.4)
-    speeds = [status["velocity"]["x"] for status in play.heard("/Ego_topic")]
+    speeds, gains = (
+        [status[figure]["x"] for status in play.heard("/Ego_topic")] for figure in ("velocity", "acceleration")
+    )
     assert speeds[:10] == [0.0] * 10
     assert all(after > before for before, after in pairwise(speeds[9:60]))
-    assert all(after < before for before, after in pairwise(speeds[59:]))
+    assert all(after < before for before, after in pairwise(gains[59:])), "the pressure of the brake rises"
+    assert (gains[59] > 3.0, gains[-1] < -5.0, speeds[-1] < speeds[59]) == (True, True, True)
     await play.let_go()
     off = await play.ask("/SyncModeCtrlCmd", frame=0, command={"accel": 1.0}, sensor_capture=False)
     assert off["result"] is False

@@ -306,11 +306,12 @@ class SimHarness:
         network: Mapping[str, Any] | None = None,
         dynamics: Dynamics = Dynamics.KINEMATIC,
         is_creeping: bool = False,
+        has_impacts: bool = False,
         **settings: Any,  # noqa: ANN401 - NodeSettings' own fields
     ) -> None:
         """A simulator with its opening scene; `network` is what a TOML file would say of it."""
         self.bus = Bus(make_store(release))
-        self.world = World(0, dynamics, is_creeping=is_creeping)
+        self.world = World(0, dynamics, is_creeping=is_creeping, has_impacts=has_impacts)
         self.shelf = MemoryLibrary()
         self.drawer = MemoryDataStore()
         self.networks = MemoryNetworks()

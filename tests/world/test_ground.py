@@ -59,5 +59,5 @@ def test_placed_car_starts_with_the_friction_of_a_road() -> None:
 
 
 def test_places_between_the_edges_are_on_the_road() -> None:
-    found = are_on_road(ROAD, np.array([10.0, 10.0, -30.0]), np.array([1.0, -9.0, 0.0]))
+    found = are_on_road(ROAD, np.array([10.0, 10.0, -30.0]), np.array([1.0, -9.0, 0.0]), np.zeros(3))
     assert found.tolist() == [True, False, False]

@@ -170,6 +170,7 @@ def read_lanes(
         lines.append(read_line(link.points, f"{source}: [{i}].points"))
     only = [link for _, link in lanes]
     left, right = _neighbours(only, rows, lines, [link for link in links if link.lazy_init])
+    beside = dict(_edges(only, lines, {name: border.line for name, border in borders.items()}))
     roads = Roads(
         [link.idx for link in only],
         lines,
@@ -179,7 +180,8 @@ def read_lanes(
         left=left,
         right=right,
         is_stop=[link.to_node_idx is not None and stops[link.to_node_idx] for link in only],
-        borders=dict(_distances(only, lines, {name: border.line for name, border in borders.items()})),
+        borders={row: edges[:, :2] for row, edges in beside.items()},
+        banks={row: edges[:, 2:] for row, edges in beside.items() if edges[:, 2:].any()},
     )
     signals = tuple((link.related_signal or "").strip().lower() for link in only)
     return Lanes(roads, signals, tuple(borders.values()))
@@ -303,10 +305,18 @@ def _words_of(value: JsonValue) -> tuple[str, ...]:
     return tuple(word[:MAX_WORD] for word in words[:MAX_WORDS] if isinstance(word, str) and word)
 
 
-def _distances(
+MAX_BANK: Final = 0.15
+"""Greatest rise across a lane for each metre: roads have at most 0.08 to 0.1. More is a kerb, or a border without
+heights, and counts as none."""
+
+
+def _edges(
     lanes: Sequence[_Link], lines: Sequence[FloatArray], borders: Mapping[str, FloatArray]
 ) -> Iterator[tuple[int, FloatArray]]:
-    """Yield the row and the (k, 2) distances to the left and right edge [m] of each lane whose edges the map draws."""
+    """Yield the row of each lane whose edges the map draws, and (k, 4) figures of its points.
+
+    They are the distances to the left and right edge [m], and the rise to the left for each metre in both halves.
+    """
     for row, (link, line) in enumerate(zip(lanes, lines, strict=True)):
         marks = [
             [borders[name] for name in names or () if name in borders]
@@ -320,12 +330,19 @@ def _distances(
         normal = np.stack((-step[:, 1], step[:, 0]), axis=-1) / np.where(length > 0.0, length, 1.0)[:, None]
         half = 0.5 * _width(link)
         sides = (normal, -normal)
-        yield row, np.stack([_distance(line, n, edge, half) for n, edge in zip(sides, marks, strict=True)], axis=-1)
+        (left, up), (right, down) = (_edge(line, n, edge, half) for n, edge in zip(sides, marks, strict=True))
+        yield row, np.stack([left, right, up, -down], axis=-1)
 
 
-def _distance(line: FloatArray, normal: FloatArray, marks: Sequence[FloatArray], otherwise: float) -> FloatArray:
-    """Return the (k,) distance from each point of a line along its normal to the nearest mark, or `otherwise` [m]."""
-    best = np.full(len(line), np.inf)
+def _edge(
+    line: FloatArray, normal: FloatArray, marks: Sequence[FloatArray], otherwise: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the nearest mark along its normal from each point of a line.
+
+    Returns:
+        (k,) distances, `otherwise` where there is no mark [m], and (k,) rises to the marks for each metre.
+    """
+    best, rise = np.full(len(line), np.inf), np.zeros(len(line))
     for mark in marks:
         near = nearest_on_polyline(mark, line[:, 0], line[:, 1])
         away = np.stack((near.x, near.y), axis=-1) - line[:, :2]
@@ -333,5 +350,11 @@ def _distance(line: FloatArray, normal: FloatArray, marks: Sequence[FloatArray],
         along = np.abs(away[:, 1] * normal[:, 0] - away[:, 0] * normal[:, 1])
         # Only a mark beside the point counts, not the end of a mark that begins farther along.
         is_beside = (across > 0.0) & (along < 0.5 * across) & (across <= MAX_BORDER)
-        best = np.fmin(best, np.where(is_beside, across, np.inf))
-    return np.where(np.isfinite(best), best, otherwise)
+        is_nearer = is_beside & (across < best)
+        best[is_nearer] = across[is_nearer]
+        start, end = mark[near.segment], mark[near.segment + 1]
+        share = np.hypot(near.x - start[:, 0], near.y - start[:, 1]) / np.hypot(*(end - start)[:, :2].T)
+        height = start[:, 2] + share * (end[:, 2] - start[:, 2])
+        rise[is_nearer] = (height - line[:, 2])[is_nearer] / across[is_nearer]
+    rise[np.abs(rise) > MAX_BANK] = 0.0
+    return np.where(np.isfinite(best), best, otherwise), rise

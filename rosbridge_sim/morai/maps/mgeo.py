@@ -27,6 +27,7 @@ from rosbridge_sim.morai.maps.lights import (
 from rosbridge_sim.morai.maps.links import MAX_MAP_BYTES, Border, find_lane_mistakes, read_lanes
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
+from rosbridge_sim.world.surface import Surface
 
 __all__ = [
     "BORDER_FILES",
@@ -132,6 +133,8 @@ def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
     lanes = read_lanes(node_file, link_file, _border_file(known))
     if not len(lanes.roads):
         raise DocumentError(f"{link_file[1]}: expected at least one link to drive on, got none")
+    if not lanes.roads.is_flat:
+        lanes.roads.derived(Surface)  # here and not at the first step: a large city needs a second
     notes: list[str] = []
     plan = read_lights(known, lanes, notes)
     crosswalks = read_crosswalks(known, plan)

@@ -36,7 +36,7 @@ __all__ = [
 ]
 
 EGO_COLUMNS: Final = (
-    *("x", "y", "z", "roll", "pitch", "yaw", "speed", "accel", "lateral_accel", "yaw_rate"),
+    *("x", "y", "z", "roll", "pitch", "yaw", "speed", "lateral_speed", "accel", "lateral_accel", "yaw_rate"),
     *("steer", "throttle", "brake"),
 )
 """Values of an ego's track: columns of the world, in its units."""

@@ -118,7 +118,8 @@ class RecordingBuilder:
         self._add_ego(
             index,
             stamps,
-            (place.x, place.y, place.z, 0.0, 0.0, message.heading, velocity.x, accel.x, accel.y, math.nan),
+            (place.x, place.y, place.z, 0.0, 0.0, message.heading),
+            (velocity.x, velocity.y, accel.x, accel.y, math.nan),
             (steer, message.accel, message.brake),
         )
 
@@ -139,7 +140,8 @@ class RecordingBuilder:
         self._add_ego(
             0,
             stamps,
-            (nowhere, nowhere, nowhere, roll, pitch, yaw, 0.0, accel.x, accel.y, message.angular_velocity.z),
+            (nowhere, nowhere, nowhere, roll, pitch, yaw),
+            (0.0, 0.0, accel.x, accel.y, message.angular_velocity.z),
             (message.ego_steer / DEGREES, message.ego_acc, message.ego_brake),
         )
 
@@ -200,13 +202,19 @@ class RecordingBuilder:
         self._notes.append(text)
 
     def _add_ego(
-        self, index: int, stamps: MessageStamps, motion: tuple[float, ...], controls: tuple[float, ...]
+        self,
+        index: int,
+        stamps: MessageStamps,
+        pose: tuple[float, ...],
+        motion: tuple[float, ...],
+        controls: tuple[float, ...],
     ) -> None:
+        """Add a row in the order of `EGO_COLUMNS`."""
         rows = self._egos.setdefault(index, _Rows(len(EGO_COLUMNS)))
         rows.header_stamps.append(stamps[0])
         rows.arrival_stamps.append(stamps[1])
-        rows.figures.extend(motion)
-        rows.figures.extend(controls)
+        for figures in (pose, motion, controls):
+            rows.figures.extend(figures)
         self._check_size(len(rows.header_stamps))
 
     def _check_size(self, num: int) -> None:

@@ -177,7 +177,7 @@ def find_oddities(scenario: Scenario, roads: Roads | None) -> list[str]:
 
 def _beside_roads(spawns: Sequence[Spawn], roads: Roads) -> Iterator[str]:
     places = roads.nearest(
-        [spawn.x for spawn in spawns], [spawn.y for spawn in spawns], [spawn.yaw for spawn in spawns]
+        *([getattr(spawn, name) for spawn in spawns] for name in ("x", "y", "yaw", "z")),
     )
     to_left, to_right = roads.beside(places)
     beyond_end = np.sqrt(np.maximum(places.distance**2 - places.lateral**2, 0.0))

@@ -303,7 +303,7 @@ _POSITION: Final = re.compile(r"[0-9]{1,9}")
 
 def _find_lane(spawn: Spawn, driver: Driver, roads: Roads) -> Driver | None:
     """Return the driver on the lane that the vehicle stands on; None if it stands on no lane."""
-    place = roads.nearest(spawn.x, spawn.y, spawn.yaw)
+    place = roads.nearest(spawn.x, spawn.y, spawn.yaw, spawn.z)
     turn = abs(math.remainder(float(place.yaw[0]) - spawn.yaw, math.tau))
     if not (place.lane[0] >= 0 and place.distance[0] <= MAX_SPAWN_TO_LANE and turn <= MAX_TURN):
         return None

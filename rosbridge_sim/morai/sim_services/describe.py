@@ -134,7 +134,7 @@ class Describe(Component):
             found = [getattr(world, name).item(row) for name in _AHEAD]
             ahead = [roads.ids[each] for each in found if each >= 0]
             # A self-driving ego is beside the line of its lane, all other drivers are on it.
-            near = find_lane(roads, world.x.item(row), world.y.item(row), world.yaw.item(row))
+            near = find_lane(roads, *(getattr(world, name).item(row) for name in ("x", "y", "yaw", "z")))
             lateral = near.lateral if near is not None and near.lane == lane else 0.0
             return {
                 "link": roads.ids[lane],
@@ -142,7 +142,7 @@ class Describe(Component):
                 "lateral": lateral,
                 "next_links": ahead,
             }
-        near = find_lane(roads, world.x.item(row), world.y.item(row), world.yaw.item(row))
+        near = find_lane(roads, *(getattr(world, name).item(row) for name in ("x", "y", "yaw", "z")))
         if near is None or near.distance > MAX_TO_LANE:
             return {}
         return {"link": roads.ids[near.lane], "distance": near.s, "lateral": near.lateral}

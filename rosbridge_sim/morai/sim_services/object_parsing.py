@@ -270,7 +270,7 @@ def take_lane(roads: Roads, spot: Spot, route: Sequence[int], where: str) -> tup
     elif route:
         near = place_on_lane(roads, route[0], spot.x, spot.y, MAX_TO_LANE)
     else:
-        near = find_lane(roads, spot.x, spot.y, spot.yaw)
+        near = find_lane(roads, spot.x, spot.y, spot.yaw, spot.z)
     here = f"({spot.x:g}, {spot.y:g})"
     expected = f"a place within {MAX_TO_LANE:g} m of a lane's line"
     if near is None and route:

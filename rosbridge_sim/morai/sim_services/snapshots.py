@@ -331,10 +331,11 @@ class Snapshots(Component):
 
     @property
     def _dynamics(self) -> str:
-        """The settings of the egos' model, as on the command line."""
+        """The settings of the models, as on the command line."""
         world = self._context.world
         name = world.dynamics.name.lower().replace("_", "-")
-        return f"--dynamics {name}{' --creep' if world.is_creeping else ''}"
+        impacts = " --on-collision impact" if world.has_impacts else ""
+        return f"--dynamics {name}{' --creep' if world.is_creeping else ''}{impacts}"
 
     def _gather(self, restoration: _Restoration, now: float) -> None:
         """Restore, at once or when all that is missing has been read.

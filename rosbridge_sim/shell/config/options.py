@@ -57,6 +57,8 @@ class SimulatorOptions(TypedDict, total=False):
     seed: int
     dynamics: Literal["single-track", "kinematic"]
     creep: bool
+    on_collision: Literal["report", "impact"]
+    sensor_noise: str
     score: bool
     on_world_failure: Literal["exit", "serve"]
     publishers: Mapping[str, object]

@@ -280,6 +280,18 @@ class Settings:
         kind=SWITCH,
         text="without pedals, egos creep in D and R and roll on slopes; only with --dynamics single-track",
     )
+    on_collision: Literal["report", "impact"] = _flag(
+        "report",
+        _WORLD,
+        choice_of("report", "impact"),
+        "report collisions without an effect on motion, or change the motion of egos and of vehicles on lanes, too",
+    )
+    sensor_noise: str = _flag(
+        "none",
+        _WORLD,
+        text_of("none, typical or a file", "none|typical|FILE"),
+        "errors of /gps and /imu: none, those of usual units, or those of a *.json file",
+    )
     score: bool = _flag(
         default=False,
         group=_WORLD,

@@ -165,7 +165,10 @@ def test_picture_of_the_town_shows_its_lanes_lights_and_crosswalks(tmp_path: Pat
         (("info",), "the following arguments are required: DIR|NAME"),
         (("info", "track", "town", "--picture", "x.png"), "--picture: expected a single map to draw, got 2"),
         (("info", "track", "--picture", "x.gif"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'x.gif'"),
-        (("info", "nowhere"), "nowhere: expected a folder of MGeo files, or one of loop, town, track; there is none"),
+        (
+            ("info", "nowhere"),
+            "nowhere: expected a folder of MGeo files, or one of hills, loop, town, track; there is none",
+        ),
         (("info", "track", "--picture", "x.doc"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'x.doc'"),
     ],
 )

@@ -16,7 +16,7 @@ from rosbridge_sim.world.signals import Signals
 from tests.support import ROOT
 from tests.world.road_factory import MAPS, built_in
 
-NAMES = ("track", "town", "loop")
+NAMES = ("track", "town", "loop", "hills")
 
 
 def test_map_files_equal_the_output_of_their_script() -> None:

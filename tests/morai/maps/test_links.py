@@ -8,6 +8,7 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.world.roads import Roads
 from tests.morai.small_maps import KOREAN, ROADRUNNER, Files, read
+from tests.world.road_factory import built_in
 
 
 def edges(roads: Roads, name: str, *s: float) -> list[float]:
@@ -108,3 +109,23 @@ def test_lane_with_repeated_points_keeps_its_borders() -> None:
     points = [[0, 0, 0], [0, 0, 0], [50, 0, 0], [100, 0, 0]]
     roads = read(changed(ROADRUNNER, links={"A1B1": {"points": points}})).roads
     assert np.allclose(roads.border[:3, 0], 1.6)
+
+
+@pytest.mark.parametrize(("rise", "bank"), [(0.0, 0.0), (0.08, 0.08 / 1.6), (-0.16, -0.1), (2.0, 0.0)])
+def test_height_of_the_borders_is_the_bank_of_the_lanes(rise: float, bank: float) -> None:
+    borders = [
+        {**entry, "points": [[x, y, z + rise] for x, y, z in entry["points"]]} if i == 0 else entry
+        for i, entry in enumerate(ROADRUNNER["lane_boundary_set.json"])
+    ]
+    roads = read(changed(ROADRUNNER, **{"lane_boundary_set.json": borders})).roads
+    lane = roads.row("A1B1")
+    assert roads.bank[roads.first[lane]].tolist() == pytest.approx([bank, 0.0], abs=1e-9)
+    assert roads.is_flat == (bank == 0.0)
+
+
+def test_bends_of_the_hills_are_banked_to_the_outside() -> None:
+    roads = built_in("hills").roads
+    for name, bank in (("F1", -0.04), ("F5", 0.04), ("B1", 0.04), ("B5", -0.04)):
+        lane = roads.row(name)
+        middle = (roads.first[lane] + roads.first[lane + 1]) // 2
+        assert roads.bank[middle].tolist() == pytest.approx([bank, bank], abs=0.003), name

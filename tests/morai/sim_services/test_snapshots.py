@@ -393,6 +393,11 @@ X, LANE, KIND, UID = FLOATS.index("x"), INTS.index("lane"), INTS.index("kind"), 
         (put("world", "floats", (FLOATS.index("front_load"), 0), 1.5), "world.floats.front_load"),
         (put("world", "dynamics", 7), "world.dynamics"),
         (put("world", "is_creeping", 2), "world.is_creeping"),
+        (put("world", "has_impacts", 2), "world.has_impacts"),
+        (put("world", "passing", np.zeros((1, 3), dtype=np.int64)), "world.passing"),
+        (put("world", "passing", np.full((1, 2), 1234, dtype=np.int64)), "world.passing"),
+        (put("world", "placed_uids", np.full(1, 1234, dtype=np.int64)), "world.placed_uids"),
+        (put("world", "floats", (FLOATS.index("loose"), 0), 1.0), "world.has_impacts"),
         (put("world", "ints", (LANE, slice(None)), 10_000), "world.ints.lane"),
         (put("world", "ints", (KIND, 0), 9), "world.ints.kind"),
         (put("world", "ints", (KIND, 0), 1), "egos"),
@@ -428,7 +433,8 @@ X, LANE, KIND, UID = FLOATS.index("x"), INTS.index("lane"), INTS.index("kind"), 
         (put("components", {}), "components"),
         (put("components", "CommandTopics", None), "state"),
         (put("components", "CommandTopics", (1, 2, 3, 4)), "state"),
-        (put("components", "Sensors", 3), "expected nothing"),
+        (put("components", "Sensors", 3), "--sensor-noise"),
+        (put("components", "Scenarios", 3), "expected nothing"),
         (put("components", "Replay", None), "state"),
         (put("components", "Replay", "process", (1, False)), "recording"),
         (put("components", "Replay", "process", (9, False)), "state"),
@@ -457,6 +463,12 @@ def test_snapshot_of_another_model_is_refused() -> None:
     here = in_sync(dynamics=Dynamics.SINGLE_TRACK)[1]
     message = restore(here, bytes(snapshot(there).data)).message
     assert message.endswith("made with '--dynamics single-track --creep'; here it is '--dynamics single-track'")
+
+
+def test_snapshot_with_impacts_is_refused_without_them() -> None:
+    there, here = in_sync(has_impacts=True)[1], in_sync()[1]
+    message = restore(here, bytes(snapshot(there).data)).message
+    assert message.endswith("'--dynamics kinematic --on-collision impact'; here it is '--dynamics kinematic'")
 
 
 def test_drive_with_tyres_goes_on_from_a_snapshot_with_the_same_bits() -> None:

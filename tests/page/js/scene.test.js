@@ -172,8 +172,8 @@ test("only entities on the screen are drawn, and distant ones in a simple form",
   camera.scale = 0.3;
   fillEntities(layers, scene, scene, { x: 0, y: 0, z: 0 }, camera.matrix({ x: 0, y: 0, z: 0 }), camera.pixelSize);
   assert.deepEqual(count(), ["car 1", "person 2", "far 2"]);
-  assert.equal(meshOf(1, 12, 3, 100), "van");
-  assert.equal(meshOf(3, 1, 1, 100), "box");
+  assert.equal(meshOf(1, 12, 3, false), "van");
+  assert.equal(meshOf(3, 1, 1, false), "box");
 });
 
 test("bodies stay within the box of their entity, and their faces look outwards", () => {

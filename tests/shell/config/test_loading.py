@@ -66,6 +66,8 @@ OTHER: dict[str, object] = {
     "replay_info": True,
     "dynamics": "kinematic",
     "creep": True,
+    "on_collision": "impact",
+    "sensor_noise": "typical",
     "score": True,
     "sync_frames": "strict",
     "sync_lease": 2.5,

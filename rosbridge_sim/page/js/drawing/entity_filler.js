@@ -12,8 +12,10 @@ import { ENTITY_FLOATS } from "./gl_layers.js";
 const VAN_HEIGHT = 2;
 /** Vehicles below this length are two-wheelers and other small things, which are drawn as boxes [m]. */
 const CAR_LENGTH = 2.6;
-/** Entities that are shorter on the screen have the simplest form, without a shadow [pixels]. */
+/** Vehicles that are shorter on the screen have the simplest form, without a shadow [pixels]. */
 const FAR_PIXELS = 22;
+/** The same behind the car, where a length is seen foreshortened: about 110 m away [pixels]. */
+const FAR_PIXELS_BEHIND = 30;
 /** Behind the car, entities are drawn up to here; farther away the fog hides them [m]. */
 const FARTHEST_ENTITY = 900;
 /** Least length on the screen of vehicles and of people, so that they are found on a large map [pixels]. */
@@ -28,16 +30,16 @@ const POST = 0.16;
  * @param {number} kind
  * @param {number} length - [m]
  * @param {number} height - [m]
- * @param {number} pixels - length on the screen
+ * @param {boolean} isFar - details would not be seen
  */
-export function meshOf(kind, length, height, pixels) {
+export function meshOf(kind, length, height, isFar) {
   if (kind === 2) {
     return "person";
   }
   if (kind > 2 || length < CAR_LENGTH) {
     return "box";
   }
-  if (pixels < FAR_PIXELS) {
+  if (isFar) {
     return "far";
   }
   return height >= VAN_HEIGHT ? "van" : "car";
@@ -56,6 +58,8 @@ export function fillEntities(layers, state, poses, origin, view, pixel) {
   if (state === null) {
     return;
   }
+  const isAbove = view[3] === 0 && view[7] === 0;
+  const farPixels = isAbove ? FAR_PIXELS : FAR_PIXELS_BEHIND;
   const across = Math.hypot(view[0], view[4], view[8]);
   const upwards = Math.hypot(view[1], view[5], view[9]);
   for (let row = 0; row < state.kind.length; row += 1) {
@@ -72,7 +76,7 @@ export function fillEntities(layers, state, poses, origin, view, pixel) {
       Math.abs(view[0] * x + view[4] * y + view[8] * z + view[12]) <= w + reach * across &&
       Math.abs(view[1] * x + view[5] * y + view[9] * z + view[13]) <= w + reach * upwards;
     if (isSeen) {
-      const layer = layers[meshOf(kind, state.length[row], state.height[row], pixels)];
+      const layer = layers[meshOf(kind, state.length[row], state.height[row], pixels < farPixels)];
       const at = layer.next();
       const { values } = layer;
       values[at] = x;

@@ -182,10 +182,11 @@ export class EntityLayer {
     this.entities.fill(this.values, this.count);
   }
 
-  draw() {
+  /** @param {number} first - vertex from which on the body is drawn */
+  draw(first) {
     if (this.count > 0) {
       this.gl.bindVertexArray(this.bodies);
-      this.gl.drawArraysInstanced(this.gl.TRIANGLES, 0, this.numVertices, this.count);
+      this.gl.drawArraysInstanced(this.gl.TRIANGLES, first, this.numVertices - first, this.count);
     }
   }
 

@@ -2,12 +2,13 @@
  * Bodies of entities: triangles as shares of the box around each, with the part that each belongs to.
  */
 
-/** Parts: paint, glass, tyres, skin, and the mark at the front. */
+/** Parts: paint, glass, tyres, skin, the mark at the front, and the roof of a distant vehicle. */
 const PAINT_PART = 0;
 const GLASS = 1;
 const TYRE = 2;
 const SKIN = 3;
 const FRONT_MARK = 4;
+const ROOF = 5;
 
 /** @typedef {[number, number, number]} Corner along, across and up, as shares of length, width and height */
 
@@ -159,6 +160,9 @@ function personMesh() {
   return mesh.finish();
 }
 
+/** First vertex of the roof of `far`, behind those of its four sides: more is not seen from above. */
+export const FAR_ROOF = 24;
+
 /** A vehicle from far away: a box with a windscreen. */
 function farMesh() {
   const mesh = new MeshBuilder();
@@ -166,7 +170,7 @@ function farMesh() {
   const low = [[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]; // prettier-ignore
   const high = low.map(([u, w]) => /** @type {Corner} */ ([u, w, 0.9]));
   low.forEach((corner, i) => mesh.quad(corner, low[(i + 1) % 4], high[(i + 1) % 4], high[i], PAINT_PART));
-  mesh.quad(high[0], high[1], high[2], high[3], PAINT_PART);
+  mesh.quad(high[0], high[1], high[2], high[3], ROOF);
   mesh.quad([0.05, -0.42, 0.95], [0.28, -0.48, 0.95], [0.28, 0.48, 0.95], [0.05, 0.42, 0.95], GLASS);
   return mesh.finish();
 }

@@ -10,8 +10,10 @@ import { stampOf } from "../scene/store.js";
 import { fillEntities, fillPosts } from "./entity_filler.js";
 import { EntityLayer, LightLayer, LineLayer, ScreenLayer, SurfaceLayer } from "./gl_layers.js";
 import { GlProgram } from "./gl_program.js";
-import { makeMeshes } from "./meshes.js";
-import { BACKGROUND_SHADERS, ENTITY_SHADERS, HEAD_SHADERS, LINE_SHADERS, SHADOW_SHADERS, SURFACE_SHADERS } from "./shaders.js";
+import { FAR_ROOF, makeMeshes } from "./meshes.js";
+import {
+  ENTITY_SHADERS, FAR_SHADERS, GROUND_SHADERS, HEAD_SHADERS, LINE_SHADERS, SHADOW_SHADERS, SKY_SHADERS, SURFACE_SHADERS,
+} from "./shaders.js";
 
 /** @typedef {import("./top_camera.js").TopCamera} TopCamera */
 /** @typedef {import("./chase_camera.js").ChaseCamera} ChaseCamera */
@@ -50,7 +52,9 @@ export class Renderer {
       entity: new GlProgram(gl, ENTITY_SHADERS),
       shadow: new GlProgram(gl, SHADOW_SHADERS),
       head: new GlProgram(gl, HEAD_SHADERS),
-      background: new GlProgram(gl, BACKGROUND_SHADERS),
+      far: new GlProgram(gl, FAR_SHADERS),
+      sky: new GlProgram(gl, SKY_SHADERS),
+      ground: new GlProgram(gl, GROUND_SHADERS),
     };
     const meshes = makeMeshes();
     this.entities = {
@@ -142,12 +146,25 @@ export class Renderer {
     gl.depthMask(true);
     gl.clearColor(single.paper[0], single.paper[1], single.paper[2], 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    // What is solid comes first, so that nothing is drawn where it is hidden.
     gl.disable(gl.BLEND);
+    const flat = { ...common, ...fog, palette: palette.materials, opacity: 1 };
+    const bodies = { ...common, ...fog, enlarge: camera.isPerspective ? 0 : 1 };
+    if (this.mapLayers !== null) {
+      this.programs.surface.use();
+      this.programs.surface.set({ ...flat, layer: 1 });
+      this.mapLayers.lanes.draw();
+    }
+    this.drawEntities(bodies, picture);
+    gl.depthMask(false);
     if (camera.isPerspective) {
       this.drawBackground(/** @type {ChaseCamera} */ (camera), single);
     }
-    this.drawMap(scale, { ...common, ...fog, palette: palette.materials, opacity: 1 });
-    this.drawEntities({ ...common, ...fog, enlarge: camera.isPerspective ? 0 : 1 }, picture);
+    gl.enable(gl.BLEND);
+    this.drawMarks(scale, flat);
+    this.programs.shadow.use();
+    this.programs.shadow.set({ ...bodies, layer: 6 });
+    Object.values(this.entities).forEach((layer) => layer !== this.entities.far && layer.drawShadows());
     const spin = camera.isPerspective ? 100 : /** @type {TopCamera} */ (camera).rotation;
     const ratio = gl.drawingBufferWidth / camera.width;
     this.programs.head.use();
@@ -158,29 +175,23 @@ export class Renderer {
   }
 
   /**
+   * Draw what is painted on the road, and lines that change.
    * @param {number} scale - [pixels/m]
    * @param {Record<string, any>} uniforms
    */
-  drawMap(scale, uniforms) {
-    const { gl, programs, mapLayers } = this;
-    gl.depthMask(false);
+  drawMarks(scale, uniforms) {
+    const { programs, mapLayers } = this;
     if (mapLayers !== null) {
       programs.surface.use();
-      programs.surface.set({ ...uniforms, layer: 1 });
-      gl.depthMask(true);
-      mapLayers.lanes.draw();
-      gl.depthMask(false);
-      gl.enable(gl.BLEND);
       if (scale > 0.5) {
-        programs.surface.set({ layer: 2 });
+        programs.surface.set({ ...uniforms, layer: 2 });
         mapLayers.stripes.draw();
       }
       if (scale > ARROW_SCALE) {
-        programs.surface.set({ layer: 2, opacity: 0.7 });
+        programs.surface.set({ ...uniforms, layer: 2, opacity: 0.7 });
         mapLayers.arrows.draw();
       }
     }
-    gl.enable(gl.BLEND);
     programs.line.use();
     programs.line.set({ ...uniforms, layer: 3 });
     if (mapLayers !== null) {
@@ -206,24 +217,23 @@ export class Renderer {
     const { gl, programs } = this;
     const layers = Object.values(this.entities);
     layers.forEach((layer) => layer.upload());
-    programs.shadow.use();
-    programs.shadow.set({ ...uniforms, layer: 6 });
-    layers.filter((layer) => layer !== this.entities.far).forEach((layer) => layer.drawShadows());
-    gl.depthMask(true);
-    gl.disable(gl.BLEND);
     gl.enable(gl.CULL_FACE); // bodies are closed
     programs.entity.use();
     const blink = state === null ? 0 : Math.floor(stampOf(state) * BLINKS) % 2;
     const kinds = new Float32Array(15);
     kinds.set(palette.kinds);
     kinds.set(palette.single.horizon.map((part) => 0.45 * part), 12); // posts
-    programs.entity.set({ ...uniforms, kinds, contact: palette.single.contact, blink });
-    for (const layer of uniforms.enlarge ? layers : [...layers, this.posts]) {
+    const looks = { ...uniforms, kinds, contact: palette.single.contact };
+    programs.entity.set({ ...looks, blink });
+    const { far, ...near } = this.entities;
+    for (const layer of [...Object.values(near), ...(uniforms.enlarge ? [] : [this.posts])]) {
       programs.entity.set({ lampHeight: layer.lampHeight });
-      layer.draw();
+      layer.draw(0);
     }
+    programs.far.use();
+    programs.far.set(looks);
+    far.draw(uniforms.enlarge ? FAR_ROOF : 0);
     gl.disable(gl.CULL_FACE);
-    gl.enable(gl.BLEND);
   }
 
   /**
@@ -238,21 +248,29 @@ export class Renderer {
     const right = [forward[1] / across, -forward[0] / across, 0];
     const up = [right[1] * forward[2], -right[0] * forward[2], right[0] * forward[1] - right[1] * forward[0]];
     const [wide, high] = [0.5 * camera.width * camera.pixelSize, 0.5 * camera.height * camera.pixelSize];
-    programs.background.use();
-    programs.background.set({
+    const skyline = -forward[2] / (up[2] * high);
+    const { gl } = this;
+    const [pixelsWide, pixelsHigh] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
+    const row = Math.round(Math.min(1, Math.max(0, 0.5 * (skyline + 1))) * pixelsHigh);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(0, row, pixelsWide, pixelsHigh - row);
+    programs.sky.use();
+    programs.sky.set({ zenith, haze: horizon, skyline });
+    this.screen.draw();
+    gl.scissor(0, 0, pixelsWide, row);
+    programs.ground.use();
+    programs.ground.set({
       eye: [x % 1000, y % 1000, Math.max(z - camera.target.z, 0.1)],
       forward,
       right: right.map((part) => part * wide),
       up: up.map((part) => part * high),
-      zenith,
-      horizon,
+      haze: horizon,
       ground,
       grid,
       density: FOG_DENSITY,
     });
-    this.gl.depthMask(false);
     this.screen.draw();
-    this.gl.depthMask(true);
+    gl.disable(gl.SCISSOR_TEST);
   }
 
   /**

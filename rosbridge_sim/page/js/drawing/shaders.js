@@ -188,6 +188,33 @@ void main() {
 }`,
 };
 
+/** Vehicles from far away: little work for each pixel, because there may be very many. */
+export const FAR_SHADERS = {
+  vertex: `${HEAD}${ENTITY}
+layout(location = 0) in vec4 vertex;
+uniform vec3 kinds[5];
+uniform vec3 contact;
+flat out vec3 colour;
+flat out vec3 tail;
+out float along;
+void main() {
+  float scale = sizeOnScreen();
+  vec3 at = vec3(vertex.x * body.x * scale + body.w, vertex.y * body.y * scale, vertex.z * body.z);
+  vec3 paint = kinds[int(looks.x)];
+  if ((int(looks.z) & 1) != 0) paint = mix(paint, contact, 0.8);
+  colour = vertex.w == 1.0 ? vec3(0.2, 0.24, 0.29) + 0.1 * paint : paint * (vertex.w == 5.0 ? 0.97 : 0.78);
+  tail = (int(looks.y) & 4) != 0 ? vec3(1.0, 0.05, 0.05) : colour;
+  along = vertex.x;
+  gl_Position = view * vec4(placed(at), 1.0);
+}`,
+  fragment: `${HEAD}${FOG}
+flat in vec3 colour;
+flat in vec3 tail;
+in float along;
+out vec4 result;
+void main() { result = vec4(fade(along < -0.38 ? tail : colour), 1.0); }`,
+};
+
 /** Soft shadows under entities. */
 export const SHADOW_SHADERS = {
   vertex: `${HEAD}${ENTITY}${LAYER}
@@ -256,40 +283,48 @@ void main() {
 }`,
 };
 
-/** Sky and ground for the camera behind the car. */
-export const BACKGROUND_SHADERS = {
-  vertex: `${HEAD}
+const WHOLE_SCREEN = `${HEAD}
 layout(location = 0) in vec2 corner;
 out vec2 at;
 void main() {
   at = corner;
   gl_Position = vec4(corner, 0.999999, 1.0);
-}`,
+}`;
+
+/** Sky above the horizon, for the camera behind the car. */
+export const SKY_SHADERS = {
+  vertex: WHOLE_SCREEN,
+  fragment: `${HEAD}
+in vec2 at;
+uniform vec3 zenith;
+uniform vec3 haze;
+uniform float skyline;
+out vec4 result;
+void main() { result = vec4(mix(haze, zenith, clamp(0.8 * (at.y - skyline), 0.0, 1.0)), 1.0); }`,
+};
+
+/** Ground below the horizon, with lines that are 10 m apart. */
+export const GROUND_SHADERS = {
+  vertex: WHOLE_SCREEN,
   fragment: `${HEAD}
 in vec2 at;
 uniform vec3 eye; // above the ground in z; x and y within the pattern
 uniform vec3 forward;
 uniform vec3 right;
 uniform vec3 up;
-uniform vec3 zenith;
-uniform vec3 horizon;
+uniform vec3 haze;
 uniform vec3 ground;
 uniform vec3 grid;
 uniform float density;
 out vec4 result;
 void main() {
   vec3 ray = forward + at.x * right + at.y * up;
-  if (ray.z >= 0.0) {
-    float high = ray.z / length(ray);
-    result = vec4(mix(horizon, zenith, smoothstep(0.0, 0.55, high)), 1.0);
-    return;
-  }
-  float distance = -eye.z / ray.z;
-  vec2 place = (eye.xy + distance * ray.xy) / 10.0;
+  float distance = -eye.z / min(ray.z, -1e-5);
+  vec2 place = (eye.xy + distance * ray.xy) * 0.1;
   vec2 blur = fwidth(place);
   vec2 line = abs(fract(place - 0.5) - 0.5);
-  vec2 on = (1.0 - smoothstep(vec2(0.006), 0.006 + 1.5 * blur, line)) * clamp(1.0 - 3.0 * blur, 0.0, 1.0);
+  vec2 on = clamp(1.0 - (line - 0.006) / (1.5 * blur + 0.001), 0.0, 1.0) * clamp(1.0 - 3.0 * blur, 0.0, 1.0);
   float far = density * distance;
-  result = vec4(mix(horizon, mix(ground, grid, max(on.x, on.y)), 1.0 / (1.0 + far * far)), 1.0);
+  result = vec4(mix(haze, mix(ground, grid, max(on.x, on.y)), 1.0 / (1.0 + far * far)), 1.0);
 }`,
 };
