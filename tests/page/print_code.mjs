@@ -18,6 +18,7 @@ const SAMPLES = {
   loadScenarioRequest: ["town"],
   replayRequest: [requests.REPLAY_COMMANDS.pause],
   controlMessage: [0, { accel: 0.5, brake: 0, steering: 0.1 }],
+  syncControlRequest: [0, { accel: 0.5, brake: 0, steering: 0.1 }],
   leaseRequest: [0, 0.5],
   setRequest: [0, { set_speed: true, speed: 3 }],
   gearRequest: [0, 2],

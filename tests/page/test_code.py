@@ -81,6 +81,7 @@ EFFECTS: dict[str, Check] = {
     "loadScenarioRequest": lambda client, _: client.wait_for("/sim/scene/state")["scenario"] == "town",
     "replayRequest": lambda client, _: drivers(client)["is_paused"],  # without a replay it is the simulation's pause
     "controlMessage": lambda client, _: client.wait_for("/Ego_topic")["accel"] == 0.5,
+    "syncControlRequest": lambda _, printed: "true" in printed.lower(),
     "leaseRequest": lambda _, printed: "127.0.0.1:" in printed,
     "setRequest": lambda client, _: client.wait_for("/Ego_topic")["velocity"]["x"] > 1.0,
     "gearRequest": lambda client, _: drivers(client)["egos"][0]["gear"] == 2,

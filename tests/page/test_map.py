@@ -233,3 +233,13 @@ async def test_help_lists_keys_and_colours(serve: Serve, open_page: OpenPage) ->
     await expect(dialog).to_contain_text("within an intersection")
     await page.keyboard.press("Escape")
     await expect(dialog).to_be_hidden()
+
+
+async def test_model_is_placed_where_it_is_dragged_to(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "loop", "--start", "sync")
+    page = await open_page(server, has_webgl=True)
+    await page.get_by_role("tab", name="Objects", exact=True).click()
+    await page.get_by_label("Model", exact=True).select_option("Bus")
+    canvas = page.locator("main canvas").first
+    await page.locator(".drag-model", has_text="Bus").drag_to(canvas, target_position={"x": 400, "y": 500})
+    await expect(page.get_by_text("Bus is object")).to_be_visible()

@@ -255,6 +255,9 @@ export const TEXTS = {
     live: (throttle, brake, angle) => `Throttle ${throttle} %, brake ${brake} %, wheels ${angle}`,
     endedHidden: "The drive has ended, because the page was hidden. The pedals are up.",
     endedLost: "The drive has ended, because the connection was lost.",
+    /** @param {string} mode */
+    endedMode: (mode) => `The drive has ended, because the control mode of the ego is now: ${mode}.`,
+    otherEgo: "The drive has not begun, because another ego was chosen.",
     takeMode: "Control mode: program",
     gearDrive: "Gear D",
     gearReverse: "Gear R",
@@ -456,7 +459,7 @@ export const TEXTS = {
     lightsTitle: "Traffic lights",
     search: "Search the catalogue",
     catalogue: "Model",
-    dragHint: "Drag a model onto the map, or use the button.",
+    dragHint: "Drag the name beside the button onto the map, or press the button.",
     /**
      * @param {string} name
      * @param {string} kind

@@ -8,9 +8,12 @@ import { COMMAND_INTERVAL, DrivingSession } from "../../../rosbridge_sim/page/js
 function makeDrive({ isInSteps = false } = {}) {
   /** @type {any[]} */
   const sent = [];
-  const page = { now: 0, isInSteps, sent };
+  /** @type {any[]} */
+  const called = [];
+  const page = { now: 0, isInSteps, sent, called };
   const session = new DrivingSession({
     send: (operation) => sent.push(operation),
+    callInSteps: (operation) => called.push(operation),
     now: () => page.now,
     car: () => ({ ego: 2, speed: 0, steerLimit: 0.6 }),
     isInSteps: () => page.isInSteps,
@@ -78,8 +81,30 @@ test("in steps nothing is published, and a step takes the keys along", () => {
   run(30);
   assert.deepEqual(sent, []);
   assert.deepEqual(session.commandForStep(0.4), { ego: 2, command: { accel: 0.5, brake: 0, steering: 0 } });
-  session.end();
-  assert.deepEqual(sent, []);
+});
+
+test("the end of a drive in steps lifts the pedals that the last step has pressed", () => {
+  for (const letGo of ["end", "lift"]) {
+    const { page, session } = makeDrive({ isInSteps: true });
+    session.begin();
+    session.setInput("keys", inputOfKeys(["KeyW"]));
+    session.commandForStep(0.4);
+    session[/** @type {"end"} */ (letGo)]();
+    assert.deepEqual(page.called[0]?.values.request.command, { longlCmdType: 1, accel: 0, brake: 0, steering: 0 });
+    session.end();
+    assert.deepEqual([page.called.length, page.sent.length], [1, 0]);
+  }
+});
+
+test("keys that are let go in steps lift the pedals when time runs again", () => {
+  const { page, session, run, sent } = makeDrive({ isInSteps: true });
+  session.begin();
+  session.setInput("keys", inputOfKeys(["KeyW"]));
+  session.commandForStep(0.4);
+  session.setInput("keys", inputOfKeys([]));
+  page.isInSteps = false;
+  run(1);
+  assert.equal(sent[0]?.values.accel, 0);
 });
 
 test("a page that slept does not press the pedals for the time it slept", () => {

@@ -1,7 +1,7 @@
 // The catalogue of models: search one, choose what it does, and place it.
 
 import { ActionButton, labelled, Notice } from "../widgets/action_button.js";
-import { element, replaceChildren } from "../widgets/dom.js";
+import { element, replaceChildren, setText } from "../widgets/dom.js";
 import { removeRequest, spawnRequest } from "../wire/requests.js";
 import { pickOnMap, PlaceFields, withLaneHeading } from "./placing.js";
 
@@ -36,6 +36,8 @@ export function makeCatalogue(context, undo) {
   let models = [];
   const search = element("input", { type: "search", autocomplete: "off" });
   const list = element("select", { size: LIST_ROWS, className: "catalogue" });
+  // Browsers drag no option out of a list, so the chosen model stands beside the button, too.
+  const handle = element("span", { className: "drag-model", draggable: true, title: texts.dragHint, hidden: true });
   const behaviour = element("select", {}, ...Object.entries(texts.behaviours).map(([value, label]) => element("option", { value }, label)));
   const speed = element("input", { type: "number", value: "0", min: "-300", max: "300", step: "any" });
   const isEgo = element("input", { type: "checkbox" });
@@ -48,7 +50,7 @@ export function makeCatalogue(context, undo) {
     replaceChildren(
       list,
       ...found.map(({ name, kind, length, width }) =>
-        element("option", { value: name, draggable: true }, texts.model(name, texts.kinds[kind] ?? kind, length, width))),
+        element("option", { value: name }, texts.model(name, texts.kinds[kind] ?? kind, length, width))),
     );
     list.value = found.some(({ name }) => name === value) ? value : (found[0]?.name ?? "");
     showChoice();
@@ -58,6 +60,8 @@ export function makeCatalogue(context, undo) {
     isEgo.disabled = !model?.can_be_ego;
     isEgo.checked &&= !isEgo.disabled;
     const reason = model ? "" : texts.noModel;
+    setText(handle, `⠿ ${model?.name ?? ""}`);
+    handle.hidden = !model || !mapView;
     spawnHere.setReason(reason);
     spawnPicked.setReason(reason || (mapView ? "" : texts.noMap));
   };
@@ -97,7 +101,7 @@ export function makeCatalogue(context, undo) {
   });
   search.addEventListener("input", showModels);
   list.addEventListener("change", showChoice);
-  listenForDrops(context, list, (at) => spawn(at).catch((error) => notice.showError(error)));
+  listenForDrops(context, handle, (at) => spawn(at).catch((error) => notice.showError(error)));
   connection.onState((state) => {
     if (state === "open") {
       connection
@@ -116,29 +120,26 @@ export function makeCatalogue(context, undo) {
     labelled(texts.search, search),
     labelled(texts.catalogue, list, mapView ? texts.dragHint : ""),
     element("div", { className: "button-row" }, labelled(texts.behaviour, behaviour), labelled(texts.speed, speed), labelled(texts.isEgo, isEgo)),
-    element("div", { className: "button-row" }, spawnPicked.element),
+    element("div", { className: "button-row" }, spawnPicked.element, handle),
     element("details", {}, element("summary", {}, texts.byNumbers), place.element, spawnHere.element),
     notice.element,
   );
 }
 
 /**
- * Take models that are dragged from the list onto the map.
+ * Take the chosen model when it is dragged onto the map.
  * @param {PanelContext} context
- * @param {HTMLSelectElement} list
+ * @param {HTMLElement} handle - that is dragged
  * @param {(place: MapPlace) => void} take
  */
-function listenForDrops({ mapView, ego }, list, take) {
+function listenForDrops({ mapView, ego }, handle, take) {
   if (!mapView?.onDrop) {
     return;
   }
   const kind = "application/x-rosbridge-sim-model";
-  list.addEventListener("dragstart", (event) => {
-    const option = event.target instanceof HTMLElement ? event.target.closest("option") : null;
-    if (option && event.dataTransfer) {
-      list.value = option.value;
-      list.dispatchEvent(new Event("change"));
-      event.dataTransfer.setData(kind, option.value);
+  handle.addEventListener("dragstart", (event) => {
+    if (event.dataTransfer) {
+      event.dataTransfer.setData(kind, "");
       event.dataTransfer.effectAllowed = "copy";
     }
   });

@@ -49,12 +49,14 @@ class Driving {
     this.pads = { steer: 0, pedal: 0 };
     this.steerLimit = USUAL_STEER_LIMIT;
     this.ego = 0;
+    this.hasMode = false; // the server has confirmed that a program may drive
     this.isStepping = false;
     this.wantsStep = false;
     /** @type {any} */
     this.timer = undefined;
     this.session = new DrivingSession({
       send: (operation) => this.send(operation),
+      callInSteps: (operation) => this.callInSteps(operation),
       now: () => performance.now(),
       car: () => ({ ego: this.ego, speed: context.ego.values?.speed ?? 0, steerLimit: this.steerLimit }),
       isInSteps: () => context.time.state.kind === "synchronous",
@@ -127,8 +129,15 @@ class Driving {
   /** End the drive if it is not possible any more, and show who else drives. */
   judge() {
     const reason = this.context.time.reasons.drive;
-    if (reason && this.session.isOn) {
-      this.end(this.context.connection.state === "open" ? reason : this.texts.endedLost);
+    if (this.session.isOn) {
+      const mode = this.context.drivers.ofEgo(this.ego)?.ctrl_mode ?? 0;
+      const wasTaken = this.hasMode && mode !== EXTERNAL_MODE;
+      this.hasMode ||= mode === EXTERNAL_MODE; // the message of before the begin may come last
+      const isLost = this.context.connection.state !== "open";
+      const ended = isLost ? this.texts.endedLost : reason || (wasTaken ? this.texts.endedMode(this.context.texts.ego.modes[mode] ?? String(mode)) : "");
+      if (ended) {
+        this.end(ended);
+      }
     }
     this.button.setReason(reason);
     this.show();
@@ -150,9 +159,24 @@ class Driving {
     }
     await this.askSteerLimit();
     await this.askLease(LEASE * Math.max(1, context.drivers.message?.real_time_factor ?? 1));
+    const reason = this.reasonNotToBegin();
+    if (reason) {
+      await this.askLease(0);
+      throw new Error(reason);
+    }
+    this.hasMode = false;
     this.session.begin();
     this.timer = setInterval(() => this.update(), COMMAND_INTERVAL);
     this.show();
+  }
+
+  /** Return why a drive that was asked for may not begin after all: the answers of the server took a while. */
+  reasonNotToBegin() {
+    const { texts, context } = this;
+    if (document.hidden) {
+      return texts.endedHidden;
+    }
+    return this.ego === context.ego.number ? context.time.reasons.drive : texts.otherEgo;
   }
 
   /** Ask for the steering limit of the ego; without an answer the usual one holds. */
@@ -182,6 +206,13 @@ class Driving {
     this.context.actions.send(this.texts.action, operation);
   }
 
+  /** @param {import("../wire/requests.js").Operation} operation */
+  callInSteps(operation) {
+    if (this.context.time.state.isOwn) { // the frames of another master are its own
+      this.context.actions.run(this.texts.action, operation).catch((error) => this.notice.showError(error));
+    }
+  }
+
   update() {
     const pad = navigator.getGamepads?.().find((one) => one?.mapping === "standard");
     this.session.setInput("gamepad", pad ? inputOfGamepad(pad) : NO_INPUT);
@@ -201,7 +232,9 @@ class Driving {
     this.session.end();
     clearInterval(this.timer);
     this.context.connection.unadvertise(egoName(this.ego, "/ctrl_cmd"));
-    this.askLease(0).catch(() => {}); // without a connection the server has lifted the pedals by now
+    if (!this.session.port.isInSteps()) { // otherwise it lifts the pedals when time runs again, if nobody else drives
+      this.askLease(0).catch(() => {}); // without a connection the server has lifted the pedals by now
+    }
     this.notice.show(reason, "bad");
     this.show();
   }

@@ -1,6 +1,6 @@
 // A drive by the user: from its begin to its end it sends the pedals, and lifts them when the user cannot hold them.
 
-import { controlMessage } from "../wire/requests.js";
+import { controlMessage, syncControlRequest } from "../wire/requests.js";
 import { isHeld, mergeInputs, PedalControls } from "./driving_model.js";
 
 /** @typedef {import("./driving_model.js").DriverInput} DriverInput */
@@ -20,11 +20,12 @@ const LAST_COMMANDS = 3;
  * What a drive needs from the page; a test gives its own.
  * @typedef {{
  *   send: (operation: Operation) => void,
+ *   callInSteps: (operation: Operation) => void,
  *   now: () => number,
  *   car: () => {ego: number, speed: number, steerLimit: number},
  *   isInSteps: () => boolean,
  * }} DrivingPort
- *   now: [ms]; isInSteps: ticks of this page move the world, so the command goes with the step
+ *   callInSteps: for commands while isInSteps; now: [ms]; isInSteps: ticks of this page move the world, so the command goes with the step
  */
 
 export class DrivingSession {
@@ -53,14 +54,22 @@ export class DrivingSession {
     }
   }
 
-  /** Let go of everything at once, and say so to the simulator. The drive goes on with the next key. */
+  /**
+   * Let go of everything at once, and say so to the simulator; in steps, too, because the next step may come after the
+   * end of the drive, or from another client. The drive goes on with the next key.
+   */
   lift() {
     this.inputs.clear();
     const wasAtRest = this.controls.isAtRest && this.numLast === 0;
     const command = this.controls.release();
     this.numLast = 0;
-    if (this.isOn && !wasAtRest && !this.port.isInSteps()) {
-      this.port.send(controlMessage(this.port.car().ego, command));
+    if (this.isOn && !wasAtRest) {
+      const { ego } = this.port.car();
+      if (this.port.isInSteps()) {
+        this.port.callInSteps(syncControlRequest(ego, command));
+      } else {
+        this.port.send(controlMessage(ego, command));
+      }
     }
   }
 
@@ -111,6 +120,9 @@ export class DrivingSession {
       return null;
     }
     const { ego, speed, steerLimit } = this.port.car();
-    return { ego, command: this.controls.update(this.input, seconds, { speed, steerLimit }) };
+    const command = this.controls.update(this.input, seconds, { speed, steerLimit });
+    // A step has left the pedals pressed: they are lifted by a message, should the next command not come with a step.
+    this.numLast = this.controls.isAtRest ? 0 : LAST_COMMANDS;
+    return { ego, command };
   }
 }

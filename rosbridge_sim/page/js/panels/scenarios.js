@@ -1,7 +1,7 @@
 // The scenarios that the server can load, with their pictures; and a field for any other name.
 
 import { ActionButton, labelled, Notice } from "../widgets/action_button.js";
-import { element, replaceChildren } from "../widgets/dom.js";
+import { element, replaceRows } from "../widgets/dom.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
 /** @typedef {import("./server_files.js").ScenarioInfo} ScenarioInfo */
@@ -69,7 +69,7 @@ export function makeScenarioList(context) {
   const show = () => {
     loads = [];
     const rows = files.scenarios.map(makeRow);
-    replaceChildren(list, ...rows.map(({ row }) => row));
+    replaceRows(list, name, ...rows.map(({ row }) => row));
     if (files.problem) {
       notice.show(files.problem, "bad");
     }

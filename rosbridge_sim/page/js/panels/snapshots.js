@@ -2,7 +2,7 @@
 
 import { snapshotsRequest } from "../wire/requests.js";
 import { ActionButton, labelled, Notice } from "../widgets/action_button.js";
-import { element, replaceChildren } from "../widgets/dom.js";
+import { element, replaceRows } from "../widgets/dom.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
 
@@ -64,7 +64,7 @@ export function makeSnapshotList({ connection, time, timeControls: controls, tex
         remove.element,
       );
     });
-    replaceChildren(list, ...(rows.length ? rows : [element("li", { className: "empty" }, texts.snapshots.empty)]));
+    replaceRows(list, take.element, ...(rows.length ? rows : [element("li", { className: "empty" }, texts.snapshots.empty)]));
     showReasons();
   };
   const showReasons = () => {

@@ -55,6 +55,21 @@ export function replaceChildren(node, ...children) {
 }
 
 /**
+ * Replace the rows of a list. If the keyboard is at a button of the list, it stays at the button of the same number.
+ * @param {Element} list
+ * @param {HTMLElement} otherwise - gets the keyboard if the new rows have no button
+ * @param {...Child} rows - as for `element`
+ */
+export function replaceRows(list, otherwise, ...rows) {
+  const place = [...list.querySelectorAll("button")].findIndex((button) => button === document.activeElement);
+  replaceChildren(list, ...rows);
+  if (place >= 0) {
+    const buttons = list.querySelectorAll("button");
+    (buttons[Math.min(place, buttons.length - 1)] ?? otherwise).focus();
+  }
+}
+
+/**
  * Set the text of a node, if it is another one. An equal text would still cost a layout and a screen reader's words.
  * @param {Node} node - the node
  * @param {string} text - its text

@@ -163,6 +163,16 @@ export function controlMessage(ego, command) {
 }
 
 /**
+ * The same in synchronous mode, for the next frame.
+ * @param {number} ego
+ * @param {PedalCommand} command
+ */
+export function syncControlRequest(ego, command) {
+  const request = { frame: 0, command: { longlCmdType: BY_PEDALS, ...command }, sensor_capture: false };
+  return callOperation(egoName(ego, "/SyncModeCtrlCmd"), "morai_msgs/MoraiSyncModeCtrlCmdSrv", { request });
+}
+
+/**
  * Pedals that the simulator lifts when this page is lost or silent.
  * @param {number} ego
  * @param {number} seconds simulated; 0 ends the lease
