@@ -20,7 +20,7 @@ import { MATERIALS } from "../../../rosbridge_sim/page/js/scene/materials.js";
  */
 function lane(link, x, others = {}) {
   return {
-    link, x: [x, x + 50], y: [0, 0], z: [1, 3], left: [2, 2], right: [1, 1], length: 50, width: 3, speed_limit: 10,
+    link, x: [x, x + 20], y: [0, 0], z: [1, 3], left: [2, 2], right: [1, 1], length: 20, width: 3, speed_limit: 10,
     successors: ["next"], left_link: "", right_link: "", light: "", ...others,
   }; // prettier-ignore
 }
@@ -52,7 +52,7 @@ function pieces(lines) {
 test("the surface of a lane lies between its edges, and keeps its height", () => {
   const { lanes, origin } = makeMapGeometry(map({ lanes: [lane("a", 0)] }));
   assert.deepEqual(origin, { x: 50, y: 0, z: 0 });
-  assert.deepEqual([...lanes.vertices], [-50, 2, 1, 0, -50, -1, 1, 0, 0, 2, 3, 0, 0, -1, 3, 0]);
+  assert.deepEqual([...lanes.vertices], [-50, 2, 1, 0, -50, -1, 1, 0, -30, 2, 3, 0, -30, -1, 3, 0]);
   assert.deepEqual([...lanes.indices], [0, 1, 2, 2, 1, 3]);
 });
 
@@ -113,6 +113,17 @@ test("a doubled point does not bend a line", () => {
   assert.deepEqual(pieces(buffer.view()).map((piece) => piece[8]), [0, 10]);
   assert.equal(pointAlong({ x: [0, 0], y: [0, 0], z: [0, 0] }, 1), null);
   assert.equal(pointAlong({ x: [0, 10], y: [0, 0], z: [0, 2] }, 5)?.z, 1);
+});
+
+test("long pieces of lines and lanes are divided, and dashes go on", () => {
+  const long = lane("a", 0, { x: [0, 100], length: 100 });
+  const borders = [{ name: "b", x: [0, 100], y: [0, 0], z: [0, 10], type: 503, shape: ["Broken"], colour: ["white"] }];
+  const { lanes, lines } = makeMapGeometry(map({ lanes: [long], borders }));
+  assert.equal(lanes.vertices.length / 8, 4);
+  const found = pieces(lines);
+  assert.deepEqual(found.map((piece) => Math.round(piece[8])), [0, 33, 67]);
+  assert.equal(found[2][3], 50);
+  assert.equal(found[2][5], 10);
 });
 
 test("lights of lanes that begin at one point share the width of the lane", () => {

@@ -139,7 +139,8 @@ export class Renderer {
     }
     const scale = camera.isPerspective ? Infinity : 1 / camera.pixelSize;
     const { single } = palette;
-    const common = { view: camera.matrix(this.origin), pixel: camera.pixelSize };
+    const lift = camera.isPerspective ? 2e-4 : 0;
+    const common = { view: camera.matrix(this.origin), pixel: camera.pixelSize, lift };
     fillEntities(this.entities, picture.state, picture.poses, this.origin, common.view, common.pixel);
     const fog = { fog: [...single.horizon, camera.isPerspective ? FOG_DENSITY : 0] };
     gl.viewport(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight);

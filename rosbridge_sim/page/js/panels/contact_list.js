@@ -54,8 +54,15 @@ export function makeContactList({ connection, scene, texts }, contacts, view) {
     },
     { encoding: "cbor", queueLength: 10 },
   );
+  let place = "";
   scene.onState(() => {
-    if (contacts.dropAfter(scene.state?.frame ?? Infinity)) {
+    const { frame = 0, scenario = "", map_digest: digest = "" } = scene.state ?? {};
+    const isElsewhere = place !== "" && place !== `${digest} ${scenario}` && contacts.contacts.length > 0;
+    place = `${digest} ${scenario}`;
+    if (isElsewhere) {
+      contacts.clear(); // they happened in another scenario
+    }
+    if (contacts.dropAfter(frame) || isElsewhere) {
       show();
     }
   });

@@ -6,6 +6,9 @@
     dash [m] and period [m]. */
 export const PIECE_FLOATS = 12;
 
+/** Longer pieces are divided [m]: beside the camera, the depth of a longer one is not exact enough to lie on its road. */
+export const LONGEST_PIECE = 40;
+
 /**
  * @typedef {object} LineStyle
  * @property {number} width - [m]
@@ -74,10 +77,13 @@ export class LineBuffer {
     for (let i = 0; i + 1 < num + (isClosed && num > 2 ? 1 : 0); i += 1) {
       const j = (i + 1) % num;
       const length = Math.hypot(x[j] - x[i], y[j] - y[i]);
-      if (length > 0) {
-        this.add(x[i], y[i], z[i], x[j], y[j], z[j], style, along);
-        along += length;
+      const numPieces = length > 0 ? Math.ceil(length / LONGEST_PIECE) : 0;
+      for (let piece = 0; piece < numPieces; piece += 1) {
+        const [a, b] = [piece / numPieces, (piece + 1) / numPieces];
+        const [dx, dy, dz] = [x[j] - x[i], y[j] - y[i], z[j] - z[i]];
+        this.add(x[i] + a * dx, y[i] + a * dy, z[i] + a * dz, x[i] + b * dx, y[i] + b * dy, z[i] + b * dz, style, along + a * length);
       }
+      along += length;
     }
   }
 

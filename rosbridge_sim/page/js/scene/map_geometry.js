@@ -3,7 +3,7 @@
  * map, because the graphics card counts with 24 bits.
  */
 
-import { LineBuffer, shiftLine } from "./line_buffer.js";
+import { LineBuffer, LONGEST_PIECE, shiftLine } from "./line_buffer.js";
 import { MATERIALS } from "./materials.js";
 import { SurfaceBuffer } from "./surface_buffer.js";
 
@@ -43,7 +43,7 @@ export function makeMapGeometry(map) {
   const stripes = new SurfaceBuffer();
   const lines = new LineBuffer();
   const spines = new LineBuffer();
-  const byKind = map.lanes.map((lane, row) => ({ lane: moved(lane, origin), kind: kinds[row] }));
+  const byKind = map.lanes.map((lane, row) => ({ lane: divided(moved(lane, origin)), kind: kinds[row] }));
   byKind.sort((a, b) => a.kind - b.kind); // lanes, then intersections over them, then dead ends
   for (const { lane, kind } of byKind) {
     const left = shiftLine(lane.x, lane.y, lane.left);
@@ -117,6 +117,28 @@ function moved(line, origin) {
     y: line.y.map((value) => value - origin.y),
     z: line.z.map((value) => value - origin.z),
   };
+}
+
+/**
+ * Return a lane with more points where they are far apart.
+ * @param {MapLane} lane
+ * @returns {MapLane}
+ */
+function divided(lane) {
+  const columns = /** @type {const} */ (["x", "y", "z", "left", "right"]);
+  /** @type {MapLane} */
+  const finer = { ...lane, x: [], y: [], z: [], left: [], right: [] };
+  lane.x.forEach((x, i) => {
+    const length = i === 0 ? 0 : Math.hypot(x - lane.x[i - 1], lane.y[i] - lane.y[i - 1]);
+    const num = Math.max(1, Math.ceil(length / LONGEST_PIECE));
+    for (let k = i === 0 ? num : 1; k <= num; k += 1) {
+      for (const name of columns) {
+        const column = lane[name];
+        finer[name].push(k === num ? column[i] : column[i - 1] + (k / num) * (column[i] - column[i - 1]));
+      }
+    }
+  });
+  return finer;
 }
 
 /**
