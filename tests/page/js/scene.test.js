@@ -1,5 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
+import { setImmediate } from "node:timers/promises";
 
 import { fillEntities, meshOf } from "../../../rosbridge_sim/page/js/drawing/entity_filler.js";
 import { MeasureTool, PlaceTool } from "../../../rosbridge_sim/page/js/drawing/map_tools.js";
@@ -122,11 +123,27 @@ test("collisions are listed with the newest first, and those of undone frames go
   assert.equal(list.dropAfter(5), false);
 });
 
-/** A store on a connection that does nothing. */
+/** A store on a connection that never answers. */
 function storeWithoutServer() {
-  const connection = /** @type {any} */ ({ subscribe: () => ({ close: () => undefined }), call: () => Promise.reject(new Error("no")) });
+  const connection = /** @type {any} */ ({ subscribe: () => ({ close: () => undefined }), call: () => new Promise(() => undefined) });
   return new SceneStore(connection);
 }
+
+test("a map that could not be loaded is asked for again while the world stands", async (context) => {
+  context.mock.timers.enable({ apis: ["setTimeout"] });
+  let calls = 0;
+  const call = () => {
+    calls += 1;
+    return calls === 1 ? Promise.reject(new Error("busy")) : Promise.resolve({ digest: "d", num_pages: 1 });
+  };
+  const store = new SceneStore(/** @type {any} */ ({ subscribe: () => ({ close: () => undefined }), call }));
+  store.takeState(state(0, []));
+  const loaded = new Promise((resolve) => store.onMap(() => resolve(store.map?.digest)));
+  await setImmediate();
+  assert.equal(store.map, null);
+  context.mock.timers.tick(60_000);
+  assert.equal(await loaded, "d");
+});
 
 test("an ego and an object with the same number are told apart", () => {
   const store = storeWithoutServer();

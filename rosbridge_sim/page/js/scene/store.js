@@ -50,7 +50,6 @@ export class SceneStore {
     /** @type {Set<() => void>} */
     this.selectTakers = new Set();
     this.isLoading = false;
-    this.retryAt = 0;
     connection.subscribe("/sim/scene/state", "rosbridge_sim_msgs/SceneState", (state) => this.takeState(state), {
       encoding: "cbor",
       throttleMs: STATE_THROTTLE,
@@ -160,23 +159,27 @@ export class SceneStore {
     tellAll(this.stateTakers);
   }
 
+  /** Load the map of the last state; where that fails, again after a while, because a world that stands sends no state. */
   async loadMap() {
-    if (this.isLoading || performance.now() < this.retryAt) {
+    if (this.isLoading) {
       return;
     }
     this.isLoading = true;
-    try {
-      const map = await loadMap(this.connection);
-      this.retryAt = map.digest === this.state?.map_digest ? 0 : performance.now() + MAP_RETRY;
-      if (map.digest !== this.map?.digest) {
-        this.map = map;
-        tellAll(this.mapTakers);
+    while (this.map?.digest !== this.state?.map_digest) {
+      try {
+        const map = await loadMap(this.connection);
+        if (map.digest !== this.map?.digest) {
+          this.map = map;
+          tellAll(this.mapTakers);
+        }
+      } catch {
+        // the reason is in the server's log, and the next attempt may succeed
       }
-    } catch {
-      this.retryAt = performance.now() + MAP_RETRY; // the next state asks again
-    } finally {
-      this.isLoading = false;
+      if (this.map?.digest !== this.state?.map_digest) {
+        await new Promise((resolve) => setTimeout(resolve, MAP_RETRY));
+      }
     }
+    this.isLoading = false;
   }
 }
 
