@@ -76,7 +76,7 @@ async def test_only_a_named_page_may_show_it_in_a_frame(serve: Serve, open_page:
     outer = f'<!doctype html><iframe src="{page_url(server)}" width="900" height="600"></iframe>'
     await page.route("http://127.0.0.1:8000/", lambda route: route.fulfill(body=outer, content_type="text/html"))
     await page.goto("http://127.0.0.1:8000/")
-    connected = page.frames[1].get_by_text("Connected", exact=True)
+    connected = page.frames[1].locator(".connection-state", has_text="Connected")
     if is_named:
         await expect(connected).to_be_visible()
     else:
