@@ -226,6 +226,10 @@ class NodeState:
             world = from_plain(fields.get("world"), road_map.roads, plans(road_map))
         except (ValueError, TypeError) as error:
             raise DocumentError(f"{error!s:.200}") from None
+        here = self._context.world
+        models = (here.dynamics, here.is_creeping, here.has_impacts)
+        if (world.dynamics, world.is_creeping, world.has_impacts) != models:
+            raise DocumentError("world: expected the settings --dynamics, --creep and --on-collision of this simulator")
         next_uid = read_as(int, fields.get("next_uid"), "next_uid")
         entries = read_as(tuple[tuple[int, str, tuple[Any, ...]], ...], fields.get("waiting"), "waiting")
         if (
