@@ -163,6 +163,7 @@ class NodeState:
         """Return 32 hexadecimal digits: equal states have equal ones, in any process."""
         context, scene = self._context, self._context.scene
         state = blake2b(context.world.digest().encode(), digest_size=16)
+        state.update(context.world.model_figures())
         state.update(digest_map(scene.road_map) + pack_load(scene.loaded).digest)
         waiting = [
             (frame, command.source, None if command.action is None else pack_action(command.action))

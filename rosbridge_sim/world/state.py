@@ -508,6 +508,11 @@ class World(EntityArrays):
         self.placed_uids = set(saved.placed_uids)
         self.touch()
 
+    def model_figures(self) -> bytes:
+        """Return the figures of bodies and models that `digest` leaves out, because older digests do not have them."""
+        columns = self._floats[:, : self.n].tobytes() if self.dynamics == Dynamics.KINEMATIC else b""
+        return columns + b"".join(map(_figures_of, self.bodies))
+
     def restore_driven(self, uid: int, saved: Snapshot) -> None:
         """Restore one EGO from a snapshot; the rest of the world stays as it is.
 
@@ -747,6 +752,11 @@ def _in_space(path: FloatArray, z: float) -> FloatArray:
 def label_of(name: str, body: Body) -> int:
     """Return 63 bits that stand for name and body, so that a digest needs only an array of integers."""
     return _label_once(name, body) if len(name) <= MAX_KNOWN_NAME else _label(name, body)
+
+
+@lru_cache(1_000)
+def _figures_of(body: Body) -> bytes:
+    return repr(tuple(float(getattr(body, each.name)) for each in fields(Body))).encode()
 
 
 def _label(name: str, body: Body) -> int:
