@@ -39,7 +39,7 @@ NUM_KEPT = 20
 MAX_GROWTH = 8.0
 """Largest growth of memory from the first tenth to the end [MB]: the allocator keeps unused blocks."""
 
-MAX_OBJECTS = 2_500
+MAX_OBJECTS = 2_000
 """Blocks of small objects that caches may fill after the first tenth; one for each turn would be 4,500."""
 
 
