@@ -110,7 +110,7 @@ def at_port(script: str, port: int) -> str:
 
 
 def run(command: list[str], cwd: Path, **variables: str) -> str:
-    """What a program prints; it must write nothing to stderr."""
+    """Output of a program; it must write nothing to stderr."""
     env = {**os.environ, "PYTHONPATH": str(ROOT), **variables}
     done = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=3 * PATIENCE, check=False)
     assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr

@@ -242,11 +242,11 @@ class Barrier:
 
     @property
     def wait_until(self) -> float | None:
-        """When the world moves without those that are waited for [s]; None while no member waits."""
+        """Time at which the world moves without the missing members [s]; None while no member waits."""
         return self._wait_until if self.state is BarrierState.GATHERING else None
 
     def due(self, now: float) -> float | None:
-        """When `expire` has something to do next [s]; None if never."""
+        """Time of the next call of `expire` that is needed [s]; None if none is."""
         if self.state is BarrierState.EMPTY:
             return None
         dues = [due for due in map(self._lease_due, self._members.values()) if due is not None]
@@ -528,7 +528,7 @@ class Barrier:
         return frame + self.step_ms // FRAME_MS * (1 + len(member.ticks) + is_later)
 
     def _lease_due(self, member: _Member) -> float | None:
-        """When a member is lost by its silence [s]; None while that does not count."""
+        """Time at which a silent member counts as lost [s]; None while silence does not count."""
         if self._lease is None or member.ticks or any(member is each for each, _ in self._moving):
             return None
         if any(self._sync.is_muted(holder) for holder in member.holders):

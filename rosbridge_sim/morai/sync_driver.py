@@ -259,7 +259,7 @@ class SyncDriver:
         self._note_loss(self._sync.expire(now), now)
 
     def due(self, now: float) -> float | None:
-        """When `expire` has something to do next [s]; None if never."""
+        """Time of the next call of `expire` that is needed [s]; None if none is."""
         dues = (self._sync.lease_due, self._barrier.due(now))
         return min((due for due in dues if due is not None), default=None)
 

@@ -1,4 +1,4 @@
-"""What can be loaded: lists of scenarios and recordings on the disk, and pictures of scenarios.
+"""Lists of the scenarios and recordings that can be loaded from the disk, and pictures of scenarios.
 
 All of it is done in threads of the reader. Pictures are kept until their files change.
 """

@@ -60,7 +60,7 @@ class Stop(Enum):
 
 @dataclass(frozen=True, slots=True)
 class Sight:
-    """What one driver sees. Indices count the drivers, then the entries of the others; -1 for none.
+    """Perception of one driver. An index counts the drivers first, then the entries of the others; -1 is none.
 
     Attributes:
         lead: the entity ahead.

@@ -106,7 +106,7 @@ def view_driver(world: World, row: int) -> DriverView | None:
 
 @dataclass(frozen=True, slots=True)
 class DriverView:
-    """What a driver on lanes does, and why; -1 for no row.
+    """Action of a driver on lanes, with its reasons. A row is -1 if there is none.
 
     Attributes:
         lead_row: of the entity ahead, within sight.

@@ -194,7 +194,7 @@ FLOATS: Final[Operators[float]] = _Floats()
 
 
 class Car(NamedTuple, Generic[V]):
-    """What follows from body and gear alone.
+    """Constants of the model that follow from body and gear.
 
     Attributes:
         wheelbase, to_front, to_rear: L, a and b [m].

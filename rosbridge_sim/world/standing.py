@@ -1,4 +1,4 @@
-"""What has moved within a step is put onto the ground, on a map with hills; see `settling`."""
+"""Placement on the ground of all rows that moved within a step, on a map with hills; see `settling`."""
 
 from __future__ import annotations
 

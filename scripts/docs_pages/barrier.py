@@ -19,10 +19,10 @@ MIDDLES: Final[dict[BarrierState, Point]] = {
 """Middle of each state's box [px]."""
 
 BEND: Final = 22.0
-"""How far the middle of an arrow lies beside the straight line [px]: an arrow and its way back are two lines."""
+"""Distance of the middle of an arrow from the straight line [px], so that an arrow and its way back are two lines."""
 
 BADGE_AT: Final = 0.45
-"""Where on its arrow a number stands, nearer to the start."""
+"""Place of a number on its arrow, nearer to the start."""
 
 MEANINGS: Final = {
     BarrierState.EMPTY: "no barrier",

@@ -36,7 +36,7 @@ USUAL_BEND: Final = 26.0
 """The same for all others: far enough that an arrow and its way back are two lines."""
 
 BADGE_AT: Final = 0.45
-"""Where on its arrow a number stands: nearer to the start, so that numbers at a busy end do not touch."""
+"""Place of a number on its arrow: nearer to the start, so that numbers at a busy end do not touch."""
 
 MEANINGS: Final = {
     SyncState.FREE: "real time",

@@ -44,7 +44,7 @@ async def _command(play: SceneClient, status: int, *, is_fine: bool = True, **op
 
 
 def _motion(statuses: list[Message]) -> list[Message]:
-    """What is the drive's own: not the stamp, and not the tyres, whose readings a played ego does not have."""
+    """The recorded fields: without the stamp, and without the tyres, whose readings a played ego does not have."""
     names = [name for name in statuses[0] if not name.startswith(("header", "tire_", "side_slip_"))]
     return [{name: status[name] for name in names} for status in statuses]
 

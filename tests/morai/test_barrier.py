@@ -137,7 +137,7 @@ class Model:
         self.barrier.expire(self.now)
 
     def answers(self) -> list[str | None]:
-        """How each accepted tick has ended; None for one that waits."""
+        """The answer of each accepted tick; None for one that waits."""
         return [ends[0] if ends else None for ends in self.ends.values()]
 
 

@@ -93,7 +93,7 @@ EFFECTS: dict[str, Check] = {
     "lightMessage": lambda client, _: client.ask("/Morai_TLSrv", idx="TL10E")["status"] == 16,
     "scoreRequest": lambda client, _: client.score()[0]["since_frame"] == 0,
 }
-"""Whether the world is as the request wants it; with what the program has printed."""
+"""Return True if the world is as the request wants it; gets the output of the program."""
 
 IN_REAL_TIME = {"pauseRequest", "factorRequest", "replayRequest", "controlMessage", "setRequest", "startSyncRequest"}
 """Requests that are made while real time moves the world; the others find it in synchronous mode, at frame 0."""

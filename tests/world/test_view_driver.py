@@ -14,7 +14,7 @@ from tests.world.road_factory import CAR, car, crossing, ego, line, make, road, 
 
 
 def view(world: World, row: int) -> DriverView:
-    """What the driver does, asked twice, without any trace."""
+    """The view of the driver; it is asked for twice, and the world must not change."""
     before = world.digest()
     seen = view_driver(world, row)
     assert seen is not None

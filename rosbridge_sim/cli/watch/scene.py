@@ -1,4 +1,4 @@
-"""What is known of the scene at the other end: the last messages, read with care.
+"""State of the scene on the server that `watch` shows, as its last messages tell it.
 
 Any rosbridge may send anything, so each value is checked where it is read, and a wrong one counts as missing.
 """

@@ -1,7 +1,7 @@
 """The component of `/sim/describe`: what one entity is, where it is, and what it does and why.
 
-What a driver on lanes does is asked of the driver model itself (`view_driver`), as it would decide now. It decides ten
-times a second, so the answer may be up to 0.1 s ahead of what it does.
+The driver model itself (`view_driver`) tells the action of a driver on lanes, as it would decide now. Drivers decide
+ten times a second, so the answer may be up to 0.1 s ahead of the motion.
 """
 
 from __future__ import annotations

@@ -24,7 +24,8 @@ MAX_MAP_POINTS: Final = 60_000
 """Points of all markers together: some 2.5 MB of JSON, which every rosbridge accepts in one message (10 MB)."""
 
 TOLERANCES: Final = (0.05, 0.2, 1.0)
-"""How far a drawn line may be from the true one [m]: as wide as the paint, as a car's mirror, or just visible."""
+"""Largest distances of a drawn line from the true one [m]. The first that keeps within `MAX_MAP_POINTS` is taken: about
+the width of paint, of a car's mirror, or just visible."""
 
 PAINT_SHARE: Final = 0.25
 """Part of the points that painted lines, stop lines, crosswalks and posts may have each; the road has the rest."""

@@ -186,7 +186,7 @@ class _Version:
 
 
 class _Layout:
-    """What stays the same until an entity comes, goes, stops, starts or is placed.
+    """Columns that stay the same until an entity is added, removed, stopped, started or placed.
 
     Attributes:
         rows: (n,) rows in the world, in order of spawning.

@@ -1,4 +1,4 @@
-"""What `watch` reads from messages of any server, and how it draws them."""
+"""`watch` reads messages of any server, and draws them."""
 
 from __future__ import annotations
 
