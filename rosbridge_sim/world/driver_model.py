@@ -21,6 +21,7 @@ import numpy as np
 
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_conflicts import COMFORT
+from rosbridge_sim.world.lane_entries import EntryQueue
 
 __all__ = [
     "ACCEL",
@@ -76,6 +77,7 @@ class Perception:
         stop_distance: from the front bumper to where the driver must stop, inf without such a place [m].
         safe_speed: the most that the limit, the bends and what comes after them allow here [m/s].
         is_shut_out: bool, the driver asks for a lane behind which there is no room for it.
+        queue: all entities on the lanes, for lane changes; None where nobody changes lanes.
     """
 
     gap: FloatArray
@@ -84,6 +86,7 @@ class Perception:
     stop_distance: FloatArray
     safe_speed: FloatArray
     is_shut_out: BoolArray
+    queue: EntryQueue | None = None
 
 
 def accelerate(speed: FloatArray, desired_speed: FloatArray, perception: Perception) -> FloatArray:

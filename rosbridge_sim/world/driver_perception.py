@@ -163,7 +163,8 @@ class _Look:
         self._num_others = len(others.lane)
         lane, num = drivers.lanes[0], len(drivers.arc)
         own = Entries(lane, drivers.arc, drivers.arc - drivers.rear, drivers.speed, np.arange(num))
-        self.queue = EntryQueue(self._roads, Entries.join(own, sibling_entries(conflicts, own), others))
+        leaving = () if drivers.leaving is None else (drivers.leaving,)
+        self.queue = EntryQueue(self._roads, Entries.join(own, *leaving, sibling_entries(conflicts, own), others))
         after = self.queue.position[:num] + 1
         lead = np.where(self.queue.lane[after] == lane, after, self.queue.num)
         point, safe_speed = drivers.point, conflicts.safe_speed
@@ -176,6 +177,7 @@ class _Look:
             stop_distance=np.full(num, np.inf),
             safe_speed=safe_speed[point] + share * (safe_speed[point + 1] - safe_speed[point]),
             is_shut_out=np.zeros(num, dtype=bool),
+            queue=self.queue,
         )
         self.requests = Requests.none(num)
 

@@ -6,7 +6,8 @@ the other lane (n) and of the follower in the own lane (o), and the same after t
     a_c' - a_c + p (a_n' - a_n + a_o' - a_o) > threshold + bias        (it helps more than it costs)
     a_n' > -b_safe and a_c' > -b_safe                                 (it is safe)
 
-p is the politeness. All accelerations are those of the intelligent driver model, worked out for the moment.
+p is the politeness. The follower in the own lane counts for changes to the right alone: a slow driver makes way to the
+right, but not to the left. All accelerations are those of the intelligent driver model, worked out for the moment.
 """
 
 from __future__ import annotations

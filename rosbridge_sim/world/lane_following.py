@@ -5,12 +5,16 @@ legs of the lane's line, exactly as `path_following` moves along paths, so it is
 five lanes are chosen in advance (`route_choice`). A driver without a route that waits for a full street chooses again
 after a while; otherwise streets that fill up in a ring would block one another for ever.
 
+*Lane changes* are chosen by `lane_changes`, with the same decisions, and driven by `lane_change_motion`. A vehicle that
+changes lanes is beside the line for a while.
+
 *Speed.* `driver_perception` finds what is ahead, and `driver_model` turns that into an acceleration. Drivers decide
 ten times a second and keep their acceleration in between: a decision is made for all at once and costs ten times as
 much as moving them. It falls on fixed frames, so the columns of the world are the whole state.
 
-Limits of the model: no lane changes, no overtaking, no reversing. Of the entities that do not follow lanes, only
-pedestrians are seen where they will be; the others are seen where they are.
+Limits of the model: no overtaking in lanes of the other direction, no reversing; self-driving egos stay in their lane.
+Of the entities that do not follow lanes, only pedestrians are seen where they will be; the others are seen where they
+are.
 """
 
 from __future__ import annotations
@@ -24,7 +28,9 @@ import numpy as np
 from rosbridge_sim.world.driver_model import CREEP, accelerate
 from rosbridge_sim.world.driver_perception import Stop, observe, perceive
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_change_motion import find_shifted, nudge, plan_shifts
+from rosbridge_sim.world.lane_changes import LaneChanges
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
 from rosbridge_sim.world.lane_position import headings, set_legs
@@ -106,6 +112,9 @@ def view_driver(world: World, row: int) -> DriverView | None:
         stop_lane=sight.stop_lane,
         light=light,
         rival_row=int(all_rows[sight.rival]) if sight.rival >= 0 else -1,
+        change=LaneChange(int(world.change[row])),
+        signal=int(world.signal[row]),
+        is_changing=bool(world.leaving[row] > 0.0),
     )
 
 
@@ -122,6 +131,9 @@ class DriverView:
         stop_lane: the lane that it may not enter; of a dead end, the lane that ends.
         light: row of the light that forbids it.
         rival_row: of an entity that has the right of way.
+        change: why it changes lanes, or wants to.
+        signal: its turn signal: 0 none, 1 left, 2 right.
+        is_changing: it moves over to the other lane.
     """
 
     lead_row: int
@@ -132,6 +144,9 @@ class DriverView:
     stop_lane: int
     light: int
     rival_row: int
+    change: LaneChange = LaneChange.NONE
+    signal: int = 0
+    is_changing: bool = False
 
 
 class _LaneFollowers:
@@ -158,6 +173,7 @@ class _LaneFollowers:
         self.wheelbase = world.wheelbase[self.at].copy()
         self.uid = world.uid[self.at].copy()
         self.choice = RouteChoice(world, self.rows)
+        self.changes = LaneChanges(world, self.rows, self.choice)
         self.egos = SelfDrivingEgos(world, self.rows)
         self.shifted = find_shifted(world, self.rows)
         others = world.alive & ~world.has_lane
@@ -177,7 +193,12 @@ class _LaneFollowers:
         drivers, (others, _, num_driving) = self.drivers(), self.others()
         perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
         lanes, speed = drivers.lanes, drivers.speed
-        accel = accelerate(speed, np.fmin(self.desired_speed, perception.safe_speed), perception)
+        desired_speed = np.fmin(self.desired_speed, perception.safe_speed)
+        accel = accelerate(speed, desired_speed, perception)
+        if self.changes.is_possible:
+            accel = self.changes.decide(drivers, perception, desired_speed, accel, world.frame // DECISION)
+            self.shifted = find_shifted(world, self.rows)
+            lanes = world.int_block("lane", "ahead_5")[:, at]
         world.accel[at] = accel
         self._steer(lanes, speed, accel)
         if len(self.egos):
@@ -193,11 +214,13 @@ class _LaneFollowers:
     def drivers(self) -> Drivers:
         """Return the lane followers; columns of the world as they are, views of it where their rows are neighbours."""
         world, at = self.world, self.at
-        return Drivers(
+        drivers = Drivers(
             *(world.int_block("lane", "ahead_5")[:, at], world.arc[at], world.speed[at], world.point[at]),
             *(self.nose, self.rear, self.length, self.uid),
             *(world.claim[at], world.held[at], world.exit_lane[at]),
         )
+        drivers.leaving = self.changes.find_leaving(drivers)
+        return drivers
 
     def others(self) -> tuple[Entries, IntArray, int]:
         """Return the entries of all other entities, their rows, and how many of them drive, which are the first ones.
