@@ -29,6 +29,7 @@ from rosbridge_sim.morai.scene_commands import (
 )
 from rosbridge_sim.morai.typed_plain import as_plain, check_finite, read_as
 from rosbridge_sim.world.entity_types import MAX_COORDINATE
+from rosbridge_sim.world.lane_position import MAX_LATERAL
 
 __all__ = [
     "MapKey",
@@ -222,6 +223,7 @@ def _check(load: Load) -> None:
             all(0 <= lane < len(roads) for lane in (driver.lane, *driver.route))
             and 0.0 <= driver.s <= roads.length[driver.lane]
             and driver.desired_speed >= 0.0
+            and abs(driver.lateral) <= MAX_LATERAL
         ):
             raise DocumentError("load.driver: expected lanes of the map")
         if not spawn.is_placed or spawn.link is not None:

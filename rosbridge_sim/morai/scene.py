@@ -628,4 +628,6 @@ def _spawn(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
             desired_speed=driver.desired_speed,
             route=driver.route,
             is_loop=spawn.is_loop and len(driver.route) > 0,
+            changes_lanes=driver.changes_lanes,
+            lateral=driver.lateral,
         )

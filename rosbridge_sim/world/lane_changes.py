@@ -128,6 +128,11 @@ class _Option:
 class LaneChanges:
     """The lane changes of some lane followers. It lives as long as they do, see `lane_following`, and holds no state.
 
+    Attributes:
+        world, rows, choice: as given.
+        roads, neighbours, conflicts: of the world.
+        is_possible: somebody may change lanes somewhere.
+
     Args:
         world: written by the methods.
         rows: (n,) int64, rows of all lane followers. The methods mean indices into these.
@@ -135,23 +140,23 @@ class LaneChanges:
     """
 
     def __init__(self, world: World, rows: IntArray, choice: RouteChoice) -> None:
-        self._world, self._rows, self._choice = world, rows, choice
-        self._roads = world.roads
-        self._neighbours = world.roads.derived(LaneNeighbours)
-        self._conflicts = world.roads.derived(LaneConflicts)
+        self.world, self.rows, self.choice = world, rows, choice
+        self.roads = world.roads
+        self.neighbours = world.roads.derived(LaneNeighbours)
+        self.conflicts = world.roads.derived(LaneConflicts)
         self._may = (world.kind[rows] != Kind.EGO) & (world.keeps_lane[rows] == 0.0)
         self._half_width = world.half_width[rows]
-        self.is_possible = self._neighbours.is_any and bool(self._may.any())
+        self.is_possible = self.neighbours.is_any and bool(self._may.any())
 
     def find_leaving(self, drivers: Drivers) -> Entries | None:
         """Return the entries of those that change lanes on the lanes that they leave; None if there are none."""
         if not self.is_possible:
             return None
-        world, rows = self._world, self._rows
+        world, rows = self.world, self.rows
         leaving = world.leaving[rows]
         is_near = np.abs(world.lateral[rows] - world.lateral_to[rows]) > OFF_OLD_LANE
         which = np.flatnonzero((leaving > 0.0) & is_near)
-        lane, s = self._neighbours.cross(
+        lane, s = self.neighbours.cross(
             leaving[which].astype(np.int64) - 1, drivers.lanes[0, which], drivers.arc[which]
         )
         is_there = lane >= 0
@@ -179,7 +184,7 @@ class LaneChanges:
         """
         if not self.is_possible or perception.queue is None:
             return accel
-        world, rows = self._world, self._rows
+        world, rows = self.world, self.rows
         accel = accel.copy()
         self._end_changes()
         if drivers.leaving is not None:
@@ -194,7 +199,7 @@ class LaneChanges:
 
     def _end_changes(self) -> None:
         """End the changes of those that have arrived."""
-        world, rows = self._world, self._rows
+        world, rows = self.world, self.rows
         done = rows[(world.leaving[rows] > 0.0) & (world.lateral_left[rows] == 0.0)]
         world.leaving[done] = world.signal[done] = world.change[done] = 0.0
         world.change_since[done] = world.frame
@@ -203,22 +208,22 @@ class LaneChanges:
         """Have those that change lanes brake for the lead vehicle in the old lane, if they would touch it."""
         entries = drivers.leaving
         assert entries is not None
-        world, which = self._world, entries.source
+        world, which = self.world, entries.source
         num = len(drivers.arc)
         after = queue.position[num : num + len(which)] + 1
         is_on = queue.lane[after] == entries.lane
         gap = np.where(is_on, queue.tail[after] - entries.s, np.inf)
         lead_speed = np.where(is_on, queue.speed[after], 0.0)
         following = drivers.lanes[1, which]
-        side = world.leaving[self._rows[which]].astype(np.int64) - 1
-        beyond = np.where(following >= 0, self._neighbours.beside[side, following], -1)
+        side = world.leaving[self.rows[which]].astype(np.int64) - 1
+        beyond = np.where(following >= 0, self.neighbours.beside[side, following], -1)
         far = np.flatnonzero(~is_on & (beyond >= 0))
         first = queue.first_on(beyond[far])
-        gap[far] = self._roads.length[entries.lane[far]] - entries.s[far] + queue.tail[first]
+        gap[far] = self.roads.length[entries.lane[far]] - entries.s[far] + queue.tail[first]
         lead_speed[far] = queue.speed[first]
         gap -= drivers.nose[which]
-        done = 1.0 - world.lateral_left[self._rows[which]]
-        across = np.abs(world.lateral_from[self._rows[which]] - world.lateral_to[self._rows[which]])
+        done = 1.0 - world.lateral_left[self.rows[which]]
+        across = np.abs(world.lateral_from[self.rows[which]] - world.lateral_to[self.rows[which]])
         hits = ~self.is_clear(drivers, which, done, across, gap, lead_speed)
         at = which[hits]
         brakes = follow(drivers.speed[at], desired_speed[at], gap[hits], lead_speed[hits])
@@ -261,9 +266,9 @@ class LaneChanges:
             which: (k,) int64.
             side: (k,) int64, `LEFT` or `RIGHT`.
         """
-        world, rows, roads = self._world, self._rows[which], self._roads
-        lane, s = self._neighbours.cross(side, world.lane[rows], world.arc[rows])
-        lanes = self._choice.preview(which, lane)
+        world, rows, roads = self.world, self.rows[which], self.roads
+        lane, s = self.neighbours.cross(side, world.lane[rows], world.arc[rows])
+        lanes = self.choice.preview(which, lane)
         x, y, wheelbase = world.x[rows], world.y[rows], world.wheelbase[rows]
         lateral, yaw = np.zeros(len(which)), world.yaw[rows]
         for _ in range(4):  # each round makes the error some tens of times less
@@ -280,7 +285,7 @@ class LaneChanges:
         world.lateral_to[rows], world.lateral_push[rows], world.lateral_left[rows] = world.lateral_bias[rows], 0.0, 1.0
         world.drift[rows] = wrap_angle(world.yaw[rows] - yaw)
         world.leaving[rows] = NUM_SIDES - side
-        set_legs(world, self._conflicts, rows)
+        set_legs(world, self.conflicts, rows)
 
 
 class _Look:
@@ -313,7 +318,7 @@ class _Look:
             decision: number of the decision.
         """
         changes, drivers, which = self._changes, self._drivers, self._which
-        world, rows = changes._world, changes._rows[which]  # noqa: SLF001 - parts of one thing
+        world, rows = changes.world, changes.rows[which]
         num = len(which)
         options = [self._look_aside(side) for side in range(NUM_SIDES)]
         now, since = world.change[rows].astype(np.int64), world.change_since[rows]
@@ -322,7 +327,7 @@ class _Look:
         must = reason > 0
         is_inside = (self._to_entry <= 0.0) | (drivers.held[which] >= 0)
         # What need not be
-        bias = KEEP_RIGHT_BIAS * changes._neighbours.keeps_right[self._lanes[0]]  # noqa: SLF001
+        bias = KEEP_RIGHT_BIAS * changes.neighbours.keeps_right[self._lanes[0]]
         is_far = self._to_entry > ENTRY_WAY + ENTRY_TIME * self._speed
         advantages = []
         for i, option in enumerate(options):
@@ -366,8 +371,8 @@ class _Look:
     def _find_must(self, options: list[_Option]) -> tuple[IntArray, IntArray]:
         """Return why drivers must change lanes and to which side, (k,) int64 each; 0 for those that need not."""
         changes, which = self._changes, self._which
-        neighbours, choice = changes._neighbours, changes._choice  # noqa: SLF001
-        world, rows = changes._world, changes._rows[which]  # noqa: SLF001
+        neighbours, choice = changes.neighbours, changes.choice
+        world, rows = changes.world, changes.rows[which]
         reason, side = np.zeros(len(which), dtype=np.int64), np.zeros(len(which), dtype=np.int64)
         ends = np.flatnonzero(np.isfinite(self._run))
         if len(ends):
@@ -402,7 +407,7 @@ class _Look:
     def _is_blocked(self) -> BoolArray:
         """Return (k,) whether something stands ahead that waits for nothing."""
         changes, drivers, queue = self._changes, self._drivers, self._queue
-        perception, world = self._perception, changes._world  # noqa: SLF001
+        perception, world = self._perception, changes.world
         reach = np.fmax(BLOCKED_WAY, BLOCKED_TIME * self._speed)
         is_near = (self._gap < reach) & (self._lead_speed < STANDS) & (self._to_entry > self._gap + LIGHT_QUEUE)
         at = np.flatnonzero(is_near)
@@ -410,7 +415,7 @@ class _Look:
         if not len(at):
             return blocked
         lead = perception.lead[self._which[at]]
-        rows = changes._rows[lead]  # noqa: SLF001
+        rows = changes.rows[lead]
         is_parked = (lead < 0) | (world.desired_speed[rows] < STANDS)
         # The entry of the lead vehicle, if it is on the same lane, and the one ahead of it
         position = np.minimum(queue.position[self._which[at]] + 1, queue.num)
@@ -425,8 +430,8 @@ class _Look:
     def _open_gaps(self, at: IntArray, chosen: _Option, is_clear: BoolArray, accel: FloatArray) -> None:
         """Have followers open gaps for those that must change, and these adapt to the lead vehicles there."""
         changes, which = self._changes, self._which
-        world = changes._world  # noqa: SLF001
-        since = world.change_since[changes._rows[which[at]]]  # noqa: SLF001
+        world = changes.world
+        since = world.change_since[changes.rows[which[at]]]
         helped = at[((world.frame - since) % (2 * COURTESY) < COURTESY) & is_clear[at] & (chosen.follower[at] >= 0)]
         follower = chosen.follower[helped]
         speed = self._drivers.speed[follower]
@@ -444,7 +449,7 @@ class _Look:
     def _look_aside(self, side: int) -> _Option:
         """Return what all of them find on one side."""
         changes, drivers, queue = self._changes, self._drivers, self._queue
-        neighbours = changes._neighbours  # noqa: SLF001
+        neighbours = changes.neighbours
         num = len(self._which)
         option = _Option(
             is_there=np.zeros(num, dtype=bool),
@@ -463,7 +468,7 @@ class _Look:
         if not len(at):
             return option
         which, lane, s = self._which[at], lane[at], s[at]
-        lanes = changes._choice.preview(which, lane)  # noqa: SLF001
+        lanes = changes.choice.preview(which, lane)
         option.run[at] = self._find_run(lanes, s)
         position = queue.find(lane, s)
         gap, lead_speed = self._find_lead(lanes, s, position)
@@ -525,7 +530,7 @@ class _Look:
             s: (m,) the places [m].
             position: (m,) int64, of the first entries beyond them in the queue.
         """
-        queue, roads = self._queue, self._changes._roads  # noqa: SLF001
+        queue, roads = self._queue, self._changes.roads
         is_on = queue.lane[position] == lanes[0]
         gap = np.where(is_on, queue.tail[position] - s, np.inf)
         lead_speed = np.where(is_on, queue.speed[position], 0.0)
@@ -548,8 +553,8 @@ class _Look:
             s: (m,) the places [m].
             position: (m,) int64, of the first entries beyond them in the queue.
         """
-        queue, roads = self._queue, self._changes._roads  # noqa: SLF001
-        before = self._changes._neighbours.before  # noqa: SLF001
+        queue, roads = self._queue, self._changes.roads
+        before = self._changes.neighbours.before
         entry = np.maximum(position - 1, 0)
         is_on = (position > 0) & (queue.lane[entry] == lane)
         distance = np.where(is_on, s - queue.s[entry], np.inf)
@@ -573,7 +578,7 @@ class _Look:
 
     def _find_run(self, lanes: IntArray, s: FloatArray) -> FloatArray:
         """Return how far the lanes ahead go on from places, inf where no end is known, (m,) [m]."""
-        length = self._changes._roads.length  # noqa: SLF001
+        length = self._changes.roads.length
         run = -s
         for lane in lanes:
             run = run + np.where(lane >= 0, length[lane], 0.0)
@@ -582,8 +587,8 @@ class _Look:
     def _find_entry(self) -> FloatArray:
         """Return the distance from the front bumper to the next place where lanes conflict or a light is, (k,) [m]."""
         changes = self._changes
-        roads, conflicts = changes._roads, changes._conflicts  # noqa: SLF001
-        light = changes._world.signals.plan.light_of_lane  # noqa: SLF001
+        roads, conflicts = changes.roads, changes.conflicts
+        light = changes.world.signals.plan.light_of_lane
         bumper = self._arc + self._nose
         wait_point = conflicts.wait_point[self._lanes[0]]
         # Whose tail is still where the own lane forks or crosses others is inside.

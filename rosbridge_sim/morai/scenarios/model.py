@@ -152,8 +152,7 @@ class NpcVehicle(Follower):
 
     idle_keys: ClassVar[frozenset[str]] = frozenset(
         {
-            *("isLaneChange", "latBiasMode", "latBias", "spawnPointUniqueID", "destinationUniqueID"),
-            *("destinationMode", "endPointLinkInfo"),
+            *("latBiasMode", "spawnPointUniqueID", "destinationUniqueID", "destinationMode", "endPointLinkInfo"),
         }
     )
 
@@ -175,9 +174,14 @@ class NpcVehicle(Follower):
     ] = None
     startPointLinkInfo: KeptAsWritten = None
     currentLinkInfo: KeptAsWritten = None
-    isLaneChange: KeptAsWritten = None
+    isLaneChange: Annotated[
+        JsonValue, Field(description="false: on lanes it never changes them; absent or any other value: it may")
+    ] = None
     latBiasMode: KeptAsWritten = None
-    latBias: KeptAsWritten = None
+    latBias: Annotated[
+        JsonValue,
+        Field(description="offset from the line of its lane, left positive, -5..5; other values count as 0 [m]"),
+    ] = None
     spawnPointUniqueID: KeptAsWritten = None
     destinationUniqueID: KeptAsWritten = None
     destinationMode: KeptAsWritten = None

@@ -43,6 +43,7 @@ from rosbridge_sim.morai.scenarios.model import (
 )
 from rosbridge_sim.morai.units import KMH_TO_MPS
 from rosbridge_sim.world.geometry import FloatArray, arc_lengths
+from rosbridge_sim.world.lane_position import MAX_LATERAL
 from rosbridge_sim.world.paths import MAX_PATH_LENGTH
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
@@ -72,6 +73,8 @@ class Driver:
     Attributes:
         desired_speed: highest speed, inf for the speed limit [m/s].
         links: ids of the links of its route; empty for a random route.
+        changes_lanes: it changes lanes where that helps it.
+        lateral: offset from the line of its lane that it keeps, left positive [m].
         lane, s, route: the lane that it starts on, the arc length there [m], and the route's lanes; set by
             `place_on_roads`.
     """
@@ -81,6 +84,8 @@ class Driver:
     lane: int = -1
     s: float = 0.0
     route: tuple[int, ...] = ()
+    changes_lanes: bool = True
+    lateral: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -387,8 +392,26 @@ class _Reader:
         # With the link's speed, or without any speed, the driver keeps to the speed limit.
         is_free = item.velocityType == 1 or speed_kmh is None
         now_kmh = speed_kmh if item.currentVelocity is None else item.currentVelocity
-        driver = Driver(math.inf if is_free else max(spawn.speed, 0.0), tuple(item.route or ()))
+        driver = Driver(
+            math.inf if is_free else max(spawn.speed, 0.0),
+            tuple(item.route or ()),
+            changes_lanes=str(item.isLaneChange).strip().casefold() not in {"false", "0"},
+            lateral=self._bias(where, item),
+        )
         return replace(spawn, speed=(now_kmh or 0.0) * KMH_TO_MPS, is_loop=bool(item.isCloseLoop), driver=driver)
+
+    def _bias(self, where: str, item: NpcVehicle) -> float:
+        """Return the lateral offset of a vehicle; 0 with a remark for anything that is none."""
+        if item.latBias is None:
+            return 0.0
+        try:
+            bias = float(str(item.latBias))
+        except ValueError:
+            bias = math.nan
+        if not abs(bias) <= MAX_LATERAL:
+            _note(self._notes, f"{where}.latBias: expected -{MAX_LATERAL:g}..{MAX_LATERAL:g} m; it drives without one")
+            return 0.0
+        return bias
 
     def _pedestrian(self, where: str, item: Pedestrian) -> Spawn:
         spawn = self._on_foot(where, Kind.PEDESTRIAN, item, item.pos, item.rot)

@@ -344,7 +344,7 @@ def test_missing_path_in_waypoint_mode_is_noted_for_moving_entities() -> None:
 
 def test_values_without_effect_are_kept_unchanged() -> None:
     generator = {"DataID": 90100001, "anything": [1, {"a": None}]}
-    car = {**EGO, "isLaneChange": "perhaps", "latBiasMode": 2, "latBias": "-0.125", "destinationUniqueID": None}
+    car = {**EGO, "isLaneChange": "perhaps", "latBiasMode": 2, "destinationUniqueID": None}
     document = {
         "spawnPointList": [generator],
         "shadedAreaList": {"not": "a list"},
@@ -354,7 +354,31 @@ def test_values_without_effect_are_kept_unchanged() -> None:
     scenario = read(document)
     areas = {"shadedAreaList": {"not": "a list"}}
     assert scenario.kept == {"spawnPointList": [generator], "frictionChangeMaterialList": [], **areas}
-    assert scenario.vehicles[0].kept == {"isLaneChange": "perhaps", "latBiasMode": 2, "latBias": "-0.125"}
+    assert scenario.vehicles[0].kept == {"latBiasMode": 2}
+
+
+@pytest.mark.parametrize(
+    ("keys", "changes_lanes", "lateral", "num_remarks"),
+    [
+        ({}, True, 0.0, 0),
+        ({"isLaneChange": True, "latBias": "-0.125"}, True, -0.125, 0),
+        ({"isLaneChange": False, "latBias": 0.4}, False, 0.4, 0),
+        ({"isLaneChange": "False", "latBias": 9}, False, 0.0, 1),
+        ({"isLaneChange": "perhaps", "latBias": "wide"}, True, 0.0, 1),
+        ({"isLaneChange": 0, "latBias": {"odd": 1}}, False, 0.0, 1),
+    ],
+)
+def test_vehicle_keeps_its_lane_and_its_offset(
+    keys: dict[str, Any],
+    changes_lanes: bool,  # noqa: FBT001 - a column of the table
+    lateral: float,
+    num_remarks: int,
+) -> None:
+    scenario = read({"vehicleList": [{**EGO, "isWaypointMode": False, **keys}]})
+    driver = scenario.vehicles[0].driver
+    assert driver is not None
+    assert (driver.changes_lanes, driver.lateral) == (changes_lanes, lateral)
+    assert len([note for note in scenario.notes if "latBias" in note]) == num_remarks
 
 
 # Lights

@@ -106,7 +106,7 @@ def test_ignored_keys_are_listed_and_give_no_remarks() -> None:
         assert key not in draft.keys.read
     for key in ("vehicleList[].initPosition.pos._x", "objectList[].scale.x", "pedestrianList[].activeDistance"):
         assert draft.keys.read[key] > 0
-    for key in ("vehicleList[].isLaneChange", "vehicleList[].latBias", "pedestrianList[].active"):
+    for key in ("vehicleList[].latBiasMode", "vehicleList[].destinationMode", "pedestrianList[].active"):
         assert draft.keys.idle[key] == 1
 
 

@@ -144,7 +144,7 @@ def test_saved_files_have_no_errors_and_remarks_on_unknown_keys(folder: Path) ->
         assert [line.partition(" (")[0] for line in account["remarks"] if "DataID" in line] == ["DataID 50100007"]
         assert [one["intersection"] for one in account["phases"]] == list(CONTROLLERS)
         idle = account["without_effect"]
-        assert {"spawnPointList", "shadedAreaList", "vehicleList[].isLaneChange", "vehicleList[].latBias"} <= set(idle)
+        assert {"spawnPointList", "shadedAreaList", "vehicleList[].latBiasMode"} <= set(idle)
         assert "frictionChangeMaterialList" in idle
         walker = next(one for one in account["items"] if one["kind"] == "pedestrian")
         assert walker["starts_within"] == 30.0
