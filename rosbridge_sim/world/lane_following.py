@@ -24,6 +24,7 @@ import numpy as np
 from rosbridge_sim.world.driver_model import CREEP, accelerate
 from rosbridge_sim.world.driver_perception import Stop, observe, perceive
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.lane_change_motion import find_shifted, nudge, plan_shifts
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
 from rosbridge_sim.world.lane_position import headings, set_legs
@@ -49,6 +50,10 @@ MAX_WAIT_DECISIONS: Final = 20
 
 MAX_LANES_ENTERED: Final = 8
 """Lanes entered within one step, at most: lanes of a centimetre in a map must not slow the step down."""
+
+MAX_STRETCH: Final = 0.5
+"""The line of a bend is longer or shorter than the way beside it by this share of the way, at most: a lane's width
+beside the line of a bend of 7 m."""
 
 
 def drive_lanes(world: World, dt: float) -> None:
@@ -154,6 +159,7 @@ class _LaneFollowers:
         self.uid = world.uid[self.at].copy()
         self.choice = RouteChoice(world, self.rows)
         self.egos = SelfDrivingEgos(world, self.rows)
+        self.shifted = find_shifted(world, self.rows)
         others = world.alive & ~world.has_lane
         may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0)
         still = np.flatnonzero(others & ~may_move)
@@ -213,6 +219,9 @@ class _LaneFollowers:
         moves = np.flatnonzero(distance > 0.0)
         turn = np.zeros(self.num)
         heading = headings(self.roads, lanes[:, moves], (world.arc[at] + distance)[moves], self.wheelbase[moves])
+        if len(self.shifted):
+            plan_shifts(world, self.rows[self.shifted], distance[self.shifted], _INTERVAL)
+            heading = heading + (world.drift[at] + world.drift_rate[at] * _INTERVAL)[moves]
         turn[moves] = wrap_angle(heading - world.yaw[at][moves])
         world.yaw_rate[at] = turn / _INTERVAL
         world.lateral_accel[at] = world.yaw_rate[at] * speed
@@ -227,7 +236,10 @@ class _LaneFollowers:
         if np.count_nonzero(is_stopping):  # it brakes by no more than brings it to a stand
             after = np.fmax(after, 0.0)
             world.accel[at] = np.where(is_stopping, before / -dt, accel)
-        arc = world.arc[at] + (before + after) * (0.5 * dt)
+        step = (before + after) * (0.5 * dt)
+        if len(self.shifted):
+            step[self.shifted] = self._along(step[self.shifted], dt)
+        arc = world.arc[at] + step
         world.speed[at], world.arc[at] = after, arc
         is_past = arc >= world.leg_end[at]
         if np.count_nonzero(is_past):
@@ -238,8 +250,25 @@ class _LaneFollowers:
         world.z[at] = world.leg_z[at] + distance * world.leg_dz[at]
         yaw = world.yaw[at] + world.yaw_rate[at] * dt
         world.yaw[at] = yaw if np.abs(yaw).max() < math.pi else wrap_angle(yaw)
+        if len(self.shifted):
+            nudge(world, self.rows[self.shifted], dt)
         if saved is not None:
             self.egos.restore_poses(saved)
+
+    def _along(self, step: FloatArray, dt: float) -> FloatArray:
+        """Return by how much the arc lengths of the `shifted` rise, (k,) [m].
+
+        In a bend the line is longer or shorter than the way beside it, and who moves across moves along by less.
+
+        Args:
+            step: (k,) by which they move [m].
+            dt: length of the step [s].
+        """
+        world, rows = self.world, self.rows[self.shifted]
+        drift = world.drift[rows] + world.drift_rate[rows] * dt
+        turn = (world.yaw_rate[rows] - world.drift_rate[rows]) * dt * world.lateral[rows]
+        most = MAX_STRETCH * step
+        return step * np.cos(drift) + np.fmin(np.fmax(turn, -most), most)
 
     def _advance_lanes(self, which: IntArray) -> None:
         """Bring lane and leg up to date for vehicles whose arc length may be beyond the end of their leg or lane."""
