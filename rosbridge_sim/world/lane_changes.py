@@ -27,7 +27,6 @@ from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_a
 from rosbridge_sim.world.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
 from rosbridge_sim.world.lane_change_model import (
     KEEP_RIGHT_BIAS,
-    POLITENESS,
     THRESHOLD,
     LaneChange,
     find_safe,
@@ -163,7 +162,7 @@ class LaneChanges:
         which, lane, s = which[is_there], lane[is_there], s[is_there]
         if not len(which):
             return None
-        return Entries(lane, s, s - drivers.rear[which], drivers.speed[which], which)
+        return Entries(lane, s, s - drivers.rear[which], drivers.speed[which], drivers.accel[which], which)
 
     def decide(
         self,
@@ -496,7 +495,8 @@ class _Look:
         old_speed = queue.speed[before]
         old_gap = self._arc[at] - self._rear[at] - queue.s[before] - np.where(old >= 0, drivers.nose[old], 0.0)
         gain = -self._cost(old, old_speed, old_gap, at, self._gap[at], self._lead_speed[at])
-        option.advantage[at] = own + POLITENESS * (others + np.where(has_old, gain, 0.0))
+        politeness = drivers.parameters.politeness[which]
+        option.advantage[at] = own + politeness * (others + np.where(has_old, gain, 0.0))
         return option
 
     def _cost(  # noqa: PLR0917 - of three vehicles
