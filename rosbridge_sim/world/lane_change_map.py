@@ -49,6 +49,7 @@ class LaneNeighbours:
         beside: (2, l) int64, rows of the lanes to the left and to the right; -1 for none. If the map names one lane as
             the neighbour of another, both are beside each other.
         may: (2, l) bool, one may change to that side.
+        has_side: (l,) bool, one may change to any side.
         across: (2, n) for each point of the roads the arc length of the place beside it; nan where there is none [m].
         merge_side: (l,) int64, of a lane that ends while others beside it go on, the side of these plus 1; else 0.
         group: (l,) int64, the same number for lanes beside one another.
@@ -62,7 +63,19 @@ class LaneNeighbours:
     """
 
     __slots__ = (
-        *("across", "before", "beside", "group", "is_any", "is_even", "keeps_right", "may", "merge_side", "place"),
+        *(
+            "across",
+            "before",
+            "beside",
+            "group",
+            "has_side",
+            "is_any",
+            "is_even",
+            "keeps_right",
+            "may",
+            "merge_side",
+            "place",
+        ),
         "_roads",
     )
 
@@ -71,7 +84,8 @@ class LaneNeighbours:
         num = len(roads)
         named = np.stack((roads.left, roads.right))
         self.may = named >= 0
-        self.is_any = bool(self.may.any())
+        self.has_side: BoolArray = self.may[LEFT] | self.may[RIGHT]
+        self.is_any = bool(self.has_side.any())
         self.beside = named.copy()
         for side in range(NUM_SIDES):
             back = self.beside[1 - side]

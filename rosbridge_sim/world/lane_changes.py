@@ -41,8 +41,10 @@ from rosbridge_sim.world.state import Kind, World
 
 __all__ = ["LaneChanges"]
 
-LOOK_EVERY: Final = 10
-"""Decisions from one look at the lanes beside to the next: 1 s; a change is no matter of tenths of a second."""
+LOOK_EVERY: Final = 5  # odd, so that looks fall on even and odd decisions in turn
+LOOK_PARTS: Final = 2
+"""Each so many decisions, one of so many parts of the drivers looks at the lanes beside: each driver once a second, for
+a change is no matter of tenths of a second. Few looks of many drivers cost less than many of few."""
 
 SIGNAL_FRAMES: Final = 75
 """Frames that a driver signals before it moves over: 1.5 s, three blinks."""
@@ -189,8 +191,12 @@ class LaneChanges:
         if drivers.leaving is not None:
             self._mind_old_lane(drivers, perception.queue, desired_speed, accel)
         is_free = self._may & (world.leaving[rows] == 0.0)
-        is_turn = (decision + drivers.uid) % LOOK_EVERY == 0
-        which = np.flatnonzero(is_free & (is_turn | (world.change[rows] > 0.0)))
+        part = decision // LOOK_EVERY if decision % LOOK_EVERY == 0 else -1
+        is_turn = np.full(len(rows), part >= 0) & (drivers.uid % LOOK_PARTS == part % LOOK_PARTS)
+        looks = is_turn & self.neighbours.has_side[drivers.lanes[0]]
+        # Who signals because it must looks at each decision, for the gap; the others with the next look of anybody.
+        looks |= world.change[rows] >= (LaneChange.FASTER if part >= 0 else LaneChange.ROUTE)
+        which = np.flatnonzero(is_free & looks)
         if len(which):
             look = _Look(self, drivers, perception, perception.queue, desired_speed, which)
             look.decide(accel, decision)
@@ -319,7 +325,7 @@ class _Look:
         changes, drivers, which = self._changes, self._drivers, self._which
         world, rows = changes.world, changes.rows[which]
         num = len(which)
-        options = [self._look_aside(side) for side in range(NUM_SIDES)]
+        options = self._look_aside()
         now, since = world.change[rows].astype(np.int64), world.change_since[rows]
         signal = world.signal[rows].astype(np.int64)
         reason, side = self._find_must(options)
@@ -445,11 +451,14 @@ class _Look:
         brakes = follow(self._speed[at], self._desired_speed[which], self._gap[at] - PULL_OUT, self._lead_speed[at])
         accel[which] = np.fmin(accel[which], np.fmax(brakes, -HARDEST))
 
-    def _look_aside(self, side: int) -> _Option:
-        """Return what all of them find on one side."""
+    def _look_aside(self) -> list[_Option]:
+        """Return what all of them find to the left and to the right. Both sides at once cost little more than one."""
         changes, drivers, queue = self._changes, self._drivers, self._queue
         neighbours = changes.neighbours
-        num = len(self._which)
+        half = len(self._which)
+        num = NUM_SIDES * half
+        side, own_index = np.repeat(np.arange(NUM_SIDES), half), np.tile(np.arange(half), NUM_SIDES)
+        own_lane = self._lanes[0, own_index]
         option = _Option(
             is_there=np.zeros(num, dtype=bool),
             run=np.zeros(num),
@@ -461,27 +470,29 @@ class _Look:
             advantage=np.full(num, -np.inf),
             is_safe=np.zeros(num, dtype=bool),
         )
-        lane, s = neighbours.cross(np.full(num, side), self._lanes[0], self._arc)
-        option.is_there = (lane >= 0) & neighbours.may[side, self._lanes[0]]
-        at = np.flatnonzero(option.is_there)
-        if not len(at):
-            return option
-        which, lane, s = self._which[at], lane[at], s[at]
+        options = [slice(0, half), slice(half, num)]
+        lane, s = neighbours.cross(side, own_lane, self._arc[own_index])
+        option.is_there = (lane >= 0) & neighbours.may[side, own_lane]
+        there = np.flatnonzero(option.is_there)
+        if not len(there):
+            return [_part_of(option, part) for part in options]
+        at = own_index[there]
+        which, lane, s = self._which[at], lane[there], s[there]
         lanes = changes.choice.preview(which, lane)
-        option.run[at] = self._find_run(lanes, s)
+        option.run[there] = self._find_run(lanes, s)
         position = queue.find(lane, s)
         gap, lead_speed = self._find_lead(lanes, s, position)
         gap -= self._nose[at]
-        option.gap[at], option.lead_speed[at] = gap, lead_speed
+        option.gap[there], option.lead_speed[there] = gap, lead_speed
         entry, distance = self._find_follower(lane, s, position)
         follower = queue.source[entry]
         nose = np.where(follower >= 0, drivers.nose[follower], queue.s[entry] - queue.tail[entry])
         has_follower = np.isfinite(distance)
         gap_behind = np.where(has_follower, distance - self._rear[at] - nose, np.inf)
         speed_behind = np.where(has_follower, queue.speed[entry], 0.0)
-        option.gap_behind[at], option.follower_speed[at] = gap_behind, speed_behind
-        option.follower[at] = np.where(has_follower, follower, -1)
-        option.is_safe[at] = find_safe(self._speed[at], gap, lead_speed, gap_behind, speed_behind)
+        option.gap_behind[there], option.follower_speed[there] = gap_behind, speed_behind
+        option.follower[there] = np.where(has_follower, follower, -1)
+        option.is_safe[there] = find_safe(self._speed[at], gap, lead_speed, gap_behind, speed_behind)
         # MOBIL
         speed, wanted = self._speed[at], self._desired_speed[which]
         own = follow(speed, wanted, gap, lead_speed) - follow(speed, wanted, self._gap[at], self._lead_speed[at])
@@ -490,14 +501,17 @@ class _Look:
         old = queue.source[before]
         # A slow driver makes way to the right for one that comes from behind, but not to the left.
         has_old = (
-            (side == RIGHT) & (queue.position[which] > 0) & (queue.lane[before] == self._lanes[0, at]) & (old >= 0)
+            (side[there] == RIGHT)
+            & (queue.position[which] > 0)
+            & (queue.lane[before] == self._lanes[0, at])
+            & (old >= 0)
         )
         old_speed = queue.speed[before]
         old_gap = self._arc[at] - self._rear[at] - queue.s[before] - np.where(old >= 0, drivers.nose[old], 0.0)
         gain = -self._cost(old, old_speed, old_gap, at, self._gap[at], self._lead_speed[at])
         politeness = drivers.parameters.politeness[which]
-        option.advantage[at] = own + politeness * (others + np.where(has_old, gain, 0.0))
-        return option
+        option.advantage[there] = own + politeness * (others + np.where(has_old, gain, 0.0))
+        return [_part_of(option, part) for part in options]
 
     def _cost(  # noqa: PLR0917 - of three vehicles
         self,
@@ -602,6 +616,11 @@ class _Look:
             to_entry = np.where(is_entry, np.fmin(to_entry, there), to_entry)
             distance = distance + np.where(lane >= 0, roads.length[lane], 0.0)
         return np.asarray(to_entry)
+
+
+def _part_of(option: _Option, part: slice) -> _Option:
+    """Return a part of the drivers' options."""
+    return _Option(*(getattr(option, name)[part] for name in _Option.__dataclass_fields__))
 
 
 def _pick(options: list[_Option], side: IntArray) -> _Option:

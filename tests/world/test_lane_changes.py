@@ -113,7 +113,8 @@ def test_driver_signals_before_and_while_it_changes_and_says_why() -> None:
         if world.leaving[row] and len(set(leavings)) == 2 and leavings.count(1) == 10:
             view = view_driver(world, row)
             assert view is not None
-            assert (view.change, view.signal, view.is_changing) == (LaneChange.AROUND, 2, True)
+            assert (view.change.value, view.signal, view.is_changing) == (world.change[row], 2, True)
+            assert view.change in {LaneChange.AROUND, LaneChange.FASTER}
     on, moves = signals.index(2), leavings.index(1)
     assert 75 <= moves - on <= 90
     assert signals[on : moves + 150] == [2] * (moves + 150 - on)
