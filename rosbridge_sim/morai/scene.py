@@ -617,6 +617,7 @@ def _spawn(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
         roll=spawn.roll,
         pitch=spawn.pitch,
         start_within=spawn.start_within,
+        yields=spawn.yields,
     )
     driver = spawn.driver
     if driver is not None:

@@ -1,9 +1,10 @@
 """The shape of scenario documents: the part of MORAI's scenario JSON that is read, key by key.
 
 Keys that these models name are read. All other keys that MORAI writes (physical state, editor state) are ignored. Of
-the read keys, the `idle_keys` have no effect yet: they are kept as they are written. Three keys are ours, for users who
-write scenarios by hand and do not know MORAI's numbers and ids: `modelName`, a name of the catalogue instead of
-`DataID`; `pathName`, the name of a path instead of the item's `UNIQUEID`; `route`, the links that a vehicle follows.
+the read keys, the `idle_keys` have no effect yet: they are kept as they are written. Four keys are ours.
+Three are for users who write scenarios by hand and do not know MORAI's numbers and ids: `modelName`, a name of the
+catalogue instead of `DataID`; `pathName`, the name of a path instead of the item's `UNIQUEID`; `route`, the links that
+a vehicle follows. The fourth is `yields`: the item stops for what is ahead on its path.
 `schemas/scenario.schema.json` is generated from this module.
 """
 
@@ -143,6 +144,12 @@ class Follower(PlacedItem):
     ] = None
 
 
+Yields = Annotated[
+    LenientBool | None,
+    Field(description="true: it stops for what is ahead on its path; a pedestrian crosses by light or gap (ours)"),
+]
+
+
 class NpcVehicle(Follower):
     """A vehicle: on a path at constant speed; without a path, on the lanes as a driver; otherwise straight ahead.
 
@@ -173,6 +180,7 @@ class NpcVehicle(Follower):
         list[ShortText] | None,
         Field(max_length=MAX_WAYPOINTS, description="ids of links, from its first link on (ours); after them random"),
     ] = None
+    yields: Yields = None
     startPointLinkInfo: KeptAsWritten = None
     currentLinkInfo: KeptAsWritten = None
     isLaneChange: KeptAsWritten = None
@@ -195,6 +203,7 @@ class Pedestrian(Follower):
     loop: Annotated[LenientBool | None, Field(description="at the end it begins again, or walks back")] = None
     movingDistance: Annotated[Coordinate | None, Field(description="[m]")] = None
     activeDistance: ActiveDistance = None
+    yields: Yields = None
     active: KeptAsWritten = None
 
 

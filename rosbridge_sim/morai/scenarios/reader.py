@@ -117,6 +117,7 @@ class Spawn:
         link_ratio: start along that link, 0..1.
         is_placed: x, y and z are valid.
         start_within: it stands until an ego is this near [m]; 0 starts at once.
+        yields: it stops for what is ahead on its path.
         kept: keys of the document without effect yet, with their values as they are written.
         where: its place in the document, for messages.
     """
@@ -140,6 +141,7 @@ class Spawn:
     roll: float = 0.0
     pitch: float = 0.0
     start_within: float = 0.0
+    yields: bool = False
     kept: Mapping[str, Any] = field(default_factory=dict)  # JSON values
     where: str = ""
 
@@ -381,6 +383,7 @@ class _Reader:
             first, second = second, first
         speed_kmh = first if first is not None else second
         spawn = self._follow(where, item, spawn, speed_kmh, is_loop=item.isCloseLoop)
+        spawn = replace(spawn, yields=bool(item.yields))
         is_on_lanes = item.isWaypointMode is False or (item.isWaypointMode is None and _names_link(item))
         if spawn.path is not None or (spawn.link is None and not is_on_lanes):
             return spawn
@@ -393,7 +396,7 @@ class _Reader:
     def _pedestrian(self, where: str, item: Pedestrian) -> Spawn:
         spawn = self._on_foot(where, Kind.PEDESTRIAN, item, item.pos, item.rot)
         spawn = self._follow(where, item, spawn, item.speed, is_loop=item.loop, ahead=item.movingDistance or 0.0)
-        return replace(spawn, start_within=max(item.activeDistance or 0.0, 0.0))
+        return replace(spawn, start_within=max(item.activeDistance or 0.0, 0.0), yields=bool(item.yields))
 
     def _obstacle(self, where: str, item: Obstacle) -> Spawn:
         spawn = self._on_foot(where, Kind.OBSTACLE, item, item.pos, item.rot)
