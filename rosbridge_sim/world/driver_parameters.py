@@ -5,9 +5,10 @@ parameters are no state: they are worked out again whenever entities come or go.
 of its class: users know then what to expect, and it does not drive faster than the limit.
 
 Sources. *SUMO*: its vehicle class defaults (passenger, truck, bus, motorcycle, bicycle), for speed factors and
-accelerations. *Treiber and Kesting*, Traffic Flow Dynamics (2013), ch. 11 and 14: time gaps near 1 s in cities,
-comfortable deceleration 2 m/s^2, politeness 0 to 0.5. *Reymond et al.*, Human Factors 43 (2001): drivers of cars accept
-a lateral acceleration of 2 to 3 m/s^2 in usual traffic. Those of buses accept about half, because people stand there.
+accelerations; with the headway of cars here, queues discharge at a light as SUMO's do, 1.6 s from car to car.
+*Treiber and Kesting*, Traffic Flow Dynamics (2013), ch. 11 and 14: time gaps near 1 s in cities, comfortable
+deceleration 2 m/s^2, politeness 0 to 0.5. *Reymond et al.*, Human Factors 43 (2001): drivers of cars accept a lateral
+acceleration of 2 to 3 m/s^2 in usual traffic. Those of buses accept about half, because people stand there.
 """
 
 from __future__ import annotations
@@ -55,13 +56,13 @@ _ANY_POLITENESS: Final = Figure(0.3, 0.1, 0.0, 0.6)
 FIGURES: Final[dict[str, tuple[Figure, Figure, Figure, Figure, Figure]]] = {
     # in the order of the classes: bicycle, motorcycle, car, light goods, heavy
     "speed_factor": (
-        Figure(1.0, 0.1, 0.75, 1.25),
-        Figure(1.05, 0.1, 0.8, 1.3),
-        Figure(1.0, 0.1, 0.75, 1.25),
-        Figure(1.0, 0.08, 0.8, 1.2),
+        Figure(1.0, 0.08, 0.85, 1.2),
+        Figure(1.05, 0.08, 0.85, 1.25),
+        Figure(1.0, 0.08, 0.85, 1.2),
+        Figure(1.0, 0.06, 0.85, 1.15),
         Figure(0.95, 0.05, 0.85, 1.05),
     ),
-    "top_speed": (  # of riders, in calm traffic; the speed limiters of heavy vehicles in Europe
+    "desired_speed": (  # of riders, in calm traffic; the speed limiters of heavy vehicles in Europe
         Figure(5.0, 0.7, 3.0, 7.5),
         Figure(45.0, 0.0, 45.0, 45.0),
         Figure(45.0, 0.0, 45.0, 45.0),
@@ -70,15 +71,15 @@ FIGURES: Final[dict[str, tuple[Figure, Figure, Figure, Figure, Figure]]] = {
     ),
     "headway": (
         Figure(1.0, 0.1, 0.7, 1.4),
-        Figure(0.9, 0.1, 0.7, 1.3),
+        Figure(0.85, 0.1, 0.65, 1.2),
+        Figure(0.9, 0.12, 0.65, 1.3),
         Figure(1.0, 0.12, 0.7, 1.4),
-        Figure(1.05, 0.12, 0.75, 1.5),
-        Figure(1.3, 0.15, 0.9, 1.8),
+        Figure(1.2, 0.15, 0.8, 1.7),
     ),
     "accel": (
         Figure(0.9, 0.1, 0.6, 1.2),
         Figure(2.4, 0.2, 1.8, 2.6),
-        Figure(2.0, 0.2, 1.4, 2.6),
+        Figure(2.4, 0.15, 1.8, 2.6),
         Figure(1.7, 0.15, 1.2, 2.2),
         Figure(1.1, 0.08, 0.9, 1.3),
     ),
@@ -107,7 +108,7 @@ class DriverParameters:
 
     Attributes:
         speed_factor: the driver goes this many times the speed limit on a free road.
-        top_speed: more than this the driver never goes by its own will [m/s].
+        desired_speed: the speed that the driver wants where nothing demands a lower one [m/s].
         headway: T of the intelligent driver model, the time gap to the lead vehicle [s].
         accel: its a, the acceleration from standstill on a free road [m/s^2].
         comfort: its b, the comfortable deceleration [m/s^2].
@@ -117,7 +118,7 @@ class DriverParameters:
     """
 
     speed_factor: FloatArray
-    top_speed: FloatArray
+    desired_speed: FloatArray
     headway: FloatArray
     accel: FloatArray
     comfort: FloatArray
@@ -127,11 +128,13 @@ class DriverParameters:
 
     @classmethod
     def of(cls, world: World, rows: IntArray) -> DriverParameters:
-        """Return the parameters of some rows.
+        """Return the parameters of some rows that follow lanes.
+
+        A driver with a desired speed that was given, as by a scenario, wants that speed, and keeps to the limit.
 
         Args:
             world: read only.
-            rows: (k,) int64, rows of vehicles and egos.
+            rows: (k,) int64.
         """
         kinds = classes_of(2.0 * world.half_length[rows], 2.0 * world.half_width[rows], world.height[rows])
         salt = salt_of(world.seed, world.uid[rows])
@@ -141,7 +144,11 @@ class DriverParameters:
             mean, deviation, least, most = _TABLES[each.name].take(kinds, axis=1)
             value = mean + deviation * (varies * bell(salt, question))
             columns.append(np.fmin(np.fmax(value, least), most))
-        return cls(*columns)
+        drivers = cls(*columns)
+        given = world.desired_speed[rows]
+        at = np.isfinite(given)
+        drivers.desired_speed[at], drivers.speed_factor[at] = given[at], 1.0
+        return drivers
 
 
 _TABLES: Final = {

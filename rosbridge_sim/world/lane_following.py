@@ -9,6 +9,9 @@ after a while; otherwise streets that fill up in a ring would block one another 
 ten times a second and keep their acceleration in between: a decision is made for all at once and costs ten times as
 much as moving them. It falls on fixed frames, so the columns of the world are the whole state.
 
+*Reaction.* The acceleration follows the decision with a lag of first order, by the driver's reaction time. So all
+reactions come late and without a jump, and no past values need to be kept: the acceleration itself is the memory.
+
 Limits of the model: no lane changes, no overtaking, no reversing. Of the entities that do not follow lanes, only
 pedestrians are seen where they will be; the others are seen where they are.
 """
@@ -22,6 +25,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.driver_model import CREEP, accelerate
+from rosbridge_sim.world.driver_parameters import DriverParameters
 from rosbridge_sim.world.driver_perception import Stop, observe, perceive
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.lane_change_motion import find_shifted, nudge, plan_shifts
@@ -154,7 +158,8 @@ class _LaneFollowers:
         self.conflicts = world.roads.derived(LaneConflicts)
         half, centre = world.half_length[self.at], world.centre[self.at]
         self.nose, self.rear, self.length = half + centre, half - centre, 2.0 * half
-        self.desired_speed = world.desired_speed[self.at].copy()
+        self.parameters = DriverParameters.of(world, self.rows)
+        self.response = -np.expm1(-_INTERVAL / self.parameters.reaction)
         self.wheelbase = world.wheelbase[self.at].copy()
         self.uid = world.uid[self.at].copy()
         self.choice = RouteChoice(world, self.rows)
@@ -177,12 +182,14 @@ class _LaneFollowers:
         drivers, (others, _, num_driving) = self.drivers(), self.others()
         perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
         lanes, speed = drivers.lanes, drivers.speed
-        accel = accelerate(speed, np.fmin(self.desired_speed, perception.safe_speed), perception)
+        wanted = accelerate(speed, perception, self.parameters)
+        accel = drivers.accel + self.response * (wanted - drivers.accel)
+        if len(self.egos):  # their pedals have a lag of their own
+            index = self.egos.index
+            accel[index] = wanted[index]
+            self.egos.command(lanes[:, index], wanted[index])
         world.accel[at] = accel
         self._steer(lanes, speed, accel)
-        if len(self.egos):
-            index = self.egos.index
-            self.egos.command(lanes[:, index], accel[index])
         is_turn = (world.frame // DECISION + self.uid) % MAX_WAIT_DECISIONS == 0
         gives_up = perception.is_shut_out & (speed < CREEP) & is_turn
         if gives_up.any():
@@ -194,9 +201,19 @@ class _LaneFollowers:
         """Return the lane followers; columns of the world as they are, views of it where their rows are neighbours."""
         world, at = self.world, self.at
         return Drivers(
-            *(world.int_block("lane", "ahead_5")[:, at], world.arc[at], world.speed[at], world.point[at]),
-            *(self.nose, self.rear, self.length, self.uid),
-            *(world.claim[at], world.held[at], world.exit_lane[at]),
+            lanes=world.int_block("lane", "ahead_5")[:, at],
+            arc=world.arc[at],
+            speed=world.speed[at],
+            accel=world.accel[at],
+            point=world.point[at],
+            nose=self.nose,
+            rear=self.rear,
+            length=self.length,
+            uid=self.uid,
+            claim=world.claim[at],
+            held=world.held[at],
+            exit_lane=world.exit_lane[at],
+            parameters=self.parameters,
         )
 
     def others(self) -> tuple[Entries, IntArray, int]:
@@ -311,6 +328,7 @@ def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray]:
         z=world.z[rows],
         yaw=world.yaw[rows],
         speed=world.speed[rows],
+        accel=world.accel[rows],
         half_length=world.half_length[rows],
         half_width=world.half_width[rows],
         foresight=np.where(world.kind[rows] == Kind.PEDESTRIAN, FORESIGHT, 0.0),

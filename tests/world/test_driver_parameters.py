@@ -25,6 +25,7 @@ def crowd(seed: int, kind: Kind = Kind.VEHICLE) -> World:
     world = World(seed)
     for i in range(400):
         world.spawn(kind, Body(), name="car", x=10.0 * i, y=0.0)
+    world.desired_speed[:] = np.inf
     return world
 
 
@@ -49,6 +50,13 @@ def test_figures_depend_on_seed_and_id_only() -> None:
     for each in fields(DriverParameters):
         assert (getattr(before, each.name)[10:] == getattr(after, each.name)).all()
     assert (before.headway != other.headway).mean() > 0.9
+
+
+def test_given_speed_is_kept_with_the_limit() -> None:
+    world = crowd(3)
+    world.desired_speed[5] = 40.0
+    drivers = DriverParameters.of(world, np.arange(400))
+    assert (drivers.desired_speed[5], drivers.speed_factor[5]) == (40.0, 1.0)
 
 
 def test_ego_is_the_mean_driver() -> None:
