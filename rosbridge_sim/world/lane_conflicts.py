@@ -39,7 +39,12 @@ MAX_BEND_SPEED: Final = 100.0
 """The speed of bends that are nearly straight [m/s], faster than any driver: the bends then do not matter."""
 
 BEND: Final = 3.0
-"""Curvature is measured over this length to either side [m], so that rounding in the map's points makes no bend."""
+"""Curvature is measured over at least this length to either side [m], so that rounding in the map's points makes no
+bend."""
+
+MAX_BEND: Final = 12.0
+"""Curvature is measured over at most this length to either side [m]: a longer one would hide corners. Where points are
+farther apart than `BEND`, it is as long as they are, since the whole turn of a segment is at its end."""
 
 CLEAR: Final = 2.4
 """Lines nearer than this cannot be used side by side [m]: two cars of 1.9 m and half a metre between them. Lanes of the
@@ -163,7 +168,11 @@ def _curvature(roads: Roads) -> FloatArray:
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
     if not len(lane):
         return np.zeros(0)
-    reach = np.minimum(BEND, 0.5 * roads.length[lane])
+    to_next = np.diff(roads.s, append=0.0)
+    to_next[roads.first[1:] - 1] = np.inf
+    to_last = np.roll(to_next, 1)
+    to_last[roads.first[:-1]] = np.inf
+    reach = np.minimum(np.clip(np.minimum(to_last, to_next), BEND, MAX_BEND), 0.5 * roads.length[lane])
     middle = np.clip(roads.s, reach, roads.length[lane] - reach)
     a, b, c = (roads.at(lane, middle + offset)[0][:, :2] for offset in (-reach, 0.0 * reach, reach))
     ab, bc, ac = b - a, c - b, c - a
