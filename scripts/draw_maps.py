@@ -19,6 +19,9 @@ if __name__ == "__main__":
 
 from scripts.drawing.hills import hills_files, hills_scenario  # noqa: E402
 from scripts.drawing.loop import loop_files, loop_scenario  # noqa: E402
+from scripts.drawing.motorway import motorway_files, motorway_scenario  # noqa: E402
+from scripts.drawing.parking import parking_files, parking_scenario  # noqa: E402
+from scripts.drawing.roundabout import roundabout_files, roundabout_scenario  # noqa: E402
 from scripts.drawing.town import town_files, town_scenario  # noqa: E402
 from scripts.drawing.track import demo_scenario, track_files  # noqa: E402
 
@@ -26,8 +29,24 @@ __all__ = ["demo_scenario", "drawn", "track_files"]
 
 DATA = ROOT / "rosbridge_sim" / "data"
 
-MAPS = {"track": track_files, "town": town_files, "loop": loop_files, "hills": hills_files}
-SCENARIOS = {"demo": demo_scenario, "town": town_scenario, "loop": loop_scenario, "hills": hills_scenario}
+MAPS = {
+    "track": track_files,
+    "town": town_files,
+    "loop": loop_files,
+    "hills": hills_files,
+    "motorway": motorway_files,
+    "roundabout": roundabout_files,
+    "parking": parking_files,
+}
+SCENARIOS = {
+    "demo": demo_scenario,
+    "town": town_scenario,
+    "loop": loop_scenario,
+    "hills": hills_scenario,
+    "motorway": motorway_scenario,
+    "roundabout": roundabout_scenario,
+    "parking": parking_scenario,
+}
 
 
 def drawn() -> dict[Path, bytes]:
