@@ -1,17 +1,17 @@
 """Vehicles on paths that stop for what is ahead of them: those with `yields` not 0.
 
 Ten times a second such a vehicle looks along its path for the first body on it, and takes the acceleration of the
-`driver_model` towards it. In between it keeps its speed, so that `path_following` moves it as any other row. It sees no
-lights and gives no way: a path is not a lane.
+intelligent driver model (Treiber, Hennecke, Helbing 2000) towards it. In between it keeps its speed, so that
+`path_following` moves it as any other row. It sees no lights and gives no way: a path is not a lane.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.driver_model import Perception, accelerate
 from rosbridge_sim.world.geometry import FloatArray
 from rosbridge_sim.world.neighbours import find_neighbours
 from rosbridge_sim.world.paths import DX, DY, END, START, X, Y
@@ -24,6 +24,15 @@ INTERVAL: Final = 5
 
 _OFFSET: Final = 1
 _SECONDS: Final = INTERVAL * DT
+
+ACCEL: Final = 1.5
+BRAKE: Final = 2.0
+HEADWAY: Final = 1.2
+GAP: Final = 2.0
+"""The paper's a and b [m/s^2], T [s] and s0 [m], as usual for cars in towns."""
+
+HARDEST: Final = 8.0
+"""The hardest braking [m/s^2]: about what tyres on a dry road give."""
 
 SPACING: Final = 0.5
 """Distance of the places on the path that are looked at [m]: nothing on a road is smaller."""
@@ -70,15 +79,10 @@ class _Careful:
         world, rows = self.world, self.rows
         speed = world.speed[rows]
         gap, lead_speed = self._find_lead(speed)
-        perception = Perception(
-            gap=gap,
-            lead_speed=lead_speed,
-            lead=np.full(len(rows), -1, dtype=np.int64),
-            stop_distance=np.full(len(rows), np.inf),
-            safe_speed=np.full(len(rows), np.inf),
-            is_shut_out=np.zeros(len(rows), dtype=bool),
-        )
-        accel = accelerate(speed, world.desired_speed[rows], perception)
+        wish = np.fmax(world.desired_speed[rows], 0.1)
+        room = GAP + np.fmax(speed * (HEADWAY + (speed - lead_speed) / (2.0 * math.sqrt(ACCEL * BRAKE))), 0.0)
+        accel = ACCEL * (1.0 - (speed / wish) ** 4 - np.square(room / np.fmax(gap, 0.1)))
+        accel = np.fmax(accel, -HARDEST)
         length = world.path_length[rows]
         is_over = ~world.is_loop[rows] & (world.arc[rows] >= length)
         after = np.where(is_over, 0.0, np.fmax(speed + accel * _SECONDS, 0.0))

@@ -623,7 +623,8 @@ def test_demo_has_every_kind_of_entity() -> None:
     assert len(scenario.vehicles) >= 4
     assert len(scenario.pedestrians) >= 1
     assert len(scenario.obstacles) >= 6
-    assert all(spawn.speed > 0.0 and spawn.path is not None and spawn.is_loop for spawn in scenario.vehicles)
+    assert all(spawn.speed > 0.0 and spawn.driver is not None for spawn in scenario.vehicles)
+    assert all(spawn.yields and spawn.path is not None and spawn.is_loop for spawn in scenario.pedestrians)
 
 
 def test_demo_vehicles_stand_in_their_lanes_in_driving_direction() -> None:
@@ -644,9 +645,9 @@ def test_demo_pedestrians_and_obstacles_are_off_the_road() -> None:
         )
 
     assert all(clear(spawn, spawn.x, spawn.y) for spawn in (*scenario.pedestrians, *scenario.obstacles))
-    for spawn in scenario.pedestrians:
+    for spawn in scenario.pedestrians:  # they turn off the road, and before the drives of the documentation leave it
         assert spawn.path is not None
-        assert all(clear(spawn, x, y) for x, y, _ in spawn.path.tolist())
+        assert all(clear(spawn, x, y) and x < 55.0 for x, y, _ in spawn.path.tolist())
 
 
 @pytest.mark.slow
@@ -659,7 +660,7 @@ def test_demo_ego_has_no_collision_within_two_laps() -> None:
     for i in range(15_000):
         step(world)
         if i % 25 == 0:
-            # Every 4 m of their way: beside the ego they are a lane away, and as far from one another as they were.
+            # Every 4 m of their way: beside the ego they are a lane away.
             assert np.hypot(world.x[others] - x, world.y[others] - y).min() > 3.0
     assert world.frame == 15_000
     assert (world.x[ego], world.y[ego]) == (x, y)
