@@ -12,6 +12,8 @@ from scripts.drawing.section import Section, bend, lay, straight
 __all__ = ["demo_scenario", "track", "track_files"]
 
 INNER, OUTER = 0.5 * LANE, -0.5 * LANE  # the two lanes' lines, left of the reference line between them [m]
+CROSSING = 11  # the section with the crosswalk
+WALK = (3.0, 6.0)  # where it lies along that section [m]
 STEP = 1.0  # between points of a lane [m]; on the tightest bend the chord leaves the arc by 3 mm
 
 
@@ -32,7 +34,8 @@ def track() -> list[Section]:
         straight(0, 60),  # 7 to the west
         bend(50, 90, 40),
         straight(0, 60),  # 9 to the south
-        bend(60, 90, 40),
+        bend(60, 80, 40),
+        bend(60, 10, 40),  # 11 with the crosswalk: a link of its own, as an intersection is
     ]
     return lay(way, to_west=7, to_south=9)
 
@@ -47,7 +50,7 @@ def track_files() -> dict[str, bytes]:
     files = MapFiles(330000.0, 4120000.0)  # a place in zone 52 with round numbers
     for lane, offset in enumerate((INNER, OUTER), start=1):
         for i, section in enumerate(sections):
-            files.node(_node(lane, i), section.at(0.0, offset), is_stop=not i)
+            files.node(_node(lane, i), section.at(0.0, offset), is_stop=i == CROSSING)
             other = f"L{3 - lane}_{i:02}"
             files.link(
                 f"L{lane}_{i:02}",
@@ -59,22 +62,25 @@ def track_files() -> dict[str, bytes]:
                 right_lane_change_dst_link_idx=other if lane == 1 else None,
                 road_id=str(i),
                 ego_lane=lane,
-                related_signal=None if i else "straight",
+                related_signal="straight" if i == CROSSING else None,
             )
-    _crosswalk(files)
+    _crosswalk(files, sections[CROSSING])
     return files.files()
 
 
-def _crosswalk(files: MapFiles) -> None:
-    """Add the crosswalk behind the beginning of the start straight, its lights, and those of the cars before it."""
+def _crosswalk(files: MapFiles, section: Section) -> None:
+    """Add the crosswalk before the start straight, its lights, and those of the cars before it."""
     near, far = WALK
-    car = files.light("TL0", ["L1_00", "L2_00"], (far + 2.0, 0.0), 180.0, ("red", "yellow", "straight"))
+    links = [f"L{lane}_{CROSSING:02}" for lane in (1, 2)]
+    heading = math.degrees(section.yaw)
+    car = files.light("TL0", links, section.at(far + 2.0), heading + 180.0, ("red", "yellow", "straight"))
     middle = 0.5 * (near + far)
     walkers = [
-        files.light(f"PS{i}", [], (middle, side * (LANE + 0.7)), -90.0 * side, None)
+        files.light(f"PS{i}", [], section.at(middle, side * (LANE + 0.7)), heading - 90.0 * side, None)
         for i, side in enumerate((1.0, -1.0), start=1)
     ]
-    files.crosswalk("CW0", [(near, -LANE), (far, -LANE), (far, LANE), (near, LANE)], walkers)
+    corners = [section.at(s, side * LANE) for s, side in ((near, -1), (far, -1), (far, 1), (near, 1))]
+    files.crosswalk("CW0", corners, walkers)
     for lights in ([car], walkers):
         files.group("IntTL0", lights)
     files.controllers.append({"idx": "IntTL0", "TL": [[car], walkers]})
@@ -87,7 +93,6 @@ def _node(lane: int, i: int) -> str:
     return f"N{lane}_{i:02}"
 
 
-WALK = (3.0, 6.0)  # where the crosswalk lies along the start straight [m]
 SPEED_KMH = 30  # that all NPCs want
 NPCS = (  # model, metres along the inner lane
     ("2015_Kia_K5", 75.0),
@@ -142,9 +147,9 @@ def demo_scenario() -> bytes:
     people, paths = [], []
     for i, (model, speed, outside, inside) in enumerate(WALKS):
         uid = next(ids)
-        at = 0.5 * (WALK[0] + WALK[1])
-        line = [(outside, -KERB), (at, -KERB), (at, KERB), (inside, KERB), (at, KERB), (at, -KERB)]  # there and back
-        start = ((0.5 * (at + outside), -KERB), (at + 3.0 * i, KERB))[i % 2]
+        right, left = (sections[CROSSING].at(0.5 * sum(WALK), side * KERB) for side in (-1.0, 1.0))
+        line = [(outside, -KERB), right, left, (inside, KERB), left, right]  # there and back
+        start = ((0.5 * outside, -KERB), (3.0 * i, KERB))[i % 2]
         who = {"UNIQUEID": uid, "modelName": model, **pose(*start, 180.0)}
         people.append({**who, "speed": speed, "loop": True, "yields": True})
         paths.append({"pathName": f"PedPath - {uid}", "waypointData": list(engine_waypoints(line))})
