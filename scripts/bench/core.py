@@ -1,8 +1,8 @@
 """Cost of the core: bytes of a tick in, bytes out, without sockets, event loop or clock.
 
 One peer with one subscription, of `/Ego_topic`, repeatedly calls `/SyncModeWaitForTick` in a world of one ego and 20
-objects (a scene of actors on paths, with added ones). The time is that from the arrival of the frame until the topic's message and
-the answer are in the outbox, as bytes of the wire.
+objects (a scene of actors on paths, with added ones). The time is that from the arrival of the frame until the topic's
+message and the answer are in the outbox, as bytes of the wire.
 
 A second row is a call of `/sim/step` for 100 ticks that asks for `/Object_topic`, beside what it cannot do without: 100
 frames, and that message encoded once. Nobody listens to any topic there.
@@ -37,7 +37,7 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state import Dynamics, Kind, World
 from scripts.bench.program import machine
 
-__all__ = ["Core"]
+__all__ = ["PATHS", "Core"]
 
 TICKS_PER_ROUND = 1_000
 
