@@ -35,9 +35,9 @@ _BAD_VALUE = (
     " JSON-formatted string."
 )
 
-MAX_RAW_CHARS = 16 * 2**20
-"""Largest size of the definitions in one answer: as much as a frame may hold, enough for thousands of topics of the
-largest types."""
+MAX_RAW_CHARS = 8 * 2**20
+"""Largest size of the definitions in one answer: enough for a thousand topics of the longest types. An answer is held
+as values, as text and as a frame, and a client may ask for several at once."""
 
 _OMITTED = (
     f"# omitted: the definitions of all topics have more than {MAX_RAW_CHARS} characters; see rosapi/MessageDetails"

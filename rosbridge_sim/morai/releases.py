@@ -96,12 +96,15 @@ class Profile:
         object_size_order: order of x, y, z in ObjectStatus.size.
         object_limit: largest number of listed objects, those nearest to the ego of the list; 0 lists all.
         object_velocity_unit: of ObjectStatus.velocity.
+        object_range: only objects within this distance of the ego are listed, between the reference points and in the
+            plane; 0 lists all [m].
     """
 
     wheel_angle_unit: Literal["rad", "deg"] = "rad"
     object_size_order: Literal["width-length-height", "length-width-height"] = "width-length-height"
     object_limit: int = 0
     object_velocity_unit: Literal["km/h", "m/s"] = "km/h"
+    object_range: float = 0.0
 
 
 MANUAL: Final = Profile()
@@ -129,6 +132,7 @@ def choose_profile(
     object_size_order: Literal["width-length-height", "length-width-height"] | None = None,
     object_limit: int | None = None,
     object_velocity_unit: Literal["km/h", "m/s"] | None = None,
+    object_range: float | None = None,
 ) -> Profile:
     """Return a named profile with some choices replaced; None leaves a choice to the profile.
 
@@ -139,6 +143,7 @@ def choose_profile(
         object_size_order: see `Profile`.
         object_limit: see `Profile`.
         object_velocity_unit: see `Profile`.
+        object_range: see `Profile`.
 
     Returns:
         The profile.
@@ -148,6 +153,7 @@ def choose_profile(
         "object_size_order": object_size_order,
         "object_limit": object_limit,
         "object_velocity_unit": object_velocity_unit,
+        "object_range": object_range,
     }
     chosen: dict[str, Any] = {key: value for key, value in own.items() if value is not None}  # checked by their types
     return replace({"manual": RELEASES[release], "field": FIELD}[name], **chosen)

@@ -14,6 +14,7 @@ import pybase64
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.cbor import CborWriters
 from rosbridge_sim.schema.json_text import parse_json
+from rosbridge_sim.schema.late_list import LateList
 from rosbridge_sim.schema.message_spec import MessageSpec
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.ros_serialization import RosWriters
@@ -168,7 +169,9 @@ class JsonBytes(bytes):
 
 
 def _encode_other(value: object) -> object:
-    """Encode what `msgspec` does not know: our bytes, and numpy arrays and scalars, which the simulator itself uses."""
+    """Encode what `msgspec` does not know: our bytes, lists that are made late, and numpy's arrays and scalars."""
+    if isinstance(value, LateList):
+        return value.items
     if isinstance(value, JsonBytes):
         return msgspec.Raw(b'"' + pybase64.b64encode(value) + b'"')
     if isinstance(value, np.ndarray) and value.dtype == np.uint8:

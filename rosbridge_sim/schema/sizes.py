@@ -12,6 +12,7 @@ import msgspec
 import numpy as np
 
 from rosbridge_sim.loose_types import JsonValue, Struct
+from rosbridge_sim.schema.late_list import LateList
 
 __all__ = ["size_of"]
 
@@ -50,7 +51,7 @@ def _size(value: Struct | JsonValue, depth: int) -> int:  # noqa: PLR0911 - one 
         return _LIST + int(value.nbytes)
     if depth > _MAX_DEPTH:
         return 0
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, (list, tuple, LateList)):
         return _LIST + _ITEM * len(value) + _sampled(value, depth)
     if isinstance(value, dict):
         return _DICT + _ENTRY * len(value) + _sampled(list(value.values()), depth)

@@ -476,6 +476,7 @@ def _make_node(
         wheel_angle_unit=settings.wheel_angle_unit,
         object_size_order=settings.object_size_order,
         object_limit=settings.object_limit,
+        object_range=settings.object_range,
         object_velocity_unit=settings.object_velocity_unit,
     )
     choices = NodeSettings(

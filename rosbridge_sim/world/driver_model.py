@@ -1,45 +1,53 @@
 """The driver model: the acceleration that a driver chooses, from what it perceives.
 
-It is the intelligent driver model (Treiber, Hennecke, Helbing 2000). With v the speed, v0 the desired speed or the
-lower one that is safe here, s the gap to the lead vehicle and dv the closing speed:
+It is the intelligent driver model (Treiber, Hennecke, Helbing 2000) as Schakel, van Arem and Netten (2010) have it,
+with the constant-acceleration heuristic of Kesting, Treiber and Helbing (2010). With v the speed, v0 the desired speed
+or the lower one that is safe here, s the gap to the lead vehicle, vl its speed and dv = v - vl the closing speed:
 
-    v' = a (1 - (v / v0)^4 - (s* / s)^2)        s* = s0 + v T + v dv / (2 sqrt(a b))
+    v' = min(a (1 - (v / v0)^4), f)     s* = s0 + v T + v dv / (2 sqrt(a b))     f_idm = a (1 - (s* / s)^2)
 
-Two places differ from the paper. Above v0 the first two terms are replaced by (v0 - v) / `SETTLING_TIME`, since the
-paper's term brakes too hard there. For what stands still (a stop line, the end of a road) the last term is replaced:
-if the deceleration needed to stop exceeds a threshold, the driver applies exactly that deceleration. With s*, drivers
-would brake for a stop line from far away.
+The older model adds both terms, so its gaps grow without bound near v0. The minimum keeps s* = s up to v0, which real
+queues do. If the lead vehicle kept its acceleration al (at most a), this acceleration f_cah would just avoid a crash:
+
+    v^2 al / (vl^2 - 2 s al)           if vl dv <= -2 s al, the lead vehicle stands first
+    al - dv^2 / (2 s)                  otherwise, for dv > 0
+
+A gap that is too small but harmless, as after a cut-in, gives a low f_idm and a mild f_cah. Then c = 0.99 counts:
+
+    f = f_idm                                                          if f_idm >= f_cah
+    f = (1 - c) f_idm + c (f_cah + b q / sqrt(1 + q^2))                otherwise, with q = (f_idm - f_cah) / b
+
+Three places differ from the papers. They have tanh(q), whose bits depend on the processor. Above v0 the free term is
+replaced by (v0 - v) / `SETTLING_TIME`, since the paper's term brakes too hard there. For what stands still (a stop
+line, the end of a road) f is replaced: if the deceleration needed to stop exceeds a threshold, the driver applies
+exactly that deceleration. With s*, drivers would brake for a stop line from far away.
+
+The chosen acceleration is not reached at once: see `lane_following`.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.world.driver_parameters import DriverParameters
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
-from rosbridge_sim.world.lane_conflicts import COMFORT
 
 __all__ = [
-    "ACCEL",
     "BRAKE_FROM",
     "BRAKE_FULLY",
     "CREEP",
     "FIRM",
     "GAP",
-    "HEADWAY",
+    "SETTLING_TIME",
     "STOP_GAP",
     "Perception",
     "accelerate",
+    "firm_stop",
+    "gap_wanted",
 ]
-
-ACCEL: Final = 1.5
-"""The paper's a, the acceleration from standstill on a free road [m/s^2]. The paper's b is `lane_conflicts.COMFORT`."""
-
-HEADWAY: Final = 1.2
-"""The paper's T, the time gap to the lead vehicle [s]."""
 
 GAP: Final = 2.0
 """The paper's s0, the gap in a standing queue [m]."""
@@ -58,8 +66,12 @@ FIRM: Final = 4.0
 HARDEST: Final = 8.0
 """The hardest braking at all: about what tyres on a dry road give [m/s^2]."""
 
-SETTLING_TIME: Final = 0.4
-"""Time constant with which a speed above v0 falls to v0 [s]."""
+SETTLING_TIME: Final = 0.8
+"""Time constant with which a speed above v0 falls to v0 [s]. With a lag of the acceleration of 0.3 s a shorter one
+would swing around v0."""
+
+COOLNESS: Final = 0.99
+"""The papers' c. 0 is a driver who takes each gap below s* for an emergency."""
 
 CREEP: Final = 0.1
 """A lower speed counts as standing [m/s]. The bound also keeps quotients finite."""
@@ -72,6 +84,7 @@ class Perception:
     Attributes:
         gap: from the front bumper to the tail of the lead vehicle, inf without one [m].
         lead_speed: of the lead vehicle, 0 without one [m/s].
+        lead_accel: of the lead vehicle, 0 without one [m/s^2].
         lead: int64, which driver the lead vehicle is; -1 for none, and for one that does not follow lanes.
         stop_distance: from the front bumper to where the driver must stop, inf without such a place [m].
         safe_speed: the most that the limit, the bends and what comes after them allow here [m/s].
@@ -80,30 +93,77 @@ class Perception:
 
     gap: FloatArray
     lead_speed: FloatArray
+    lead_accel: FloatArray
     lead: IntArray
     stop_distance: FloatArray
     safe_speed: FloatArray
     is_shut_out: BoolArray
 
 
-def accelerate(speed: FloatArray, desired_speed: FloatArray, perception: Perception) -> FloatArray:
+def accelerate(speed: FloatArray, perception: Perception, drivers: DriverParameters) -> FloatArray:
     """Return the accelerations that drivers choose; see the head of this file for the equations.
 
     Args:
         speed: (k,) not negative [m/s].
-        desired_speed: (k,) v0, the desired speed or the safe one, whichever is lower [m/s].
-        perception: of the same drivers; `safe_speed` is not read.
+        perception: of the same drivers.
+        drivers: their parameters.
 
     Returns:
-        (k,) at least -`HARDEST` and at most `ACCEL` [m/s^2].
+        (k,) at least -`HARDEST` and at most the driver's own `accel` [m/s^2].
     """
-    below = ACCEL * (1.0 - np.square(np.square(np.fmin(speed / np.fmax(desired_speed, CREEP), 1.0))))
-    free = np.where(speed < desired_speed, below, np.fmax((desired_speed - speed) / SETTLING_TIME, -FIRM))
-    closing_term = (speed - perception.lead_speed) / (2.0 * math.sqrt(ACCEL * COMFORT))
-    desired_gap = GAP + np.fmax(speed * (HEADWAY + closing_term), 0.0)
-    following = free - ACCEL * np.square(desired_gap / np.fmax(perception.gap, CREEP))
+    wanted_speed = np.fmin(drivers.desired_speed, perception.safe_speed)
+    free = drivers.accel * (1.0 - np.square(np.square(np.fmin(speed / np.fmax(wanted_speed, CREEP), 1.0))))
+    too_fast = np.fmax((wanted_speed - speed) / SETTLING_TIME, -FIRM)
+    free = np.where(speed < wanted_speed, free, too_fast)
     left = perception.stop_distance - STOP_GAP
     needed = np.where(left > 0.0, speed * speed / (2.0 * np.fmax(left, 1e-3)), HARDEST)
     share = np.fmin(np.fmax((needed - BRAKE_FROM) / (BRAKE_FULLY - BRAKE_FROM), 0.0), 1.0)
-    stopping = np.fmin(free, free - share * (free + needed))
-    return np.asarray(np.fmax(np.fmin(following, stopping), -HARDEST))
+    chosen = np.fmin(free, free - share * (free + needed))
+    at = np.flatnonzero(perception.gap < np.inf)
+    chosen[at] = np.fmin(chosen[at], _follow(at, speed, perception, drivers))
+    return np.asarray(np.fmax(chosen, -HARDEST))
+
+
+def gap_wanted(speed: FloatArray, closing: FloatArray, drivers: DriverParameters) -> FloatArray:
+    """Return s* of the head of this file, (k,) [m].
+
+    Args:
+        speed: (k,) [m/s].
+        closing: (k,) dv [m/s].
+        drivers: (k,) their parameters.
+    """
+    closing_term = closing / (2.0 * np.sqrt(drivers.accel * drivers.comfort))
+    return np.asarray(GAP + np.fmax(speed * (drivers.headway + closing_term), 0.0))
+
+
+def firm_stop(speed: FloatArray, accel: FloatArray, reaction: FloatArray) -> FloatArray:
+    """Return the distance of a stop with `FIRM`, (k,) [m].
+
+    With v' that goes to -F with the time constant T, it is (v + D)^2 / (2 F) - D T, where D = T (v' + F). A driver that
+    brakes so stops at the same place in each moment of it.
+
+    Args:
+        speed: (k,) [m/s].
+        accel: (k,) at present [m/s^2].
+        reaction: (k,) time constant of the acceleration [s].
+    """
+    surplus = reaction * np.fmax(accel + FIRM, 0.0)
+    return np.asarray(np.square(speed + surplus) / (2.0 * FIRM) - surplus * reaction)
+
+
+def _follow(at: IntArray, all_speeds: FloatArray, perception: Perception, drivers: DriverParameters) -> FloatArray:
+    """Return f of the head of this file, for the drivers `at` (m,), which have a lead vehicle."""
+    speed, lead_speed = all_speeds[at], perception.lead_speed[at]
+    gap = np.fmax(perception.gap[at], CREEP)
+    accel, comfort = drivers.accel[at], drivers.comfort[at]
+    closing = speed - lead_speed
+    wanted = GAP + np.fmax(speed * (drivers.headway[at] + closing / (2.0 * np.sqrt(accel * comfort))), 0.0)
+    idm = np.fmax(accel * (1.0 - np.square(wanted / gap)), -HARDEST)
+    lead_accel = np.fmin(perception.lead_accel[at], accel)
+    room = lead_speed * lead_speed - 2.0 * gap * lead_accel
+    stands_first = (lead_speed * closing <= -2.0 * gap * lead_accel) & (room > 0.0)
+    kept = lead_accel - np.square(np.fmax(closing, 0.0)) / (2.0 * gap)
+    heuristic = np.where(stands_first, speed * speed * lead_accel / np.where(room > 0.0, room, 1.0), kept)
+    below = (idm - heuristic) / comfort
+    cool = heuristic + comfort * below / np.sqrt(1.0 + below * below)
+    return np.where(idm >= heuristic, idm, (1.0 - COOLNESS) * idm + COOLNESS * cool)

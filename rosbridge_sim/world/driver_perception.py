@@ -14,9 +14,18 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.driver_model import ACCEL, BRAKE_FROM, CREEP, FIRM, GAP, HEADWAY, STOP_GAP, Perception
+from rosbridge_sim.world.driver_model import (
+    BRAKE_FROM,
+    CREEP,
+    GAP,
+    SETTLING_TIME,
+    STOP_GAP,
+    Perception,
+    firm_stop,
+    gap_wanted,
+)
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
-from rosbridge_sim.world.lane_conflicts import COMFORT, LaneConflicts
+from rosbridge_sim.world.lane_conflicts import MAX_LATERAL, MIN_SAFE_SPEED, LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, EntryQueue, sibling_entries
 from rosbridge_sim.world.right_of_way import Requests, give_claims, update_holds
 
@@ -100,8 +109,8 @@ def observe(
     perception, requests = look.perception, look.requests
     give_claims(conflicts, drivers, perception, requests, look.queue, others=others, num_moving=num_moving)
     speed, gap = float(drivers.speed[which]), float(perception.gap[which])
-    closing = speed * (speed - float(perception.lead_speed[which])) / (2.0 * math.sqrt(ACCEL * COMFORT))
-    wanted_gap = GAP + max(speed * HEADWAY + closing, 0.0)
+    wanted_gap = float(gap_wanted(drivers.speed, drivers.speed - perception.lead_speed, drivers.parameters)[which])
+    accel = float(drivers.parameters.accel[which])
     distance = float(perception.stop_distance[which])
     is_stopping = speed < CREEP or speed * speed > 2.0 * BRAKE_FROM * max(distance - STOP_GAP, 0.0)
     lane = int(requests.lane[which])
@@ -117,7 +126,7 @@ def observe(
     return Sight(
         lead=look.find_lead(which),
         gap=gap,
-        is_following=ACCEL * (wanted_gap / max(gap, CREEP)) ** 2 > FOLLOWS_FROM,
+        is_following=accel * (wanted_gap / max(gap, CREEP)) ** 2 > FOLLOWS_FROM,
         stop=stop,
         stop_distance=distance,
         stop_lane=lane,
@@ -143,11 +152,6 @@ def _find_rival(conflicts: LaneConflicts, drivers: Drivers, moving: IntArray, la
     return int(found[0]) if len(found) else -1
 
 
-def _braking_gap(speed: FloatArray) -> FloatArray:
-    """Return the gap to a standing lead vehicle at which the driver model brakes with `ACCEL`, (k,) [m]."""
-    return GAP + HEADWAY * speed + speed * speed / (2.0 * math.sqrt(ACCEL * COMFORT))
-
-
 class _Look:
     """One look ahead of all drivers.
 
@@ -162,19 +166,20 @@ class _Look:
         self._drivers = drivers
         self._num_others = len(others.lane)
         lane, num = drivers.lanes[0], len(drivers.arc)
-        own = Entries(lane, drivers.arc, drivers.arc - drivers.rear, drivers.speed, np.arange(num))
+        own = Entries(lane, drivers.arc, drivers.arc - drivers.rear, drivers.speed, drivers.accel, np.arange(num))
         self.queue = EntryQueue(self._roads, Entries.join(own, sibling_entries(conflicts, own), others))
         after = self.queue.position[:num] + 1
         lead = np.where(self.queue.lane[after] == lane, after, self.queue.num)
-        point, safe_speed = drivers.point, conflicts.safe_speed
-        start, end = self._roads.s[point], self._roads.s[point + 1]
-        share = (drivers.arc - start) / (end - start)
+        parameters = drivers.parameters
+        self._limit_factor, self._bend_factor = parameters.speed_factor, np.sqrt(parameters.lateral / MAX_LATERAL)
+        self._foresight = SETTLING_TIME + parameters.reaction
         self.perception = Perception(
             gap=self.queue.tail[lead] - drivers.arc - drivers.nose,
             lead_speed=self.queue.speed[lead],
+            lead_accel=self.queue.accel[lead],
             lead=self.queue.source[lead],
             stop_distance=np.full(num, np.inf),
-            safe_speed=safe_speed[point] + share * (safe_speed[point + 1] - safe_speed[point]),
+            safe_speed=self._safe_speed(),
             is_shut_out=np.zeros(num, dtype=bool),
         )
         self.requests = Requests.none(num)
@@ -184,7 +189,8 @@ class _Look:
         drivers, perception, requests = self._drivers, self.perception, self.requests
         roads, conflicts = self._roads, self._conflicts
         self._request_own_lane()
-        horizon = 1.5 * _braking_gap(drivers.speed) + GAP + drivers.nose
+        # 1.5 times the gap to a standing lead vehicle at which drivers begin to brake.
+        horizon = 1.5 * gap_wanted(drivers.speed, drivers.speed, drivers.parameters) + GAP + drivers.nose
         distance = roads.length[drivers.lanes[0]] - drivers.arc  # from the reference point to the next lane's start
         i = np.arange(len(distance))
         for lanes, exit_lanes in zip(drivers.lanes[1:], [*drivers.lanes[2:], None], strict=True):
@@ -206,9 +212,7 @@ class _Look:
             requests.lane[at] = lane[is_next]
             requests.distance[at] = to_line[is_next] + conflicts.wait_point[lane[is_next]]
             requests.exit_lane[at] = -1 if exit_lanes is None else exit_lanes[at]
-            enter = conflicts.safe_speed[roads.first[lane]]
-            before = np.sqrt(enter * enter + 2.0 * COMFORT * np.fmax(distance[i], 0.0))
-            perception.safe_speed[i] = np.fmin(perception.safe_speed[i], before)
+            self._slow_down(i, lane, distance[i])
             self._find_lead(i, lane, distance)
             distance[i] += roads.length[lane]
 
@@ -240,6 +244,39 @@ class _Look:
             to_line += float(roads.length[lane])
         return Stop.NONE, -1
 
+    def _safe_speed(self) -> FloatArray:
+        """Return the speeds that limit and bends of the drivers' own lanes allow, (k,) [m/s].
+
+        Speeds follow with a delay, so drivers act early for one that falls: as if they were farther by their speed
+        times the delay.
+        """
+        drivers, s = self._drivers, self._roads.s
+        point, speed = drivers.point, drivers.speed
+        start = s[point]
+        step, along, ahead = s[point + 1] - start, drivers.arc - start, speed * self._foresight
+        factors = (self._limit_factor, self._bend_factor)
+        safe = []
+        for factor, here in zip(factors, (self._conflicts.limit_speed, self._conflicts.bend_speed), strict=True):
+            value = here[point]
+            slope = (here[point + 1] - value) / step
+            safe.append(factor * (value + slope * along + np.fmin(slope, 0.0) * ahead))
+        return np.fmax(np.fmin(*safe), MIN_SAFE_SPEED)
+
+    def _slow_down(self, i: IntArray, lane: IntArray, distance: FloatArray) -> None:
+        """Lower the safe speeds for what comes on a lane ahead.
+
+        Args:
+            i: (m,) int64, indices of drivers.
+            lane: (m,) int64, a lane ahead of each.
+            distance: (m,) from its reference point to the start of that lane [m].
+        """
+        conflicts, first = self._conflicts, self._roads.first[lane]
+        limit = self._limit_factor[i] * conflicts.limit_speed[first]
+        enter = np.fmin(limit, self._bend_factor[i] * conflicts.bend_speed[first])
+        left = distance - self._drivers.speed[i] * self._foresight[i]
+        before = np.sqrt(enter * enter + 2.0 * self._drivers.parameters.comfort[i] * np.fmax(left, 0.0))
+        self.perception.safe_speed[i] = np.fmin(self.perception.safe_speed[i], before)
+
     def _request_own_lane(self) -> None:
         """Request the driver's own lane where that crosses others only farther on, beyond its wait point."""
         drivers, requests = self._drivers, self.requests
@@ -259,7 +296,8 @@ class _Look:
             to_line: (m,) from the front bumper to the start of that lane [m].
         """
         drivers, perception = self._drivers, self.perception
-        stops = ~self._may_enter[lane] & (to_line > 0.0) & (np.square(drivers.speed[i]) < 2.0 * FIRM * to_line)
+        needed = firm_stop(drivers.speed[i], drivers.accel[i], drivers.parameters.reaction[i])
+        stops = ~self._may_enter[lane] & (to_line > 0.0) & (needed < to_line)
         at = i[stops]
         perception.stop_distance[at] = np.fmin(perception.stop_distance[at], to_line[stops])
         drivers.claim[at[drivers.claim[at] == lane[stops]]] = -1
@@ -277,4 +315,5 @@ class _Look:
         at = i[is_free]
         first = queue.first_on(lane[is_free])
         perception.gap[at] = distance[at] + queue.tail[first] - self._drivers.nose[at]
-        perception.lead_speed[at], perception.lead[at] = queue.speed[first], queue.source[first]
+        perception.lead_speed[at], perception.lead_accel[at] = queue.speed[first], queue.accel[first]
+        perception.lead[at] = queue.source[first]

@@ -21,6 +21,7 @@ __all__ = [
     "INTS",
     "KINEMATIC_ALL",
     "KINEMATIC_CORE",
+    "LANE_CHANGE_COLUMNS",
     "LEG_COLUMNS",
     "NUM_CORE",
     "BoolArray",
@@ -84,10 +85,19 @@ _KINEMATIC: Final = (
     *("jerk", "max_jerk", "jerk_square_sum", "max_lateral_accel", "lateral_accel_square_sum"),
 )
 _SCORE: Final = _KINEMATIC.index("score_distance")
+LANE_CHANGE_COLUMNS: Final = (
+    # of lane_change_motion; the first four are one run
+    *("lateral", "lateral_rate", "drift", "drift_rate"),
+    *("lateral_from", "lateral_to", "lateral_push", "lateral_left"),
+    # of lane_changes
+    *("lateral_bias", "signal", "change", "change_since", "leaving", "keeps_lane"),
+)
+"""One run. They are zeros for all but lane followers, so that a digest needs them only where lanes are changed."""
 FLOATS: Final = (
     *_SINGLE_TRACK,
     *(name for name in _KINEMATIC[:_SCORE] if name not in _SINGLE_TRACK),
     "loose",  # of impacts
+    *LANE_CHANGE_COLUMNS,
     *_KINEMATIC[_SCORE:],
 )
 LEG_COLUMNS: Final = (
@@ -178,6 +188,18 @@ class EntityArrays:
         desired_speed: speed that the driver wants, inf for as fast as is allowed [m/s].
         turns: int64, how many lanes it has entered or chosen anew; see `route_choice`.
         claim, held, exit_lane, point: int64; see `lane_entries.Drivers`.
+
+        lateral: offset of the reference point from the line of the lane, left positive [m].
+        lateral_rate: its change until the next decision [m/s].
+        drift, drift_rate: heading relative to the lane, left positive [rad], and its change [rad/s].
+        lateral_from, lateral_to, lateral_push, lateral_left: of a motion to another offset, its start, its end and its
+            first slope [m], and the share that is left; see `lane_change_motion`.
+        lateral_bias: the offset that the driver keeps in its lane [m].
+        signal: of a driver on lanes: 0 none, 1 left, 2 right.
+        change: reason of the lane change that the driver makes or wants; see `lane_change_model.LaneChange`. 0 none.
+        change_since: frame from which on it has wanted it; without a change, the frame at which the last one ended.
+        leaving: side on which the lane lies that the driver leaves, as in `signal`; 0 if it changes none.
+        keeps_lane: 1 for a driver that never changes lanes.
 
         start_within, start_speed: of a row that waits at rest for an ego, the distance at which it starts [m] and the
             speed with which it starts [m/s]; 0 for rows that do not wait. See `waiting`.
@@ -293,6 +315,20 @@ class EntityArrays:
     height: FloatArray
     centre: FloatArray
     loose: FloatArray
+    lateral: FloatArray
+    lateral_rate: FloatArray
+    drift: FloatArray
+    drift_rate: FloatArray
+    lateral_from: FloatArray
+    lateral_to: FloatArray
+    lateral_push: FloatArray
+    lateral_left: FloatArray
+    lateral_bias: FloatArray
+    signal: FloatArray
+    change: FloatArray
+    change_since: FloatArray
+    leaving: FloatArray
+    keeps_lane: FloatArray
     score_distance: FloatArray
     time_to_collision: FloatArray
     min_time_to_collision: FloatArray

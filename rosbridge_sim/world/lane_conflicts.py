@@ -24,10 +24,10 @@ from rosbridge_sim.world.roads import Roads
 __all__ = ["COMFORT", "LaneConflicts", "Links"]
 
 COMFORT: Final = 2.0
-"""Comfortable deceleration, for what a driver has seen in time [m/s^2]; the b of the intelligent driver model."""
+"""Comfortable deceleration of the typical driver, for what it has seen in time [m/s^2]."""
 
 MAX_LATERAL: Final = 2.5
-"""Maximum comfortable lateral acceleration [m/s^2]; drivers in traffic accept 2 to 3."""
+"""Comfortable lateral acceleration of the typical driver [m/s^2]; drivers in traffic accept 2 to 3."""
 
 DEFAULT_SPEED_LIMIT: Final = 50.0 / 3.6
 """Speed limit of lanes for which the map gives none [m/s]: 50 km/h, as in most towns."""
@@ -35,8 +35,16 @@ DEFAULT_SPEED_LIMIT: Final = 50.0 / 3.6
 MIN_SAFE_SPEED: Final = 1.5
 """The safe speed in a corner of any sharpness [m/s]: walking speed."""
 
+MAX_BEND_SPEED: Final = 100.0
+"""The speed of bends that are nearly straight [m/s], faster than any driver: the bends then do not matter."""
+
 BEND: Final = 3.0
-"""Curvature is measured over this length to either side [m], so that rounding in the map's points makes no bend."""
+"""Curvature is measured over at least this length to either side [m], so that rounding in the map's points makes no
+bend."""
+
+MAX_BEND: Final = 12.0
+"""Curvature is measured over at most this length to either side [m]: a longer one would hide corners. Where points are
+farther apart than `BEND`, it is as long as they are, since the whole turn of a segment is at its end."""
 
 CLEAR: Final = 2.4
 """Lines nearer than this cannot be used side by side [m]: two cars of 1.9 m and half a metre between them. Lanes of the
@@ -98,8 +106,10 @@ class LaneConflicts:
 
     Attributes:
         roads: the lanes.
-        safe_speed: (n,) for each point of the roads the speed that the limit and the bends allow, low enough to brake
-            comfortably for what comes on the same lane [m/s].
+        limit_speed: (n,) for each point of the roads the speed that the limit allows, low enough to brake with
+            `COMFORT` for what comes on the same lane [m/s].
+        bend_speed: (n,) the same for bends, with a lateral acceleration of `MAX_LATERAL` [m/s].
+        safe_speed: (n,) the lower of the two, for the typical driver [m/s].
         legs: (n, 8) for each point the straight leg to the next one: arc length at its start and end [m], start point
             east, north, up [m], and direction in space, for each metre in the plane. The last point of a lane has the
             leg before it.
@@ -117,14 +127,15 @@ class LaneConflicts:
     """
 
     __slots__ = (
-        *("clear_point", "gives_way", "legs", "onward", "rivals", "roads", "safe_speed", "shared", "siblings"),
-        "wait_point",
+        *("bend_speed", "clear_point", "gives_way", "legs", "limit_speed", "onward", "rivals", "roads", "safe_speed"),
+        *("shared", "siblings", "wait_point"),
     )
 
     def __init__(self, roads: Roads) -> None:
         self.roads = roads
         curvature = _curvature(roads)
-        self.safe_speed = _safe_speed(roads, curvature)
+        self.limit_speed, self.bend_speed = _safe_speeds(roads, curvature)
+        self.safe_speed = np.fmin(self.limit_speed, self.bend_speed)
         self.legs = _legs(roads)
         self.onward = _onward(roads)
         pairs = _overlaps(roads, curvature)
@@ -160,7 +171,11 @@ def _curvature(roads: Roads) -> FloatArray:
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
     if not len(lane):
         return np.zeros(0)
-    reach = np.minimum(BEND, 0.5 * roads.length[lane])
+    to_next = np.diff(roads.s, append=0.0)
+    to_next[roads.first[1:] - 1] = np.inf
+    to_last = np.roll(to_next, 1)
+    to_last[roads.first[:-1]] = np.inf
+    reach = np.minimum(np.clip(np.minimum(to_last, to_next), BEND, MAX_BEND), 0.5 * roads.length[lane])
     middle = np.clip(roads.s, reach, roads.length[lane] - reach)
     a, b, c = (roads.at(lane, middle + offset)[0][:, :2] for offset in (-reach, 0.0 * reach, reach))
     ab, bc, ac = b - a, c - b, c - a
@@ -168,14 +183,25 @@ def _curvature(roads: Roads) -> FloatArray:
     return np.asarray(2.0 * area / np.maximum(np.hypot(*ab.T) * np.hypot(*bc.T) * np.hypot(*ac.T), 1e-9))
 
 
-def _safe_speed(roads: Roads, curvature: FloatArray) -> FloatArray:
-    """Return `LaneConflicts.safe_speed`; `curvature` is (n,), at each point of the roads [1/m]."""
+def _safe_speeds(roads: Roads, curvature: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return `LaneConflicts.limit_speed` and `bend_speed`; `curvature` is (n,), at each point of the roads [1/m]."""
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
     limit = np.where(roads.speed_limit > 0.0, roads.speed_limit, DEFAULT_SPEED_LIMIT)[lane]
+    bend = np.fmin(np.fmax(np.sqrt(MAX_LATERAL / np.maximum(curvature, 1e-9)), MIN_SAFE_SPEED), MAX_BEND_SPEED)
+    return _braking_before(roads, lane, limit), _braking_before(roads, lane, bend)
+
+
+def _braking_before(roads: Roads, lane: IntArray, speed: FloatArray) -> FloatArray:
+    """Return speeds at the points of the roads, (n,), low enough to brake with `COMFORT` to those that come [m/s].
+
+    Args:
+        roads: the lanes.
+        lane: (n,) int64, the lane of each point.
+        speed: (n,) the greatest speed at each point [m/s].
+    """
     if not len(lane):
-        return limit
-    bend = np.sqrt(MAX_LATERAL / np.maximum(curvature, 1e-9))
-    square = np.square(np.minimum(limit, np.maximum(bend, MIN_SAFE_SPEED)))
+        return speed
+    square = np.square(speed)
     # Slow enough for all that follows on the lane: v^2 + 2 b s never rises backwards. The lanes are set apart on the
     # scale by more than any speed amounts to, so that one sweep does for all lanes.
     along = 2.0 * COMFORT * roads.s
@@ -235,7 +261,7 @@ class _Pairs:
 
 
 def _overlaps(roads: Roads, curvature: FloatArray) -> _Pairs:
-    """Return the pairs of lanes that come near each other; arguments as for `_safe_speed`."""
+    """Return the pairs of lanes that come near each other; arguments as for `_safe_speeds`."""
     count = np.maximum(np.ceil(roads.length / SAMPLE).astype(np.int64), 1) + 1
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), count)
     share = ranges(np.zeros_like(count), count) / np.repeat(count - 1, count)

@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.world.driver_parameters import DriverParameters
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads import Roads
@@ -36,6 +37,7 @@ class Drivers:
         lanes: (6, k) int64, the lane of each and the five ahead of it; -1 beyond a dead end.
         arc: of the reference point, on the lane [m].
         speed: along the lane [m/s].
+        accel: along the lane, over the last step [m/s^2].
         point: int64, row of the point of the roads before each.
         nose, rear: from the reference point to the front bumper and to the tail [m].
         length: of the body [m].
@@ -43,11 +45,13 @@ class Drivers:
         claim: int64, the lane that the driver may enter; -1 for none. Written by `right_of_way`.
         held: int64, the lane that it has entered and not left; -1 for none. Written by `right_of_way`.
         exit_lane: int64, the lane behind the claimed or held one. Written by `right_of_way`.
+        parameters: of the drivers.
     """
 
     lanes: IntArray
     arc: FloatArray
     speed: FloatArray
+    accel: FloatArray
     point: IntArray
     nose: FloatArray
     rear: FloatArray
@@ -56,6 +60,7 @@ class Drivers:
     claim: IntArray
     held: IntArray
     exit_lane: IntArray
+    parameters: DriverParameters
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -67,6 +72,7 @@ class Entries:
         s: arc length of the middle or the reference point, which gives the order [m].
         tail: arc length of the tail [m].
         speed: along the lane [m/s].
+        accel: along the lane, over the last step [m/s^2].
         source: int64, index of the driver; -1 for an entity that does not follow lanes.
     """
 
@@ -74,12 +80,13 @@ class Entries:
     s: FloatArray
     tail: FloatArray
     speed: FloatArray
+    accel: FloatArray
     source: IntArray
 
     @staticmethod
     def join(*parts: Entries) -> Entries:
         """Return several sets of entries as one, in the given order."""
-        columns = ("lane", "s", "tail", "speed", "source")
+        columns = ("lane", "s", "tail", "speed", "accel", "source")
         return Entries(*(np.concatenate([getattr(part, column) for part in parts]) for column in columns))
 
 
@@ -91,6 +98,7 @@ def find_entries(
     z: FloatArray,
     yaw: FloatArray,
     speed: FloatArray,
+    accel: FloatArray,
     half_length: FloatArray,
     half_width: FloatArray,
     foresight: FloatArray,
@@ -104,6 +112,7 @@ def find_entries(
         z: height of the box; it has no entries on lanes of another level, unless the map is flat [m].
         yaw: heading [rad].
         speed: along the heading [m/s].
+        accel: along the heading [m/s^2].
         half_length: half of the length of the box [m].
         half_width: half of the width of the box [m].
         foresight: a box that will obstruct a lane within this time, at its present velocity, has an entry now [s].
@@ -123,7 +132,9 @@ def find_entries(
     at = np.flatnonzero(obstructs)
     lane, s = places.lane[at], places.s[at]
     along = np.maximum(speed[owner[at]] * cos[at], 0.0)
-    return Entries(lane, s, s - half_along[at], along, np.full(len(at), -1, dtype=np.int64)), owner[at]
+    accel_along = accel[owner[at]] * cos[at]
+    source = np.full(len(at), -1, dtype=np.int64)
+    return Entries(lane, s, s - half_along[at], along, accel_along, source), owner[at]
 
 
 def sibling_entries(conflicts: LaneConflicts, own: Entries) -> Entries:
@@ -138,18 +149,18 @@ def sibling_entries(conflicts: LaneConflicts, own: Entries) -> Entries:
     index, link = siblings.of(own.lane[at])
     is_shared = own.tail[at[index]] < siblings.figure[link]
     source, other = at[index[is_shared]], siblings.other[link[is_shared]]
-    return Entries(other, own.s[source], own.tail[source], own.speed[source], source)
+    return Entries(other, own.s[source], own.tail[source], own.speed[source], own.accel[source], source)
 
 
 class EntryQueue:
     """Entries in the order in which they stand on their lanes.
 
-    One more entry at the end stands for "none": on lane -1, infinitely far ahead, at speed 0.
+    One more entry at the end stands for "none": on lane -1, infinitely far ahead, at rest.
 
     Attributes:
         num: entries, without the one at the end; also the position of that one.
         position: (num,) int64, the position in the queue of each entry as given.
-        lane, tail, speed, source: (num + 1,) as in `Entries`, in the order of the queue.
+        lane, tail, speed, accel, source: (num + 1,) as in `Entries`, in the order of the queue.
 
     Args:
         roads: the lanes.
@@ -171,6 +182,7 @@ class EntryQueue:
         self.lane = np.append(entries.lane[order], -1)
         self.tail = np.append(entries.tail[order], np.inf)
         self.speed = np.append(entries.speed[order], 0.0)
+        self.accel = np.append(entries.accel[order], 0.0)
         self.source = np.append(entries.source[order], -1)
 
     def first_on(self, lane: IntArray) -> IntArray:

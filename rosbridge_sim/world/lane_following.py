@@ -9,6 +9,9 @@ after a while; otherwise streets that fill up in a ring would block one another 
 ten times a second and keep their acceleration in between: a decision is made for all at once and costs ten times as
 much as moving them. It falls on fixed frames, so the columns of the world are the whole state.
 
+*Reaction.* The acceleration follows the decision with a lag of first order, by the driver's reaction time. So all
+reactions come late and without a jump, and no past values need to be kept: the acceleration itself is the memory.
+
 Limits of the model: no lane changes, no overtaking, no reversing. Of the entities that do not follow lanes, only
 pedestrians are seen where they will be; the others are seen where they are.
 """
@@ -22,8 +25,10 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.driver_model import CREEP, accelerate
+from rosbridge_sim.world.driver_parameters import DriverParameters
 from rosbridge_sim.world.driver_perception import Stop, observe, perceive
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.lane_change_motion import find_shifted, nudge, plan_shifts
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
 from rosbridge_sim.world.lane_position import headings, set_legs
@@ -49,6 +54,10 @@ MAX_WAIT_DECISIONS: Final = 20
 
 MAX_LANES_ENTERED: Final = 8
 """Lanes entered within one step, at most: lanes of a centimetre in a map must not slow the step down."""
+
+MAX_STRETCH: Final = 0.5
+"""The line of a bend is longer or shorter than the way beside it by this share of the way, at most: a lane's width
+beside the line of a bend of 7 m."""
 
 
 def drive_lanes(world: World, dt: float) -> None:
@@ -149,11 +158,13 @@ class _LaneFollowers:
         self.conflicts = world.roads.derived(LaneConflicts)
         half, centre = world.half_length[self.at], world.centre[self.at]
         self.nose, self.rear, self.length = half + centre, half - centre, 2.0 * half
-        self.desired_speed = world.desired_speed[self.at].copy()
+        self.parameters = DriverParameters.of(world, self.rows)
+        self.response = -np.expm1(-_INTERVAL / self.parameters.reaction)
         self.wheelbase = world.wheelbase[self.at].copy()
         self.uid = world.uid[self.at].copy()
         self.choice = RouteChoice(world, self.rows)
         self.egos = SelfDrivingEgos(world, self.rows)
+        self.shifted = find_shifted(world, self.rows)
         others = world.alive & ~world.has_lane
         may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0)
         still = np.flatnonzero(others & ~may_move)
@@ -171,12 +182,14 @@ class _LaneFollowers:
         drivers, (others, _, num_driving) = self.drivers(), self.others()
         perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
         lanes, speed = drivers.lanes, drivers.speed
-        accel = accelerate(speed, np.fmin(self.desired_speed, perception.safe_speed), perception)
+        wanted = accelerate(speed, perception, self.parameters)
+        accel = drivers.accel + self.response * (wanted - drivers.accel)
+        if len(self.egos):  # their pedals have a lag of their own
+            index = self.egos.index
+            accel[index] = wanted[index]
+            self.egos.command(lanes[:, index], wanted[index])
         world.accel[at] = accel
         self._steer(lanes, speed, accel)
-        if len(self.egos):
-            index = self.egos.index
-            self.egos.command(lanes[:, index], accel[index])
         is_turn = (world.frame // DECISION + self.uid) % MAX_WAIT_DECISIONS == 0
         gives_up = perception.is_shut_out & (speed < CREEP) & is_turn
         if gives_up.any():
@@ -188,9 +201,19 @@ class _LaneFollowers:
         """Return the lane followers; columns of the world as they are, views of it where their rows are neighbours."""
         world, at = self.world, self.at
         return Drivers(
-            *(world.int_block("lane", "ahead_5")[:, at], world.arc[at], world.speed[at], world.point[at]),
-            *(self.nose, self.rear, self.length, self.uid),
-            *(world.claim[at], world.held[at], world.exit_lane[at]),
+            lanes=world.int_block("lane", "ahead_5")[:, at],
+            arc=world.arc[at],
+            speed=world.speed[at],
+            accel=world.accel[at],
+            point=world.point[at],
+            nose=self.nose,
+            rear=self.rear,
+            length=self.length,
+            uid=self.uid,
+            claim=world.claim[at],
+            held=world.held[at],
+            exit_lane=world.exit_lane[at],
+            parameters=self.parameters,
         )
 
     def others(self) -> tuple[Entries, IntArray, int]:
@@ -213,6 +236,9 @@ class _LaneFollowers:
         moves = np.flatnonzero(distance > 0.0)
         turn = np.zeros(self.num)
         heading = headings(self.roads, lanes[:, moves], (world.arc[at] + distance)[moves], self.wheelbase[moves])
+        if len(self.shifted):
+            plan_shifts(world, self.rows[self.shifted], distance[self.shifted], _INTERVAL)
+            heading = heading + (world.drift[at] + world.drift_rate[at] * _INTERVAL)[moves]
         turn[moves] = wrap_angle(heading - world.yaw[at][moves])
         world.yaw_rate[at] = turn / _INTERVAL
         world.lateral_accel[at] = world.yaw_rate[at] * speed
@@ -227,7 +253,10 @@ class _LaneFollowers:
         if np.count_nonzero(is_stopping):  # it brakes by no more than brings it to a stand
             after = np.fmax(after, 0.0)
             world.accel[at] = np.where(is_stopping, before / -dt, accel)
-        arc = world.arc[at] + (before + after) * (0.5 * dt)
+        step = (before + after) * (0.5 * dt)
+        if len(self.shifted):
+            step[self.shifted] = self._along(step[self.shifted], dt)
+        arc = world.arc[at] + step
         world.speed[at], world.arc[at] = after, arc
         is_past = arc >= world.leg_end[at]
         if np.count_nonzero(is_past):
@@ -238,8 +267,25 @@ class _LaneFollowers:
         world.z[at] = world.leg_z[at] + distance * world.leg_dz[at]
         yaw = world.yaw[at] + world.yaw_rate[at] * dt
         world.yaw[at] = yaw if np.abs(yaw).max() < math.pi else wrap_angle(yaw)
+        if len(self.shifted):
+            nudge(world, self.rows[self.shifted], dt)
         if saved is not None:
             self.egos.restore_poses(saved)
+
+    def _along(self, step: FloatArray, dt: float) -> FloatArray:
+        """Return by how much the arc lengths of the `shifted` rise, (k,) [m].
+
+        In a bend the line is longer or shorter than the way beside it, and who moves across moves along by less.
+
+        Args:
+            step: (k,) by which they move [m].
+            dt: length of the step [s].
+        """
+        world, rows = self.world, self.rows[self.shifted]
+        drift = world.drift[rows] + world.drift_rate[rows] * dt
+        turn = (world.yaw_rate[rows] - world.drift_rate[rows]) * dt * world.lateral[rows]
+        most = MAX_STRETCH * step
+        return step * np.cos(drift) + np.fmin(np.fmax(turn, -most), most)
 
     def _advance_lanes(self, which: IntArray) -> None:
         """Bring lane and leg up to date for vehicles whose arc length may be beyond the end of their leg or lane."""
@@ -282,6 +328,7 @@ def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray]:
         z=world.z[rows],
         yaw=world.yaw[rows],
         speed=world.speed[rows],
+        accel=world.accel[rows],
         half_length=world.half_length[rows],
         half_width=world.half_width[rows],
         foresight=np.where(world.kind[rows] == Kind.PEDESTRIAN, FORESIGHT, 0.0),

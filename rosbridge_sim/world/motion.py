@@ -109,6 +109,9 @@ def _along(world: World, lines: _Lines, rows: IntArray) -> FloatArray:
         _bend(world, rows[bent], np.concatenate([arc[bent], then[bent]]), half[bent], (now, past, bent))
     to_body = np.exp(-1j * world.yaw[rows])
     velocity, old = speed * now[0] * to_body, before * past[0] * to_body
+    drift, drift_rate = world.drift[rows], world.drift_rate[rows]
+    if np.count_nonzero(drift) or np.count_nonzero(drift_rate):
+        velocity, old = velocity * np.exp(1j * drift), old * np.exp(1j * (drift - drift_rate * DT))
     accel = (velocity - old) / DT
     forward, left = velocity.real, velocity.imag
     is_ahead = (np.abs(left) <= ALIGNED * speed) & (forward >= (1.0 - ALIGNED) * speed)

@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.driver_model import BRAKE_FROM, GAP, HEADWAY, STOP_GAP, Perception
+from rosbridge_sim.world.driver_model import BRAKE_FROM, GAP, STOP_GAP, Perception
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, EntryQueue
@@ -87,7 +87,7 @@ def give_claims(
     """
     # A driver asks before it would begin to brake, so that it need not brake if it gets the lane.
     speed = drivers.speed
-    braking_distance = speed * (speed / (2.0 * BRAKE_FROM) + HEADWAY) + STOP_GAP + GAP
+    braking_distance = speed * (speed / (2.0 * BRAKE_FROM) + drivers.parameters.headway) + STOP_GAP + GAP
     asks = (requests.lane >= 0) & (requests.distance < braking_distance)
     # A driver whose lead vehicle waits itself could not use the lane, and would only keep others out.
     is_led = perception.gap <= requests.distance

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
+from rosbridge_sim.world.chance import mix, salt_of
 from rosbridge_sim.world.geometry import IntArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.state import World
@@ -21,12 +21,6 @@ NUM_AHEAD: Final = 5
 """Lanes that are chosen in advance. They are the columns `ahead_1` to `ahead_5` of the world."""
 
 _NO_ROUTE: Final[IntArray] = np.empty(0, dtype=np.int64)
-
-_SEED_FACTOR: Final = 0x632BE59BD9B4E019
-"""An odd number, so that worlds with neighbouring seeds get unrelated choices."""
-
-_GOLDEN_GAMMA: Final = np.uint64(0x9E3779B97F4A7C15)
-"""The odd number nearest to 2^64 / golden ratio, as SplitMix64 has it (Steele, Lea, Flood 2014)."""
 
 
 class RouteChoice:
@@ -47,7 +41,7 @@ class RouteChoice:
         self.first = np.cumsum(self.length) - self.length
         self.route = np.concatenate(routes) if routes else _NO_ROUTE
         self.is_loop = world.is_loop[rows].copy()
-        self.salt = _mix(world.uid[rows].astype(np.uint64) + np.uint64(world.seed * _SEED_FACTOR % 2**64))
+        self.salt = salt_of(world.seed, world.uid[rows])
 
     def plan(self, which: IntArray) -> None:
         """Choose all lanes ahead of some rows, and write them into the world."""
@@ -75,7 +69,7 @@ class RouteChoice:
         """
         onward = self.onward
         count = np.where(lane >= 0, onward.first[lane + 1] - onward.first[lane], 0)
-        dice = _mix(self.salt[which] + turn.astype(np.uint64)) % np.maximum(count, 1).astype(np.uint64)
+        dice = mix(self.salt[which] + turn.astype(np.uint64)) % np.maximum(count, 1).astype(np.uint64)
         chosen = np.full(len(which), -1, dtype=np.int64)
         has_successor = count > 0
         successor = onward.first[lane[has_successor]] + dice[has_successor].astype(np.int64)
@@ -86,11 +80,3 @@ class RouteChoice:
         if is_on_route.any():
             chosen[is_on_route] = self.route[self.first[which[is_on_route]] + index[is_on_route]]
         return chosen
-
-
-def _mix(value: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
-    """Return 64 well-mixed bits for each number: the finalizer of SplitMix64 (Steele, Lea, Flood 2014)."""
-    value = value * _GOLDEN_GAMMA
-    value = (value ^ (value >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    value = (value ^ (value >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return value ^ (value >> np.uint64(31))

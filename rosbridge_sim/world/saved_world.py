@@ -16,6 +16,7 @@ import numpy as np
 from rosbridge_sim.world.entity_arrays import BOOLS, FLOATS, INTS, NO_BODY, NUM_CORE
 from rosbridge_sim.world.entity_types import MAX_COORDINATE, Body, Dynamics, Gear, Kind, Mode
 from rosbridge_sim.world.geometry import FloatArray, IntArray
+from rosbridge_sim.world.lane_change_model import MAX_REASON
 from rosbridge_sim.world.paths import END, NUM_COLUMNS, PathsSnapshot
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
@@ -47,6 +48,7 @@ _POSITIVE: Final = (
 """Columns that the equations of driven rows divide by."""
 
 _LANE_COLUMNS: Final = ("claim", "held", "exit_lane", "behind", "lane", *(f"ahead_{i}" for i in range(1, 6)))
+_LANE_CHANGE_CODES: Final = {"signal": 2, "leaving": 2, "keeps_lane": 1, "change": MAX_REASON}
 _PCG64: Final = "PCG64"
 
 T = TypeVar("T")
@@ -233,6 +235,12 @@ class _Reader:
             column = floats[FLOATS.index(name)]
             # A step may move an entity past the bound that holds for a placement.
             _expect(bool((np.abs(column) <= 2 * MAX_COORDINATE).all()), f"floats.{name}", "a place on the map")
+        for name, most in _LANE_CHANGE_CODES.items():
+            column = floats[FLOATS.index(name)]
+            is_code = (column >= 0.0) & (column <= most) & (column == np.floor(column))
+            _expect(bool(is_code.all()), f"floats.{name}", f"whole numbers 0..{most}")
+        left = floats[FLOATS.index("lateral_left")]
+        _expect(bool(((left >= 0.0) & (left <= 1.0)).all()), "floats.lateral_left", "shares 0..1")
 
     def _check_ints(self, ints: IntArray, bools: Any, paths: PathsSnapshot) -> None:  # noqa: ANN401 - of bools
         alive, has_lane = bools[BOOLS.index("alive")], bools[BOOLS.index("has_lane")]

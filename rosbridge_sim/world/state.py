@@ -26,6 +26,7 @@ from rosbridge_sim.world.entity_arrays import (
     INTS,
     KINEMATIC_ALL,
     KINEMATIC_CORE,
+    LANE_CHANGE_COLUMNS,
     LEG_COLUMNS,
     NO_BODY,
     NUM_CORE,
@@ -139,6 +140,7 @@ _LANE_COLUMNS: Final = (
     *INTS[INTS.index("turns") : INTS.index("ahead_5") + 1],
     "has_lane",
     "is_loop",
+    *LANE_CHANGE_COLUMNS,
 )
 
 
@@ -535,6 +537,9 @@ class World(EntityArrays):
             state.update(b"impacts" + repr(sorted(self.placed_uids)).encode() + self.passing.tobytes())
         if self.dynamics == Dynamics.KINEMATIC and not self.has_impacts:
             state.update(self._floats[KINEMATIC_ALL if self.is_scoring else KINEMATIC_CORE, : self.n].tobytes())
+            changes = self.block(LANE_CHANGE_COLUMNS[0], LANE_CHANGE_COLUMNS[-1])
+            if changes.any():
+                state.update(b"lane changes" + changes.tobytes())
         else:
             state.update(self.dynamics.name.lower().replace("_", "-").encode())
             state.update(self._floats[:num_floats, : self.n].tobytes())

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Any
+from typing import Any, Literal
 
+import numpy as np
 import pytest
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.convert import Converter, gear_of, maker, time_text
+from rosbridge_sim.morai.convert import LATE_FROM, Converter, gear_of, maker, time_text
 from rosbridge_sim.morai.maps.mgeo import Projection, RoadMap
 from rosbridge_sim.morai.releases import FIELD, LENIENCY, MANUAL, RELEASES, Profile, choose_profile
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.world import commands
@@ -115,6 +117,47 @@ def test_object_limit_lists_and_counts_the_nearest() -> None:
     assert listed["pedestrian_list"] == []
     assert [listed[f"num_of_{kind}"] for kind in ("npcs", "pedestrian", "obstacle")] == [1, 0, 1]
     assert len(objects(a_world(), Profile(object_limit=4))["npc_list"]) == 2
+
+
+def test_object_range_leaves_out_what_is_far_from_the_ego() -> None:
+    listed = objects(a_world(), Profile(object_range=8.0))
+    assert [one["name"] for one in listed["npc_list"] + listed["pedestrian_list"]] == ["near", "man"]
+    assert [listed[f"num_of_{kind}"] for kind in ("npcs", "pedestrian", "obstacle")] == [1, 1, 1]
+    assert [one["name"] for one in objects(a_world(), Profile(object_range=8.0, object_limit=1))["obstacle_list"]] == [
+        "box"
+    ]
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+@pytest.mark.parametrize("profile", [MANUAL, Profile(object_range=150.0), Profile(object_limit=250)])
+def test_late_lists_have_the_bytes_of_lists_that_are_made_at_once(ros: Literal[1, 2], profile: Profile) -> None:
+    store = Store(read_definitions("22.R2"), ros=ros, leniency=LENIENCY)
+    world = World()
+    world.spawn(Kind.EGO, Body(), name="car", x=0.0, y=0.0, uid=0)
+    for i in range(LATE_FROM):
+        kind = (Kind.VEHICLE, Kind.PEDESTRIAN, Kind.VEHICLE, Kind.OBSTACLE)[i % 4]
+        world.spawn(kind, BOX, name=f"n\u00e4me {i}", x=i - 0.1, y=3.0 * i, yaw=i / 7.0, speed=1.0 * (i % 5))
+        world.spawn(Kind.OBSTACLE, BOX, name="box", x=1e-7 * i, y=-1e8)
+    converter, of_list = Converter(store, profile), store.message("morai_msgs/ObjectStatusList")
+    message = Message(of_list, converter.object_status_list(world, world.row(0), int))
+    at_once = converter.object_lists(world)[3:]
+    if profile is not MANUAL:
+        rows = np.concatenate([world.rows(each) for each in (Kind.VEHICLE, Kind.PEDESTRIAN, Kind.OBSTACLE)])
+        away = np.hypot(world.x[rows], world.y[rows])
+        near = away <= 150.0 if profile.object_range else np.argsort(np.argsort(away, kind="stable")) < 250
+        kept = {int(uid) for uid in world.uid[rows[near]]}
+        at_once = tuple([one for one in part if one.unique_id in kept] for part in at_once)
+    plain = of_list.struct_type(
+        header=converter.header(0, "ObjectInfo"),
+        **dict(zip(("num_of_npcs", "num_of_pedestrian", "num_of_obstacle"), map(len, at_once), strict=True)),
+        **dict(zip(("npc_list", "pedestrian_list", "obstacle_list"), at_once, strict=True)),
+    )
+    step(world)  # the message keeps the figures that it was made of
+    assert message.num_bytes == Message(of_list, plain).num_bytes
+    assert message.json == of_list.encode_json(plain)
+    assert message.cbor == of_list.encode_cbor(plain)
+    assert message.raw == of_list.encode_raw(plain)
+    assert message.value == plain
 
 
 def test_added_and_removed_objects_are_listed_at_once() -> None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator
+import re
+import subprocess
+import time
+from collections.abc import AsyncIterator, Iterator
 from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any, Protocol
@@ -62,12 +65,31 @@ class OpenPage(Protocol):
         """
 
 
+@pytest.fixture(scope="session")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """One Chromium for all tests of this process, since its start takes as long as a test; the URL of its debugger."""
+    profile = tmp_path_factory.mktemp("chromium")
+    log = profile / "stderr.txt"
+    with log.open("wb") as stderr, subprocess.Popen(
+        [require_tool("chromium"), "--headless=new", "--remote-debugging-port=0", f"--user-data-dir={profile}", *FLAGS],
+        stdout=subprocess.DEVNULL,
+        stderr=stderr,
+    ) as process:  # fmt: skip
+        found = None
+        until = time.monotonic() + PATIENCE
+        while found is None and process.poll() is None and time.monotonic() < until:
+            found = re.search(r"DevTools listening on (ws://\S+)", log.read_text(errors="replace"))
+            time.sleep(0.02)
+        assert found is not None, f"Chromium does not start: {log.read_text(errors='replace')[-1_000:]}"
+        yield found[1]
+        process.terminate()
+
+
 @pytest.fixture
-async def browser() -> AsyncIterator[Browser]:
+async def browser(chromium: str) -> AsyncIterator[Browser]:
+    """The Chromium of this process; the pages of a test have contexts of their own."""
     async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=require_tool("chromium"), args=FLAGS)
-        yield browser
-        await browser.close()
+        yield await playwright.chromium.connect_over_cdp(chromium)
 
 
 @pytest.fixture

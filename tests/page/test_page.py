@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +15,7 @@ from tests.conftest import Serve
 from tests.page.conftest import OpenPage, page_url
 from tests.page.prefix_proxy import PrefixProxy
 from tests.shell.websocket.test_access import Certificate
-from tests.support import ROOT, ServerProcess, miss
+from tests.support import PATIENCE, ROOT, ServerProcess, miss
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
@@ -141,6 +143,22 @@ async def test_killed_server_is_noticed_and_survived(tmp_path: Path, open_page: 
             second.stop_cleanly()
     finally:
         server.kill()
+
+
+async def test_server_that_no_longer_answers_is_told_and_its_answer_ends_that(
+    serve: Serve, open_page: OpenPage
+) -> None:
+    server = serve()
+    page = await open_page(server)
+    banner = page.get_by_text("does not answer")
+    os.kill(server.pid, signal.SIGSTOP)
+    try:
+        await expect(banner).to_be_visible(timeout=PATIENCE * 1e3)
+        await expect(page.locator(".connection-state")).to_have_text("No answer")
+    finally:
+        os.kill(server.pid, signal.SIGCONT)
+    await expect(banner).to_be_hidden()
+    await expect(page.locator(".connection-state")).to_have_text("Connected")
 
 
 async def test_reason_of_a_server_that_stops_is_shown_as_text(serve: Serve, open_page: OpenPage) -> None:

@@ -1,21 +1,80 @@
-"""The intelligent driver model, and how drivers brake for what stands still."""
+"""The driver model: behind a lead vehicle, after a cut-in, and how drivers brake for what stands still."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import fields
 
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.driver_model import Perception, accelerate
-from rosbridge_sim.world.lane_conflicts import COMFORT
+from rosbridge_sim.world.driver_model import HARDEST, Perception, accelerate, firm_stop
+from rosbridge_sim.world.driver_parameters import CAR, FIGURES, DriverParameters
 
 
-@pytest.mark.parametrize(("speed", "lead", "gap"), [(20.0, 15.0, 60.0), (15.0, 0.0, 80.0), (10.0, 12.0, 20.0)])
-def test_following_equals_the_intelligent_driver_model(speed: float, lead: float, gap: float) -> None:
-    """Treiber, Hennecke, Helbing 2000: a weaker closing term brakes late and hard, a stronger one much too early."""
-    wanted = 2.0 + 1.2 * speed + speed * (speed - lead) / (2.0 * math.sqrt(1.5 * COMFORT))
-    accel = 1.5 * (1.0 - (speed / 30.0) ** 4 - (wanted / gap) ** 2)
+def typical(**figures: float) -> DriverParameters:
+    """The mean driver of a car, but for some figures."""
+    means = {each.name: FIGURES[each.name][CAR].mean for each in fields(DriverParameters)}
+    return DriverParameters(**{name: np.array([value]) for name, value in (means | figures).items()})
+
+
+def chosen(speed: float, lead: float, gap: float, *, lead_accel: float = 0.0, safe: float = 40.0) -> float:
+    """The acceleration of the mean driver behind a lead vehicle."""
     one, none = np.ones(1), np.full(1, np.inf)
-    seen = Perception(gap * one, lead * one, np.zeros(1, dtype=np.int64), none, none, np.zeros(1, dtype=np.bool_))
-    assert accelerate(speed * one, 30.0 * one, seen) == pytest.approx(accel)
+    lead_index = np.zeros(1, dtype=np.int64)
+    seen = Perception(
+        gap * one, lead * one, lead_accel * one, lead_index, none, safe * one, np.zeros(1, dtype=np.bool_)
+    )
+    return accelerate(speed * one, seen, typical()).item()
+
+
+@pytest.mark.parametrize(("speed", "lead", "gap"), [(20.0, 15.0, 60.0), (15.0, 0.0, 80.0), (10.0, 10.0, 13.0)])
+def test_following_equals_the_intelligent_driver_model(speed: float, lead: float, gap: float) -> None:
+    """A weaker closing term brakes late and hard, a stronger one much too early."""
+    driver = typical()
+    a, b, headway = (value.item() for value in (driver.accel, driver.comfort, driver.headway))
+    wanted = 2.0 + headway * speed + speed * (speed - lead) / (2.0 * math.sqrt(a * b))
+    assert chosen(speed, lead, gap) == pytest.approx(
+        min(a * (1 - (speed / 40.0) ** 4), a * (1.0 - (wanted / gap) ** 2))
+    )
+
+
+def test_gap_of_equal_speed_is_that_of_the_headway_up_to_the_desired_speed() -> None:
+    assert chosen(39.9, 39.9, 2.0 + 39.9 * typical().headway.item()) == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("gap", [6.0, 8.0, 10.0])
+@pytest.mark.parametrize("speed", [11.0, 14.0, 25.0, 33.0])
+def test_cut_in_at_equal_speed_is_taken_calmly(speed: float, gap: float) -> None:
+    assert -3.0 < chosen(speed, speed, gap) < 0.0
+
+
+@pytest.mark.parametrize(("lead", "lead_accel", "gap"), [(5.0, 0.0, 10.0), (15.0, -8.0, 6.0), (0.0, 0.0, 18.0)])
+def test_cut_in_that_is_dangerous_is_answered_by_hard_braking(lead: float, lead_accel: float, gap: float) -> None:
+    assert chosen(15.0, lead, gap, lead_accel=lead_accel) < -4.5
+
+
+def test_no_acceleration_is_beyond_the_bounds() -> None:
+    """Over all speeds, gaps and accelerations, with the corners where a quotient could lose its bottom."""
+    speeds, gaps, accels = (0.0, 1e-9, 0.3, 15.0, 60.0), (-5.0, 0.0, 1e-9, 2.0, 30.0, 1e9), (-9.0, -1e-12, 0.0, 3.0)
+    values = [
+        chosen(speed, lead, gap, lead_accel=accel)
+        for speed in speeds
+        for lead in speeds
+        for gap in gaps
+        for accel in accels
+    ]
+    assert np.isfinite(values).all()
+    assert min(values) >= -HARDEST
+    assert max(values) <= typical().accel.item()
+
+
+def test_firm_stop_ends_at_the_same_place_at_each_moment_of_it() -> None:
+    speed, accel, place, dt = 14.0, 1.0, 0.0, 1e-3
+    reaction = np.full(1, 0.3)
+    expected = firm_stop(np.full(1, speed), np.full(1, accel), reaction)
+    while speed > 11.0:
+        accel += (-4.0 - accel) * dt / 0.3
+        speed, place = speed + accel * dt, place + speed * dt
+        now = place + firm_stop(np.full(1, speed), np.full(1, accel), reaction)
+        assert now == pytest.approx(expected, abs=0.02)

@@ -22,7 +22,8 @@ def test_crossing_vehicles_take_turns(offset: float) -> None:
 
 def test_nearer_vehicle_goes_first_without_braking() -> None:
     world = world_of(crossing())
-    near, far = car(world, "w", 100.0, speed=12.0), car(world, "s", 60.0, speed=12.0)
+    near = car(world, "w", 100.0, speed=12.0, desired_speed=12.0)
+    far = car(world, "s", 60.0, speed=12.0, desired_speed=12.0)
     speeds = run(world, 20.0)
     assert speeds[:, near].min() > 11.5
     assert speeds[:, far].min() < 11.0

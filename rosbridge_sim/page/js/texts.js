@@ -132,6 +132,8 @@ export const TEXTS = {
     connecting: "Connecting …",
     token: "This server needs a token.",
     open: "Connected",
+    silent: "No answer",
+    silentBanner: "The server is connected and does not answer. What you see is the last state that it sent.",
     /** @param {string} reason */
     lost: (reason) => `The connection is lost${reason ? ` (${reason})` : ""}. The page connects again by itself.`,
     back: "Connected again.",

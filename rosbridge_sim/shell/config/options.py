@@ -71,6 +71,7 @@ class SimulatorOptions(TypedDict, total=False):
     wheel_angle_unit: Literal["rad", "deg"] | None
     object_size_order: Literal["width-length-height", "length-width-height"] | None
     object_limit: int | None
+    object_range: float | None
     object_velocity_unit: Literal["km/h", "m/s"] | None
     stamps: Literal["sim", "wall", "auto"] | None
     start_mode: Literal["external", "keyboard"]

@@ -27,6 +27,7 @@ from rosbridge_sim.shell.config.value_types import (
     choice_of,
     factor,
     item_choices,
+    metres,
     or_none,
     period,
     seconds,
@@ -360,6 +361,12 @@ class Settings:
         _FACE,
         or_none(whole_number(0, 1_000_000), "profile"),
         "most objects that are published, the nearest ones; 0 is all",
+    )
+    object_range: float | None = _flag(
+        None,
+        _FACE,
+        metres(1_000_000),
+        "only objects within this distance of the ego are published; none or 0 is all",
     )
     object_velocity_unit: Literal["km/h", "m/s"] | None = _flag(
         None, _FACE, or_none(choice_of("km/h", "m/s"), "profile"), "unit of objects' velocity"

@@ -34,6 +34,7 @@ __all__ = [
     "choice_of",
     "factor",
     "item_choices",
+    "metres",
     "or_none",
     "period",
     "seconds",
@@ -182,6 +183,24 @@ def period(low: float, high: float) -> ValueType:
         return number
 
     return ValueType(f"seconds from {low:g} to {high:,g}", read, "SECONDS")
+
+
+def metres(high: float) -> ValueType:
+    """Return the type of a distance; 0 and the word none mean None.
+
+    Args:
+        high: largest value [m].
+    """
+
+    def read(value: object) -> float | None:
+        if value is None or _is_word(value, "none", "off"):
+            return None
+        number = float(_number_of(value, float))
+        if not 0 <= number <= high:
+            raise ValueError
+        return number or None
+
+    return ValueType(f"metres up to {high:,g}, or none", read, "METRES")
 
 
 def factor(low: float, high: float) -> ValueType:

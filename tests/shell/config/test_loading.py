@@ -60,6 +60,7 @@ OTHER: dict[str, object] = {
     "wheel_angle_unit": "deg",
     "object_size_order": "length-width-height",
     "object_limit": 20,
+    "object_range": 150.0,
     "object_velocity_unit": "m/s",
     "start_mode": "keyboard",
     "stamps": "wall",

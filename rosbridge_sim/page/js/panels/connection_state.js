@@ -1,5 +1,5 @@
 /**
- * The state of the connection: a mark in the header, a banner while it is lost, and the question for a token.
+ * The state of the connection: a mark in the header, a banner while it is lost or silent, and the question for a token.
  */
 
 import { element, setText } from "../widgets/dom.js";
@@ -20,6 +20,13 @@ export function showConnectionState({ connection, texts }, layout) {
   let wasLost = false;
   /** @type {any} */
   let timer;
+  connection.onSilence((isSilent) => {
+    clearTimeout(timer);
+    document.documentElement.dataset.silent = String(isSilent);
+    setText(mark, isSilent ? texts.connection.silent : texts.connection.open);
+    setText(layout.banner, isSilent ? texts.connection.silentBanner : "");
+    layout.banner.hidden = !isSilent;
+  });
   connection.onState((state, reason) => {
     clearTimeout(timer);
     document.documentElement.dataset.connection = state;

@@ -8,6 +8,7 @@
 
 import { TEXTS } from "../texts.js";
 import { decodeCbor } from "./cbor.js";
+import { SilenceWatch } from "./silence.js";
 import { TopicSubscription } from "./subscriptions.js";
 
 /** @typedef {"connecting" | "token" | "open" | "lost"} ConnectionState */
@@ -22,7 +23,7 @@ const LONGEST_WAIT = 5000;
 /** Place of the token in the tab's storage, which no other tab reads and which ends with the tab. */
 const TOKEN_KEY = "rosbridge-sim token";
 
-/** Ids of the ops that find out whether the server needs a token. */
+/** Ids of the ops that find out whether the server needs a token, and whether it still answers. */
 const AUTH_ID = "page:auth";
 const PROBE_ID = "page:probe";
 
@@ -79,6 +80,12 @@ export class Connection {
     this.stateTakers = new Set();
     /** @type {Set<(status: StatusMessage) => void>} */
     this.statusTakers = new Set();
+    /** @type {Set<(isSilent: boolean) => void>} */
+    this.silenceTakers = new Set();
+    this.silence = new SilenceWatch(
+      () => this.probe(),
+      (isSilent) => this.silenceTakers.forEach((take) => take(isSilent)),
+    );
     /** @type {Map<string, TopicSubscription>} */
     this.topics = new Map();
     /** Topics that are advertised on the present socket, with their types. @type {Map<string, string>} */
@@ -122,6 +129,16 @@ export class Connection {
   onStatus(take) {
     this.statusTakers.add(take);
     return () => void this.statusTakers.delete(take);
+  }
+
+  /**
+   * Be told when the server no longer answers on an open socket, and when it does again.
+   * @param {(isSilent: boolean) => void} take
+   * @returns {() => void} ends it
+   */
+  onSilence(take) {
+    this.silenceTakers.add(take);
+    return () => void this.silenceTakers.delete(take);
   }
 
   /** Whether the server was shown a token. */
@@ -259,6 +276,10 @@ export class Connection {
     if (token !== null) {
       this.send({ op: "auth", id: AUTH_ID, token });
     }
+    this.probe();
+  }
+
+  probe() {
     this.send({ op: "call_service", id: PROBE_ID, service: PROBE_SERVICE, args: {} });
   }
 
@@ -278,6 +299,7 @@ export class Connection {
       socket.onopen = socket.onmessage = socket.onclose = null;
       socket.close();
     }
+    this.silence.stop();
     this.advertised.clear();
     for (const subscription of this.topics.values()) {
       subscription.forget();
@@ -312,6 +334,7 @@ export class Connection {
     this.reason = reason;
     if (state === "open") {
       this.wait = FIRST_WAIT;
+      this.silence.start();
       for (const subscription of this.topics.values()) {
         this.sendSubscription(subscription);
       }
@@ -332,6 +355,7 @@ export class Connection {
 
   /** @param {string | ArrayBuffer} data */
   receive(data) {
+    this.silence.hear();
     const frame = typeof data === "string" ? JSON.parse(data) : decodeCbor(data);
     switch (frame.op) {
       case "publish":

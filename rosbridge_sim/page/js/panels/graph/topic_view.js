@@ -36,6 +36,8 @@ export class TopicView {
     /** The last message, in a list of its own. @type {any[]} */
     this.last = [];
     this.drawnAt = -Infinity;
+    /** The timer of the next drawing. @type {ReturnType<typeof setTimeout> | null} */
+    this.drawing = null;
     this.numMessages = 0;
     this.title = element("h3", { tabIndex: -1 });
     this.type = element("p", { className: "hint" });
@@ -147,13 +149,21 @@ export class TopicView {
     this.numMessages += 1;
     const now = performance.now();
     this.charts.push(now / 1000, (path) => valueAtPath(message, path));
-    if (now - this.drawnAt >= TREE_INTERVAL - CHART_INTERVAL / 2) {
-      this.drawnAt = now;
-      this.draw();
+    if (this.drawing === null) {
+      const wait = this.drawnAt + TREE_INTERVAL - CHART_INTERVAL / 2 - now;
+      if (wait <= 0) {
+        this.draw();
+      } else {
+        this.drawing = setTimeout(() => this.draw(), wait); // the last message of a flood must be seen
+      }
     }
   }
 
+  /** Draw the last message now. */
   draw() {
+    clearTimeout(this.drawing ?? undefined);
+    this.drawing = null;
+    this.drawnAt = performance.now();
     const [message] = this.last;
     if (message !== undefined && this.topic !== null) {
       this.tree.show(message);
