@@ -13,8 +13,10 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.morai import saved_loads
 from rosbridge_sim.morai.node_factory import make_node
 from rosbridge_sim.morai.node_state import NodeState
+from rosbridge_sim.morai.plain_bytes import decode, encode
 from rosbridge_sim.morai.scenarios.check import place_draft
 from rosbridge_sim.morai.scenarios.reader import Scenario, place_on_roads, read_scenario
 from rosbridge_sim.morai.scene import WHOLE
@@ -232,6 +234,21 @@ def test_state_of_the_traffic_is_checked() -> None:
         with pytest.raises(ValueError, match="expected"):
             traffic.load_state(bad, 0.0)
     traffic.load_state(good, 0.0)
+
+
+def test_spawn_points_and_their_state_survive_as_bytes() -> None:
+    wide = {key: value for key, value in POINT.items() if "Velocity" not in key}  # at the speed limits, which are inf
+    node = simulate(read(POINT, wide))
+    run(node, 2.0)
+    load = node.context.scene.loaded
+    packed = tuple(saved_loads.pack_load(load))
+    saved_loads._unpacked.clear()  # as in another process
+    again = saved_loads.unpack_load(packed, lambda _key: load.road_map)
+    assert again is not load
+    assert again.spawn_points == load.spawn_points
+    (traffic,) = (one for one in node.components if isinstance(one, Traffic))
+    traffic.load_state(decode(encode(traffic.save_state()), max_values=1000), 0.0)
+    assert len(vehicles(node)) == 1
 
 
 # Many vehicles in a file
