@@ -346,14 +346,14 @@ def test_values_without_effect_are_kept_unchanged() -> None:
     generator = {"DataID": 90100001, "anything": [1, {"a": None}]}
     car = {**EGO, "isLaneChange": "perhaps", "latBiasMode": 2, "latBias": "-0.125", "destinationUniqueID": None}
     document = {
-        "spawnPointList": [generator],
+        "pedspawnPointList": [generator],
         "shadedAreaList": {"not": "a list"},
         "frictionChangeMaterialList": [],
         "vehicleList": [car],
     }
     scenario = read(document)
     areas = {"shadedAreaList": {"not": "a list"}}
-    assert scenario.kept == {"spawnPointList": [generator], "frictionChangeMaterialList": [], **areas}
+    assert scenario.kept == {"pedspawnPointList": [generator], "frictionChangeMaterialList": [], **areas}
     assert scenario.vehicles[0].kept == {"isLaneChange": "perhaps", "latBiasMode": 2, "latBias": "-0.125"}
 
 
@@ -487,7 +487,7 @@ def test_unknown_link_is_an_error_without_a_position_and_a_note_with_one() -> No
         ("vehicleList.0.UNIQUEID", 10**30, "vehicleList[0].UNIQUEID: expected at most 2,147,483,647, got 1000"),
         ("vehicleList", {}, "vehicleList: expected a list, got an object"),
         ("vehicleList", [1], "vehicleList[0]: expected an object, got 1"),
-        ("vehicleList", [EGO] * 1001, "vehicleList: expected at most 1,000 entries, got a list of 1,001"),
+        ("vehicleList", [EGO] * 10_001, "vehicleList: expected at most 10,000 entries, got a list of 10,001"),
         ("pedestrianList.0.pos", ..., "pedestrianList[0].pos: missing"),
         ("pedestrianList.0.pos", None, "pedestrianList[0].pos: expected an object, got null"),
         ("objectList.0.modelName", "\n" * 300, "objectList[0].modelName: expected at most 200 characters, got '\\n"),
