@@ -121,14 +121,15 @@ class LaneConflicts:
         rivals: for each lane its rivals, with the arc length on the rival beyond which a tail is clear [m].
         siblings: for each lane its siblings, with the arc length up to which they overlap the lane [m].
         shared: (l,) the greatest of the latter, 0 without siblings [m].
+        gives_way: (l,) bool, a stop line lies before the lane. Rivals without one have the right of way.
 
     Args:
         roads: the lanes.
     """
 
     __slots__ = (
-        *("bend_speed", "clear_point", "legs", "limit_speed", "onward", "rivals", "roads", "safe_speed", "shared"),
-        *("siblings", "wait_point"),
+        *("bend_speed", "clear_point", "gives_way", "legs", "limit_speed", "onward", "rivals", "roads", "safe_speed"),
+        *("shared", "siblings", "wait_point"),
     )
 
     def __init__(self, roads: Roads) -> None:
@@ -152,6 +153,8 @@ class LaneConflicts:
         self.wait_point = np.where(wait_point < AT_START, 0.0, wait_point - TAIL_MARGIN)
         self.clear_point = np.zeros(num)
         np.maximum.at(self.clear_point, lane, pairs.to_s[rival] + TAIL_MARGIN)
+        self.gives_way = np.zeros(num, dtype=bool)
+        self.gives_way[roads.successor[np.repeat(roads.is_stop, np.diff(roads.first_successor))]] = True
 
 
 def _links(num: int, lane: IntArray, other: IntArray, figure: FloatArray) -> Links:

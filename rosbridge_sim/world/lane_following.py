@@ -38,6 +38,7 @@ from rosbridge_sim.world.lane_changes import LaneChanges
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
 from rosbridge_sim.world.lane_position import headings, set_legs
+from rosbridge_sim.world.people import COMMITTED, time_to_kerb
 from rosbridge_sim.world.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.state import DT, Dynamics, Kind, World
@@ -54,6 +55,9 @@ MOVES: Final = 0.5
 
 FORESIGHT: Final = 3.0
 """Drivers wait for pedestrians that will be on the road within this time [s]: 4 m at walking speed, a lane's width."""
+
+MAX_PARTS: Final = 4
+"""For pedestrians that cross by light or gap, drivers wait as long as they need, up to so many times as long."""
 
 MAX_WAIT_DECISIONS: Final = 20
 """Decisions after which a driver before a full street chooses other lanes: 2 s, enough for a queue to move off."""
@@ -182,7 +186,7 @@ class _LaneFollowers:
         self.egos = SelfDrivingEgos(world, self.rows)
         self.shifted = find_shifted(world, self.rows)
         others = world.alive & ~world.has_lane
-        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0)
+        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
         still = np.flatnonzero(others & ~may_move)
         self.still, owner = _entries_of(world, still)
         self.still_rows = still[owner]
@@ -343,16 +347,32 @@ class _LaneFollowers:
 
 def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray]:
     """Return the entries of rows that do not follow lanes; see `find_entries`."""
+    # Those that heed the traffic wait at the kerb until they cross, and then drivers let them cross.
+    is_blind = (world.kind[rows] == Kind.PEDESTRIAN) & (world.yields[rows] == 0)
+    foresight = np.where(is_blind, FORESIGHT, 0.0)
+    index, later = np.arange(len(rows)), np.zeros(len(rows))
+    if world.yields[rows].max(initial=0) >= COMMITTED:
+        # Each part of their way is looked at from its own beginning: a bend has no place beside one that is far away.
+        time = np.fmin(time_to_kerb(world)[rows], MAX_PARTS * FORESIGHT)
+        foresight = np.where(time > 0.0, np.fmin(time, FORESIGHT), foresight)
+        for part in range(1, MAX_PARTS):
+            crossing = np.flatnonzero(time > part * FORESIGHT)
+            index = np.concatenate([index, crossing])
+            later = np.concatenate([later, np.full(len(crossing), part * FORESIGHT)])
+            foresight = np.concatenate([foresight, np.fmin(time[crossing] - part * FORESIGHT, FORESIGHT)])
+    rows = rows[index]
     cos, sin = np.cos(world.yaw[rows]), np.sin(world.yaw[rows])
-    return find_entries(
+    ahead = world.centre[rows] + world.speed[rows] * later
+    entries, owner = find_entries(
         world.roads,
-        x=world.x[rows] + world.centre[rows] * cos,
-        y=world.y[rows] + world.centre[rows] * sin,
+        x=world.x[rows] + ahead * cos,
+        y=world.y[rows] + ahead * sin,
         z=world.z[rows],
         yaw=world.yaw[rows],
         speed=world.speed[rows],
         accel=world.accel[rows],
         half_length=world.half_length[rows],
         half_width=world.half_width[rows],
-        foresight=np.where(world.kind[rows] == Kind.PEDESTRIAN, FORESIGHT, 0.0),
+        foresight=foresight,
     )
+    return entries, index[owner]

@@ -198,7 +198,8 @@ class Network:
             limit = max(self._limit(lane) for lane in edge.lanes)
             yield (
                 f'<edge id="{edge.name}" from="n{edge.start}" to="n{edge.end}" numLanes="{len(edge.lanes)}"'
-                f' speed="{limit:.3f}" length="{self.length_of(edge):.3f}" shape="{self._middle(edge.lanes)}">'
+                f' priority="{len(edge.lanes)}" speed="{limit:.3f}" length="{self.length_of(edge):.3f}"'
+                f' shape="{self._middle(edge.lanes)}">'
             )
             for index, lane in enumerate(edge.lanes):
                 yield (

@@ -94,7 +94,7 @@ def test_ignored_keys_are_listed_and_give_no_remarks() -> None:
     )
     assert [line.partition(" (")[0] for line in find_oddities(placed, read(ROADRUNNER).roads)] == ["vehicleList[0]"]
     assert {key for key in draft.keys.passed_over if "." not in key} == {"v2IInfo", "aiPedstrianList", "version"}
-    idle = {"spawnPointList", "shadedAreaList", "frictionChangeMaterialList", "pedspawnPointList"}
+    idle = {"shadedAreaList", "frictionChangeMaterialList", "pedspawnPointList"}
     assert {key for key in draft.keys.idle if "." not in key} == idle
     for key in (
         "egoVehicle.vehicleSaveData",
