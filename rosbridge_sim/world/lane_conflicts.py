@@ -113,6 +113,8 @@ class LaneConflicts:
         wait_point: (l,) arc length at which the front bumper waits for the rivals; inf for lanes without rivals [m].
         clear_point: (l,) arc length from which a tail obstructs no rival any more; 0 without rivals [m].
         rivals: for each lane its rivals, with the arc length on the rival beyond which a tail is clear [m].
+        rival_from: (k,) for each of these pairs the arc length on the lane from which it is near the rival [m].
+        rival_back: (k,) int64, for each of these pairs the index of the same pair seen from the rival.
         siblings: for each lane its siblings, with the arc length up to which they overlap the lane [m].
         shared: (l,) the greatest of the latter, 0 without siblings [m].
 
@@ -121,8 +123,8 @@ class LaneConflicts:
     """
 
     __slots__ = (
-        *("bend_speed", "clear_point", "legs", "limit_speed", "onward", "rivals", "roads", "safe_speed", "shared"),
-        *("siblings", "wait_point"),
+        *("bend_speed", "clear_point", "legs", "limit_speed", "onward", "rival_back", "rival_from", "rivals", "roads"),
+        *("safe_speed", "shared", "siblings", "wait_point"),
     )
 
     def __init__(self, roads: Roads) -> None:
@@ -141,6 +143,10 @@ class LaneConflicts:
         rival = ~is_sibling & ~_are_in_turn(roads, pairs.lane, pairs.other)
         lane, other = pairs.lane[rival], pairs.other[rival]
         self.rivals = _links(num, lane, other, pairs.other_to_s[rival] + TAIL_MARGIN)
+        self.rival_from = pairs.from_s[rival][np.lexsort((other, lane))]
+        # Both orders of a pair are here, so the pairs sorted by rival and lane are the same pairs from the other side.
+        self.rival_back = np.lexsort((np.repeat(np.arange(num), np.diff(self.rivals.first)), self.rivals.other))
+        self.rival_back = np.argsort(self.rival_back)
         wait_point = np.full(num, np.inf)
         np.minimum.at(wait_point, lane, pairs.from_s[rival])
         self.wait_point = np.where(wait_point < AT_START, 0.0, wait_point - TAIL_MARGIN)
