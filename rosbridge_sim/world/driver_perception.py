@@ -274,17 +274,17 @@ class _Look:
         Speeds follow with a delay, so drivers act early for one that falls: as if they were farther by their speed
         times the delay.
         """
-        drivers, s = self._drivers, self._roads.s
-        point, speed = drivers.point, drivers.speed
-        start = s[point]
-        step, along, ahead = s[point + 1] - start, drivers.arc - start, speed * self._foresight
-        factors = (self._limit_factor, self._bend_factor)
-        safe = []
-        for factor, here in zip(factors, (self._conflicts.limit_speed, self._conflicts.bend_speed), strict=True):
-            value = here[point]
-            slope = (here[point + 1] - value) / step
-            safe.append(factor * (value + slope * along + np.fmin(slope, 0.0) * ahead))
-        return np.fmax(np.fmin(*safe), MIN_SAFE_SPEED)
+        drivers = self._drivers
+        start, *speeds = self._conflicts.speeds_ahead[drivers.point].T
+        along, ahead = drivers.arc - start, drivers.speed * self._foresight
+        safe = [
+            factor * (value + slope * along + np.fmin(slope, 0.0) * ahead)
+            for factor, value, slope in (
+                (self._limit_factor, speeds[0], speeds[1]),
+                (self._bend_factor, speeds[2], speeds[3]),
+            )
+        ]
+        return np.asarray(np.fmax(np.fmin(safe[0], safe[1]), MIN_SAFE_SPEED))
 
     def _slow_down(self, i: IntArray, lane: IntArray, distance: FloatArray) -> None:
         """Lower the safe speeds for what comes on a lane ahead.
@@ -320,8 +320,10 @@ class _Look:
             to_line: (m,) from the front bumper to the start of that lane [m].
         """
         drivers, perception = self._drivers, self.perception
-        needed = firm_stop(drivers.speed[i], drivers.accel[i], drivers.parameters.reaction[i])
-        stops = ~self._may_enter[lane] & (to_line > 0.0) & (needed < to_line)
+        closed = np.flatnonzero(~self._may_enter[lane] & (to_line > 0.0))
+        at = i[closed]
+        needed = firm_stop(drivers.speed[at], drivers.accel[at], drivers.parameters.reaction[at])
+        stops = closed[needed < to_line[closed]]
         at = i[stops]
         perception.stop_distance[at] = np.fmin(perception.stop_distance[at], to_line[stops])
         drivers.claim[at[drivers.claim[at] == lane[stops]]] = -1

@@ -104,6 +104,8 @@ class LaneConflicts:
         limit_speed: (n,) for each point of the roads the speed that the limit allows, low enough to brake with
             `COMFORT` for what comes on the same lane [m/s].
         bend_speed: (n,) the same for bends, with a lateral acceleration of `MAX_LATERAL` [m/s].
+        speeds_ahead: (n, 5) arc length of each point [m], limit_speed and bend_speed, each with its change from here to
+            the next point for each metre. The last point of a lane has no change.
         safe_speed: (n,) the lower of the two, for the typical driver [m/s].
         legs: (n, 8) for each point the straight leg to the next one: arc length at its start and end [m], start point
             east, north, up [m], and direction in space, for each metre in the plane. The last point of a lane has the
@@ -124,13 +126,21 @@ class LaneConflicts:
 
     __slots__ = (
         *("bend_speed", "clear_point", "legs", "limit_speed", "onward", "rival_back", "rival_from", "rivals", "roads"),
-        *("safe_speed", "shared", "siblings", "wait_point"),
+        *("safe_speed", "shared", "siblings", "speeds_ahead", "wait_point"),
     )
 
     def __init__(self, roads: Roads) -> None:
         self.roads = roads
         curvature = _curvature(roads)
         self.limit_speed, self.bend_speed = _safe_speeds(roads, curvature)
+        self.speeds_ahead = np.stack(
+            [
+                roads.s,
+                *(self.limit_speed, _slope(roads, self.limit_speed)),
+                *(self.bend_speed, _slope(roads, self.bend_speed)),
+            ],
+            axis=1,
+        )
         self.safe_speed = np.fmin(self.limit_speed, self.bend_speed)
         self.legs = _legs(roads)
         self.onward = _onward(roads)
@@ -183,6 +193,14 @@ def _safe_speeds(roads: Roads, curvature: FloatArray) -> tuple[FloatArray, Float
     limit = np.where(roads.speed_limit > 0.0, roads.speed_limit, DEFAULT_SPEED_LIMIT)[lane]
     bend = np.fmin(np.fmax(np.sqrt(MAX_LATERAL / np.maximum(curvature, 1e-9)), MIN_SAFE_SPEED), MAX_BEND_SPEED)
     return _braking_before(roads, lane, limit), _braking_before(roads, lane, bend)
+
+
+def _slope(roads: Roads, value: FloatArray) -> FloatArray:
+    """Return the change from each point to the next one of its lane for each metre, (n,)."""
+    slope = np.zeros(len(value))
+    at = np.flatnonzero(np.diff(roads.s) > 0.0)
+    slope[at] = np.diff(value)[at] / np.diff(roads.s)[at]
+    return slope
 
 
 def _braking_before(roads: Roads, lane: IntArray, speed: FloatArray) -> FloatArray:
