@@ -184,7 +184,7 @@ def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
 
 def _tool(name: str) -> Callable[[Sequence[str]], int]:
     def run(argv: Sequence[str]) -> int:
-        from rosbridge_sim.cli.bridge_commands import TOOLS  # noqa: PLC0415 - not needed by serve
+        from rosbridge_sim.cli.command_table import TOOLS  # noqa: PLC0415 - not needed by serve
 
         return TOOLS[name](argv)
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Draw the pictures of README and of the documentation's first pages.
 
-    python scripts/draw_docs.py    writes docs/images/town.png, docs/images/hills.png and docs/images/drive.svg
+    python scripts/draw_docs.py    writes docs/images/drive.svg, and a PNG for each of five built-in scenes
 
 `town.png` is the built-in scene `town` as `rosbridge-sim scenario check town --picture` draws it, with fewer colours;
-`hills.png` is the scene `hills`.
+so are the scenes `hills`, `motorway`, `roundabout` and `parking`.
 `drive.svg` shows the drive of the Python program in README: 30 km/h in a left bend for five seconds, then the brake.
 Other pictures are drawn by `write_docs.py` from the sources and are compared by a test. These are not compared,
 because a font or a numpy build may change a pixel.
@@ -176,7 +176,7 @@ def main() -> int:
         The exit code.
     """
     IMAGES.mkdir(parents=True, exist_ok=True)
-    for name in ("town", "hills"):
+    for name in ("town", "hills", "motorway", "roundabout", "parking"):
         draw_scene(name, IMAGES / f"{name}.png")
     draw_drive(IMAGES / "drive.svg")
     return 0

@@ -20,6 +20,8 @@ if __name__ == "__main__":
 from scripts.drawing.hills import hills_files, hills_scenario  # noqa: E402
 from scripts.drawing.loop import loop_files, loop_scenario  # noqa: E402
 from scripts.drawing.motorway import motorway_files, motorway_scenario  # noqa: E402
+from scripts.drawing.parking import parking_files, parking_scenario  # noqa: E402
+from scripts.drawing.roundabout import roundabout_files, roundabout_scenario  # noqa: E402
 from scripts.drawing.town import town_files, town_scenario  # noqa: E402
 from scripts.drawing.track import demo_scenario, track_files  # noqa: E402
 
@@ -33,6 +35,8 @@ MAPS = {
     "loop": loop_files,
     "hills": hills_files,
     "motorway": motorway_files,
+    "roundabout": roundabout_files,
+    "parking": parking_files,
 }
 SCENARIOS = {
     "demo": demo_scenario,
@@ -40,6 +44,8 @@ SCENARIOS = {
     "loop": loop_scenario,
     "hills": hills_scenario,
     "motorway": motorway_scenario,
+    "roundabout": roundabout_scenario,
+    "parking": parking_scenario,
 }
 
 

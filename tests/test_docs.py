@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.cli.bridge_commands import TOOLS
+from rosbridge_sim.cli.command_table import TOOLS
 from rosbridge_sim.morai.barrier_table import BarrierEvent
 from rosbridge_sim.morai.sync_table import SYNC_TABLE
 from rosbridge_sim.shell.config.loading import read_settings

@@ -39,7 +39,12 @@ MAX_BEND_SPEED: Final = 100.0
 """The speed of bends that are nearly straight [m/s], faster than any driver: the bends then do not matter."""
 
 BEND: Final = 3.0
-"""Curvature is measured over this length to either side [m], so that rounding in the map's points makes no bend."""
+"""Curvature is measured over at least this length to either side [m], so that rounding in the map's points makes no
+bend."""
+
+MAX_BEND: Final = 12.0
+"""Curvature is measured over at most this length to either side [m]: a longer one would hide corners. Where points are
+farther apart than `BEND`, it is as long as they are, since the whole turn of a segment is at its end."""
 
 CLEAR: Final = 2.4
 """Lines nearer than this cannot be used side by side [m]: two cars of 1.9 m and half a metre between them. Lanes of the
@@ -119,14 +124,25 @@ class LaneConflicts:
         rival_back: (k,) int64, for each of these pairs the index of the same pair seen from the rival.
         siblings: for each lane its siblings, with the arc length up to which they overlap the lane [m].
         shared: (l,) the greatest of the latter, 0 without siblings [m].
+        gives_way: (l,) bool, a stop line lies before the lane. Rivals without one have the right of way.
 
     Args:
         roads: the lanes.
     """
 
     __slots__ = (
-        *("bend_speed", "clear_point", "legs", "limit_speed", "onward", "rival_back", "rival_from", "rivals", "roads"),
-        *("safe_speed", "shared", "siblings", "speeds_ahead", "wait_point"),
+        *(
+            "bend_speed",
+            "clear_point",
+            "gives_way",
+            "legs",
+            "limit_speed",
+            "onward",
+            "rival_back",
+            "rival_from",
+            "rivals",
+        ),
+        *("roads", "safe_speed", "shared", "siblings", "speeds_ahead", "wait_point"),
     )
 
     def __init__(self, roads: Roads) -> None:
@@ -156,12 +172,13 @@ class LaneConflicts:
         self.rival_from = pairs.from_s[rival][np.lexsort((other, lane))]
         # Both orders of a pair are here, so the pairs sorted by rival and lane are the same pairs from the other side.
         self.rival_back = np.lexsort((np.repeat(np.arange(num), np.diff(self.rivals.first)), self.rivals.other))
-        self.rival_back = np.argsort(self.rival_back)
         wait_point = np.full(num, np.inf)
         np.minimum.at(wait_point, lane, pairs.from_s[rival])
         self.wait_point = np.where(wait_point < AT_START, 0.0, wait_point - TAIL_MARGIN)
         self.clear_point = np.zeros(num)
         np.maximum.at(self.clear_point, lane, pairs.to_s[rival] + TAIL_MARGIN)
+        self.gives_way = np.zeros(num, dtype=bool)
+        self.gives_way[roads.successor[np.repeat(roads.is_stop, np.diff(roads.first_successor))]] = True
 
 
 def _links(num: int, lane: IntArray, other: IntArray, figure: FloatArray) -> Links:
@@ -179,7 +196,11 @@ def _curvature(roads: Roads) -> FloatArray:
     lane = np.repeat(np.arange(len(roads), dtype=np.int64), np.diff(roads.first))
     if not len(lane):
         return np.zeros(0)
-    reach = np.minimum(BEND, 0.5 * roads.length[lane])
+    to_next = np.diff(roads.s, append=0.0)
+    to_next[roads.first[1:] - 1] = np.inf
+    to_last = np.roll(to_next, 1)
+    to_last[roads.first[:-1]] = np.inf
+    reach = np.minimum(np.clip(np.minimum(to_last, to_next), BEND, MAX_BEND), 0.5 * roads.length[lane])
     middle = np.clip(roads.s, reach, roads.length[lane] - reach)
     a, b, c = (roads.at(lane, middle + offset)[0][:, :2] for offset in (-reach, 0.0 * reach, reach))
     ab, bc, ac = b - a, c - b, c - a
@@ -336,6 +357,7 @@ def _are_in_turn(roads: Roads, lane: IntArray, other: IntArray) -> np.ndarray[tu
     num = len(roads)
     known = np.concatenate([begin * num + roads.successor, roads.successor * num + begin])
     is_beside = (roads.left[lane] == other) | (roads.right[lane] == other)
+    is_beside |= (roads.left[other] == lane) | (roads.right[other] == lane)  # in maps that name it on one side only
     return np.asarray(np.isin(lane * num + other, known) | is_beside)
 
 

@@ -1,9 +1,10 @@
 """The right of way where lanes cross or join: which driver may enter a lane next.
 
 A driver *claims* a lane before it enters. It asks when the wait point of the lane comes within its braking distance.
-It gets the lane if no rival lane is claimed or occupied, and no nearer driver asks for a rival. So two drivers never
-meet on rival lanes, with traffic lights or without. A driver that would have to stop inside, because there is no room
-behind the lane, does not get it. The same holds if something stands on the lane, as an ego that broke down.
+It gets the lane if no rival lane is claimed or occupied, and no driver before it asks for a rival. Drivers without a
+stop line come before those that wait at one, and then the nearer one comes first. So two drivers never meet on rival
+lanes, with traffic lights or without. A driver that would have to stop inside, because there is no room behind the
+lane, does not get it. The same holds if something stands on the lane, as an ego that broke down.
 
 A claim becomes a *hold* when the front bumper passes the wait point. The hold ends when the tail has left all rivals.
 """
@@ -73,7 +74,7 @@ def give_claims(
     others: Entries,
     num_moving: int,
 ) -> None:
-    """Give lanes to the drivers that ask, the nearest first, where no rival is taken. The rest must stop.
+    """Give lanes to the drivers that ask, one after another, where no rival is taken. The rest must stop.
 
     Args:
         conflicts: of the roads.
@@ -92,6 +93,10 @@ def give_claims(
     is_led = perception.gap <= requests.distance
     asks &= ~is_led | ((perception.lead >= 0) & (drivers.claim[perception.lead] >= 0))
     at = np.flatnonzero(asks)
+    # A driver has one claim at a time. A claim for a lane before this one must become a hold first: if it were given up
+    # here, the driver would have to stop before a lane that it was about to enter.
+    has_claim = (drivers.claim[at] >= 0) & (drivers.lanes[:, at] == drivers.claim[at]).any(axis=0)
+    at = at[~has_claim]
     has_room = _has_room(conflicts, drivers, requests, queue, at)
     perception.is_shut_out[at[~has_room]] = True
     stands = np.zeros(len(conflicts.wait_point), dtype=bool)
@@ -103,7 +108,8 @@ def give_claims(
         lane = requests.lane[at]
         taken = _taken(conflicts, drivers, others.lane[:num_moving], others.tail[:num_moving])
         rank = np.empty(len(at), dtype=np.int64)
-        rank[np.lexsort((drivers.uid[at], requests.distance[at]))] = np.arange(len(at))
+        order = np.lexsort((drivers.uid[at], requests.distance[at], conflicts.gives_way[lane]))
+        rank[order] = np.arange(len(at))
         best = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
         np.minimum.at(best, lane, rank)
         index, link = conflicts.rivals.of(lane)

@@ -165,6 +165,9 @@ def towns(copies: int) -> tuple[Roads, SignalPlan]:
         [[int(other) + k * size for other in roads.successors(i)] for k in parts for i in range(size)],
         roads.width.tolist() * copies,
         roads.speed_limit.tolist() * copies,
+        left=[other + k * size if other >= 0 else -1 for k in parts for other in roads.left.tolist()],
+        right=[other + k * size if other >= 0 else -1 for k in parts for other in roads.right.tolist()],
+        is_stop=roads.is_stop.tolist() * copies,
     )
     lights = [
         replace(light, name=f"{k}.{light.name}", lanes=tuple(lane + k * size for lane in light.lanes))

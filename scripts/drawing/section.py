@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-__all__ = ["Section", "bend", "lay", "straight"]
+__all__ = ["Section", "bend", "chain", "lay", "straight"]
 
 
 @dataclass(frozen=True)
@@ -97,20 +97,33 @@ def lay(way: Sequence[Section], to_west: int, to_south: int) -> list[Section]:
     x, y = _end(way)
     for i, length in ((to_west, x), (to_south, y)):
         way[i] = straight(length, way[i].max_speed_kmh)
-    laid: list[Section] = []
-    x, y, yaw = 0.0, 0.0, 0.0
-    for section in way:
-        here = Section(section.length, section.curvature, section.max_speed_kmh, x, y, yaw)
-        (x, y), yaw = here.at(here.length), yaw + here.curvature * here.length
-        laid.append(here)
+    laid = chain(way)
+    x, y = laid[-1].at(laid[-1].length)
     if math.hypot(x, y) > 1e-9 or min(section.length for section in laid) <= 0.0:
         raise AssertionError("the loop is not closed")
     return laid
 
 
-def _end(way: Sequence[Section]) -> tuple[float, float]:
-    x, y, yaw = 0.0, 0.0, 0.0
+def chain(way: Sequence[Section], x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> list[Section]:
+    """Join sections end to end.
+
+    Args:
+        way: the sections.
+        x: start, east [m].
+        y: start, north [m].
+        yaw: direction at the start, counter-clockwise from east [rad].
+
+    Returns:
+        The sections with their poses.
+    """
+    laid: list[Section] = []
     for section in way:
-        here = Section(section.length, section.curvature, 0, x, y, yaw)
+        here = Section(section.length, section.curvature, section.max_speed_kmh, x, y, yaw)
         (x, y), yaw = here.at(here.length), yaw + here.curvature * here.length
-    return x, y
+        laid.append(here)
+    return laid
+
+
+def _end(way: Sequence[Section]) -> tuple[float, float]:
+    last = chain(way)[-1]
+    return last.at(last.length)

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from rosbridge_sim import __main__
-from rosbridge_sim.cli.bridge_commands import TOOLS
+from rosbridge_sim.cli.command_table import TOOLS
 from tests.cli.tool_fixture import run
 from tests.support import PATIENCE, ROOT, ServerProcess
 
@@ -97,7 +97,7 @@ def test_serve_imports_no_tool_module() -> None:
     assert not [
         name
         for name in loaded
-        if name.startswith(("rosbridge_sim.cli.tools", "rosbridge_sim.cli.bridge_commands", "ruamel"))
+        if name.startswith(("rosbridge_sim.cli.tools", "rosbridge_sim.cli.command_table", "ruamel"))
     ]
 
 

@@ -16,7 +16,7 @@ from typing import Any
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.http11 import Request, Response
 
-from rosbridge_sim.cli.bridge_commands import TOOLS
+from rosbridge_sim.cli.command_table import TOOLS
 from tests.support import PATIENCE, ROOT
 
 __all__ = [

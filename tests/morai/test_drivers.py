@@ -227,7 +227,7 @@ def test_failed_load_keeps_roads_and_lights(monkeypatch: pytest.MonkeyPatch) -> 
 # What ships
 
 
-@pytest.mark.parametrize(("name", "num"), [("town", 24), ("loop", 20), ("motorway", 44)])
+@pytest.mark.parametrize(("name", "num"), [("town", 24), ("loop", 20), ("motorway", 44), ("roundabout", 16)])
 def test_traffic_of_the_built_in_scenarios_drives(name: str, num: int) -> None:
     library = DiskLibrary()
     scenario = library.scenario(name)
@@ -243,4 +243,4 @@ def test_traffic_of_the_built_in_scenarios_drives(name: str, num: int) -> None:
         assert not len(world.contacts)
     moved = abs(world.x - before[0]) + abs(world.y - before[1])
     assert (moved[rows] > 5.0).all()
-    assert world.speed[rows].mean() > (2.0 if name == "town" else 15.0)
+    assert world.speed[rows].mean() > (2.0 if name in {"town", "roundabout"} else 15.0)

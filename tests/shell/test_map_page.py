@@ -39,7 +39,7 @@ async def get(sim: Simulator, *headers: str) -> Page:
     return Page(int(first.split()[1]), dict(line.split(": ", 1) for line in lines), body)
 
 
-@pytest.mark.parametrize("scenario", ["demo", "loop", "town", "hills", "motorway"])
+@pytest.mark.parametrize("scenario", ["demo", "loop", "town", "hills", "motorway", "roundabout", "parking"])
 async def test_page_has_the_values_of_the_service(scenario: str) -> None:
     async with Simulator(port=0, scenario=scenario) as sim, AsyncClient(sim.url, timeout=PATIENCE) as client:
         page, again = await asyncio.gather(get(sim), get(sim))

@@ -41,6 +41,13 @@ def test_bend_speed_follows_from_its_radius() -> None:
     assert network.safe_speed == pytest.approx(math.sqrt(MAX_LATERAL * 20.0), rel=0.02)
 
 
+def test_bend_with_points_far_apart_is_as_fast_as_its_circle() -> None:
+    turn = 8.0 / 350.0 * np.arange(40)
+    points = line(*[(350.0 * math.sin(a), 350.0 * (1.0 - math.cos(a))) for a in turn])
+    network = LaneConflicts(make(a=(points, "", 60.0)))
+    assert network.safe_speed == pytest.approx(math.sqrt(MAX_LATERAL * 350.0), rel=0.02)
+
+
 def test_rounded_map_points_make_no_bend() -> None:
     rng = np.random.default_rng(0)
     points = line(*[(0.5 * i, 0.0) for i in range(400)])

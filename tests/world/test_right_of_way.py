@@ -10,8 +10,9 @@ from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.driver_model import GAP
 from rosbridge_sim.world.lane_following import DECISION, Stop, view_driver
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
+from rosbridge_sim.world.step import step
 from tests.world.lane_drives import NOSE, lane_of, run, world_of
-from tests.world.road_factory import CAR, arc, car, crossing, line, make, signalled
+from tests.world.road_factory import CAR, arc, built_in, car, crossing, line, make, signalled
 
 
 @pytest.mark.parametrize("offset", [0.0, 3.0, 9.0, 20.0])
@@ -166,3 +167,27 @@ def test_vehicle_avoids_a_crossing_in_which_something_stands() -> None:
         row = car(world, "a", 70.0, speed=8.0)
         run(world, 25.0)
         assert lane_of(world, row) == "e"
+
+
+def test_driver_behind_a_stop_line_waits_for_one_on_the_major_road_who_is_farther_away() -> None:
+    world = World()
+    world.lay_roads(built_in("roundabout").roads)
+    minor = car(world, "EA", 125.0, speed=9.0, route="EA JWE FA")
+    major = car(world, "NA", 285.0, speed=12.0, route="NA JNS SB")
+    speeds = run(world, 15.0)
+    assert speeds[:300, major].min() > 11.5
+    assert speeds[:, minor].min() < 3.0
+    assert [lane_of(world, row) for row in (minor, major)] == ["FA", "SB"]
+
+
+def test_driver_keeps_its_claim_until_it_has_entered_when_another_crossing_is_near() -> None:
+    world = World()
+    world.lay_roads(built_in("roundabout").roads)
+    row = car(world, "NB", 290.0, speed=12.0, route="NB IN GN CW GW OS SA")
+    into = world.roads.row("IN")
+    claims = []
+    while lane_of(world, row) == "NB":
+        step(world)
+        claims.append(world.claim.item(row))
+    first = claims.index(into)
+    assert set(claims[first:-1]) == {into}

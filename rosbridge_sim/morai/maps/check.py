@@ -19,6 +19,7 @@ from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.maps.lights import CROSSWALK_FILES, light_type, sort_files
 from rosbridge_sim.morai.maps.mgeo import BORDER_FILES, FILES, MAP_FILES, RoadMap
 from rosbridge_sim.morai.units import MPS_TO_KMH
+from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import DT
@@ -251,8 +252,10 @@ def _gaps_of_lanes(sets: _Sets, road_map: RoadMap) -> Iterator[tuple[str, list[s
     def where(is_so: Callable[[int], bool]) -> list[str]:
         return [name for lane, name in enumerate(roads.ids) if is_so(lane)]
 
-    yield "lanes that lead nowhere", where(lambda lane: len(roads.successors(lane)) == 0)
-    yield "lanes that no lane leads to", where(lambda lane: lane not in led_to)
+    bays = {_name(link) for link in lanes if str(link.get("link_type")).casefold() == "parking"}
+    ways = [name not in bays for name in roads.ids]  # a bay is joined to no other link
+    yield "lanes that lead nowhere", where(lambda lane: ways[lane] and len(roads.successors(lane)) == 0)
+    yield "lanes that no lane leads to", where(lambda lane: ways[lane] and lane not in led_to)
     yield "lanes that end away from where the next one begins", _torn(roads)
     yield "lanes without a speed limit", where(lambda lane: bool(roads.speed_limit[lane] <= 0.0))
     yield "lanes without a width (3.5 m is taken)", [_name(link) for link in lanes if link.get("width_start") is None]
@@ -279,6 +282,13 @@ def _lacking(entries: Sequence[Entry], key: str, known: Collection[str]) -> list
     return [_name(entry) for entry in entries if any(name not in known for name in _names(entry, key))]
 
 
+def _gives_way(roads: Roads, lane: int) -> bool:
+    """Return whether a stop line at the end of a lane tells who goes first: others come over none."""
+    conflicts = roads.derived(LaneConflicts)
+    _, link = conflicts.rivals.of(roads.successors(lane))
+    return not conflicts.gives_way[conflicts.rivals.other[link]].all()
+
+
 def _gaps_of_lights(sets: _Sets, road_map: RoadMap) -> Iterator[tuple[str, list[str]]]:
     roads, plan = road_map.roads, road_map.plan
     lights, links = set(map(_name, sets.lights)), set(map(_name, sets.links))
@@ -292,7 +302,7 @@ def _gaps_of_lights(sets: _Sets, road_map: RoadMap) -> Iterator[tuple[str, list[
     ends = np.flatnonzero(roads.is_stop).tolist()
     yield (
         "lanes to a stop line without a light",
-        [roads.ids[lane] for lane in ends if is_dark[roads.successors(lane)].all()],
+        [roads.ids[lane] for lane in ends if is_dark[roads.successors(lane)].all() and not _gives_way(roads, lane)],
     )
     yield "groups with a light that is not there", _lacking(sets.synced, "signal_id_list", lights)
     flat = [{"idx": _name(one), "TL": [name for group in one["TL"] for name in group]} for one in sets.controllers]

@@ -29,6 +29,8 @@ from rosbridge_sim.shell.map_picture import (
 from tests.cli.tool_fixture import run
 from tests.morai.small_maps import KOREAN, ROADRUNNER
 
+MAP_NAMES = "hills, loop, motorway, parking, roundabout, town, track"
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
@@ -93,7 +95,7 @@ def test_map_with_errors_gives_exit_code_1(folder: Path) -> None:
     ]
 
 
-@pytest.mark.parametrize("name", ["track", "town", "loop", "motorway"])
+@pytest.mark.parametrize("name", ["track", "town", "loop", "motorway", "roundabout", "parking"])
 def test_built_in_maps_have_no_errors_and_no_gaps(name: str) -> None:
     account = run("map", "info", name, "--json").json
     assert (account["is_good"], account["gaps"], account["notes"]) == (True, [], [])
@@ -167,7 +169,7 @@ def test_picture_of_the_town_shows_its_lanes_lights_and_crosswalks(tmp_path: Pat
         (("info", "track", "--picture", "x.gif"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'x.gif'"),
         (
             ("info", "nowhere"),
-            "nowhere: expected a folder of MGeo files, or one of hills, loop, motorway, town, track; there is none",
+            f"nowhere: expected a folder of MGeo files, or one of {MAP_NAMES}; there is none",
         ),
         (("info", "track", "--picture", "x.doc"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'x.doc'"),
     ],

@@ -91,7 +91,7 @@ def test_unknown_map_is_an_error(folder: Path) -> None:
     done = run("scenario", "check", str(folder / "mine.json"))
     assert done.code == 1
     assert done.lines[0] == f"{folder}/mine.json: 1 mistake, 1 remark"
-    known = "hills, loop, motorway, town, track"
+    known = "hills, loop, motorway, parking, roundabout, town, track"
     assert done.lines[3].startswith(f"  mapInfo.mapName: no map 'R_KR_Somewhere'; known are {known}")
     assert done.lines[3].endswith("and --map takes a folder. Roads, links and lights were not checked")
 
@@ -216,9 +216,15 @@ def test_truncated_file_is_reported_with_line_and_column(folder: Path) -> None:
     [
         ((), "scenario: expected a command: check; see rosbridge-sim scenario --help"),
         (("check",), "the following arguments are required: FILE"),
-        (("check", "nowhere"), "no scenario 'nowhere'; known are demo, hills, loop, motorway, town"),
+        (
+            ("check", "nowhere"),
+            "no scenario 'nowhere'; known are demo, hills, loop, motorway, parking, roundabout, town",
+        ),
         (("check", "./nowhere.json"), "nowhere.json: cannot be read: No such file or directory"),
-        (("check", "demo", "--map", "nowhere"), "no map 'nowhere'; known are hills, loop, motorway, town, track"),
+        (
+            ("check", "demo", "--map", "nowhere"),
+            "no map 'nowhere'; known are hills, loop, motorway, parking, roundabout, town, track",
+        ),
         (("check", "demo", "--picture", "demo"), "--picture: expected a file such as MAP.png or MAP.jpg; got 'demo'"),
         (("check", "demo", "--scenario-path", "/nowhere"), "/nowhere: expected a folder with scenarios"),
         (("check", "demo", "town", "--picture", "x.png"), "--picture: expected a single scenario to draw, got 2"),

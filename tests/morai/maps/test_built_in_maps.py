@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import runpy
 
 import numpy as np
@@ -11,12 +12,13 @@ import pytest
 from rosbridge_sim.morai.maps.lights import light_type
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import Lamp
 from rosbridge_sim.world.signals import Signals
 from tests.support import ROOT
 from tests.world.road_factory import MAPS, built_in
 
-NAMES = ("track", "town", "loop", "hills", "motorway")
+NAMES = ("track", "town", "loop", "hills", "motorway", "roundabout", "parking")
 
 
 def test_map_files_equal_the_output_of_their_script() -> None:
@@ -29,7 +31,7 @@ def test_map_files_equal_the_output_of_their_script() -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_lane_continues_in_the_same_direction(name: str) -> None:
     roads = built_in(name).roads
-    for lane in range(len(roads)):
+    for lane in through_lanes(roads):
         following = roads.successors(lane).tolist()
         assert following, roads.ids[lane]
         for other in following:
@@ -42,7 +44,12 @@ def test_every_lane_continues_in_the_same_direction(name: str) -> None:
 @pytest.mark.parametrize("name", NAMES)
 def test_every_lane_has_a_predecessor(name: str) -> None:
     roads = built_in(name).roads
-    assert set(roads.successor.tolist()) == set(range(len(roads)))
+    assert set(roads.successor.tolist()) == set(through_lanes(roads))
+
+
+def through_lanes(roads: Roads) -> list[int]:
+    """All lanes but the bays of the car park, which are joined to no other lane."""
+    return [lane for lane, name in enumerate(roads.ids) if not re.fullmatch(r"B[A-D]\d\d", name)]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -67,6 +74,43 @@ def test_motorway_lanes_are_neighbours() -> None:
     assert np.allclose(left, 1.75, atol=0.06)
     assert np.allclose(right, 1.75, atol=0.06)
     assert len(LaneConflicts(roads).rivals.other) == 0
+
+
+def test_motorway_has_a_lane_beside_the_right_one_at_each_exit_and_entry() -> None:
+    roads = built_in("motorway").roads
+    fourth = [lane for lane, name in enumerate(roads.ids) if name.startswith("L4_")]
+    assert len(fourth) == 4
+    for lane in fourth:
+        beside = int(roads.left[lane])
+        assert roads.ids[beside] == roads.ids[lane].replace("L4", "L3")
+        assert roads.right[beside] == lane
+        here, there = roads.at([lane, beside], [roads.length[lane] / 2, roads.length[beside] / 2])[0]
+        assert math.dist(here, there) == pytest.approx(3.5, abs=0.05)
+    # An exit forks from lane 3, and an entry joins it: each of both is one choice among two.
+    forks = [lane for lane in range(len(roads)) if len(roads.successors(lane)) == 2]
+    assert {roads.ids[lane][:2] for lane in forks} == {"L3"}
+    assert len(forks) == 2
+
+
+def test_who_enters_a_roundabout_or_leaves_a_car_park_gives_way() -> None:
+    for name, waiting in (("roundabout", "IE IN IW IS JEN JEW JES JWS JWE JWN"), ("parking", "OL OR")):
+        roads = built_in(name).roads
+        conflicts = LaneConflicts(roads)
+        assert {roads.ids[lane] for lane in np.flatnonzero(conflicts.gives_way)} == set(waiting.split())
+        for lane in np.flatnonzero(conflicts.gives_way).tolist():
+            rivals = conflicts.rivals.other[conflicts.rivals.first[lane] : conflicts.rivals.first[lane + 1]]
+            assert not conflicts.gives_way[rivals].all()
+
+
+def test_bays_lie_beside_the_aisles_and_obstruct_no_traffic() -> None:
+    roads = built_in("parking").roads
+    bays = [lane for lane in range(len(roads)) if lane not in through_lanes(roads)]
+    assert len(bays) == 56
+    rivals = LaneConflicts(roads).rivals
+    for lane in bays:
+        assert roads.width[lane] == 2.5
+        others = rivals.other[rivals.first[lane] : rivals.first[lane + 1]].tolist()
+        assert set(others) <= set(bays)  # the bay behind its back
 
 
 def town() -> RoadMap:

@@ -145,7 +145,9 @@ def test_built_in_map_is_found() -> None:
 
 @pytest.mark.parametrize("name", ["", "..", "nothing", "../maps/track", "/etc", "한" * 86, "a\0b"])
 def test_unknown_map_error_lists_the_known_ones(name: str) -> None:
-    with pytest.raises(DocumentError, match=r"no map .*; known are hills, loop, motorway, town, track"):
+    with pytest.raises(
+        DocumentError, match=r"no map .*; known are hills, loop, motorway, parking, roundabout, town, track"
+    ):
         DiskLibrary().map(name)
 
 

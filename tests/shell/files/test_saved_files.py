@@ -213,7 +213,8 @@ def test_unknown_map_is_an_error_for_load_and_check(folder: Path) -> None:
     (line,) = json.loads(done.out)["mistakes"]
     assert done.code == 1
     assert line.startswith(
-        f"mapInfo.mapName: no map '{MAP_NAME}'; known are hills, loop, motorway, town, track, and --map takes a folder."
+        f"mapInfo.mapName: no map '{MAP_NAME}'; known are hills, loop, motorway, parking, roundabout, town, track,"
+        " and --map takes a folder."
     )
     shelf = DiskLibrary([folder / "Scenario"])
     with pytest.raises(DocumentError, match=f"no map '{MAP_NAME}'"):

@@ -1,0 +1,41 @@
+"""The table of all commands but `serve` and `attach`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from rosbridge_sim.cli.bridge_commands import run_layout, run_record, run_service, run_topic, run_wait, run_watch
+from rosbridge_sim.cli.file_commands import run_bag, run_docs, run_map, run_scenario, run_schema
+from rosbridge_sim.cli.simulator_commands import (
+    run_restore,
+    run_score,
+    run_snapshot,
+    run_spawn,
+    run_step,
+    run_sync,
+    run_tick,
+)
+
+__all__ = ["TOOLS"]
+
+TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
+    "topic": run_topic,
+    "service": run_service,
+    "schema": run_schema,
+    "bag": run_bag,
+    "scenario": run_scenario,
+    "map": run_map,
+    "docs": run_docs,
+    "record": run_record,
+    "sync": run_sync,
+    "tick": run_tick,
+    "step": run_step,
+    "score": run_score,
+    "snapshot": run_snapshot,
+    "restore": run_restore,
+    "spawn": run_spawn,
+    "watch": run_watch,
+    "layout": run_layout,
+    "wait": run_wait,
+}
+"""Name -> function that runs the command with the words behind the name."""

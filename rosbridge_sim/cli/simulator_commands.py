@@ -1,0 +1,375 @@
+"""The commands that move or change a simulator: `rosbridge-sim tick`, `step`, `score`, `snapshot`, `spawn` ..."""
+
+from __future__ import annotations
+
+import math
+from argparse import ArgumentTypeError
+from collections.abc import Sequence
+from pathlib import Path
+
+from rosbridge_sim.cli.bridge_flags import CALL_PATIENCE, COUNT, add_bridge, with_bridge
+from rosbridge_sim.cli.command_line import Options, make_number, run_command
+from rosbridge_sim.shell.config.command_flags import Parser, layout
+from rosbridge_sim.shell.config.value_types import SettingError
+
+__all__ = ["run_restore", "run_score", "run_snapshot", "run_spawn", "run_step", "run_sync", "run_tick"]
+
+TICK_ID = "rosbridge-sim"
+"""Default user id of `tick`: always the same, so that a second run is the same master."""
+
+_step_ms = make_number(20, 1_000, "milliseconds, from 20 to 1,000", int)
+_steps = make_number(1, 1_000, "a number from 1 to 1,000", int)
+_ego = make_number(0, 2**31 - 1, "the number of an ego", int)
+_pedal = make_number(0, 1, "a number from 0 to 1", float)
+_angle = make_number(-2, 2, "an angle in radians, within +-2", float)
+_kmh = make_number(-1_000, 1_000, "a speed in km/h, within +-1,000", float)
+_metres = make_number(0, 1e9, "a number of metres", float)
+
+
+def run_tick(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim tick`.
+
+    Args:
+        argv: words behind the name of the command.
+
+    Returns:
+        The exit code.
+    """
+    parser = Parser(
+        prog="rosbridge-sim tick",
+        description="Move a simulator in synchronous mode by N ticks, and print the frame and the ego after each.",
+        epilog="With --start, the mode is ended afterwards if it was off before. If it was on, only the connection is"
+        " closed, and the server's --sync-on-loss applies (wait: the world stands until the next tick --start).",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("count", metavar="N", nargs="?", type=COUNT, default=1, help="ticks [1]")
+    parser.add_argument("--start", action="store_true", help="become the master first; end the mode afterwards")
+    parser.add_argument("--id", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
+    parser.add_argument(
+        "--step", type=_step_ms, default=20, metavar="MS", help="length of a tick, a multiple of 20 [20]"
+    )
+    add_bridge(parser, CALL_PATIENCE)
+    parser.set_defaults(run=_tick)
+    return run_command(parser, argv)
+
+
+def _tick(options: Options) -> int:
+    from rosbridge_sim.cli.tools.sync import tick  # noqa: PLC0415
+
+    if options.step % 20:
+        raise SettingError(f"--step: expected a multiple of 20 milliseconds; got {options.step:g}")
+    return with_bridge(
+        options,
+        lambda bridge: tick(
+            bridge, options.count, options.id, options.step, is_starting=options.start, is_json=options.json
+        ),
+    )
+
+
+def run_step(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim step`.
+
+    Args:
+        argv: words behind the name of the command.
+
+    Returns:
+        The exit code.
+    """
+    parser = Parser(
+        prog="rosbridge-sim step",
+        description="Move a simulator in synchronous mode by so many ticks in one call, and show what came of it.",
+        epilog="Each step is a tick of the master's time step. With --start the mode is ended again, unless it was on"
+        " before; see rosbridge-sim tick --help.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("-n", "--n", type=_steps, default=1, metavar="N", help="steps, 1 to 1,000 [1]")
+    parser.add_argument("--start", action="store_true", help="become the master first, and end the mode at the end")
+    text = f"user id of the master [{TICK_ID}]"
+    parser.add_argument("--user", "--id", default=TICK_ID, metavar="ID", help=text)
+    parser.add_argument("--step", type=_step_ms, default=20, metavar="MS", help="length of a step with --start [20]")
+    parser.add_argument("--ego", type=_ego, default=0, metavar="N", help="number of the ego that is driven [0]")
+    parser.add_argument("--throttle", type=_pedal, metavar="0..1", help="drive by pedals in all steps")
+    parser.add_argument("--brake", type=_pedal, metavar="0..1", help="the same")
+    parser.add_argument("--steering", type=_angle, metavar="RAD", help="angle of the front wheels, left positive")
+    parser.add_argument("--velocity", type=_kmh, metavar="KM/H", help="drive at a speed, in place of the pedals")
+    parser.add_argument(
+        "--topic", action="append", default=[], metavar="TOPIC", help="show its last message, too; repeatable"
+    )
+    parser.add_argument(
+        "--stop-on",
+        action="append",
+        default=[],
+        choices=("collision", "red-light", "off-road"),
+        help="end with the step in which this happens to an ego; repeatable",
+    )
+    parser.add_argument(
+        "--stop-after", type=_metres, default=0.0, metavar="M", help="end when an ego has driven so far"
+    )
+    parser.add_argument("--stop-at", metavar="X,Y,RADIUS", help="end when an ego is so near to a place [m]")
+    add_bridge(parser, CALL_PATIENCE)
+    parser.set_defaults(run=_step)
+    return run_command(parser, argv)
+
+
+def _step(options: Options) -> int:
+    from rosbridge_sim.cli.tools.sync import step  # noqa: PLC0415
+
+    if options.step % 20:
+        raise SettingError(f"--step: expected a multiple of 20 milliseconds; got {options.step:g}")
+    if options.velocity is not None and (options.throttle is not None or options.brake is not None):
+        raise SettingError("--velocity: expected it alone, or --throttle and --brake; got both")
+    figures = {
+        "longlCmdType": 1 if options.velocity is None else 2,
+        "accel": options.throttle,
+        "brake": options.brake,
+        "steering": options.steering,
+        "velocity": options.velocity,
+    }
+    command = {name: figure for name, figure in figures.items() if figure is not None}
+    x, y, radius = _read_place(options.stop_at)
+    request: dict[str, object] = {
+        "user_id": options.user,
+        "n": options.n,
+        "commands": [{"ego": options.ego, "commands": [command]}] if len(command) > 1 else [],
+        "topics": options.topic,
+        "stop_on_collision": "collision" in options.stop_on,
+        "stop_on_red_light": "red-light" in options.stop_on,
+        "stop_off_road": "off-road" in options.stop_on,
+        "stop_after_m": options.stop_after,
+        "stop_at_x": x,
+        "stop_at_y": y,
+        "stop_within_m": radius,
+    }
+    return with_bridge(
+        options,
+        lambda bridge: step(bridge, request, options.step if options.start else None, is_json=options.json),
+    )
+
+
+def _read_place(text: str | None) -> tuple[float, float, float]:
+    """Return x, y and radius of a place; zeros for none.
+
+    Raises:
+        SettingError: the text has another form.
+    """
+    if text is None:
+        return 0.0, 0.0, 0.0
+    try:
+        x, y, radius = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = radius = 0.0
+    if not (math.isfinite(x) and math.isfinite(y) and 0.0 < radius < math.inf):
+        raise SettingError(f"--stop-at: expected X,Y,RADIUS in metres, such as 120.5,3,2; got {text!r}")
+    return x, y, radius
+
+
+def run_score(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim score`.
+
+    Args:
+        argv: words behind the name of the command.
+
+    Returns:
+        The exit code.
+    """
+    parser = Parser(
+        prog="rosbridge-sim score",
+        description="Show what the driver of each ego is judged by: distance, collisions, red lights, lanes, comfort.",
+        epilog="A simulator keeps scores from the first question on, or from its start with serve --score.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("--follow", action="store_true", help="go on, with a line for each ego once a second")
+    parser.add_argument("-n", "--count", type=COUNT, help="end after so many messages; with --follow")
+    parser.add_argument("--reset", action="store_true", help="begin all counts anew, after showing them")
+    add_bridge(parser)
+    parser.set_defaults(run=_score, end=0)
+    return run_command(parser, argv)
+
+
+def _score(options: Options) -> int:
+    from rosbridge_sim.cli.tools import score  # noqa: PLC0415
+
+    if options.follow and options.reset:
+        raise SettingError("--reset: expected alone; --follow shows the scores as they come")
+    if options.follow:
+        return with_bridge(options, lambda bridge: score.follow(bridge, options.count, is_json=options.json))
+    if options.count is not None:
+        raise SettingError("--count: expected with --follow")
+    return with_bridge(options, lambda bridge: score.show(bridge, is_reset=options.reset, is_json=options.json))
+
+
+def run_sync(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim sync`.
+
+    Args:
+        argv: words behind the name of the command.
+
+    Returns:
+        The exit code.
+    """
+    parser = Parser(
+        prog="rosbridge-sim sync",
+        description="Show the state of synchronous mode: the master, or the members of the barrier.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    add_bridge(parser)
+    parser.set_defaults(run=_sync)
+    return run_command(parser, argv)
+
+
+def _sync(options: Options) -> int:
+    from rosbridge_sim.cli.tools.sync import show_sync  # noqa: PLC0415
+
+    return with_bridge(options, lambda bridge: show_sync(bridge, is_json=options.json))
+
+
+def run_snapshot(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim snapshot`.
+
+    Args:
+        argv: words behind the name of the command.
+
+    Returns:
+        The exit code.
+    """
+    parser = Parser(
+        prog="rosbridge-sim snapshot",
+        description="Save the state of a simulator, so that `restore` can go back to it; or list what is saved.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("--id", default="", metavar="ID", help="name of the snapshot [one that the server chooses]")
+    parser.add_argument("--out", type=Path, metavar="FILE", help="write it into a file, too, such as start.rbsim")
+    parser.add_argument("--list", action="store_true", help="show the snapshots that are kept, and take none")
+    parser.add_argument("--remove", action="append", default=[], metavar="ID", help="remove one, then list; repeatable")
+    add_bridge(parser, CALL_PATIENCE)
+    parser.set_defaults(run=_snapshot)
+    return run_command(parser, argv)
+
+
+def _snapshot(options: Options) -> int:
+    from rosbridge_sim.cli.tools.snapshot import list_snapshots, take_snapshot  # noqa: PLC0415
+
+    if options.list or options.remove:
+        if options.id or options.out:
+            raise SettingError("--list, --remove: expected without --id and --out, which take a snapshot")
+        return with_bridge(options, lambda bridge: list_snapshots(bridge, options.remove, is_json=options.json))
+    return with_bridge(options, lambda bridge: take_snapshot(bridge, options.id, options.out, is_json=options.json))
+
+
+def run_restore(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim restore`.
+
+    Args:
+        argv: words behind the name of the command.
+
+    Returns:
+        The exit code.
+    """
+    parser = Parser(
+        prog="rosbridge-sim restore",
+        description="Return a simulator to a snapshot. In synchronous mode only its master may do so.",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument(
+        "snapshot", metavar="ID|FILE", help="name of a snapshot that the server keeps, or a file of `snapshot --out`"
+    )
+    parser.add_argument("--user", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
+    add_bridge(parser, CALL_PATIENCE)
+    parser.set_defaults(run=_restore)
+    return run_command(parser, argv)
+
+
+def _restore(options: Options) -> int:
+    from rosbridge_sim.cli.tools.snapshot import restore  # noqa: PLC0415
+
+    return with_bridge(options, lambda bridge: restore(bridge, options.snapshot, options.user, is_json=options.json))
+
+
+def run_spawn(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim spawn`.
+
+    Args:
+        argv: words behind the name of the command.
+
+    Returns:
+        The exit code.
+    """
+    parser = Parser(
+        prog="rosbridge-sim spawn",
+        description="Place an object into a running simulator, and show its number (unique_id).",
+        epilog="For example: rosbridge-sim spawn 'kia k5' --lane R0010L1 --distance 20 --behaviour lane;"
+        " rosbridge-sim spawn Pedestrian --at 10,5,90 --speed 1.2",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("model", metavar="MODEL", help="name of the catalogue; 'service call /sim/catalogue' lists all")
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument(
+        "--at",
+        type=_pose,
+        metavar="X,Y[,HEADING]",
+        help="on the map, in metres and degrees; write --at=-5,2 for a minus",
+    )
+    where.add_argument("--lane", metavar="LINK", help="on this link of the map")
+    parser.add_argument(
+        "--distance", type=_number, default=0.0, metavar="M", help="from the beginning of the link, with --lane [0]"
+    )
+    parser.add_argument(
+        "--lateral", type=_number, default=0.0, metavar="M", help="to the left of the link's line, with --lane [0]"
+    )
+    parser.add_argument("--speed", type=_number, default=0.0, metavar="M/S", help="at the start [0]")
+    parser.add_argument("--behaviour", choices=BEHAVIOURS, help="[straight with a speed, else stand]")
+    parser.add_argument("--route", type=_links, default=[], metavar="LINK,...", help="for lane: links to follow")
+    parser.add_argument("--ego", action="store_true", help="a further ego, with topics of its own; MODEL is a vehicle")
+    add_bridge(parser)
+    parser.set_defaults(run=_spawn)
+    return run_command(parser, argv)
+
+
+BEHAVIOURS = ("stand", "straight", "lane")
+"""Of those that the service knows; a path has too many numbers for a command line."""
+
+
+def _spawn(options: Options) -> int:
+    from rosbridge_sim.cli.tools.spawn import spawn  # noqa: PLC0415 - see above
+
+    if options.lane is None and (options.distance or options.lateral):
+        raise SettingError("--distance and --lateral: expected --lane with them")
+    place = {"link": options.lane, "distance": options.distance, "lateral": options.lateral}
+    request = {
+        "model": options.model,
+        "place": place if options.lane is not None else options.at,
+        "speed": options.speed,
+        "behaviour": options.behaviour or "",
+        "route": options.route,
+        "is_ego": options.ego,
+    }
+    return with_bridge(options, lambda bridge: spawn(bridge, request, is_json=options.json))
+
+
+_number = make_number(-1e9, 1e9, "a number", float)
+
+
+def _pose(text: str) -> dict[str, float]:
+    """Read X,Y or X,Y,HEADING."""
+    try:
+        numbers = [_number(word) for word in text.split(",")]
+    except ArgumentTypeError:
+        numbers = []
+    if not 2 <= len(numbers) <= len(_POSE):  # noqa: PLR2004 - x and y
+        raise ArgumentTypeError(f"expected X,Y or X,Y,HEADING, such as 10,5,90; got {text!r}")
+    return dict(zip(_POSE, numbers, strict=False))
+
+
+_POSE = ("x", "y", "heading_deg")
+
+
+def _links(text: str) -> list[str]:
+    """Read names between commas."""
+    return [word.strip() for word in text.split(",") if word.strip()]
