@@ -16,6 +16,7 @@ from rosbridge_sim.world.placement import set_speed
 from rosbridge_sim.world.signals import Signals
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
+from scripts.bench import traffic as compare
 from scripts.bench import traffic_cases
 from scripts.bench.sumo_network import Network, convert
 from scripts.soak import traffic
@@ -148,6 +149,17 @@ def test_soak_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
     progress.write_text(json.dumps(asdict(outcome)) + '\n{"cell": {"map')
     assert traffic._read(progress) == [outcome]
     assert "| town | 24 | 10 min |" in traffic.as_table([outcome])
+
+
+def test_table_replaces_the_one_that_is_there(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("Text.\n\n<!-- town -->\n\n<!-- loop -->\n\nEnd.\n")
+    for value in ("1", "2"):
+        for part in ("town", "loop"):
+            table = compare.as_markdown([["a", "b"], [part, value]])
+            compare.put_into(page, part, table)
+    tables = [f"<!-- {part} -->\n\n| a | b |\n|---|---|\n| {part} | 2 |" for part in ("town", "loop")]
+    assert page.read_text() == f"Text.\n\n{tables[0]}\n\n{tables[1]}\n\nEnd.\n"
 
 
 @pytest.mark.slow

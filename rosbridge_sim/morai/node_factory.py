@@ -52,6 +52,7 @@ from rosbridge_sim.morai.sync import Sync
 from rosbridge_sim.morai.sync_driver import SyncDriver
 from rosbridge_sim.morai.sync_info import SyncInfo
 from rosbridge_sim.morai.tf_publisher import TF, StaticTf, TfPublisher
+from rosbridge_sim.morai.traffic import Traffic
 from rosbridge_sim.morai.traffic_light_topics import TrafficLightTopics
 from rosbridge_sim.morai.warn_once import WarnOnce
 from rosbridge_sim.morai.world_failure import WorldFailure
@@ -97,6 +98,7 @@ def make_node(
     reader = reader or AtOnce()
     replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
     road_services = RoadServices(context, reader)
+    traffic = Traffic(context, chosen.traffic)
     components: list[Component] = [
         StatePublishers(context),
         TrafficLightTopics(context),
@@ -118,6 +120,7 @@ def make_node(
         Describe(context),
         SceneMarkers(context, reader),
         Scenarios(context, reader, shelf),
+        traffic,
     ]
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))

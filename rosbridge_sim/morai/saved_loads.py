@@ -18,6 +18,7 @@ from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind, Netwo
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.plain_bytes import PlainData, decode, encode
 from rosbridge_sim.morai.scenarios.reader import PhaseStart, Spawn
+from rosbridge_sim.morai.scenarios.spawn_points import MAX_AT_ONCE, SpawnPoint
 from rosbridge_sim.morai.scene import Load
 from rosbridge_sim.morai.scene_commands import (
     AddObject,
@@ -29,6 +30,7 @@ from rosbridge_sim.morai.scene_commands import (
 )
 from rosbridge_sim.morai.typed_plain import as_plain, check_finite, read_as
 from rosbridge_sim.world.entity_types import MAX_COORDINATE
+from rosbridge_sim.world.lane_position import MAX_LATERAL
 
 __all__ = [
     "MapKey",
@@ -111,6 +113,7 @@ def pack_load(load: Load) -> PackedLoad:
             "is_clearing": load.is_clearing,
             "map": tuple(MapKey(load.map_name, digest_map(load.road_map))),
             "phases": [as_plain(start) for start in load.phases],
+            "spawn_points": [as_plain(point) for point in load.spawn_points],
         }
     )
     packed = PackedLoad(data, blake2b(data, digest_size=16).digest())
@@ -145,7 +148,8 @@ def unpack_load(data: object, maps: Maps) -> Load:
     key = MapKey(*read_as(tuple[str, bytes], fields.get("map"), "load.map"))
     egos, others = (read_as(tuple[Spawn, ...], fields.get(part), f"load.{part}") for part in ("egos", "others"))
     phases = read_as(tuple[PhaseStart, ...], fields.get("phases"), "load.phases")
-    load = Load(name, egos, others, is_clearing, key.name, maps(key), phases)
+    points = read_as(tuple[SpawnPoint, ...], fields.get("spawn_points"), "load.spawn_points")
+    load = Load(name, egos, others, is_clearing, key.name, maps(key), phases, points)
     _check(load)
     _remember(packed.digest, load)
     return load
@@ -222,10 +226,25 @@ def _check(load: Load) -> None:
             all(0 <= lane < len(roads) for lane in (driver.lane, *driver.route))
             and 0.0 <= driver.s <= roads.length[driver.lane]
             and driver.desired_speed >= 0.0
+            and abs(driver.lateral) <= MAX_LATERAL
         ):
             raise DocumentError("load.driver: expected lanes of the map")
         if not spawn.is_placed or spawn.link is not None:
             raise DocumentError("load.is_placed: expected places")
+    for point in load.spawn_points:
+        if not (
+            0 <= point.lane < len(roads)
+            and -1 <= point.goal_lane < len(roads)
+            and 0.0 <= point.s <= roads.length[point.lane]
+            and point.models
+            and 0 <= point.num <= MAX_AT_ONCE
+            and all(0.0 <= low <= high for low, high in (point.period, point.speed, point.desired_speed))
+            and point.period[1] <= MAX_COORDINATE
+            and -1.0 <= point.wait <= MAX_COORDINATE
+            and point.gap >= 0.0
+            and point.time >= 0.0
+        ):
+            raise DocumentError("load.spawn_points: expected places and times within their bounds")
     phases: dict[str, int] = {}
     if plan is not None:
         phases = {one.name: int(num) for one, num in zip(plan.controllers, plan.num_phases, strict=True)}

@@ -24,8 +24,9 @@ from rosbridge_sim.morai.catalogue import BUILT_IN, DEFAULT_EGO, Catalogue, Mode
 from rosbridge_sim.morai.command_parsing import GhostPose
 from rosbridge_sim.morai.maps.mgeo import RoadMap
 from rosbridge_sim.morai.releases import SpeedLimits
-from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
-from rosbridge_sim.world.lane_position import keep_lane
+from rosbridge_sim.morai.scenarios.reader import Driver, PhaseStart, Scenario, Spawn, place_on_roads, sort_phases
+from rosbridge_sim.morai.scenarios.spawn_points import SpawnPoint
+from rosbridge_sim.world.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import DT, Body, Gear, Kind, Snapshot, World
 
@@ -166,6 +167,7 @@ class Load:
         map_name: the map's name in the scenario.
         road_map: the map that it is prepared for.
         phases: phases to set; each intersection exists and has that phase.
+        spawn_points: places where vehicles appear from then on.
     """
 
     name: str
@@ -175,6 +177,7 @@ class Load:
     map_name: str
     road_map: RoadMap
     phases: tuple[PhaseStart, ...] = ()
+    spawn_points: tuple[SpawnPoint, ...] = ()
 
 
 class Scene:
@@ -309,7 +312,11 @@ class Scene:
         phases, strange = sort_phases(placed, road_map.plan)
         for line in strange:
             _log.info("scenario %s: %s", placed.name, line)
-        return Load(scenario.name, egos, others, options.delete_all, map_name, road_map, phases)
+        points = placed.spawn_points if options.vehicles else ()
+        if points and not options.delete_all:
+            _log.info("scenario %s: its spawn points are left out, because the load does not remove all", placed.name)
+            points = ()
+        return Load(scenario.name, egos, others, options.delete_all, map_name, road_map, phases, points)
 
     def carry_out(self, load: Load) -> None:
         """Carry out a prepared load, completely or not at all.
@@ -538,8 +545,13 @@ class Scene:
         for ego in load.egos:
             _spawn(world, _hold_back(ego, self._speed_limits), FIRST_EGO, ego.gear)
         uids, next_uid = _choose_uids(load.others, self._next_uid)
-        for spawn, uid in zip(load.others, uids, strict=True):
-            _spawn(world, spawn, uid, spawn.gear)
+        starts = []
+        with world.room_for(len(uids)):
+            for spawn, uid in zip(load.others, uids, strict=True):
+                _spawn_off_lanes(world, spawn, uid, spawn.gear)
+                if spawn.driver is not None:
+                    starts.append(_lane_start(world.row(uid), spawn, spawn.driver))
+            keep_lanes(world, starts)
         return next_uid
 
 
@@ -601,6 +613,23 @@ def _choose_uids(spawns: Sequence[Spawn], first: int) -> tuple[list[int], int]:
 
 
 def _spawn(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
+    """Add an entity to the world, on its lane if it has one."""
+    _spawn_off_lanes(world, spawn, uid, gear)
+    if spawn.driver is not None:
+        keep_lanes(world, [_lane_start(world.row(uid), spawn, spawn.driver)])
+
+
+def _lane_start(row: int, spawn: Spawn, driver: Driver) -> LaneStart:
+    is_loop = spawn.is_loop and len(driver.route) > 0
+    return LaneStart(
+        *(row, driver.lane, driver.s, driver.desired_speed, driver.route, is_loop),
+        changes_lanes=driver.changes_lanes,
+        lateral=driver.lateral,
+    )
+
+
+def _spawn_off_lanes(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
+    """Add an entity to the world that gets its lane afterwards."""
     world.spawn(
         spawn.kind,
         spawn.model.body,
@@ -617,15 +646,5 @@ def _spawn(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
         roll=spawn.roll,
         pitch=spawn.pitch,
         start_within=spawn.start_within,
+        yields=spawn.yields,
     )
-    driver = spawn.driver
-    if driver is not None:
-        keep_lane(
-            world,
-            world.row(uid),
-            driver.lane,
-            driver.s,
-            desired_speed=driver.desired_speed,
-            route=driver.route,
-            is_loop=spawn.is_loop and len(driver.route) > 0,
-        )

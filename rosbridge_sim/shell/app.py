@@ -493,6 +493,7 @@ def _make_node(
         real_time_factor=settings.real_time_factor,
         replay_info=settings.replay_info,
         score=settings.score,
+        traffic=settings.traffic,
         sensor_noise=read_sensor_noise(settings.sensor_noise),
         on_world_failure=settings.on_world_failure,
     )

@@ -34,6 +34,7 @@ import numpy as np
 
 from rosbridge_sim.world.driver_parameters import DriverParameters
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.lane_entries import EntryQueue
 
 __all__ = [
     "BRAKE_FROM",
@@ -90,6 +91,7 @@ class Perception:
         safe_speed: the most that the limit, the bends and what comes after them allow here [m/s].
         is_shut_out: bool, the driver asks for a lane behind which there is no room for it.
         is_blocked: bool, it asks for a lane on which something stands, or on whose rival another driver stands.
+        queue: all entities on the lanes, for lane changes; None where nobody changes lanes.
     """
 
     gap: FloatArray
@@ -100,6 +102,7 @@ class Perception:
     safe_speed: FloatArray
     is_shut_out: BoolArray
     is_blocked: BoolArray
+    queue: EntryQueue | None = None
 
 
 def accelerate(speed: FloatArray, perception: Perception, drivers: DriverParameters) -> FloatArray:

@@ -170,16 +170,10 @@ class _Look:
         self._drivers = drivers
         self._others = others
         lane, num = drivers.lanes[0], len(drivers.arc)
-        own = Entries(
-            lane,
-            drivers.arc,
-            drivers.arc - drivers.rear,
-            drivers.speed,
-            drivers.accel,
-            np.arange(num),
-            np.zeros(num, bool),
-        )
-        self.queue = EntryQueue(self._roads, Entries.join(own, sibling_entries(conflicts, own), others))
+        place = (lane, drivers.arc, drivers.arc - drivers.rear, drivers.speed, drivers.accel)
+        own = Entries(*place, source=np.arange(num), stands=np.zeros(num, dtype=bool))
+        leaving = () if drivers.leaving is None else (drivers.leaving,)
+        self.queue = EntryQueue(self._roads, Entries.join(own, *leaving, sibling_entries(conflicts, own), others))
         after = self.queue.position[:num] + 1
         lead = np.where(self.queue.lane[after] == lane, after, self.queue.num)
         parameters = drivers.parameters
@@ -194,6 +188,7 @@ class _Look:
             safe_speed=self._safe_speed(),
             is_shut_out=np.zeros(num, dtype=bool),
             is_blocked=np.zeros(num, dtype=bool),
+            queue=self.queue,
         )
         self.requests = Requests.none(num)
 

@@ -105,7 +105,7 @@ LEG_COLUMNS: Final = (
     *("leg_yaw", "leg_turn"),
 )
 INTS: Final = (
-    *("uid", "kind", "gear", "mode", "path_base", "label"),
+    *("uid", "kind", "gear", "mode", "path_base", "label", "yields"),
     # of lane_following; `behind`, `lane` and the lanes ahead are one run
     *("turns", "claim", "held", "exit_lane", "point", "behind"),
     *("lane", "ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5"),
@@ -181,6 +181,7 @@ class EntityArrays:
         pitch_rate, roll_rate: change of these over the last step [rad/s].
         has_path, is_loop: bool, the row follows a path; it begins again at the end of its path or route.
         path_length: 0 for rows without a path [m].
+        yields: int64, not 0 for a row on a path that stops for what is ahead; see `people` and `careful_driving`.
 
         has_lane: bool, the row follows lanes. The next five entries have a meaning for such rows only.
         lane, ahead_1 ..: int64, rows of `roads`: the present lane and the five after it; -1 beyond a dead end.
@@ -346,6 +347,7 @@ class EntityArrays:
     mode: IntArray
     path_base: IntArray
     label: IntArray
+    yields: IntArray
     turns: IntArray
     claim: IntArray
     held: IntArray

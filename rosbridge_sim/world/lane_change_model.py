@@ -6,7 +6,9 @@ the other lane (n) and of the follower in the own lane (o), and the same after t
     a_c' - a_c + p (a_n' - a_n + a_o' - a_o) > threshold + bias        (it helps more than it costs)
     a_n' > -b_safe and a_c' > -b_safe                                 (it is safe)
 
-p is the politeness. All accelerations are those of the intelligent driver model, worked out for the moment.
+p is the politeness, see `driver_parameters`. The follower in the own lane counts for changes to the right alone: a slow
+driver makes way to the right, but not to the left. All accelerations are those of the intelligent driver model, worked
+out for the moment.
 """
 
 from __future__ import annotations
@@ -23,7 +25,6 @@ from rosbridge_sim.world.lane_conflicts import COMFORT
 __all__ = [
     "KEEP_RIGHT_BIAS",
     "MAX_REASON",
-    "POLITENESS",
     "SAFE_BRAKING",
     "THRESHOLD",
     "LaneChange",
@@ -44,9 +45,6 @@ class LaneChange(IntEnum):
 
 
 MAX_REASON: Final = max(LaneChange)
-
-POLITENESS: Final = 0.3
-"""The paper's p: drivers mind the disadvantage of others by a third of their own. The paper has 0 to 0.5."""
 
 SAFE_BRAKING: Final = 4.0
 """The paper's b_safe, the hardest braking that a change may force upon the follower [m/s^2]."""

@@ -122,7 +122,7 @@ def _offset(world: World, rows: IntArray, p: FloatArray) -> FloatArray:
     start, end, push = world.lateral_from[rows], world.lateral_to[rows], world.lateral_push[rows]
     square = p * p
     cube = square * p
-    curve = start + (end - start) * (cube * (10.0 - 15.0 * p + 6.0 * square))
+    curve = start + (end - start) * find_way(p)
     return np.asarray(curve + push * (p + cube * (-6.0 + 8.0 * p - 3.0 * square)))
 
 
@@ -130,5 +130,15 @@ def _slope(world: World, rows: IntArray, p: FloatArray) -> FloatArray:
     """Return the derivatives of the offsets by p, (k,) [m]."""
     start, end, push = world.lateral_from[rows], world.lateral_to[rows], world.lateral_push[rows]
     square = p * p
-    curve = (end - start) * (30.0 * square * np.square(1.0 - p))
+    curve = (end - start) * slope_of(p)
     return np.asarray(curve + push * (1.0 + square * (-18.0 + 32.0 * p - 15.0 * square)))
+
+
+def find_way(p: FloatArray) -> FloatArray:
+    """Return the share of the way across at shares p (k,) of the time, 0..1."""
+    return np.asarray(p * p * p * (10.0 - 15.0 * p + 6.0 * p * p))
+
+
+def slope_of(p: FloatArray) -> FloatArray:
+    """Return the derivatives of `find_way` by p, (k,)."""
+    return np.asarray(30.0 * np.square(p) * np.square(1.0 - p))

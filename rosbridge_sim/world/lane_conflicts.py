@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray, ranges, wrap_angle
+from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, ranges, wrap_angle
 from rosbridge_sim.world.roads import Roads
 
 __all__ = ["COMFORT", "LaneConflicts", "Links"]
@@ -116,7 +116,8 @@ class LaneConflicts:
             east, north, up [m], and direction in space, for each metre in the plane. The last point of a lane has the
             leg before it.
         onward: for each lane the lanes to choose from at its end: its successors, without those that lead to dead ends
-            only, if any other is left. The numbers mean nothing.
+            only, if any other is left. A lane that ends beside one that goes on is no dead end. The numbers mean
+            nothing.
         wait_point: (l,) arc length at which the front bumper waits for the rivals; inf for lanes without rivals [m].
         clear_point: (l,) arc length from which a tail obstructs no rival any more; 0 without rivals [m].
         rivals: for each lane its rivals, with the arc length on the rival beyond which a tail is clear [m].
@@ -265,12 +266,23 @@ def _onward(roads: Roads) -> Links:
     other = roads.successor
     is_open = np.ones(len(roads), dtype=bool)
     while True:  # from the dead ends backwards: at most once for each lane, usually a few times
-        choices = np.bincount(lane[is_open[other]], minlength=len(roads))
-        if not (is_open & (choices == 0)).any():
+        leads_on = _spread(roads, np.bincount(lane[is_open[other]], minlength=len(roads)) > 0)
+        if not (is_open & ~leads_on).any():
             break
-        is_open &= choices > 0
+        is_open &= leads_on
     keeps = is_open[other] | ~is_open[lane]
     return _links(len(roads), lane[keeps], other[keeps], np.zeros(int(keeps.sum())))
+
+
+def _spread(roads: Roads, leads_on: BoolArray) -> BoolArray:
+    """Return (l,) which lanes lead on, if one changes lanes; `leads_on` is (l,), which do so without."""
+    while True:  # once for each lane of the widest road
+        wider = leads_on.copy()
+        for beside in (roads.left, roads.right):
+            wider |= (beside >= 0) & leads_on[beside]
+        if (wider == leads_on).all():
+            return wider
+        leads_on = wider
 
 
 # Conflicts

@@ -1,7 +1,8 @@
 """Entries: which entity occupies which lane, and where on it.
 
 Each lane follower has one entry on its own lane, and one more on each sibling of that lane while both lanes still
-overlap. An entity that does not follow lanes (an ego, a pedestrian, an obstacle) has an entry on every lane that it
+overlap. One that changes lanes has one on either lane. An entity that does not follow lanes (an ego, a pedestrian, an
+obstacle) has an entry on every lane that it
 obstructs. All entries are sorted once for each decision. Then the lead vehicle on the same lane is the next entry in
 the list, and one search finds the first entry on a lane ahead, for all drivers at once.
 """
@@ -50,6 +51,7 @@ class Drivers:
         held: int64, the lane that it has entered and not left; -1 for none. Written by `right_of_way`.
         exit_lane: int64, the lane behind the claimed or held one. Written by `right_of_way`.
         parameters: of the drivers.
+        leaving: entries of those that change lanes on the lanes that they leave, (m,) of them; None for none.
     """
 
     lanes: IntArray
@@ -65,6 +67,7 @@ class Drivers:
     held: IntArray
     exit_lane: IntArray
     parameters: DriverParameters
+    leaving: Entries | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -173,7 +176,7 @@ class EntryQueue:
     Attributes:
         num: entries, without the one at the end; also the position of that one.
         position: (num,) int64, the position in the queue of each entry as given.
-        lane, tail, speed, accel, source: (num + 1,) as in `Entries`, in the order of the queue.
+        lane, s, tail, speed, accel, source: (num + 1,) as in `Entries`, in the order of the queue.
 
     Args:
         roads: the lanes.
@@ -182,6 +185,7 @@ class EntryQueue:
 
     def __init__(self, roads: Roads, entries: Entries) -> None:
         self.num = len(entries.lane)
+        self._roads = roads
         # One whole number for each entry, of its place and its index: equal places have an order then, and a sort of
         # plain numbers is faster than one of indices.
         place = roads.base[entries.lane] + np.clip(entries.s, 0.0, roads.length[entries.lane])
@@ -193,10 +197,21 @@ class EntryQueue:
         self._key = key
         self._first_key = (roads.base * _TICKS).astype(np.int64) << _INDEX_BITS
         self.lane = np.append(entries.lane[order], -1)
+        self.s = np.append(entries.s[order], np.inf)
         self.tail = np.append(entries.tail[order], np.inf)
         self.speed = np.append(entries.speed[order], 0.0)
         self.accel = np.append(entries.accel[order], 0.0)
         self.source = np.append(entries.source[order], -1)
+
+    def find(self, lane: IntArray, s: FloatArray) -> IntArray:
+        """Return the positions of the first entries at or beyond places on lanes, of whatever lane, (k,) int64.
+
+        Args:
+            lane: (k,) int64, rows of lanes.
+            s: (k,) arc lengths, held within the lanes [m].
+        """
+        place = self._roads.base[lane] + np.clip(s, 0.0, self._roads.length[lane])
+        return self._key.searchsorted((place * _TICKS).astype(np.int64) << _INDEX_BITS)
 
     def first_on(self, lane: IntArray) -> IntArray:
         """Return the position of the first entry on each lane, (k,) int64; `num` where the lane is empty."""

@@ -5,6 +5,9 @@ legs of the lane's line, exactly as `path_following` moves along paths, so it is
 five lanes are chosen in advance (`route_choice`). A driver without a route that waits for a full street chooses again
 after a while; otherwise streets that fill up in a ring would block one another for ever.
 
+*Lane changes* are chosen by `lane_changes`, with the same decisions, and driven by `lane_change_motion`. A vehicle that
+changes lanes is beside the line for a while.
+
 *Speed.* `driver_perception` finds what is ahead, and `driver_model` turns that into an acceleration. Drivers decide
 ten times a second and keep their acceleration in between: a decision is made for all at once and costs ten times as
 much as moving them. It falls on fixed frames, so the columns of the world are the whole state.
@@ -12,8 +15,9 @@ much as moving them. It falls on fixed frames, so the columns of the world are t
 *Reaction.* The acceleration follows the decision with a lag of first order, by the driver's reaction time. So all
 reactions come late and without a jump, and no past values need to be kept: the acceleration itself is the memory.
 
-Limits of the model: no lane changes, no overtaking, no reversing. Of the entities that do not follow lanes, only
-pedestrians are seen where they will be; the others are seen where they are.
+Limits of the model: no overtaking in lanes of the other direction, no reversing; self-driving egos stay in their lane.
+Of the entities that do not follow lanes, only pedestrians are seen where they will be; the others are seen where they
+are.
 """
 
 from __future__ import annotations
@@ -28,10 +32,13 @@ from rosbridge_sim.world.driver_model import CREEP, accelerate
 from rosbridge_sim.world.driver_parameters import DriverParameters
 from rosbridge_sim.world.driver_perception import Stop, observe, perceive
 from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_change_motion import find_shifted, nudge, plan_shifts
+from rosbridge_sim.world.lane_changes import LaneChanges
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
 from rosbridge_sim.world.lane_position import headings, set_legs
+from rosbridge_sim.world.people import COMMITTED, time_to_kerb
 from rosbridge_sim.world.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.state import DT, Dynamics, Kind, World
@@ -48,6 +55,9 @@ MOVES: Final = 0.5
 
 FORESIGHT: Final = 3.0
 """Drivers wait for pedestrians that will be on the road within this time [s]: 4 m at walking speed, a lane's width."""
+
+MAX_PARTS: Final = 4
+"""For pedestrians that cross by light or gap, drivers wait as long as they need, up to so many times as long."""
 
 MAX_WAIT_DECISIONS: Final = 20
 """Decisions after which a driver before a full street or a blocked crossing chooses other lanes: 2 s, enough for a
@@ -111,6 +121,9 @@ def view_driver(world: World, row: int) -> DriverView | None:
         stop_lane=sight.stop_lane,
         light=light,
         rival_row=int(all_rows[sight.rival]) if sight.rival >= 0 else -1,
+        change=LaneChange(int(world.change[row])),
+        signal=int(world.signal[row]),
+        is_changing=bool(world.leaving[row] > 0.0),
     )
 
 
@@ -127,6 +140,9 @@ class DriverView:
         stop_lane: the lane that it may not enter; of a dead end, the lane that ends.
         light: row of the light that forbids it.
         rival_row: of an entity that has the right of way.
+        change: why it changes lanes, or wants to.
+        signal: its turn signal: 0 none, 1 left, 2 right.
+        is_changing: it moves over to the other lane.
     """
 
     lead_row: int
@@ -137,6 +153,9 @@ class DriverView:
     stop_lane: int
     light: int
     rival_row: int
+    change: LaneChange = LaneChange.NONE
+    signal: int = 0
+    is_changing: bool = False
 
 
 class _LaneFollowers:
@@ -164,10 +183,11 @@ class _LaneFollowers:
         self.wheelbase = world.wheelbase[self.at].copy()
         self.uid = world.uid[self.at].copy()
         self.choice = RouteChoice(world, self.rows)
+        self.changes = LaneChanges(world, self.rows, self.choice)
         self.egos = SelfDrivingEgos(world, self.rows)
         self.shifted = find_shifted(world, self.rows)
         others = world.alive & ~world.has_lane
-        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0)
+        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
         still = np.flatnonzero(others & ~may_move)
         self.still, owner = _entries_of(world, still)
         self.still_rows = still[owner]
@@ -184,6 +204,11 @@ class _LaneFollowers:
         perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
         lanes, speed = drivers.lanes, drivers.speed
         wanted = accelerate(speed, perception, self.parameters)
+        if self.changes.is_possible:
+            desired_speed = np.fmin(self.parameters.desired_speed, perception.safe_speed)
+            wanted = self.changes.decide(drivers, perception, desired_speed, wanted, world.frame // DECISION)
+            self.shifted = find_shifted(world, self.rows)
+            lanes = world.int_block("lane", "ahead_5")[:, at]
         accel = drivers.accel + self.response * (wanted - drivers.accel)
         if len(self.egos):  # their pedals have a lag of their own
             index = self.egos.index
@@ -201,7 +226,7 @@ class _LaneFollowers:
     def drivers(self) -> Drivers:
         """Return the lane followers; columns of the world as they are, views of it where their rows are neighbours."""
         world, at = self.world, self.at
-        return Drivers(
+        drivers = Drivers(
             lanes=world.int_block("lane", "ahead_5")[:, at],
             arc=world.arc[at],
             speed=world.speed[at],
@@ -216,6 +241,8 @@ class _LaneFollowers:
             exit_lane=world.exit_lane[at],
             parameters=self.parameters,
         )
+        drivers.leaving = self.changes.find_leaving(drivers)
+        return drivers
 
     def others(self) -> tuple[Entries, IntArray, int]:
         """Return the entries of all other entities, their rows, and how many of them drive, which are the first ones.
@@ -321,17 +348,33 @@ class _LaneFollowers:
 
 def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray]:
     """Return the entries of rows that do not follow lanes; see `find_entries`."""
+    # Those that heed the traffic wait at the kerb until they cross, and then drivers let them cross.
+    is_blind = (world.kind[rows] == Kind.PEDESTRIAN) & (world.yields[rows] == 0)
+    foresight = np.where(is_blind, FORESIGHT, 0.0)
+    index, later = np.arange(len(rows)), np.zeros(len(rows))
+    if world.yields[rows].max(initial=0) >= COMMITTED:
+        # Each part of their way is looked at from its own beginning: a bend has no place beside one that is far away.
+        time = np.fmin(time_to_kerb(world)[rows], MAX_PARTS * FORESIGHT)
+        foresight = np.where(time > 0.0, np.fmin(time, FORESIGHT), foresight)
+        for part in range(1, MAX_PARTS):
+            crossing = np.flatnonzero(time > part * FORESIGHT)
+            index = np.concatenate([index, crossing])
+            later = np.concatenate([later, np.full(len(crossing), part * FORESIGHT)])
+            foresight = np.concatenate([foresight, np.fmin(time[crossing] - part * FORESIGHT, FORESIGHT)])
+    rows = rows[index]
     cos, sin = np.cos(world.yaw[rows]), np.sin(world.yaw[rows])
-    return find_entries(
+    ahead = world.centre[rows] + world.speed[rows] * later
+    entries, owner = find_entries(
         world.roads,
-        x=world.x[rows] + world.centre[rows] * cos,
-        y=world.y[rows] + world.centre[rows] * sin,
+        x=world.x[rows] + ahead * cos,
+        y=world.y[rows] + ahead * sin,
         z=world.z[rows],
         yaw=world.yaw[rows],
         speed=world.speed[rows],
         accel=world.accel[rows],
         half_length=world.half_length[rows],
         half_width=world.half_width[rows],
-        foresight=np.where(world.kind[rows] == Kind.PEDESTRIAN, FORESIGHT, 0.0),
+        foresight=foresight,
         stands=(world.kind[rows] != Kind.PEDESTRIAN) & (np.abs(world.speed[rows]) < MOVES),
     )
+    return entries, index[owner]

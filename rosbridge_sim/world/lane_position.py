@@ -1,7 +1,8 @@
 """Positions on lanes: put a vehicle onto the lanes, take it off, and find what lies ahead of it.
 
 The reference point (middle of the rear axle) of a vehicle is on the line of its lane, at arc length `arc`. The middle
-of the front axle is on the line as well, and that gives the heading.
+of the front axle is on the line as well, and that gives the heading. Vehicles that change lanes or keep beside the line
+are shifted from there, see `lane_change_motion`.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from rosbridge_sim.world.settling import settle_on_lanes
 from rosbridge_sim.world.state import Kind, World, usual_wheelbase
 
 __all__ = [
+    "MAX_LATERAL",
     "LaneStart",
     "check_route",
     "find_ahead",
@@ -33,6 +35,9 @@ __all__ = [
     "leave_lane",
     "set_legs",
 ]
+
+MAX_LATERAL: Final = 5.0
+"""Greatest offset from the line that a driver keeps [m]: more is another lane."""
 
 _LEGS: Final = ("leg_start", "leg_dz")
 """First and last of the columns that hold a straight leg."""
@@ -48,6 +53,8 @@ class LaneStart:
     desired_speed: float = math.inf
     route: tuple[int, ...] = ()
     is_loop: bool = False
+    changes_lanes: bool = True
+    lateral: float = 0.0
 
 
 def keep_lane(
@@ -59,6 +66,8 @@ def keep_lane(
     desired_speed: float = math.inf,
     route: Sequence[int] = (),
     is_loop: bool = False,
+    changes_lanes: bool = True,
+    lateral: float = 0.0,
 ) -> None:
     """Put a vehicle onto a lane and have it follow the lanes from there, at first with the speed that it has.
 
@@ -71,12 +80,15 @@ def keep_lane(
         route: rows of lanes, each a successor of the one before, the first one `lane`. At its end, or without a
             route, chance chooses.
         is_loop: the route begins again; its first lane is then a successor of its last.
+        changes_lanes: the driver changes lanes where that helps it.
+        lateral: offset from the line of its lane that the driver keeps, left positive, at most `MAX_LATERAL` [m].
 
     Raises:
-        ValueError: the row is no vehicle, there is no such lane, `desired_speed` or `s` is not a number within bounds,
-            or the route does not lead along lanes. Nothing has changed.
+        ValueError: the row is no vehicle, there is no such lane, `desired_speed`, `s` or `lateral` is not a number
+            within bounds, or the route does not lead along lanes. Nothing has changed.
     """
-    keep_lanes(world, [LaneStart(row, lane, s, desired_speed, tuple(route), is_loop)])
+    start = LaneStart(row, lane, s, desired_speed, tuple(route), is_loop, changes_lanes=changes_lanes, lateral=lateral)
+    keep_lanes(world, [start])
 
 
 def keep_lanes(world: World, starts: Sequence[LaneStart]) -> None:
@@ -107,7 +119,13 @@ def keep_lanes(world: World, starts: Sequence[LaneStart]) -> None:
     join_lanes(world, rows, lane, s, desired_speed=desired_speed, is_loop=is_loop)
     set_legs(world, roads.derived(LaneConflicts), rows)
     lanes = world.int_block("lane", "ahead_5")[:, rows]
-    world.yaw[rows] = headings(roads, lanes, world.arc[rows], world.wheelbase[rows])
+    yaw = world.yaw[rows] = headings(roads, lanes, world.arc[rows], world.wheelbase[rows])
+    world.keeps_lane[rows] = [not start.changes_lanes for start in starts]
+    lateral = np.array([start.lateral for start in starts], dtype=np.float64)
+    if lateral.any():
+        world.lateral[rows] = world.lateral_from[rows] = world.lateral_to[rows] = world.lateral_bias[rows] = lateral
+        world.x[rows] -= lateral * np.sin(yaw)
+        world.y[rows] += lateral * np.cos(yaw)
     settle_on_lanes(world, world.roads, rows)
     world.touch()
 
@@ -123,6 +141,8 @@ def _check_start(world: World, start: LaneStart) -> None:
             f"s and desired_speed: expected a finite number and one that is not negative, got {start.s!r} and"
             f" {start.desired_speed!r}"
         )
+    if not abs(start.lateral) <= MAX_LATERAL:
+        raise ValueError(f"lateral: expected a number within +-{MAX_LATERAL:g} m, got {start.lateral!r}")
     if route and route[0] != start.lane:
         raise ValueError(f"route: expected to begin with lane {start.lane}, got {route[0]}")
     check_route(roads, route, is_loop=start.is_loop)

@@ -85,7 +85,9 @@ class _Lines:
     """
 
     def __init__(self, world: World) -> None:
-        is_steered = world.is_ghost | (world.kind == Kind.EGO)
+        # A pedestrian that heeds others walks beside its path, straight on between its decisions.
+        is_walker = (world.kind == Kind.PEDESTRIAN) & (world.yields > 0)
+        is_steered = world.is_ghost | (world.kind == Kind.EGO) | is_walker
         self.is_followed = (world.has_lane | world.has_path) & ~is_steered
         self.is_any = bool(self.is_followed.any())
         # On a small loop the span is a quarter of it, or its two ends could be the same place.

@@ -13,7 +13,8 @@ within one step cost no more than one. The heading is
 
 and changes evenly where legs meet at a corner; see `paths`.
 
-Rows with speed 0, ghosts, loose rows and lane followers are left out; `lane_following` moves the latter, `impacts` the
+Rows that stop for others (`yields`) take part while they stand, because they start again by themselves. All other rows
+with speed 0, ghosts, loose rows and lane followers are left out; `lane_following` moves the latter, `impacts` the
 loose ones.
 """
 
@@ -48,7 +49,7 @@ class _Moving:
 
     def __init__(self, world: World) -> None:
         self.world = world
-        is_still = world.has_lane | world.is_ghost | (world.loose > 0.0) | (world.speed == 0.0)
+        is_still = world.has_lane | world.is_ghost | (world.loose > 0.0) | ((world.speed == 0.0) & (world.yields == 0))
         self.rows = np.flatnonzero(world.alive & (world.kind != Kind.EGO) & ~is_still)
         self.num = len(self.rows)
         self.dt = 0.0

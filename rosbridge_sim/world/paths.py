@@ -299,6 +299,11 @@ class Paths:
         """Return the key where a path begins."""
         return int(self._keys[self._spans[path][0]])
 
+    def of(self, path: int) -> Segments:
+        """Return the segments of a path, (k, 10); do not write into the array."""
+        first, count = self._spans[path]
+        return self.segments[first : first + count]
+
     def find(self, base: IntArray, arc: FloatArray) -> Segments:
         """Return the segments, (k, 10), at arc lengths (k,) of the paths whose bases (k,) are given."""
         keys = base + (arc * KEYS_PER_METRE).astype(np.int64)

@@ -80,6 +80,8 @@ def set_speed(world: World, row: int, speed: float) -> None:
         x, y, z, yaw = (float(getattr(world, name)[row]) for name in ("x", "y", "z", "yaw"))
         world.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
     world.speed[row] = speed
+    if world.yields[row]:
+        world.desired_speed[row] = speed
     if world.dynamics == Dynamics.SINGLE_TRACK and world.kind[row] == Kind.EGO:
         world.lateral_speed[row] = world.yaw_rate[row] = 0.0
     world.start_within[row] = world.start_speed[row] = 0.0

@@ -12,6 +12,7 @@ import numpy as np
 
 from rosbridge_sim.world.chance import mix, salt_of
 from rosbridge_sim.world.geometry import IntArray
+from rosbridge_sim.world.lane_change_map import LaneNeighbours
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.state import World
 
@@ -36,6 +37,7 @@ class RouteChoice:
     def __init__(self, world: World, rows: IntArray) -> None:
         self.world, self.rows = world, rows
         self.onward = world.roads.derived(LaneConflicts).onward
+        self.neighbours = world.roads.derived(LaneNeighbours)
         routes = [world.routes.get(uid, _NO_ROUTE) for uid in world.uid[rows].tolist()] if world.routes else []
         self.length = np.array([len(route) for route in routes] or [0] * len(rows), dtype=np.int64)
         self.first = np.cumsum(self.length) - self.length
@@ -78,5 +80,61 @@ class RouteChoice:
         index = np.where(self.is_loop[which] & (length > 0), turn % np.maximum(length, 1), turn)
         is_on_route = index < length
         if is_on_route.any():
-            chosen[is_on_route] = self.route[self.first[which[is_on_route]] + index[is_on_route]]
+            first = self.first[which[is_on_route]]
+            wanted = self.route[first + index[is_on_route]]
+            if self.neighbours.is_any:
+                before = self.route[first + (index - 1)[is_on_route] % length[is_on_route]]
+                wanted = self._beside_route(lane[is_on_route], before, wanted)
+            chosen[is_on_route] = wanted
         return chosen
+
+    def find_wanted(self, which: IntArray, turn: IntArray) -> IntArray:
+        """Return the lane of the route at a turn, (k,) int64; -1 beyond its end or without a route.
+
+        Args:
+            which: see the class.
+            turn: (k,) int64, as in `choose`.
+        """
+        length = self.length[which]
+        index = np.where(self.is_loop[which] & (length > 0), turn % np.maximum(length, 1), turn)
+        wanted = np.full(len(which), -1, dtype=np.int64)
+        has_one = index < length
+        wanted[has_one] = self.route[self.first[which[has_one]] + index[has_one]]
+        return wanted
+
+    def preview(self, which: IntArray, lane: IntArray) -> IntArray:
+        """Return the lanes that rows would have ahead of them on other lanes, (6, k) int64, as `plan` chooses them.
+
+        Args:
+            which: see the class.
+            lane: (k,) int64, the other lanes.
+        """
+        turns = self.world.turns[self.rows[which]]
+        lanes = [lane]
+        for i in range(1, NUM_AHEAD + 1):
+            lanes.append(self.choose(which, lanes[-1], turns + i))
+        return np.stack(lanes)
+
+    def _beside_route(self, lane: IntArray, before: IntArray, wanted: IntArray) -> IntArray:
+        """Return the lanes that follow for rows that may be on a lane beside their route.
+
+        Args:
+            lane: (k,) int64, where the row is.
+            before: (k,) int64, lane of the route beside it.
+            wanted: (k,) int64, next lane of the route.
+
+        Returns:
+            (k,) int64: of a row on its route the next lane. Of any other one the successor from which the route can be
+            reached by the fewest lane changes; -1 if there is none.
+        """
+        is_beside = lane != before
+        if not is_beside.any():
+            return wanted
+        neighbours, roads = self.neighbours, self.world.roads
+        wanted = wanted.copy()
+        for i in np.flatnonzero(is_beside).tolist():  # few: those who overtake
+            following = roads.successors(int(lane[i])) if lane[i] >= 0 else _NO_ROUTE
+            following = following[neighbours.group[following] == neighbours.group[wanted[i]]]
+            apart = np.abs(neighbours.place[following] - neighbours.place[wanted[i]])
+            wanted[i] = following[apart.argmin()] if len(following) else -1
+        return wanted

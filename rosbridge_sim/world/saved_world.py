@@ -258,6 +258,8 @@ class _Reader:
         within("mode", min(Mode), max(Mode))
         within("label", 0, 2**63 - 1)
         within("turns", 0, MAX_COUNT)
+        within("yields", 0, MAX_COUNT)
+        within("yields", 0, 0, alive & ~has_path)
         for name in _LANE_COLUMNS:
             within(name, -1, len(self._roads) - 1, has_lane)
             within(name, -1, max(0, len(self._roads) - 1))

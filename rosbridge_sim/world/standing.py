@@ -60,4 +60,5 @@ class _Standing:
         on_ground = world.alive & ~world.is_ghost
         is_follower = world.has_lane & ~is_ego
         self.followers = np.flatnonzero(on_ground & is_follower)
-        self.searched = np.flatnonzero(on_ground & ~is_follower & (is_ego | (world.loose > 0.0) | (world.speed != 0.0)))
+        may_move = is_ego | (world.loose > 0.0) | (world.speed != 0.0) | (world.yields > 0)
+        self.searched = np.flatnonzero(on_ground & ~is_follower & may_move)

@@ -134,6 +134,7 @@ _BODY_COLUMNS: Final = {
     },
 }
 
+_YIELDS: Final = INTS.index("yields")
 _BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
 _LANE_COLUMNS: Final = (
     "desired_speed",
@@ -242,6 +243,7 @@ class World(EntityArrays):
         roll: float = 0.0,
         pitch: float = 0.0,
         start_within: float = 0.0,
+        yields: bool = False,
     ) -> int:
         """Add an entity to the world and return its id.
 
@@ -267,6 +269,8 @@ class World(EntityArrays):
             pitch: kept likewise, positive with the nose down [rad].
             start_within: the entity stands until an EGO is this near, then it starts with `speed` [m]; 0 for at once.
                 Not for an EGO.
+            yields: it stops for what is ahead on its path, `speed` is the speed that it wants, and a PEDESTRIAN crosses
+                roads by light or gap. Without a path it makes no difference.
 
         Raises:
             ValueError: a number is not finite or out of bounds, the id is in use, the path has no length, an EGO has a
@@ -307,6 +311,7 @@ class World(EntityArrays):
             self._equip(row, body)
         if segments is not None:
             self._join_path(row, base, segments, is_loop=is_loop)
+            self.yields[row], self.desired_speed[row] = yields, speed * yields
         if not self.roads.is_flat:
             settle(self, self.roads, np.array([row]), None if height is None and segments is None else self.z[[row]])
         self.touch()
@@ -543,7 +548,10 @@ class World(EntityArrays):
         else:
             state.update(self.dynamics.name.lower().replace("_", "-").encode())
             state.update(self._floats[:num_floats, : self.n].tobytes())
-        state.update(self._ints[:num_ints, : self.n].tobytes())
+        ints = self._ints[:num_ints, : self.n]
+        if not self.yields.any():  # older digests do not have this column
+            ints = np.delete(ints, _YIELDS, axis=0)
+        state.update(ints.tobytes())
         state.update(self._bools[:num_bools, : self.n].tobytes())
         state.update(self.contacts.tobytes())
         state.update(self.paths.digest())
@@ -708,6 +716,7 @@ class World(EntityArrays):
             return
         self.has_path[row] = self.is_loop[row] = False
         self.path_base[row], self.path_length[row] = 0, 0.0
+        self.yields[row], self.desired_speed[row] = 0, 0.0
         if self.paths.remove(int(self.uid[row])):
             for other in np.flatnonzero(self.has_path):  # rare: the store was compacted
                 self.path_base[other] = self.paths.base(int(self.uid[other]))

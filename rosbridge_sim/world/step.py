@@ -7,8 +7,9 @@ each module sees the same half-finished world at the same point. So the order st
 2. *Starts* (`waiting.start`): rows that wait at rest for an ego start, by the positions of the egos at the end of the
    last step, so that they move in this one.
 3. *Agents*: lane followers (`lane_following.drive_lanes`) come first, because they look at other entities and must see
-   the world as it was at the end of the last step. Then come the rows on paths and in constant motion, which look at
-   nothing (`path_following.follow_paths`).
+   the world as it was at the end of the last step. Then the rows on paths that heed others decide
+   (`careful_driving.mind_the_path`, `people.walk`), and all rows on paths and in constant motion move
+   (`path_following.follow_paths`).
 4. *Loose rows* (`impacts.slide`), which an impact has thrown off their lane, and
    *driven rows* (`dynamics.drive`): the present commands act for exactly one step. A command that came between two
    steps acts for the whole of the next one, and the state that a client reads after it already shows it.
@@ -28,9 +29,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rosbridge_sim.world import collisions, impacts, score
+from rosbridge_sim.world.careful_driving import mind_the_path
 from rosbridge_sim.world.dynamics import drive
 from rosbridge_sim.world.lane_following import drive_lanes
 from rosbridge_sim.world.path_following import follow_paths
+from rosbridge_sim.world.people import walk
 from rosbridge_sim.world.standing import stand
 from rosbridge_sim.world.state import DT, World
 from rosbridge_sim.world.waiting import start
@@ -50,6 +53,8 @@ def step(world: World, place: Callable[[], None] | None = None) -> None:
     world.signals.advance(world.frame + 1)
     start(world)
     drive_lanes(world, DT)
+    mind_the_path(world)
+    walk(world)
     follow_paths(world, DT)
     if world.has_impacts:
         impacts.slide(world, DT)

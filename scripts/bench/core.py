@@ -1,8 +1,8 @@
 """Cost of the core: bytes of a tick in, bytes out, without sockets, event loop or clock.
 
 One peer with one subscription, of `/Ego_topic`, repeatedly calls `/SyncModeWaitForTick` in a world of one ego and 20
-objects (the demo scene with added ones). The time is that from the arrival of the frame until the topic's message and
-the answer are in the outbox, as bytes of the wire.
+objects (a scene of actors on paths, with added ones). The time is that from the arrival of the frame until the topic's
+message and the answer are in the outbox, as bytes of the wire.
 
 A second row is a call of `/sim/step` for 100 ticks that asks for `/Object_topic`, beside what it cannot do without: 100
 frames, and that message encoded once. Nobody listens to any topic there.
@@ -37,7 +37,7 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state import Dynamics, Kind, World
 from scripts.bench.program import machine
 
-__all__ = ["Core"]
+__all__ = ["PATHS", "Core"]
 
 TICKS_PER_ROUND = 1_000
 
@@ -45,6 +45,10 @@ STEPS = 100
 """Ticks in one call of `/sim/step`."""
 
 CALLS_PER_ROUND = 5
+
+
+PATHS = Path(__file__).with_name("paths.json")
+"""A scene of actors that see nothing, so that the core is measured and no drivers: the former demo."""
 
 
 class Core:
@@ -55,7 +59,7 @@ class Core:
         bus = Bus(Store(read_definitions("22.R2"), leniency=LENIENCY))
         self.world = World(0, Dynamics.SINGLE_TRACK)
         node = self._node = make_node(
-            bus, self.world, library, library.opening_scenario("demo"), NodeSettings(start="sync")
+            bus, self.world, library, library.opening_scenario(str(PATHS)), NodeSettings(start="sync")
         )
         self._outbox = Outbox(OutboxLimits(), _nothing, _nothing)
         self._peer = Peer(bus, Session(self._outbox, _ignore))
@@ -142,7 +146,7 @@ def measure_steps(num_objects: int, rounds: int) -> tuple[float, float]:
 def main() -> None:
     """Measure, print, write JSON if asked."""
     parser = argparse.ArgumentParser(description="Ticks a second without sockets")
-    parser.add_argument("--objects", type=int, default=20, help="beside the ego; at least what the demo scene has")
+    parser.add_argument("--objects", type=int, default=20, help="beside the ego; at least what the scene has")
     parser.add_argument("--rounds", type=int, default=20, help=f"of {TICKS_PER_ROUND} ticks each")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures here too")
     args = parser.parse_args()

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -20,7 +19,7 @@ from rosbridge_sim.world.geometry import FloatArray
 from scripts.bench.sumo_network import Network
 from scripts.bench.traffic_cases import CAR, QUEUE_LINE, Demand, Flow
 
-__all__ = ["build", "discharge", "measure_flow", "time_steps"]
+__all__ = ["build", "discharge", "measure_flow", "stepping"]
 
 NOSE = CAR.length / 2 + CAR.centre
 """From our reference point to the front bumper, which is SUMO's [m]."""
@@ -145,26 +144,24 @@ def discharge(
     return times
 
 
-def time_steps(
-    net: Path, network: Network, demand: Demand, *, settle: float, num: int, step: float, flags: tuple[str, ...] = ()
-) -> tuple[float, float]:
-    """Return the mean time of a step [s], and the mean number of vehicles in it.
+@contextmanager
+def stepping(
+    net: Path, network: Network, demand: Demand, *, settle: float, step: float, flags: tuple[str, ...] = ()
+) -> Iterator[tuple[Callable[[], None], Callable[[], int]]]:
+    """Run SUMO step by step, to measure its cost.
 
     Args:
         net: the network.
         network: the map.
         demand: the vehicles.
-        settle: time before the measurement [s].
-        num: steps of the measurement.
+        settle: time to simulate first [s].
         step: length of a step [s].
         flags: more options of SUMO.
+
+    Yields:
+        A function that does one step, and one that returns the number of vehicles.
     """
     with _running(net, network, demand, step=step, seed=0, flags=flags) as sumo:
         for _ in range(round(settle / step)):
             sumo.simulationStep()
-        first = len(sumo.vehicle.getIDList())
-        start = time.perf_counter()
-        for _ in range(num):
-            sumo.simulationStep()
-        took = time.perf_counter() - start
-        return took / num, 0.5 * (first + len(sumo.vehicle.getIDList()))
+        yield sumo.simulationStep, sumo.vehicle.getIDCount

@@ -1,6 +1,6 @@
 """Traffic of ours beside SUMO: queues at a light, a motorway loop, a town, and the cost of a step.
 
-    python scripts/bench/traffic.py [--parts queue,loop,town,motorway,steps] [--images DIR] [--env DIR]
+    python scripts/bench/traffic.py [--parts queue,loop] [--page docs/traffic.md] [--images DIR] [--env DIR]
 
 It makes an environment of its own (`.venv-sumo`) with this project, SUMO (eclipse-sumo and libsumo) and matplotlib,
 runs itself there, prints Markdown tables, and writes plots. The project's own environment does not get these packages.
@@ -34,6 +34,8 @@ if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
 from rosbridge_sim.shell.files.library import DiskLibrary  # noqa: E402
+from rosbridge_sim.world.lane_following import DECISION  # noqa: E402
+from rosbridge_sim.world.state import DT  # noqa: E402
 from rosbridge_sim.world.step import step  # noqa: E402
 from scripts.bench import sumo_runs  # noqa: E402
 from scripts.bench.step import towns  # noqa: E402
@@ -51,7 +53,7 @@ from scripts.bench.traffic_cases import (  # noqa: E402
     spread,
 )
 
-__all__ = ["main"]
+__all__ = ["as_markdown", "main", "put_into"]
 
 PACKAGES = ("eclipse-sumo==1.28.0", "libsumo==1.28.0", "matplotlib")
 
@@ -77,6 +79,9 @@ SIZES = (100, 1_000, 10_000)
 
 PER_TOWN = 250
 """Vehicles in a copy of the town: busy, not jammed."""
+
+ROUNDS = 9
+"""Measurements of the cost; both take turns, and medians count."""
 
 SETTLE, SECONDS = 120.0, 480.0
 """Time before a measurement of a flow, and of it [s]: ten cycles of the town's lights."""
@@ -241,27 +246,36 @@ def compare_steps(folder: Path) -> Table:
         demand = plan_routes(world, demand, 15.0 * 80.0)
         for _ in range(1000):  # until some stand at lights and others move
             step(world)
-        frames = max(500, 200_000 // num)
-        begin = time.perf_counter()
-        for _ in range(frames):
-            step(world)
-        took = (time.perf_counter() - begin) / frames
-        flags = ("--default.action-step-length", "0.1")
-        its, present = sumo_runs.time_steps(
-            case.net, case.network, demand, settle=20.0, num=max(100, 100_000 // num), step=0.02, flags=flags
-        )
-        mine, other = num / took, present / its
+        frames = DECISION * max(10, 20_000 // num)
+        flags = ("--default.action-step-length", f"{DECISION * DT:g}")
+        took, its, ratios = [], [], []
+        with sumo_runs.stepping(case.net, case.network, demand, settle=20.0, step=DT, flags=flags) as (advance, count):
+            for _ in range(ROUNDS):
+                mine = num / _time(lambda: step(world), frames)
+                other = count() / _time(advance, frames)
+                took.append(num / mine)
+                its.append(other)
+                ratios.append(mine / other)
+        mine, other, ratio = num / float(np.median(took)), float(np.median(its)), float(np.median(ratios))
         table.append(
             [
                 f"{num:,}",
                 str(copies),
-                f"{took * 1e3:.2f} ms",
+                f"{np.median(took) * 1e3:.2f} ms",
                 f"{mine / 1e6:.2f} million/s",
                 f"{other / 1e6:.2f} million/s",
-                f"{mine / other:.1f}",
+                f"{ratio:.1f}",
             ]
         )
     return table
+
+
+def _time(call: Callable[[], None], num: int) -> float:
+    """Return the mean time of a call [s]."""
+    begin = time.perf_counter()
+    for _ in range(num):
+        call()
+    return (time.perf_counter() - begin) / num
 
 
 def _compare_flow(case: Case, make: Callable[[Network], Sequence[Any]]) -> list[Flow]:
@@ -297,16 +311,35 @@ def as_markdown(table: Table) -> str:
     return "\n".join([head, "|" + "---|" * len(table[0]), *rows])
 
 
+def put_into(page: Path, part: str, table: str) -> None:
+    """Put a table into a page, behind the mark of its part and in place of the table that is there.
+
+    Args:
+        page: a Markdown file.
+        part: its mark is an HTML comment with this name.
+        table: as Markdown.
+    """
+    mark = f"<!-- {part} -->\n"
+    before, found, after = page.read_text(encoding="utf-8").partition(mark)
+    if not found:
+        raise SystemExit(f"traffic.py: {page} has no line {mark.strip()}")
+    lines = after.lstrip("\n").splitlines(keepends=True)
+    rest = "".join(lines[next((i for i, line in enumerate(lines) if not line.startswith("|")), len(lines)) :])
+    page.write_text(f"{before}{mark}\n{table}\n\n{rest.lstrip(chr(10))}", encoding="utf-8")
+
+
 def main() -> int:
     """Compare, print, plot; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--parts", default="queue,loop,town,steps", help="parts to run [%(default)s]")
+    parser.add_argument("--parts", default="queue,loop,town,motorway,steps", help="parts to run [%(default)s]")
     parser.add_argument("--images", type=Path, default=ROOT / "docs" / "images", help="folder of the plots")
+    parser.add_argument("--page", type=Path, help="page that gets the tables, such as docs/traffic.md")
     parser.add_argument("--env", type=Path, default=ROOT / ".venv-sumo", help="environment for the packages")
     parser.add_argument("--inside", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if not arguments.inside:
-        return run_inside(arguments.env, [f"--images={arguments.images}", f"--parts={arguments.parts}"])
+        flags = [f"--images={arguments.images}", f"--parts={arguments.parts}"]
+        return run_inside(arguments.env, [*flags, *([f"--page={arguments.page}"] if arguments.page else [])])
     with tempfile.TemporaryDirectory() as name:
         folder, images = Path(name), arguments.images
         parts: dict[str, Callable[[], Table]] = {
@@ -321,7 +354,10 @@ def main() -> int:
             parser.error(f"--parts: expected some of {', '.join(parts)}; got {', '.join(sorted(unknown))}")
         images.mkdir(parents=True, exist_ok=True)
         for part in wanted:
-            print(f"\n## {part}\n\n{as_markdown(parts[part]())}", flush=True)
+            table = as_markdown(parts[part]())
+            print(f"\n## {part}\n\n{table}", flush=True)
+            if arguments.page is not None:
+                put_into(arguments.page, part, table)
     return 0
 
 

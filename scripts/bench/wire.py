@@ -28,6 +28,7 @@ import orjson
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from scripts.bench import bodies
+from scripts.bench.core import PATHS
 from scripts.bench.load import Result, Socket, calls, connect_many, flood, masked, pulse, round_trips
 from scripts.bench.program import FLOOR, SERVER, Program, machine, running
 
@@ -446,7 +447,7 @@ def _measure(
     with running((*worldless, *flags)):  # so that the first, slower start is not measured
         pass
     for row in rows:
-        command = SERVER if row.is_world else worldless
+        command = (*SERVER, "--scenario", str(PATHS)) if row.is_world else worldless
         other: tuple[str, ...] = FLOOR
         run_other = row.floor
         if against is not None:

@@ -9,6 +9,7 @@ vehicle that comes from the leg E drives west. Lanes of a leg count from the mid
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -344,16 +345,14 @@ STARTS: tuple[tuple[int, int, str, int], ...] = (  # column, row and leg of the 
     *((0, 2, "E", 1), (0, 2, "E", 2), (1, 2, "N", 1), (3, 2, "W", 2), (3, 2, "E", 1), (4, 2, "S", 1)),
     *((0, 3, "N", 1), (1, 3, "E", 1), (2, 3, "S", 2), (3, 3, "N", 1), (4, 3, "W", 1), (2, 4, "W", 1)),
 )
-WALKS = (  # model, km/h, from, to: on the pavements
-    ("Man", 5.0, (20.0, -9.5), (90.0, -9.5)),
-    ("Woman", 4.5, (-85.0, 9.0), (-20.0, 9.0)),
-    ("Child", 4.0, (9.5, 25.0), (9.5, 85.0)),
-    ("Pedestrian", 5.5, (115.5, 30.0), (115.5, 80.0)),
-)
+WALKERS = ("Man", "Woman", "Child", "Pedestrian", "Woman", "Man")
+WALKER_KMH = (5.0, 4.6, 4.0, 5.4, 4.3, 4.8)  # mean 1.3 m/s, as Helbing and Molnar have it
+NUM_WALKERS = 40
+KERB = 2.2  # from the edge of a street to the line on which people walk [m]
 
 
 def town_scenario() -> bytes:
-    """Return the scenario: the ego on the avenue, traffic on all streets, pedestrians on the pavements.
+    """Return the scenario: the ego on the avenue, traffic on all streets, pedestrians who cross them.
 
     Returns:
         The document.
@@ -362,13 +361,13 @@ def town_scenario() -> bytes:
     vehicles = []
     for i, (column, row, leg, lane) in enumerate(STARTS):
         vehicles.append({"UNIQUEID": next(ids), **_npc(i, Crossing(column, row), leg, lane)})
-    people: list[dict[str, Any]] = []
-    paths = []
-    for model, speed, start, goal in WALKS:
+    people, paths = [], []
+    for i, (start, line) in zip(range(NUM_WALKERS), _walks(), strict=False):
         uid = next(ids)
-        yaw = math.degrees(math.atan2(goal[1] - start[1], goal[0] - start[0]))
-        people.append({"UNIQUEID": uid, "modelName": model, **pose(*start, yaw), "speed": speed, "loop": True})
-        paths.append({"pathName": f"PedPath - {uid}", "waypointData": list(engine_waypoints([start, goal]))})
+        yaw = math.degrees(math.atan2(line[0][1] - start[1], line[0][0] - start[0]))
+        who = {"UNIQUEID": uid, "modelName": WALKERS[i % len(WALKERS)], **pose(*start, yaw)}
+        people.append({**who, "speed": WALKER_KMH[i % len(WALKER_KMH)], "loop": True, "yields": True})
+        paths.append({"pathName": f"PedPath - {uid}", "waypointData": list(engine_waypoints(line))})
     ego = Crossing(1, 2).at("E", BOX + 10.0, -_offset(2))
     document = {
         "mapInfo": {"mapName": "town"},
@@ -379,6 +378,37 @@ def town_scenario() -> bytes:
         "tlList": [{"index": f"IntTL{i}", "state": i % 3, "deltaTime": 0.0} for i in range(NUM * NUM - 4)],
     }
     return json_lines(document)
+
+
+def _walks() -> Iterator[tuple[Point, list[Point]]]:
+    """Yield places to start at, and closed paths that cross streets on crosswalks.
+
+    A path leads along both pavements of a street and over the crosswalks at its two ends, or once around a crossing.
+    """
+    middle = 0.5 * (WALK[0] + WALK[1])
+    lit = [crossing for crossing in CROSSINGS if len(crossing.legs) == 4]
+    for turn in range(NUM):
+        for i, crossing in enumerate(lit):
+            if (i + turn) % 3 == 0:
+                corners = [crossing.at("E", a, b) for a, b in itertools.product((middle, -middle), repeat=2)]
+                around = [corners[0], corners[2], corners[3], corners[1]]
+                around = around[turn % 4 :] + around[: turn % 4]
+                line = around if turn % 2 else around[::-1]
+            else:
+                leg = "EN"[(i + turn) % 2]
+                other, back = crossing.neighbour(leg), opposite(leg)
+                if len(other.legs) < len(ORDER):
+                    leg, other, back = back, crossing.neighbour(back), leg
+                if len(other.legs) < len(ORDER):
+                    continue
+                aside = crossing.num_lanes(leg) * LANE + KERB
+                near, far = crossing.at(leg, middle, aside), other.at(back, middle, -aside)
+                line = [near, far, other.at(back, middle, aside), crossing.at(leg, middle, -aside)]
+                line = line if turn % 2 else line[::-1]
+            share = (0.13 + 0.31 * i + 0.17 * turn) % 1.0
+            (x, y), (to_x, to_y) = line[-1], line[0]
+            start = (mm(x + share * (to_x - x)), mm(y + share * (to_y - y)))
+            yield start, line
 
 
 def _npc(i: int, crossing: Crossing, leg: str, lane: int) -> dict[str, Any]:

@@ -41,6 +41,7 @@ _STAND_INS: Final[Mapping[str, Any]] = {
     "pedestrianList": {"pos": _AT_ORIGIN},
     "objectList": {"pos": _AT_ORIGIN},
     "tlList": {"index": ""},
+    "spawnPointList": {},
 }
 """Replacement of an item that cannot be read, so that the items after it keep their numbers."""
 
@@ -134,6 +135,7 @@ def _leave_out(scenario: Scenario, gone: set[str]) -> Scenario:
         vehicles=kept(scenario.vehicles),
         pedestrians=kept(scenario.pedestrians),
         obstacles=kept(scenario.obstacles),
+        spawn_points=tuple(point for point in scenario.spawn_points if point.where not in gone),
         phases=tuple(start for i, start in enumerate(scenario.phases) if f"tlList[{i}]" not in gone),
     )
 

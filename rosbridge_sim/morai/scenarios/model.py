@@ -1,9 +1,10 @@
 """The shape of scenario documents: the part of MORAI's scenario JSON that is read, key by key.
 
 Keys that these models name are read. All other keys that MORAI writes (physical state, editor state) are ignored. Of
-the read keys, the `idle_keys` have no effect yet: they are kept as they are written. Three keys are ours, for users who
-write scenarios by hand and do not know MORAI's numbers and ids: `modelName`, a name of the catalogue instead of
-`DataID`; `pathName`, the name of a path instead of the item's `UNIQUEID`; `route`, the links that a vehicle follows.
+the read keys, the `idle_keys` have no effect yet: they are kept as they are written. Four keys are ours.
+Three are for users who write scenarios by hand and do not know MORAI's numbers and ids: `modelName`, a name of the
+catalogue instead of `DataID`; `pathName`, the name of a path instead of the item's `UNIQUEID`; `route`, the links that
+a vehicle follows. The fourth is `yields`: the item stops for what is ahead on its path.
 `schemas/scenario.schema.json` is generated from this module.
 """
 
@@ -34,6 +35,7 @@ __all__ = [
     "EnuPosition",
     "Follower",
     "InitPosition",
+    "LinkInfo",
     "NpcVehicle",
     "Obstacle",
     "Pedestrian",
@@ -41,6 +43,7 @@ __all__ = [
     "Rotation",
     "Scale",
     "ScenarioDocument",
+    "SpawnPointItem",
     "WaypointPath",
     "find_scenario_mistakes",
     "read_scenario_document",
@@ -51,7 +54,10 @@ MAX_SCENARIO_BYTES: Final = 1 << 25
 """Largest size of a document: 32 MiB, a hundred times the size that MORAI saves for a full scene."""
 
 MAX_ITEMS: Final = 1_000
-"""Largest number of vehicles, of pedestrians and of obstacles: fifty times the number that one step is made for."""
+"""Largest number of pedestrians, of obstacles and of spawn points."""
+
+MAX_VEHICLES: Final = 10_000
+"""Largest number of vehicles: what one step is made for. Beyond 1,000 the map must have room; see the reader."""
 
 MAX_PATHS: Final = 3 * MAX_ITEMS
 MAX_WAYPOINTS: Final = 100_000
@@ -143,6 +149,12 @@ class Follower(PlacedItem):
     ] = None
 
 
+Yields = Annotated[
+    LenientBool | None,
+    Field(description="true: it stops for what is ahead on its path; a pedestrian crosses by light or gap (ours)"),
+]
+
+
 class NpcVehicle(Follower):
     """A vehicle: on a path at constant speed; without a path, on the lanes as a driver; otherwise straight ahead.
 
@@ -152,8 +164,7 @@ class NpcVehicle(Follower):
 
     idle_keys: ClassVar[frozenset[str]] = frozenset(
         {
-            *("isLaneChange", "latBiasMode", "latBias", "spawnPointUniqueID", "destinationUniqueID"),
-            *("destinationMode", "endPointLinkInfo"),
+            *("latBiasMode", "spawnPointUniqueID", "destinationUniqueID", "destinationMode", "endPointLinkInfo"),
         }
     )
 
@@ -173,11 +184,17 @@ class NpcVehicle(Follower):
         list[ShortText] | None,
         Field(max_length=MAX_WAYPOINTS, description="ids of links, from its first link on (ours); after them random"),
     ] = None
+    yields: Yields = None
     startPointLinkInfo: KeptAsWritten = None
     currentLinkInfo: KeptAsWritten = None
-    isLaneChange: KeptAsWritten = None
+    isLaneChange: Annotated[
+        JsonValue, Field(description="false: on lanes it never changes them; absent or any other value: it may")
+    ] = None
     latBiasMode: KeptAsWritten = None
-    latBias: KeptAsWritten = None
+    latBias: Annotated[
+        JsonValue,
+        Field(description="offset from the line of its lane, left positive, -5..5; other values count as 0 [m]"),
+    ] = None
     spawnPointUniqueID: KeptAsWritten = None
     destinationUniqueID: KeptAsWritten = None
     destinationMode: KeptAsWritten = None
@@ -195,6 +212,7 @@ class Pedestrian(Follower):
     loop: Annotated[LenientBool | None, Field(description="at the end it begins again, or walks back")] = None
     movingDistance: Annotated[Coordinate | None, Field(description="[m]")] = None
     activeDistance: ActiveDistance = None
+    yields: Yields = None
     active: KeptAsWritten = None
 
 
@@ -206,6 +224,72 @@ class Obstacle(Follower):
     moveSpeed: Annotated[Speed | None, Field(description="[km/h]")] = None
     activeDistance: ActiveDistance = None
     scale: Annotated[Scale | None, Field(description="of the model's size")] = None
+
+
+class LinkInfo(Document):
+    """A place on a link of the map."""
+
+    linkIdx: Annotated[ShortText | None, Field(description="id of the link")] = None
+    pointIdx: Annotated[Whole | None, Field(description="number of the point of the link, from 0")] = None
+
+
+Seconds = Annotated[Number | None, Field(ge=0.0, le=1e6)]
+Kmh = Annotated[Number | None, Field(ge=0.0, le=1_000.0)]
+
+
+class SpawnPointItem(Document):
+    """A point where vehicles appear, drive along the lanes to their destination, and leave there."""
+
+    idle_keys: ClassVar[frozenset[str]] = frozenset(
+        {
+            *("listVehicleLengthType", "isCloseLoop", "isLaneChange", "isSpawning", "spawnedVehiclesCount"),
+            *("latBiasMode", "MinLatBias", "MaxLatBias", "DestinationMode", "NPCSpawnType"),
+        }
+    )
+
+    UNIQUEID: Annotated[Whole | None, Field(description="its id, for the destinations of other points")] = None
+    modelName: Annotated[ShortText | None, Field(description="name of the model of its vehicles (ours)")] = None
+    spawnVehicleTypeID: Annotated[Whole | None, Field(description="MORAI's number of the model; -1: random")] = None
+    pos: Annotated[EnuPosition | None, Field(description="used if startLinkInfo names no link of the map")] = None
+    startLinkInfo: Annotated[LinkInfo | None, Field(description="where vehicles appear")] = None
+    endLinkInfo: Annotated[LinkInfo | None, Field(description="where they leave; without it they turn at random")] = (
+        None
+    )
+    destinationObjUniqueID: Annotated[
+        Whole | None, Field(description="id of the spawn point where they leave, if endLinkInfo names no link")
+    ] = None
+    maximumSpawnVehicle: Annotated[
+        Whole | None, Field(ge=0, description="its vehicles in the world at the same time, at most 999")
+    ] = None
+    minSpawnPeriod: Annotated[
+        Seconds, Field(description="least time between two vehicles [s]; 5 if both are absent")
+    ] = None
+    maxSpawnPeriod: Annotated[Seconds, Field(description="greatest time [s]; 10 if both are absent")] = None
+    waitSpawnTime: Annotated[Seconds, Field(description="time until the first vehicle [s]; else a period")] = None
+    SpawnVelocityType: Annotated[
+        Whole | None, Field(description="2: Min/MaxSpawnVelocity_Custom; else the link's speed")
+    ] = None
+    MinSpawnVelocity_Custom: Annotated[Kmh, Field(description="least speed at the start [km/h]")] = None
+    MaxSpawnVelocity_Custom: Annotated[Kmh, Field(description="greatest speed at the start [km/h]")] = None
+    DesiredVelocityType: Annotated[
+        Whole | None, Field(description="2: Min/MaxDesiredVelocity_Custom; else the link's speed")
+    ] = None
+    MinDesiredVelocity_Custom: Annotated[Kmh, Field(description="least cruise speed [km/h]")] = None
+    MaxDesiredVelocity_Custom: Annotated[Kmh, Field(description="greatest cruise speed [km/h]")] = None
+    SafetyDist: Annotated[
+        Coordinate | None, Field(ge=0.0, description="room before and behind a new vehicle [m]; 5 if absent")
+    ] = None
+    TTC: Annotated[Seconds, Field(description="least time to a collision of a new vehicle [s]; 1 if absent")] = None
+    listVehicleLengthType: KeptAsWritten = None
+    isCloseLoop: KeptAsWritten = None
+    isLaneChange: KeptAsWritten = None
+    isSpawning: KeptAsWritten = None
+    spawnedVehiclesCount: KeptAsWritten = None
+    latBiasMode: KeptAsWritten = None
+    MinLatBias: KeptAsWritten = None
+    MaxLatBias: KeptAsWritten = None
+    DestinationMode: KeptAsWritten = None
+    NPCSpawnType: KeptAsWritten = None
 
 
 class EnginePosition(Document):
@@ -249,17 +333,17 @@ class ScenarioDocument(Document):
     """A scenario: the part of MORAI's scenario files that rosbridge_sim reads. Other keys are ignored."""
 
     idle_keys: ClassVar[frozenset[str]] = frozenset(
-        {"spawnPointList", "pedspawnPointList", "frictionChangeMaterialList", "shadedAreaList"}
+        {"pedspawnPointList", "frictionChangeMaterialList", "shadedAreaList"}
     )
 
     mapInfo: MapInfo | None = None
     egoVehicle: EgoVehicle | None = None
-    vehicleList: BoundedList[NpcVehicle] | None = None
+    vehicleList: Annotated[list[NpcVehicle], Field(max_length=MAX_VEHICLES)] | None = None
     pedestrianList: BoundedList[Pedestrian] | None = None
     objectList: BoundedList[Obstacle] | None = None
     waypointDataList: Annotated[list[WaypointPath], Field(max_length=MAX_PATHS)] | None = None
     tlList: Annotated[list[IntersectionState], Field(max_length=MAX_PATHS)] | None = None
-    spawnPointList: KeptAsWritten = None
+    spawnPointList: BoundedList[SpawnPointItem] | None = None
     pedspawnPointList: KeptAsWritten = None
     frictionChangeMaterialList: KeptAsWritten = None
     shadedAreaList: KeptAsWritten = None

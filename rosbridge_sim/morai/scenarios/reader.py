@@ -23,6 +23,7 @@ from rosbridge_sim.morai.catalogue import (
     Model,
     class_of_data_id,
     default_model,
+    find_model,
     model_by_class,
 )
 from rosbridge_sim.morai.documents import Document
@@ -38,11 +39,14 @@ from rosbridge_sim.morai.scenarios.model import (
     Rotation,
     Scale,
     ScenarioDocument,
+    SpawnPointItem,
     WaypointPath,
     read_scenario_document,
 )
+from rosbridge_sim.morai.scenarios.spawn_points import SpawnPoint, find_places, read_spawn_point
 from rosbridge_sim.morai.units import KMH_TO_MPS
 from rosbridge_sim.world.geometry import FloatArray, arc_lengths
+from rosbridge_sim.world.lane_position import MAX_LATERAL
 from rosbridge_sim.world.paths import MAX_PATH_LENGTH
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
@@ -51,6 +55,7 @@ from rosbridge_sim.world.state import Body, Gear, Kind
 __all__ = ["Driver", "PhaseStart", "Scenario", "Spawn", "place_on_roads", "read_scenario", "sort_phases"]
 
 T = TypeVar("T")
+R = TypeVar("R")
 
 MAX_SCENARIO_NOTES: Final = 20
 
@@ -59,6 +64,19 @@ MAX_SPAWN_TO_LANE: Final = 2.5
 
 MAX_TURN: Final = math.radians(45.0)
 """Largest angle to a lane for a vehicle that drives along it [rad]."""
+
+USUAL_VEHICLES: Final = 1_000
+"""So many vehicles are accepted on any map: most of them may stand beside its lanes."""
+
+ROOM_PER_VEHICLE: Final = 10.0
+"""Length of lane that each vehicle needs if there are more [m]: a car in a standing queue, and half as much again."""
+
+USUAL_CARS: Final = tuple(
+    model
+    for model in map(find_model, ("2015_Kia_K5", "2016_Kia_Niro(HEV)", "2021_VW_Golf_GTI", "Hyundai_Ioniq_5", "Van"))
+    if model is not None
+)
+"""Models of spawn points that choose at random."""
 
 MIN_SCALE: Final = 0.001
 MAX_SCALE: Final = 1_000.0
@@ -72,6 +90,8 @@ class Driver:
     Attributes:
         desired_speed: highest speed, inf for the speed limit [m/s].
         links: ids of the links of its route; empty for a random route.
+        changes_lanes: it changes lanes where that helps it.
+        lateral: offset from the line of its lane that it keeps, left positive [m].
         lane, s, route: the lane that it starts on, the arc length there [m], and the route's lanes; set by
             `place_on_roads`.
     """
@@ -81,6 +101,8 @@ class Driver:
     lane: int = -1
     s: float = 0.0
     route: tuple[int, ...] = ()
+    changes_lanes: bool = True
+    lateral: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,6 +139,7 @@ class Spawn:
         link_ratio: start along that link, 0..1.
         is_placed: x, y and z are valid.
         start_within: it stands until an ego is this near [m]; 0 starts at once.
+        yields: it stops for what is ahead on its path.
         kept: keys of the document without effect yet, with their values as they are written.
         where: its place in the document, for messages.
     """
@@ -140,6 +163,7 @@ class Spawn:
     roll: float = 0.0
     pitch: float = 0.0
     start_within: float = 0.0
+    yields: bool = False
     kept: Mapping[str, Any] = field(default_factory=dict)  # JSON values
     where: str = ""
 
@@ -153,6 +177,7 @@ class Scenario:
         map_name: of its map; None if it names none.
         egos, vehicles, pedestrians, obstacles: agents to add. No two have one `uid`.
         phases: phases of intersections at the start.
+        spawn_points: places where vehicles appear.
         kept: keys of the document without effect yet, with their values as they are written.
         notes: remarks about reinterpreted entries: a line each, for the log.
     """
@@ -166,6 +191,7 @@ class Scenario:
     phases: tuple[PhaseStart, ...] = ()
     notes: tuple[str, ...] = ()
     kept: Mapping[str, Any] = field(default_factory=dict)  # JSON values
+    spawn_points: tuple[SpawnPoint, ...] = ()
 
 
 OnMistake = Callable[[DocumentError], None]
@@ -217,6 +243,10 @@ def place_on_roads(scenario: Scenario, roads: Roads, notify: OnMistake = _refuse
         DocumentError: the map has no such link, and the document has no position.
     """
     notes = list(scenario.notes)
+    try:
+        _check_room(scenario, roads)
+    except DocumentError as error:
+        notify(error)
 
     def place(spawn: Spawn) -> Spawn:
         if spawn.link is None:
@@ -253,11 +283,33 @@ def place_on_roads(scenario: Scenario, roads: Roads, notify: OnMistake = _refuse
         scenario,
         egos=tuple(_each(scenario.egos, place, notify)),
         vehicles=tuple(_each(scenario.vehicles, lambda spawn: take_lane(place(spawn)), notify)),
+        spawn_points=find_places(scenario.spawn_points, roads, lambda text: _note(notes, text)),
         notes=tuple(notes),
     )
 
 
+def _check_room(scenario: Scenario, roads: Roads) -> None:
+    """Check that so many vehicles fit on the map.
+
+    Raises:
+        DocumentError: the map is too small for them.
+    """
+    num, length = len(scenario.vehicles), float(roads.length.sum())
+    most = max(USUAL_VEHICLES, int(length / ROOM_PER_VEHICLE))
+    if num > most:
+        raise DocumentError(
+            f"{scenario.name}: vehicleList: expected at most {most:,} vehicles on this map, got {num:,}: more than"
+            f" {USUAL_VEHICLES:,} need {ROOM_PER_VEHICLE:g} m of lane each, because crowds of vehicles that overlap"
+            f" slow each step down; the lanes have {length / 1000:,.1f} km"
+        )
+
+
 def _each(items: Iterable[T], work: Callable[[T], Spawn], notify: OnMistake) -> Iterator[Spawn]:
+    """Do as `_all` does, for agents."""
+    return _all(items, work, notify)
+
+
+def _all(items: Iterable[T], work: Callable[[T], R], notify: OnMistake) -> Iterator[R]:
     """Yield the result for each item; an item with a mistake is left out, if `notify` does not raise it."""
     for item in items:
         try:
@@ -352,11 +404,15 @@ class _Reader:
         vehicles = self._items("vehicleList", document.vehicleList, self._vehicle)
         people = self._items("pedestrianList", document.pedestrianList, self._pedestrian)
         obstacles = self._items("objectList", document.objectList, self._obstacle)
+        numbered = enumerate(document.spawnPointList or ())
+        points = tuple(
+            _all(numbered, lambda entry: self._spawn_point(f"spawnPointList[{entry[0]}]", entry[1]), self._tell)
+        )
         name = re.split(r"[\\/]", self._source)[-1].removesuffix(".json")
         map_name = (document.mapInfo.mapName or None) if document.mapInfo else None
         phases = tuple(PhaseStart(entry.index, entry.state, entry.deltaTime or 0.0) for entry in document.tlList or ())
         notes, kept = tuple(self._notes), _kept(document)
-        return Scenario(name, map_name, egos, vehicles, people, obstacles, phases, notes, kept)
+        return Scenario(name, map_name, egos, vehicles, people, obstacles, phases, notes, kept, points)
 
     def _items(self, key: str, items: Sequence[T] | None, read: Callable[[str, T], Spawn]) -> tuple[Spawn, ...]:
         numbered = enumerate(items or ())
@@ -381,19 +437,38 @@ class _Reader:
             first, second = second, first
         speed_kmh = first if first is not None else second
         spawn = self._follow(where, item, spawn, speed_kmh, is_loop=item.isCloseLoop)
+        spawn = replace(spawn, yields=bool(item.yields))
         is_on_lanes = item.isWaypointMode is False or (item.isWaypointMode is None and _names_link(item))
         if spawn.path is not None or (spawn.link is None and not is_on_lanes):
             return spawn
         # With the link's speed, or without any speed, the driver keeps to the speed limit.
         is_free = item.velocityType == 1 or speed_kmh is None
         now_kmh = speed_kmh if item.currentVelocity is None else item.currentVelocity
-        driver = Driver(math.inf if is_free else max(spawn.speed, 0.0), tuple(item.route or ()))
+        driver = Driver(
+            math.inf if is_free else max(spawn.speed, 0.0),
+            tuple(item.route or ()),
+            changes_lanes=str(item.isLaneChange).strip().casefold() not in {"false", "0"},
+            lateral=self._bias(where, item),
+        )
         return replace(spawn, speed=(now_kmh or 0.0) * KMH_TO_MPS, is_loop=bool(item.isCloseLoop), driver=driver)
+
+    def _bias(self, where: str, item: NpcVehicle) -> float:
+        """Return the lateral offset of a vehicle; 0 with a remark for anything that is none."""
+        if item.latBias is None:
+            return 0.0
+        try:
+            bias = float(str(item.latBias))
+        except ValueError:
+            bias = math.nan
+        if not abs(bias) <= MAX_LATERAL:
+            _note(self._notes, f"{where}.latBias: expected -{MAX_LATERAL:g}..{MAX_LATERAL:g} m; it drives without one")
+            return 0.0
+        return bias
 
     def _pedestrian(self, where: str, item: Pedestrian) -> Spawn:
         spawn = self._on_foot(where, Kind.PEDESTRIAN, item, item.pos, item.rot)
         spawn = self._follow(where, item, spawn, item.speed, is_loop=item.loop, ahead=item.movingDistance or 0.0)
-        return replace(spawn, start_within=max(item.activeDistance or 0.0, 0.0))
+        return replace(spawn, start_within=max(item.activeDistance or 0.0, 0.0), yields=bool(item.yields))
 
     def _obstacle(self, where: str, item: Obstacle) -> Spawn:
         spawn = self._on_foot(where, Kind.OBSTACLE, item, item.pos, item.rot)
@@ -401,6 +476,14 @@ class _Reader:
             spawn = replace(spawn, model=self._scaled(where, spawn.model, item.scale))
         spawn = self._follow(where, item, spawn, item.moveSpeed)
         return replace(spawn, start_within=max(item.activeDistance or 0.0, 0.0))
+
+    def _spawn_point(self, where: str, item: SpawnPointItem) -> SpawnPoint:
+        if item.modelName or (item.spawnVehicleTypeID is not None and item.spawnVehicleTypeID >= 0):
+            wanted = PlacedItem(DataID=item.spawnVehicleTypeID, modelName=item.modelName)
+            models: tuple[Model, ...] = (self._model(where, Kind.VEHICLE, wanted),)
+        else:
+            models = tuple(model for model in self._catalogue.own if model.kind is Kind.VEHICLE) or USUAL_CARS
+        return read_spawn_point(where, item, models)
 
     def _on_wheels(self, where: str, kind: Kind, item: PlacedItem, start: InitPosition, uid: int | None) -> Spawn:
         is_absolute = start.initPositionMode.strip().casefold() == "absolute"

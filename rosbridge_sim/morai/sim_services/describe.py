@@ -16,6 +16,7 @@ from rosbridge_sim.morai.context import SimulatorContext
 from rosbridge_sim.morai.ego import CtrlMode, Ego
 from rosbridge_sim.morai.interfaces.subscribers_services import SubscribersServices
 from rosbridge_sim.morai.units import MPS_TO_KMH
+from rosbridge_sim.world.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_following import DriverView, Stop, view_driver
 from rosbridge_sim.world.road_places import find_lane
 from rosbridge_sim.world.state import Kind
@@ -29,6 +30,15 @@ NOTHING: Final = -1.0
 """A distance to something that there is not [m]: JSON has no infinity."""
 
 _NOUNS: Final = {Kind.EGO: "ego", Kind.VEHICLE: "vehicle", Kind.PEDESTRIAN: "pedestrian", Kind.OBSTACLE: "obstacle"}
+
+_SIDES: Final = ("left", "right")
+_CHANGES: Final = {
+    LaneChange.FASTER: "to get on faster",
+    LaneChange.KEEP_RIGHT: "to keep right",
+    LaneChange.ROUTE: "for its route",
+    LaneChange.LANE_END: "because its own ends",
+    LaneChange.AROUND: "to pass what stands",
+}
 
 _AHEAD: Final = ("ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5")
 
@@ -133,9 +143,10 @@ class Describe(Component):
             lane = world.lane.item(row)
             found = [getattr(world, name).item(row) for name in _AHEAD]
             ahead = [roads.ids[each] for each in found if each >= 0]
-            # A self-driving ego is beside the line of its lane, all other drivers are on it.
-            near = find_lane(roads, *(getattr(world, name).item(row) for name in ("x", "y", "yaw", "z")))
-            lateral = near.lateral if near is not None and near.lane == lane else 0.0
+            lateral = world.lateral.item(row)
+            if world.kind[row] == Kind.EGO:  # it drives as it can: its offset is measured
+                near = find_lane(roads, *(getattr(world, name).item(row) for name in ("x", "y", "yaw", "z")))
+                lateral = near.lateral if near is not None and near.lane == lane else 0.0
             return {
                 "link": roads.ids[lane],
                 "distance": world.arc.item(row),
@@ -156,6 +167,9 @@ class Describe(Component):
             fields |= {"lead_id": number(view.lead_row), "gap": view.gap}
         if view.stop is not Stop.NONE:
             fields |= {"stop_distance": view.stop_distance, "stop_link": roads.ids[view.stop_lane]}
+        if view.change is not LaneChange.NONE:
+            fields |= {"changes_lane": view.change.name.lower(), "is_changing": view.is_changing}
+            fields["turn_signal"] = view.signal
         if view.light >= 0:
             fields["light"] = context.world.signals.plan.lights[view.light].name
         if view.rival_row >= 0:
@@ -185,6 +199,10 @@ class Describe(Component):
             parts.append("waits for room behind the intersection")
         elif view.stop is Stop.END:
             parts.append(f"stops at the end of the road in {view.stop_distance:.0f} m")
+        if view.change is not LaneChange.NONE:
+            side = _SIDES[view.signal - 1]
+            verb = "changes" if view.is_changing else "wants to change"
+            parts.append(f"{verb} to the lane to the {side} {_CHANGES[view.change]}")
         if view.is_following and view.lead_row >= 0:
             what = self._noun(view.lead_row)
             is_walker = world.kind[view.lead_row] == Kind.PEDESTRIAN

@@ -138,6 +138,7 @@ class SceneState(Component):
         is_braking = world.accel.take(rows) < -BRAKE_LIGHT_DECEL
         is_braking |= (speed == 0.0) & world.has_lane.take(rows)  # a driver on lanes that stands holds the brake
         lamps = (is_braking.view(np.uint8) << _BRAKE_BIT) | ((speed < 0.0).view(np.uint8) << _REVERSE_BIT)
+        lamps |= world.signal.take(rows).astype(np.uint8)  # 1 left, 2 right: the same bits
         lamps *= layout.is_car
         for (place, _), own in zip(layout.egos, ego_lamps, strict=True):
             lamps[place] = own

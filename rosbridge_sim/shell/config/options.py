@@ -59,6 +59,7 @@ class SimulatorOptions(TypedDict, total=False):
     creep: bool
     on_collision: Literal["report", "impact"]
     sensor_noise: str
+    traffic: int
     score: bool
     on_world_failure: Literal["exit", "serve"]
     publishers: Mapping[str, object]

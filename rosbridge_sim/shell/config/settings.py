@@ -293,6 +293,12 @@ class Settings:
         text_of("none, typical or a file", "none|typical|FILE"),
         "errors of /gps and /imu: none, those of usual units, or those of a *.json file",
     )
+    traffic: int = _flag(
+        0,
+        _WORLD,
+        whole_number(0, 10_000),
+        "vehicles that drive on the lanes besides those of the scenario: as many as fit, and kept there",
+    )
     score: bool = _flag(
         default=False,
         group=_WORLD,

@@ -143,14 +143,14 @@ def test_scenario_name_takes_precedence_over_a_folder_of_that_name(
 
 
 def test_non_finite_and_huge_numbers_in_keys_without_effect_are_accepted(folder: Path) -> None:
-    car = {**CAR, "latBias": 10**40, "isLaneChange": float("nan")}
-    (folder / "odd.json").write_text(json.dumps({"vehicleList": [car], "spawnPointList": [10**40, float("inf")]}))
+    car = {**CAR, "latBiasMode": 10**40, "destinationMode": float("nan")}
+    (folder / "odd.json").write_text(json.dumps({"vehicleList": [car], "pedspawnPointList": [10**40, float("inf")]}))
     account = run("scenario", "check", str(folder / "odd.json"), "--json").json
-    assert account["items"][0]["without_effect"] == ["isLaneChange", "latBias"]
+    assert account["items"][0]["without_effect"] == ["latBiasMode", "destinationMode"]
     assert account["without_effect"] == {
-        "vehicleList[].latBias": 1,
-        "vehicleList[].isLaneChange": 1,
-        "spawnPointList": 1,
+        "vehicleList[].latBiasMode": 1,
+        "vehicleList[].destinationMode": 1,
+        "pedspawnPointList": 1,
     }
 
 

@@ -130,10 +130,10 @@ def test_keys_are_sorted_into_read_and_ignored_ones() -> None:
         version="1.0",
         vehicleList=[vehicle, {**vehicle, "velocityTyp": 2}],
         waypointDataList=[{"pathName": "a", "waypointData": [{"pos": {"x": 1, "z": 2}, "rot": {"w": 1}}] * 3}],
-        spawnPointList=[{"DataID": 1, "pos": {}}],
+        pedspawnPointList=[{"DataID": 1, "pos": {}}],
     )
     assert found.mistakes == ()
-    assert found.keys.idle == {"spawnPointList": 1}
+    assert found.keys.idle == {"pedspawnPointList": 1}
     assert found.keys.passed_over == {
         "version": 1,
         "vehicleList[].initPosition.pos.w": 2,

@@ -344,17 +344,41 @@ def test_missing_path_in_waypoint_mode_is_noted_for_moving_entities() -> None:
 
 def test_values_without_effect_are_kept_unchanged() -> None:
     generator = {"DataID": 90100001, "anything": [1, {"a": None}]}
-    car = {**EGO, "isLaneChange": "perhaps", "latBiasMode": 2, "latBias": "-0.125", "destinationUniqueID": None}
+    car = {**EGO, "isLaneChange": "perhaps", "latBiasMode": 2, "destinationUniqueID": None}
     document = {
-        "spawnPointList": [generator],
+        "pedspawnPointList": [generator],
         "shadedAreaList": {"not": "a list"},
         "frictionChangeMaterialList": [],
         "vehicleList": [car],
     }
     scenario = read(document)
     areas = {"shadedAreaList": {"not": "a list"}}
-    assert scenario.kept == {"spawnPointList": [generator], "frictionChangeMaterialList": [], **areas}
-    assert scenario.vehicles[0].kept == {"isLaneChange": "perhaps", "latBiasMode": 2, "latBias": "-0.125"}
+    assert scenario.kept == {"pedspawnPointList": [generator], "frictionChangeMaterialList": [], **areas}
+    assert scenario.vehicles[0].kept == {"latBiasMode": 2}
+
+
+@pytest.mark.parametrize(
+    ("keys", "changes_lanes", "lateral", "num_remarks"),
+    [
+        ({}, True, 0.0, 0),
+        ({"isLaneChange": True, "latBias": "-0.125"}, True, -0.125, 0),
+        ({"isLaneChange": False, "latBias": 0.4}, False, 0.4, 0),
+        ({"isLaneChange": "False", "latBias": 9}, False, 0.0, 1),
+        ({"isLaneChange": "perhaps", "latBias": "wide"}, True, 0.0, 1),
+        ({"isLaneChange": 0, "latBias": {"odd": 1}}, False, 0.0, 1),
+    ],
+)
+def test_vehicle_keeps_its_lane_and_its_offset(
+    keys: dict[str, Any],
+    changes_lanes: bool,  # noqa: FBT001 - a column of the table
+    lateral: float,
+    num_remarks: int,
+) -> None:
+    scenario = read({"vehicleList": [{**EGO, "isWaypointMode": False, **keys}]})
+    driver = scenario.vehicles[0].driver
+    assert driver is not None
+    assert (driver.changes_lanes, driver.lateral) == (changes_lanes, lateral)
+    assert len([note for note in scenario.notes if "latBias" in note]) == num_remarks
 
 
 # Lights
@@ -487,7 +511,7 @@ def test_unknown_link_is_an_error_without_a_position_and_a_note_with_one() -> No
         ("vehicleList.0.UNIQUEID", 10**30, "vehicleList[0].UNIQUEID: expected at most 2,147,483,647, got 1000"),
         ("vehicleList", {}, "vehicleList: expected a list, got an object"),
         ("vehicleList", [1], "vehicleList[0]: expected an object, got 1"),
-        ("vehicleList", [EGO] * 1001, "vehicleList: expected at most 1,000 entries, got a list of 1,001"),
+        ("vehicleList", [EGO] * 10_001, "vehicleList: expected at most 10,000 entries, got a list of 10,001"),
         ("pedestrianList.0.pos", ..., "pedestrianList[0].pos: missing"),
         ("pedestrianList.0.pos", None, "pedestrianList[0].pos: expected an object, got null"),
         ("objectList.0.modelName", "\n" * 300, "objectList[0].modelName: expected at most 200 characters, got '\\n"),
@@ -623,7 +647,8 @@ def test_demo_has_every_kind_of_entity() -> None:
     assert len(scenario.vehicles) >= 4
     assert len(scenario.pedestrians) >= 1
     assert len(scenario.obstacles) >= 6
-    assert all(spawn.speed > 0.0 and spawn.path is not None and spawn.is_loop for spawn in scenario.vehicles)
+    assert all(spawn.speed > 0.0 and spawn.driver is not None for spawn in scenario.vehicles)
+    assert all(spawn.yields and spawn.path is not None and spawn.is_loop for spawn in scenario.pedestrians)
 
 
 def test_demo_vehicles_stand_in_their_lanes_in_driving_direction() -> None:
@@ -644,9 +669,9 @@ def test_demo_pedestrians_and_obstacles_are_off_the_road() -> None:
         )
 
     assert all(clear(spawn, spawn.x, spawn.y) for spawn in (*scenario.pedestrians, *scenario.obstacles))
-    for spawn in scenario.pedestrians:
+    for spawn in scenario.pedestrians:  # they turn off the road, and before the drives of the documentation leave it
         assert spawn.path is not None
-        assert all(clear(spawn, x, y) for x, y, _ in spawn.path.tolist())
+        assert all(clear(spawn, x, y) and x < 55.0 for x, y, _ in spawn.path.tolist())
 
 
 @pytest.mark.slow
@@ -659,7 +684,7 @@ def test_demo_ego_has_no_collision_within_two_laps() -> None:
     for i in range(15_000):
         step(world)
         if i % 25 == 0:
-            # Every 4 m of their way: beside the ego they are a lane away, and as far from one another as they were.
+            # Every 4 m of their way: beside the ego they are a lane away.
             assert np.hypot(world.x[others] - x, world.y[others] - y).min() > 3.0
     assert world.frame == 15_000
     assert (world.x[ego], world.y[ego]) == (x, y)

@@ -94,7 +94,7 @@ def test_ignored_keys_are_listed_and_give_no_remarks() -> None:
     )
     assert [line.partition(" (")[0] for line in find_oddities(placed, read(ROADRUNNER).roads)] == ["vehicleList[0]"]
     assert {key for key in draft.keys.passed_over if "." not in key} == {"v2IInfo", "aiPedstrianList", "version"}
-    idle = {"spawnPointList", "shadedAreaList", "frictionChangeMaterialList", "pedspawnPointList"}
+    idle = {"shadedAreaList", "frictionChangeMaterialList", "pedspawnPointList"}
     assert {key for key in draft.keys.idle if "." not in key} == idle
     for key in (
         "egoVehicle.vehicleSaveData",
@@ -106,7 +106,7 @@ def test_ignored_keys_are_listed_and_give_no_remarks() -> None:
         assert key not in draft.keys.read
     for key in ("vehicleList[].initPosition.pos._x", "objectList[].scale.x", "pedestrianList[].activeDistance"):
         assert draft.keys.read[key] > 0
-    for key in ("vehicleList[].isLaneChange", "vehicleList[].latBias", "pedestrianList[].active"):
+    for key in ("vehicleList[].latBiasMode", "vehicleList[].destinationMode", "pedestrianList[].active"):
         assert draft.keys.idle[key] == 1
 
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 import json
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.world.lane_change_model import LaneChange
 from rosbridge_sim.world.signal_plan import Lamp
-from tests.morai.sim_harness import Client, SimHarness, put_egos
+from tests.morai.sim_harness import SCENARIOS, Client, SimHarness, put_egos
 
 
 def describe(client: Client, number: int) -> dict[str, Any]:
@@ -89,3 +92,27 @@ def test_description_changes_nothing() -> None:
                     describe(client, uid)
         hashes.append(harness.world.digest())
     assert hashes[0] == hashes[1]
+
+
+def test_driver_that_changes_lanes_signals_and_says_why() -> None:
+    harness, client = in_sync()
+    world = harness.world
+    row = world.row(1)
+    assert (describe(client, 1)["changes_lane"], describe(client, 1)["turn_signal"]) == ("", 0)
+    world.change[row], world.signal[row] = LaneChange.AROUND, 2
+    told = describe(client, 1)
+    assert (told["changes_lane"], told["is_changing"], told["turn_signal"]) == ("around", False, 2)
+    assert "wants to change to the lane to the right to pass what stands" in told["text"]
+    world.leaving[row] = 1
+    assert describe(client, 1)["is_changing"]
+
+
+def test_vehicle_of_a_file_keeps_its_lane_and_its_offset(monkeypatch: pytest.MonkeyPatch) -> None:
+    document = copy.deepcopy(SCENARIOS["crossing"])
+    document["vehicleList"][0] |= {"isLaneChange": False, "latBias": "0.25"}
+    monkeypatch.setitem(SCENARIOS, "offset", document)
+    harness, client = in_sync("offset")
+    client.tick()
+    row = int(np.flatnonzero(harness.world.has_lane)[0])
+    assert harness.world.keeps_lane[row] == 1.0
+    assert describe(client, int(harness.world.uid[row]))["lateral"] == 0.25

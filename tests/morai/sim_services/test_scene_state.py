@@ -99,9 +99,10 @@ def test_further_ego_has_its_number_and_lamps_show_what_drivers_do() -> None:
     assert (octets(state["lamps"])[0], octets(state["lamps"])[-1]) == (4, 2)
     ego.emergency_signal = 1
     harness.world.speed[1] = -1.0
+    harness.world.signal[2] = 1.0  # as a driver that changes lanes
     client.tick()
     lamps = octets(last(client)["lamps"])
-    assert (lamps[1], lamps[-1]) == (8, 3)
+    assert (lamps[1], lamps[2], lamps[-1]) == (8, 1, 3)
 
 
 def test_entities_that_touch_are_flagged() -> None:

@@ -69,6 +69,7 @@ OTHER: dict[str, object] = {
     "creep": True,
     "on_collision": "impact",
     "sensor_noise": "typical",
+    "traffic": 50,
     "score": True,
     "sync_frames": "strict",
     "sync_lease": 2.5,

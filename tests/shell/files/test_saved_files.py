@@ -144,7 +144,7 @@ def test_saved_files_have_no_errors_and_remarks_on_unknown_keys(folder: Path) ->
         assert [line.partition(" (")[0] for line in account["remarks"] if "DataID" in line] == ["DataID 50100007"]
         assert [one["intersection"] for one in account["phases"]] == list(CONTROLLERS)
         idle = account["without_effect"]
-        assert {"spawnPointList", "shadedAreaList", "vehicleList[].isLaneChange", "vehicleList[].latBias"} <= set(idle)
+        assert {"spawnPointList[].isSpawning", "shadedAreaList", "vehicleList[].latBiasMode"} <= set(idle)
         assert "frictionChangeMaterialList" in idle
         walker = next(one for one in account["items"] if one["kind"] == "pedestrian")
         assert walker["starts_within"] == 30.0
@@ -191,7 +191,8 @@ def spoilt(path: str, value: object) -> dict[str, Any]:
         ("tlList.0.state", 99, False),
         ("tlList.0.deltaTime", 1e6, False),
         ("tlList.0.deltaTime", "long", True),
-        ("spawnPointList", "nonsense", False),
+        ("spawnPointList", "nonsense", True),
+        ("spawnPointList.0.minSpawnPeriod", "soon", True),
         ("waypointDataList.0.pathName", "ObstaclePath - 12345", False),
         ("pedestrianList.0.activeDistance", "near", True),
         ("pedestrianList.0.activeDistance", -5, False),

@@ -1,0 +1,632 @@
+"""Lane changes: which drivers want one and why, when they begin it, and what the others do meanwhile.
+
+*Wish.* A driver looks at the lanes beside it once a second. It must change if its lane ends, if its route goes on from
+another lane, or if something stands ahead that waits for nothing. Otherwise `lane_change_model` decides. Nobody wishes
+to change inside an intersection, and near its entry only those do that must.
+
+*Signal.* A driver signals for `SIGNAL_FRAMES` at least before it moves over. If it must change, the follower in the
+other lane opens a gap for it, and the driver adapts its own speed to the vehicle that will be ahead of it.
+
+*Change.* The vehicle belongs to the new lane at once, with an offset from it that goes to zero (`lane_change_motion`).
+While it is on its way it has an entry on the old lane too, so the drivers in both lanes see it, and it minds the lead
+vehicles in both. Changes to the left begin on even decisions and those to the right on odd ones, so that two drivers
+never take the same gap from two sides.
+
+Self-driving egos stay in their lane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.driver_model import CREEP, Perception
+from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
+from rosbridge_sim.world.lane_change_model import (
+    KEEP_RIGHT_BIAS,
+    THRESHOLD,
+    LaneChange,
+    find_safe,
+    follow,
+)
+from rosbridge_sim.world.lane_change_motion import SHIFT_TIME, find_way, length_of_shift, slope_of
+from rosbridge_sim.world.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.lane_entries import CORRIDOR, Drivers, Entries, EntryQueue
+from rosbridge_sim.world.lane_position import find_ahead, headings, set_legs
+from rosbridge_sim.world.route_choice import NUM_AHEAD, RouteChoice
+from rosbridge_sim.world.state import Kind, World
+
+__all__ = ["LaneChanges"]
+
+LOOK_EVERY: Final = 5  # odd, so that looks fall on even and odd decisions in turn
+LOOK_PARTS: Final = 2
+"""Each so many decisions, one of so many parts of the drivers looks at the lanes beside: each driver once a second, for
+a change is no matter of tenths of a second. Few looks of many drivers cost less than many of few."""
+
+SIGNAL_FRAMES: Final = 75
+"""Frames that a driver signals before it moves over: 1.5 s, three blinks."""
+
+PATIENCE: Final = 300
+"""Frames after which a driver gives up a change that it need not make and for which there is no gap: 6 s."""
+
+REST: Final = 400
+"""Frames after a change, or after one was given up, before a driver wishes one that it need not make: 8 s."""
+
+MUST_TIME, MUST_WAY = 12.0, 100.0
+"""A driver begins to look for a gap this time [s] and at least this far [m] before it must have changed, for each lane
+that it must cross."""
+
+WAY_ON: Final = 300.0
+"""A lane that goes on for this length is no worse than one that goes on for ever [m]: room to overtake and return."""
+
+ENTRY_WAY, ENTRY_TIME = 20.0, 5.5
+"""Nobody wishes a change nearer to an intersection than this [m], and this time at the present speed [s]: as long as
+the signal and the change take."""
+
+LIGHT_QUEUE: Final = 15.0
+"""What stands nearer to an intersection than this may wait for it [m]; so it is not passed."""
+
+QUEUE_GAP: Final = 10.0
+"""What stands at most this far behind another standing vehicle stands in a queue [m]."""
+
+BLOCKED_TIME, BLOCKED_WAY = 6.0, 40.0
+"""Something that stands ahead is a reason to change within this time [s], and within this distance at least [m]."""
+
+STANDS: Final = 0.5
+"""Lower speeds count as standing [m/s]."""
+
+PULL_OUT: Final = 2.0
+"""A driver that wants to pass what stands keeps this much more room to it than in a queue [m]: with 4 m in all the
+corner of the vehicle stays clear of it."""
+
+KIND_BRAKING: Final = 2.0
+"""Drivers brake by this at most to open a gap, or to come to a gap [m/s^2]: the comfortable deceleration."""
+
+COURTESY: Final = 1500
+"""Frames for which drivers open gaps for one that waits: 30 s. After that it gets none for as long, so that a driver
+that cannot use its gap does not hold up a lane for ever."""
+
+OFF_OLD_LANE: Final = 1.0
+"""A vehicle this near to its new place does not obstruct the old lane any more [m]: it is 2.5 m from that line."""
+
+HARDEST: Final = 8.0
+"""As in `driver_model` [m/s^2]."""
+
+LOOK_BACK: Final = 3
+"""Lanes behind on which a follower is searched. Few lanes are shorter than 50 m."""
+
+
+@dataclass(slots=True, eq=False)
+class _Option:
+    """What drivers find in the lane on one side; (k,) each.
+
+    Attributes:
+        is_there: one may change to this side here.
+        run: how far the lanes go on there [m].
+        gap: to the lead vehicle there, inf for none [m].
+        lead_speed: of it [m/s].
+        gap_behind: from the follower there, inf for none [m].
+        follower: int64, which driver it is; -1 for none, and for an entity that does not follow lanes.
+        follower_speed: of it [m/s].
+        advantage: of a change, without the bias [m/s^2].
+        is_safe: the change is.
+    """
+
+    is_there: BoolArray
+    run: FloatArray
+    gap: FloatArray
+    lead_speed: FloatArray
+    gap_behind: FloatArray
+    follower: IntArray
+    follower_speed: FloatArray
+    advantage: FloatArray
+    is_safe: BoolArray
+
+
+class LaneChanges:
+    """The lane changes of some lane followers. It lives as long as they do, see `lane_following`, and holds no state.
+
+    Attributes:
+        world, rows, choice: as given.
+        roads, neighbours, conflicts: of the world.
+        is_possible: somebody may change lanes somewhere.
+
+    Args:
+        world: written by the methods.
+        rows: (n,) int64, rows of all lane followers. The methods mean indices into these.
+        choice: of the same rows.
+    """
+
+    def __init__(self, world: World, rows: IntArray, choice: RouteChoice) -> None:
+        self.world, self.rows, self.choice = world, rows, choice
+        self.roads = world.roads
+        self.neighbours = world.roads.derived(LaneNeighbours)
+        self.conflicts = world.roads.derived(LaneConflicts)
+        self._may = (world.kind[rows] != Kind.EGO) & (world.keeps_lane[rows] == 0.0)
+        self._half_width = world.half_width[rows]
+        self.is_possible = self.neighbours.is_any and bool(self._may.any())
+
+    def find_leaving(self, drivers: Drivers) -> Entries | None:
+        """Return the entries of those that change lanes on the lanes that they leave; None if there are none."""
+        if not self.is_possible:
+            return None
+        world, rows = self.world, self.rows
+        leaving = world.leaving[rows]
+        is_near = np.abs(world.lateral[rows] - world.lateral_to[rows]) > OFF_OLD_LANE
+        which = np.flatnonzero((leaving > 0.0) & is_near)
+        lane, s = self.neighbours.cross(
+            leaving[which].astype(np.int64) - 1, drivers.lanes[0, which], drivers.arc[which]
+        )
+        is_there = lane >= 0
+        which, lane, s = which[is_there], lane[is_there], s[is_there]
+        if not len(which):
+            return None
+        place = (lane, s, s - drivers.rear[which], drivers.speed[which], drivers.accel[which])
+        return Entries(*place, source=which, stands=np.zeros(len(which), dtype=bool))
+
+    def decide(
+        self,
+        drivers: Drivers,
+        perception: Perception,
+        desired_speed: FloatArray,
+        accel: FloatArray,
+        decision: int,
+    ) -> FloatArray:
+        """Choose who signals, begins or ends a lane change; return the accelerations (k,) that all choose then.
+
+        Args:
+            drivers: all of them; `claim` is written.
+            perception: theirs.
+            desired_speed: (k,) the desired speed or the safe one, whichever is lower [m/s].
+            accel: (k,) that they chose without regard to lane changes [m/s^2].
+            decision: number of the decision.
+        """
+        if not self.is_possible or perception.queue is None:
+            return accel
+        world, rows = self.world, self.rows
+        accel = accel.copy()
+        self._end_changes()
+        if drivers.leaving is not None:
+            self._mind_old_lane(drivers, perception.queue, desired_speed, accel)
+        is_free = self._may & (world.leaving[rows] == 0.0)
+        part = decision // LOOK_EVERY if decision % LOOK_EVERY == 0 else -1
+        is_turn = np.full(len(rows), part >= 0) & (drivers.uid % LOOK_PARTS == part % LOOK_PARTS)
+        looks = is_turn & self.neighbours.has_side[drivers.lanes[0]]
+        # Who signals because it must looks at each decision, for the gap; the others with the next look of anybody.
+        looks |= world.change[rows] >= (LaneChange.FASTER if part >= 0 else LaneChange.ROUTE)
+        which = np.flatnonzero(is_free & looks)
+        if len(which):
+            look = _Look(self, drivers, perception, perception.queue, desired_speed, which)
+            look.decide(accel, decision)
+        return accel
+
+    def _end_changes(self) -> None:
+        """End the changes of those that have arrived."""
+        world, rows = self.world, self.rows
+        done = rows[(world.leaving[rows] > 0.0) & (world.lateral_left[rows] == 0.0)]
+        world.leaving[done] = world.signal[done] = world.change[done] = 0.0
+        world.change_since[done] = world.frame
+
+    def _mind_old_lane(self, drivers: Drivers, queue: EntryQueue, desired_speed: FloatArray, accel: FloatArray) -> None:
+        """Have those that change lanes brake for the lead vehicle in the old lane, if they would touch it."""
+        entries = drivers.leaving
+        assert entries is not None
+        world, which = self.world, entries.source
+        num = len(drivers.arc)
+        after = queue.position[num : num + len(which)] + 1
+        is_on = queue.lane[after] == entries.lane
+        gap = np.where(is_on, queue.tail[after] - entries.s, np.inf)
+        lead_speed = np.where(is_on, queue.speed[after], 0.0)
+        following = drivers.lanes[1, which]
+        side = world.leaving[self.rows[which]].astype(np.int64) - 1
+        beyond = np.where(following >= 0, self.neighbours.beside[side, following], -1)
+        far = np.flatnonzero(~is_on & (beyond >= 0))
+        first = queue.first_on(beyond[far])
+        gap[far] = self.roads.length[entries.lane[far]] - entries.s[far] + queue.tail[first]
+        lead_speed[far] = queue.speed[first]
+        gap -= drivers.nose[which]
+        done = 1.0 - world.lateral_left[self.rows[which]]
+        across = np.abs(world.lateral_from[self.rows[which]] - world.lateral_to[self.rows[which]])
+        hits = ~self.is_clear(drivers, which, done, across, gap, lead_speed)
+        at = which[hits]
+        brakes = follow(drivers.speed[at], desired_speed[at], gap[hits], lead_speed[hits])
+        accel[at] = np.fmin(accel[at], np.fmax(brakes, -HARDEST))
+
+    def is_clear(  # noqa: PLR0917 - of one vehicle and its lead vehicle
+        self,
+        drivers: Drivers,
+        which: IntArray,
+        done: FloatArray,
+        across: FloatArray,
+        gap: FloatArray,
+        lead_speed: FloatArray,
+    ) -> BoolArray:
+        """Return whether vehicles that change lanes are beside the lead vehicle of the old lane when they come to it.
+
+        Args:
+            drivers: all of them.
+            which: (k,) int64, some of them.
+            done: (k,) share of the change that is done, 0..1.
+            across: (k,) distance between the lanes [m].
+            gap: (k,) to that lead vehicle, inf for none [m].
+            lead_speed: (k,) of it [m/s].
+        """
+        speed = np.fmax(drivers.speed[which], CREEP)
+        closing = speed - lead_speed
+        way = np.fmax(length_of_shift(drivers.length[which], across), SHIFT_TIME * speed)
+        comes = closing > 0.0
+        driven = np.where(comes, gap * speed / np.where(comes, closing, 1.0), np.inf)
+        part = np.fmin(done + driven / way, 1.0)
+        slope = across * slope_of(part) / way
+        corner = across * find_way(part) + drivers.nose[which] * slope / np.sqrt(1.0 + slope * slope)
+        return np.asarray((corner - self._half_width[which] > CORRIDOR) & (gap > 0.0) | np.isinf(gap))
+
+    def start(self, drivers: Drivers, which: IntArray, side: IntArray) -> None:
+        """Begin lane changes: the vehicles belong to the other lanes from now on, where they are.
+
+        Args:
+            drivers: `claim` is written.
+            which: (k,) int64.
+            side: (k,) int64, `LEFT` or `RIGHT`.
+        """
+        world, rows, roads = self.world, self.rows[which], self.roads
+        lane, s = self.neighbours.cross(side, world.lane[rows], world.arc[rows])
+        lanes = self.choice.preview(which, lane)
+        x, y, wheelbase = world.x[rows], world.y[rows], world.wheelbase[rows]
+        lateral, yaw = np.zeros(len(which)), world.yaw[rows]
+        for _ in range(4):  # each round makes the error some tens of times less
+            foot, _ = roads.at(*find_ahead(roads, lanes, s))
+            yaw = headings(roads, lanes, s, wheelbase)
+            east, north = x - foot[:, 0], y - foot[:, 1]
+            s = np.fmin(np.fmax(s + east * np.cos(yaw) + north * np.sin(yaw), 0.0), np.nextafter(roads.length[lane], 0))
+            lateral = north * np.cos(yaw) - east * np.sin(yaw)
+        world.int_block("lane", f"ahead_{NUM_AHEAD}")[:, rows] = lanes
+        world.arc[rows] = s
+        world.behind[rows] = world.claim[rows] = world.exit_lane[rows] = -1
+        drivers.claim[which] = drivers.exit_lane[which] = -1
+        world.lateral[rows] = world.lateral_from[rows] = lateral
+        world.lateral_to[rows], world.lateral_push[rows], world.lateral_left[rows] = world.lateral_bias[rows], 0.0, 1.0
+        world.drift[rows] = wrap_angle(world.yaw[rows] - yaw)
+        world.leaving[rows] = NUM_SIDES - side
+        set_legs(world, self.conflicts, rows)
+
+
+class _Look:
+    """One look of some drivers at the lanes beside them, and what they decide."""
+
+    def __init__(  # noqa: PLR0917 - what all drivers see, and some of them
+        self,
+        changes: LaneChanges,
+        drivers: Drivers,
+        perception: Perception,
+        queue: EntryQueue,
+        desired_speed: FloatArray,
+        which: IntArray,
+    ) -> None:
+        self._changes, self._drivers, self._perception, self._queue = changes, drivers, perception, queue
+        self._desired_speed = desired_speed
+        self._which = which
+        self._lanes = drivers.lanes[:, which]
+        self._arc, self._speed = drivers.arc[which], drivers.speed[which]
+        self._nose, self._rear, self._length = drivers.nose[which], drivers.rear[which], drivers.length[which]
+        self._gap, self._lead_speed = perception.gap[which], perception.lead_speed[which]
+        self._run = self._find_run(self._lanes, self._arc)
+        self._to_entry = self._find_entry()
+
+    def decide(self, accel: FloatArray, decision: int) -> None:
+        """Choose who signals and who begins to change.
+
+        Args:
+            accel: (n,) of all drivers, written: for gaps that open [m/s^2].
+            decision: number of the decision.
+        """
+        changes, drivers, which = self._changes, self._drivers, self._which
+        world, rows = changes.world, changes.rows[which]
+        num = len(which)
+        options = self._look_aside()
+        now, since = world.change[rows].astype(np.int64), world.change_since[rows]
+        signal = world.signal[rows].astype(np.int64)
+        reason, side = self._find_must(options)
+        must = reason > 0
+        is_inside = (self._to_entry <= 0.0) | (drivers.held[which] >= 0)
+        # What need not be
+        bias = KEEP_RIGHT_BIAS * changes.neighbours.keeps_right[self._lanes[0]]
+        is_far = self._to_entry > ENTRY_WAY + ENTRY_TIME * self._speed
+        advantages = []
+        for i, option in enumerate(options):
+            advantage = option.advantage + (bias if i == RIGHT else -bias)
+            goes_on = (option.run > WAY_ON + MUST_TIME * self._speed) | (option.run >= self._run)
+            advantages.append(np.where(option.is_there & goes_on & is_far & ~is_inside, advantage, -np.inf))
+        best = np.where(advantages[RIGHT] > advantages[0], RIGHT, 0)
+        safe = np.where(best == RIGHT, options[RIGHT].is_safe, options[0].is_safe)
+        most = np.fmax(advantages[0], advantages[RIGHT])
+        has_rested = (since == 0.0) | (world.frame - since >= REST)
+        wishes = ~must & (now == 0) & (most > THRESHOLD) & safe & has_rested
+        side = np.where(wishes, best, side)
+        is_right = (best == RIGHT) & (options[RIGHT].advantage < THRESHOLD)
+        reason = np.where(wishes, np.where(is_right, LaneChange.KEEP_RIGHT, LaneChange.FASTER), reason)
+        # Those that signal already for what need not be
+        is_kept = ~must & ((now == LaneChange.FASTER) | (now == LaneChange.KEEP_RIGHT))
+        old_side = np.maximum(signal - 1, 0)
+        old_advantage = np.where(old_side == RIGHT, advantages[RIGHT], advantages[0])
+        is_kept &= (old_advantage > 0.0) & (world.frame - since < PATIENCE)
+        side, reason = np.where(is_kept, old_side, side), np.where(is_kept, now, reason)
+        # What they show from now on
+        shows = np.where(reason > 0, side + 1, 0)
+        is_new = shows != signal
+        since = np.where(is_new, float(world.frame), since)
+        world.change[rows], world.signal[rows], world.change_since[rows] = reason, shows, since
+        # Who begins
+        index = np.arange(num)
+        chosen = _pick(options, side)
+        across = np.full(num, 3.5)
+        is_clear = changes.is_clear(drivers, which, np.zeros(num), across, self._gap, self._lead_speed)
+        begins = (reason > 0) & ~is_new & (world.frame - since >= SIGNAL_FRAMES) & chosen.is_there & chosen.is_safe
+        begins &= ~is_inside & is_clear & (side == decision % NUM_SIDES)
+        self._open_gaps(
+            index[(reason >= LaneChange.ROUTE) & ~begins & chosen.is_there & ~is_inside], chosen, is_clear, accel
+        )
+        self._keep_room(index[(reason == LaneChange.AROUND) & ~begins], accel)
+        at = np.flatnonzero(begins)
+        if len(at):
+            changes.start(drivers, which[at], side[at])
+
+    def _find_must(self, options: list[_Option]) -> tuple[IntArray, IntArray]:
+        """Return why drivers must change lanes and to which side, (k,) int64 each; 0 for those that need not."""
+        changes, which = self._changes, self._which
+        neighbours, choice = changes.neighbours, changes.choice
+        world, rows = changes.world, changes.rows[which]
+        reason, side = np.zeros(len(which), dtype=np.int64), np.zeros(len(which), dtype=np.int64)
+        ends = np.flatnonzero(np.isfinite(self._run))
+        if len(ends):
+            count = (self._lanes[:, ends] >= 0).sum(axis=0) - 1
+            last = self._lanes[count, ends]
+            wanted = choice.find_wanted(which[ends], world.turns[rows[ends]] + count)
+            is_route = (wanted >= 0) & (wanted != last)
+            is_route &= neighbours.group[wanted] == neighbours.group[last]
+            steps = np.where(is_route, neighbours.place[wanted] - neighbours.place[last], 0)
+            to_side = np.where(steps > 0, 1, np.where(steps < 0, 2, 0))
+            to_side = np.where((wanted < 0) | (wanted == last), neighbours.merge_side[last], to_side)
+            begins_at = np.maximum(np.abs(steps), 1) * np.fmax(MUST_WAY, MUST_TIME * self._speed[ends])
+            is_near = (to_side > 0) & (self._run[ends] < begins_at)
+            at = ends[is_near]
+            reason[at] = np.where(is_route[is_near], LaneChange.ROUTE, LaneChange.LANE_END)
+            side[at] = to_side[is_near] - 1
+        around = np.flatnonzero((reason == 0) & self._is_blocked())
+        if len(around):
+            values = []
+            for option in options:
+                goes_on = (option.run > self._gap + WAY_ON) | (option.run >= self._run)
+                is_good = option.is_there & goes_on & (option.gap > self._gap + self._length)
+                values.append(np.where(is_good, option.advantage + option.is_safe, -np.inf)[around])
+            # One that signals already keeps its side, or it would never come to begin.
+            signal = world.signal[rows[around]].astype(np.int64)
+            values = [np.where((signal == i + 1) & (value > -np.inf), np.inf, value) for i, value in enumerate(values)]
+            has_one = np.fmax(values[0], values[1]) > -np.inf
+            reason[around[has_one]] = LaneChange.AROUND
+            side[around] = np.where(values[1] > values[0], 1, 0)
+        return reason, side
+
+    def _is_blocked(self) -> BoolArray:
+        """Return (k,) whether something stands ahead that waits for nothing."""
+        changes, drivers, queue = self._changes, self._drivers, self._queue
+        perception, world = self._perception, changes.world
+        reach = np.fmax(BLOCKED_WAY, BLOCKED_TIME * self._speed)
+        is_near = (self._gap < reach) & (self._lead_speed < STANDS) & (self._to_entry > self._gap + LIGHT_QUEUE)
+        at = np.flatnonzero(is_near)
+        blocked = np.zeros(len(self._which), dtype=bool)
+        if not len(at):
+            return blocked
+        lead = perception.lead[self._which[at]]
+        rows = changes.rows[lead]
+        is_parked = (lead < 0) | (world.desired_speed[rows] < STANDS)
+        # The entry of the lead vehicle, if it is on the same lane, and the one ahead of it
+        position = np.minimum(queue.position[self._which[at]] + 1, queue.num)
+        following = np.minimum(position + 1, queue.num)
+        is_queue = (queue.lane[following] == queue.lane[position]) & (queue.speed[following] < STANDS)
+        is_queue &= queue.tail[following] - queue.s[position] < QUEUE_GAP + drivers.nose[self._which[at]]
+        is_queue &= queue.lane[position] == self._lanes[0, at]
+        is_queue &= queue.source[following] >= 0
+        blocked[at] = is_parked & ~is_queue
+        return blocked
+
+    def _open_gaps(self, at: IntArray, chosen: _Option, is_clear: BoolArray, accel: FloatArray) -> None:
+        """Have followers open gaps for those that must change, and these adapt to the lead vehicles there."""
+        changes, which = self._changes, self._which
+        world = changes.world
+        since = world.change_since[changes.rows[which[at]]]
+        helped = at[((world.frame - since) % (2 * COURTESY) < COURTESY) & is_clear[at] & (chosen.follower[at] >= 0)]
+        follower = chosen.follower[helped]
+        speed = self._drivers.speed[follower]
+        brakes = follow(speed, self._desired_speed[follower], chosen.gap_behind[helped], self._speed[helped])
+        np.minimum.at(accel, follower, np.fmax(brakes, -KIND_BRAKING))
+        brakes = follow(self._speed[at], self._desired_speed[which[at]], chosen.gap[at], chosen.lead_speed[at])
+        accel[which[at]] = np.fmin(accel[which[at]], np.fmax(brakes, -KIND_BRAKING))
+
+    def _keep_room(self, at: IntArray, accel: FloatArray) -> None:
+        """Have those that want to pass what stands keep room enough to pull out."""
+        which = self._which[at]
+        brakes = follow(self._speed[at], self._desired_speed[which], self._gap[at] - PULL_OUT, self._lead_speed[at])
+        accel[which] = np.fmin(accel[which], np.fmax(brakes, -HARDEST))
+
+    def _look_aside(self) -> list[_Option]:
+        """Return what all of them find to the left and to the right. Both sides at once cost little more than one."""
+        changes, drivers, queue = self._changes, self._drivers, self._queue
+        neighbours = changes.neighbours
+        half = len(self._which)
+        num = NUM_SIDES * half
+        side, own_index = np.repeat(np.arange(NUM_SIDES), half), np.tile(np.arange(half), NUM_SIDES)
+        own_lane = self._lanes[0, own_index]
+        option = _Option(
+            is_there=np.zeros(num, dtype=bool),
+            run=np.zeros(num),
+            gap=np.full(num, np.inf),
+            lead_speed=np.zeros(num),
+            gap_behind=np.full(num, np.inf),
+            follower=np.full(num, -1, dtype=np.int64),
+            follower_speed=np.zeros(num),
+            advantage=np.full(num, -np.inf),
+            is_safe=np.zeros(num, dtype=bool),
+        )
+        options = [slice(0, half), slice(half, num)]
+        lane, s = neighbours.cross(side, own_lane, self._arc[own_index])
+        option.is_there = (lane >= 0) & neighbours.may[side, own_lane]
+        there = np.flatnonzero(option.is_there)
+        if not len(there):
+            return [_part_of(option, part) for part in options]
+        at = own_index[there]
+        which, lane, s = self._which[at], lane[there], s[there]
+        lanes = changes.choice.preview(which, lane)
+        option.run[there] = self._find_run(lanes, s)
+        position = queue.find(lane, s)
+        gap, lead_speed = self._find_lead(lanes, s, position)
+        gap -= self._nose[at]
+        option.gap[there], option.lead_speed[there] = gap, lead_speed
+        entry, distance = self._find_follower(lane, s, position)
+        follower = queue.source[entry]
+        nose = np.where(follower >= 0, drivers.nose[follower], queue.s[entry] - queue.tail[entry])
+        has_follower = np.isfinite(distance)
+        gap_behind = np.where(has_follower, distance - self._rear[at] - nose, np.inf)
+        speed_behind = np.where(has_follower, queue.speed[entry], 0.0)
+        option.gap_behind[there], option.follower_speed[there] = gap_behind, speed_behind
+        option.follower[there] = np.where(has_follower, follower, -1)
+        option.is_safe[there] = find_safe(self._speed[at], gap, lead_speed, gap_behind, speed_behind)
+        # MOBIL
+        speed, wanted = self._speed[at], self._desired_speed[which]
+        own = follow(speed, wanted, gap, lead_speed) - follow(speed, wanted, self._gap[at], self._lead_speed[at])
+        others = np.where(has_follower, self._cost(follower, speed_behind, gap_behind, at, gap, lead_speed), 0.0)
+        before = np.maximum(queue.position[which] - 1, 0)
+        old = queue.source[before]
+        # A slow driver makes way to the right for one that comes from behind, but not to the left.
+        has_old = (
+            (side[there] == RIGHT)
+            & (queue.position[which] > 0)
+            & (queue.lane[before] == self._lanes[0, at])
+            & (old >= 0)
+        )
+        old_speed = queue.speed[before]
+        old_gap = self._arc[at] - self._rear[at] - queue.s[before] - np.where(old >= 0, drivers.nose[old], 0.0)
+        gain = -self._cost(old, old_speed, old_gap, at, self._gap[at], self._lead_speed[at])
+        politeness = drivers.parameters.politeness[which]
+        option.advantage[there] = own + politeness * (others + np.where(has_old, gain, 0.0))
+        return [_part_of(option, part) for part in options]
+
+    def _cost(  # noqa: PLR0917 - of three vehicles
+        self,
+        follower: IntArray,
+        speed: FloatArray,
+        gap: FloatArray,
+        at: IntArray,
+        beyond: FloatArray,
+        lead_speed: FloatArray,
+    ) -> FloatArray:
+        """Return by how much followers accelerate more with the driver ahead of them than without, (m,) [m/s^2].
+
+        Args:
+            follower: (m,) int64; -1 for those that do not follow lanes.
+            speed: (m,) of the follower [m/s].
+            gap: (m,) between follower and driver [m].
+            at: (m,) int64, the drivers.
+            beyond: (m,) gap of the driver to the vehicle ahead of it [m].
+            lead_speed: (m,) of that vehicle [m/s].
+        """
+        wanted = np.where(follower >= 0, self._desired_speed[follower], np.fmax(speed, 1.0))
+        without = follow(speed, wanted, gap + self._length[at] + beyond, lead_speed)
+        return np.asarray(np.fmax(follow(speed, wanted, gap, self._speed[at]), -HARDEST) - np.fmax(without, -HARDEST))
+
+    def _find_lead(self, lanes: IntArray, s: FloatArray, position: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return the distance of the first tail beyond places, inf for none [m], and its speed [m/s]; (m,) each.
+
+        Args:
+            lanes: (6, m) int64, lanes of the places and those ahead.
+            s: (m,) the places [m].
+            position: (m,) int64, of the first entries beyond them in the queue.
+        """
+        queue, roads = self._queue, self._changes.roads
+        is_on = queue.lane[position] == lanes[0]
+        gap = np.where(is_on, queue.tail[position] - s, np.inf)
+        lead_speed = np.where(is_on, queue.speed[position], 0.0)
+        distance = roads.length[lanes[0]] - s
+        for lane in lanes[1:]:
+            at = np.flatnonzero(np.isinf(gap) & (lane >= 0))
+            if not len(at):
+                break
+            first = queue.first_on(lane[at])
+            gap[at] = distance[at] + queue.tail[first]
+            lead_speed[at] = queue.speed[first]
+            distance[at] += roads.length[lane[at]]
+        return gap, lead_speed
+
+    def _find_follower(self, lane: IntArray, s: FloatArray, position: IntArray) -> tuple[IntArray, FloatArray]:
+        """Return the last entry before places: its position in the queue, and its distance, inf for none [m].
+
+        Args:
+            lane: (m,) int64, lanes of the places.
+            s: (m,) the places [m].
+            position: (m,) int64, of the first entries beyond them in the queue.
+        """
+        queue, roads = self._queue, self._changes.roads
+        before = self._changes.neighbours.before
+        entry = np.maximum(position - 1, 0)
+        is_on = (position > 0) & (queue.lane[entry] == lane)
+        distance = np.where(is_on, s - queue.s[entry], np.inf)
+        at, from_lane, way = np.flatnonzero(~is_on), lane[~is_on], s[~is_on]
+        for _ in range(LOOK_BACK):
+            if not len(at):
+                break
+            index, link = before.of(from_lane)
+            at, from_lane, way = at[index], before.other[link], way[index] + roads.length[before.other[link]]
+            last = queue.find(from_lane, roads.length[from_lane]) - 1
+            is_found = (last >= 0) & (queue.lane[last] == from_lane)
+            found = np.flatnonzero(is_found)
+            there = way[found] - queue.s[last[found]]
+            # The nearest of several lanes that lead here; of equally near ones the first.
+            for i in found[np.lexsort((found, there))].tolist():
+                if way[i] - queue.s[last[i]] < distance[at[i]]:
+                    distance[at[i]], entry[at[i]] = way[i] - queue.s[last[i]], last[i]
+            is_open = ~is_found & np.isinf(distance[at])
+            at, from_lane, way = at[is_open], from_lane[is_open], way[is_open]
+        return entry, distance
+
+    def _find_run(self, lanes: IntArray, s: FloatArray) -> FloatArray:
+        """Return how far the lanes ahead go on from places, inf where no end is known, (m,) [m]."""
+        length = self._changes.roads.length
+        run = -s
+        for lane in lanes:
+            run = run + np.where(lane >= 0, length[lane], 0.0)
+        return np.asarray(np.where(lanes[-1] >= 0, np.inf, run))
+
+    def _find_entry(self) -> FloatArray:
+        """Return the distance from the front bumper to the next place where lanes conflict or a light is, (k,) [m]."""
+        changes = self._changes
+        roads, conflicts = changes.roads, changes.conflicts
+        light = changes.world.signals.plan.light_of_lane
+        bumper = self._arc + self._nose
+        wait_point = conflicts.wait_point[self._lanes[0]]
+        # Whose tail is still where the own lane forks or crosses others is inside.
+        is_inside = self._arc - self._rear < conflicts.shared[self._lanes[0]]
+        is_inside |= np.isfinite(wait_point) & (bumper > wait_point)
+        to_entry = np.where(is_inside, 0.0, wait_point - bumper)
+        distance = roads.length[self._lanes[0]] - bumper
+        for lane in self._lanes[1:]:
+            is_entry = (lane >= 0) & (np.isfinite(conflicts.wait_point[lane]) | (light[lane] >= 0))
+            there = distance + np.where(light[lane] >= 0, 0.0, conflicts.wait_point[lane])
+            to_entry = np.where(is_entry, np.fmin(to_entry, there), to_entry)
+            distance = distance + np.where(lane >= 0, roads.length[lane], 0.0)
+        return np.asarray(to_entry)
+
+
+def _part_of(option: _Option, part: slice) -> _Option:
+    """Return a part of the drivers' options."""
+    return _Option(*(getattr(option, name)[part] for name in _Option.__dataclass_fields__))
+
+
+def _pick(options: list[_Option], side: IntArray) -> _Option:
+    """Return for each driver its option on one side; `side` is (k,) int64."""
+    left, right = options
+    is_right = side == RIGHT
+    names = _Option.__dataclass_fields__
+    return _Option(*(np.where(is_right, getattr(right, name), getattr(left, name)) for name in names))

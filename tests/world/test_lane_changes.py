@@ -1,0 +1,218 @@
+"""Lane changes: around what stands, where a lane ends, for a route, to get on faster; and never into anything."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.world.driver_model import HARDEST
+from rosbridge_sim.world.lane_change_model import LaneChange
+from rosbridge_sim.world.lane_following import view_driver
+from rosbridge_sim.world.lane_position import keep_lane
+from rosbridge_sim.world.saved_world import from_plain, to_plain
+from rosbridge_sim.world.state import Kind, World
+from rosbridge_sim.world.step import step
+from tests.world.lane_drives import BUS, lane_of, run, world_of
+from tests.world.road_factory import CAR, car, ego, line, make
+from tests.world.wide_roads import wide_ring, wide_road
+
+
+def queue_behind_an_ego(num: int = 8) -> tuple[World, list[int]]:
+    world = world_of(wide_road())
+    ego(world, 400.0, -3.5)
+    return world, [car(world, "l1", 30.0 + 30.0 * i, speed=20.0, desired_speed=20.0) for i in range(num)]
+
+
+def crowd(seed: int = 0, each: int = 6) -> tuple[World, list[int]]:
+    """A ring of three lanes with slow and fast drivers."""
+    world, rng = world_of(wide_ring(radius=80.0), seed=seed), np.random.default_rng(seed)
+    rows = []
+    for lane, name in enumerate(world.roads.ids):
+        for i in range(each):
+            s = (i + 0.5) * float(world.roads.length[lane]) / each
+            body = BUS if rng.random() < 0.1 else CAR
+            rows.append(car(world, name, s, speed=8.0, body=body, desired_speed=rng.uniform(7.0, 20.0)))
+    return world, rows
+
+
+@pytest.mark.slow
+def test_eight_cars_pass_an_ego_that_stands_on_a_wide_road() -> None:
+    world, rows = queue_behind_an_ego()
+    speeds = run(world, 40.0)
+    assert (world.x[rows] > 420.0).all()
+    assert speeds[:, rows].min() > 8.0  # nobody had to queue
+
+
+@pytest.mark.slow
+def test_car_that_stands_behind_an_ego_pulls_out() -> None:
+    world = world_of(wide_road(2))
+    ego(world, 60.0, 0.0)
+    row = car(world, "l0", 20.0, speed=0.0, desired_speed=15.0)
+    run(world, 20.0)
+    assert world.x[row] > 90.0
+
+
+@pytest.mark.slow
+def test_two_full_lanes_become_one() -> None:
+    world = world_of(wide_road(2, (400.0, 1200.0), 20.0, ends_at=300.0))
+    rows = [car(world, f"l{k}", 5.0 + 30.0 * i, speed=12.0) for k in range(2) for i in range(6)]
+    run(world, 60.0)
+    assert (world.x[rows] > 400.0).all()
+    assert np.abs(world.y[rows]).max() < 0.01
+
+
+@pytest.mark.slow
+def test_driver_on_another_lane_comes_back_to_its_route() -> None:
+    world = world_of(wide_road(3, (500.0, 500.0)))
+    slow = car(world, "l2", 60.0, speed=6.0, desired_speed=6.0)
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=15.0))
+    roads = world.roads
+    route = [roads.row("l2"), roads.row("m2")]
+    keep_lane(world, row, route[0], 5.0, route=route)
+    lanes = []
+    for _ in range(1600):
+        step(world)
+        assert not len(world.contacts)
+        lanes.append(lane_of(world, row))
+    assert "l1" in lanes  # past the slow one
+    assert world.arc[slow] + 500.0 * (lane_of(world, slow) == "m2") < world.x[row]
+    assert lanes[-1].startswith("m")
+
+
+@pytest.mark.slow
+def test_route_that_leaves_from_the_right_lane_is_reached_in_time() -> None:
+    straight = [line(*[(x, -3.5 * k) for x in np.arange(0.0, 605.0, 10.0)]) for k in range(2)]
+    roads = make(
+        a=(straight[0], "x", 18.0),  # too slow to keep right for that alone
+        b=(straight[1], "y", 18.0),
+        x=(line((600, 0), (900, 0)), "", 20.0),
+        y=(line((600, -3.5), (700, -40), (900, -120)), "", 20.0),
+    )
+    roads.left[:2], roads.right[:2] = [-1, 0], [1, -1]
+    world = world_of(roads)
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=15.0))
+    keep_lane(world, row, 1, 30.0, route=[1, 3])
+    ego(world, 150.0, -3.5)  # it must leave its lane, and come back
+    reasons = set()
+    for _ in range(2500):
+        step(world)
+        reasons.add(LaneChange(int(world.change[row])))
+    assert {LaneChange.AROUND, LaneChange.ROUTE} <= reasons
+    assert (lane_of(world, row), world.turns[row]) == ("y", 1)
+
+
+def test_driver_signals_before_and_while_it_changes_and_says_why() -> None:
+    world = world_of(wide_road(2))
+    ego(world, 100.0, 0.0)
+    row = car(world, "l0", 20.0, speed=10.0, desired_speed=10.0)
+    signals, leavings = [], []
+    for _ in range(400):
+        step(world)
+        signals.append(int(world.signal[row]))
+        leavings.append(int(world.leaving[row]))
+        if world.leaving[row] and len(set(leavings)) == 2 and leavings.count(1) == 10:
+            view = view_driver(world, row)
+            assert view is not None
+            assert (view.change.value, view.signal, view.is_changing) == (world.change[row], 2, True)
+            assert view.change in {LaneChange.AROUND, LaneChange.FASTER}
+    on, moves = signals.index(2), leavings.index(1)
+    assert 75 <= moves - on <= 90
+    assert signals[on : moves + 150] == [2] * (moves + 150 - on)
+    assert (signals[-1], leavings[-1], lane_of(world, row)) == (0, 0, "l1")
+    view = view_driver(world, row)
+    assert view is not None
+    assert (view.change, view.signal, view.is_changing) == (LaneChange.NONE, 0, False)
+
+
+def test_driver_that_keeps_its_lane_waits_behind_an_ego() -> None:
+    world = world_of(wide_road())
+    ego(world, 60.0, -3.5)
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=8.0))
+    keep_lane(world, row, world.roads.row("l1"), 30.0, changes_lanes=False, lateral=0.4)
+    run(world, 12.0)
+    assert (lane_of(world, row), world.speed[row]) == ("l1", 0.0)
+    assert world.y[row] == pytest.approx(-3.1)
+
+
+def test_lane_that_one_may_not_leave_is_kept() -> None:
+    roads = wide_road(2)
+    roads.right[:] = -1
+    world = world_of(roads)
+    ego(world, 60.0, 0.0)
+    row = car(world, "l0", 30.0, speed=8.0)
+    run(world, 12.0)
+    assert (lane_of(world, row), world.speed[row]) == ("l0", 0.0)
+
+
+def test_driver_keeps_right_on_a_fast_empty_road() -> None:
+    world = world_of(wide_road(2))
+    row = car(world, "l0", 20.0, speed=20.0)
+    run(world, 8.0)
+    assert lane_of(world, row) == "l1"
+    slow_road = world_of(wide_road(2, limit=15.0))
+    row = car(slow_road, "l0", 20.0, speed=15.0)
+    run(slow_road, 8.0)
+    assert lane_of(slow_road, row) == "l0"
+
+
+@pytest.mark.slow
+def test_snapshot_in_the_middle_of_changes_goes_on_with_the_same_bits() -> None:
+    first, _ = crowd()
+    while np.count_nonzero(first.leaving) < 2 or first.frame % 5 != 3:
+        step(first)
+    second = world_of(first.roads)
+    second.restore(from_plain(to_plain(first.snapshot()), first.roads, first.signals.plan))
+    assert first.digest() == second.digest()
+    for frame in range(400):
+        step(first)
+        step(second)
+        if frame % 50 == 7:
+            second.touch()
+    assert first.digest() == second.digest()
+
+
+def test_snapshot_with_an_impossible_change_is_refused() -> None:
+    world, rows = crowd(each=1)
+    for name, value in (("leaving", 3.0), ("signal", 0.5), ("change", -1.0), ("lateral_left", 1.5)):
+        saved = to_plain(world.snapshot())
+        copy = World()
+        copy.restore(world.snapshot())
+        getattr(copy, name)[rows[0]] = value
+        saved["floats"] = copy.snapshot().floats
+        with pytest.raises(ValueError, match=name):
+            from_plain(saved, world.roads, world.signals.plan)
+
+
+@pytest.mark.slow
+def test_worlds_apart_in_one_are_as_each_alone() -> None:
+    """Drivers that others are far from decide alike, how many ever are worked out at once, in rows with gaps or not."""
+    alone = world_of(wide_road())
+    holed = world_of(wide_road())
+    for i in range(6):
+        for world in (alone, holed):
+            if world is holed:
+                world.spawn(Kind.OBSTACLE, CAR, name="far", x=1e5 + 30.0 * i, y=1e5, uid=100 + i)
+            row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=15.0, uid=i + 1))
+            keep_lane(world, row, 1 + i % 2, 20.0 + 30.0 * i, desired_speed=20.0 - 2.0 * i)
+    run(alone, 30.0)
+    run(holed, 30.0)
+    assert np.unique(alone.lane).tolist() != [1, 2]
+    for uid in range(1, 7):
+        one, other = alone.row(uid), holed.row(uid)
+        for column in ("x", "y", "yaw", "speed", "accel", "lane", "arc", "lateral", "change_since"):
+            assert getattr(alone, column)[one] == getattr(holed, column)[other], column
+
+
+@pytest.mark.slow
+def test_nobody_touches_anybody_in_a_dense_ring() -> None:
+    world, rows = crowd(seed=3, each=7)
+    num, hardest, before = 0, 0.0, world.leaving.copy()
+    for _ in range(600 * 50 // 10):
+        step(world)
+        assert not len(world.contacts)
+        hardest = min(hardest, float(world.accel[rows].min()))
+        num += int(np.count_nonzero((before == 0.0) & (world.leaving > 0.0)))
+        before = world.leaving.copy()
+    assert num > 5
+    assert -HARDEST < hardest < 0.0
+    assert hardest > -6.0

@@ -1,0 +1,176 @@
+"""Pedestrians that heed others: on the pavement, at the kerb, on the road, and among each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.world.crossings import find_crossings
+from rosbridge_sim.world.neighbours import find_neighbours
+from rosbridge_sim.world.people import COMMITTED
+from rosbridge_sim.world.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
+from rosbridge_sim.world.state import Body, Kind, World
+from rosbridge_sim.world.step import step
+from tests.world.lane_drives import world_of
+from tests.world.road_factory import CAR, car, ego, road
+
+MAN = Body.box(0.45, 0.55, 1.7)
+OVER = np.array([[50.0, -12.0], [50.0, 12.0]])
+"""A path over the road of the tests, which leads east along y = 0 and is 3.5 m wide."""
+
+
+def walker(world: World, path: np.ndarray = OVER, speed: float = 1.3, *, is_loop: bool = False) -> int:
+    x, y = path[0]
+    return world.row(
+        world.spawn(Kind.PEDESTRIAN, MAN, name="man", x=x, y=y, path=path, speed=speed, is_loop=is_loop, yields=True)
+    )
+
+
+def lit(colour: Lamp) -> World:
+    """Return a road with a light for pedestrians that always shows a colour."""
+    roads = road()
+    light = Light("walk", is_pedestrian=True, x=50.0, y=-3.0)
+    return world_of(
+        roads, SignalPlan(roads, [light], [Controller("c", 1, ((0,),), (Phase(10, (int(colour),)),), (0,))])
+    )
+
+
+def test_pedestrian_crosses_a_free_road_and_stops_at_the_end_of_its_path() -> None:
+    world = world_of(road())
+    row = walker(world)
+    states = set()
+    for _ in range(1300):
+        step(world)
+        states.add(int(world.yields[row]))
+    assert states == {1, COMMITTED}
+    assert (world.x[row], world.y[row]) == (pytest.approx(50.0, abs=1.0), pytest.approx(12.0, abs=1.3))
+    assert world.speed[row] == 0.0
+
+
+@pytest.mark.parametrize(("colour", "crosses"), [(Lamp.RED, False), (Lamp.GREEN, True)])
+def test_pedestrian_waits_at_the_kerb_for_green(colour: Lamp, crosses: bool) -> None:  # noqa: FBT001 - a case
+    world = lit(colour)
+    row = walker(world)
+    for _ in range(1000):
+        step(world)
+    assert (world.y[row] > 3.0) == crosses
+    if not crosses:
+        assert -3.0 < world.y[row] < -1.75
+        assert world.speed[row] == 0.0
+
+
+def test_pedestrian_waits_for_an_ego_that_comes_but_not_for_one_that_stands() -> None:
+    for speed, is_waiting in ((10.0, True), (0.0, False)):
+        world = world_of(road())
+        ego(world, 5.0, 0.0, speed=speed)
+        row = walker(world, OVER + np.array([[0.0, 8.0], [0.0, 0.0]]))
+        for _ in range(150):
+            step(world)
+        assert (world.y[row] < -1.75) == is_waiting
+
+
+def test_driver_stops_for_a_pedestrian_that_crosses_and_drives_on() -> None:
+    world = world_of(road())
+    row = car(world, "a", 10.0, speed=8.0)
+    person = walker(world, OVER + np.array([[0.0, 8.0], [0.0, 0.0]]))
+    least, is_hit = 99.0, False
+    for _ in range(700):
+        step(world)
+        is_hit = is_hit or len(world.contacts) > 0
+        if abs(world.y[person]) < 2.0:
+            least = min(least, abs(world.x[row] - 50.0))
+    assert not is_hit
+    assert least > 3.0
+    assert world.x[row] > 60.0
+    assert world.y[person] > 3.0
+
+
+def test_driver_does_not_brake_for_one_that_waits_at_the_kerb() -> None:
+    world = lit(Lamp.RED)
+    walker(world, OVER + np.array([[0.0, 9.0], [0.0, 0.0]]))
+    row = car(world, "a", 5.0, speed=10.0)
+    slowest = 10.0
+    for _ in range(350):
+        step(world)
+        slowest = min(slowest, float(world.speed[row]))
+    assert slowest > 9.9
+    assert world.x[row] > 55.0
+
+
+def crowd() -> World:
+    """Return two groups of people that walk through each other in a passage, one after the other."""
+    world = World(3)
+    for i in range(10):
+        way = np.array([[-12.0 - i % 5, 0.1 * (i % 3)], [30.0, 0.1 * (i % 3)]]) * (1 if i < 5 else -1)
+        walker(world, way, 1.0 + 0.05 * i)
+    return world
+
+
+def test_people_who_meet_pass_without_touching() -> None:
+    world = crowd()
+    least = 9.0
+    for frame in range(1200):
+        step(world)
+        if frame % 5 == 0:
+            away = np.hypot(world.x[:, None] - world.x, world.y[:, None] - world.y) + 9.0 * np.eye(10)
+            least = min(least, float(away.min()))
+    assert least > 0.3
+    assert world.x[:5].min() > 0.0 > world.x[5:].max()  # all are through
+
+
+def test_the_same_bits_come_from_a_snapshot_and_beside_people_far_away() -> None:
+    first, second, third = crowd(), crowd(), crowd()
+    for i in range(40):
+        walker(third, np.array([[1e4 + 0.7 * i, 0.0], [1e4, 50.0]]))
+    for frame in range(300):
+        if frame == 122:
+            second.restore(first.snapshot())
+        for world in (first, second, third):
+            step(world)
+    assert first.digest() == second.digest()
+    alone, beside = first.block("x", "leg_turn"), third.block("x", "leg_turn")[:, :10]
+    at = [i for i in range(len(alone)) if not np.array_equal(alone[i], beside[i])]
+    assert not at
+
+
+def test_crossings_are_where_the_path_is_on_a_lane_and_know_their_light() -> None:
+    world = lit(Lamp.GREEN)
+    row = walker(world, np.array([[50.0, -12.0], [50.0, 12.0], [60.0, 12.0], [60.0, -12.0]]), is_loop=True)
+    found = find_crossings(world.paths.of(int(world.uid[row])), world.roads, world.signals.plan)
+    assert found.start.tolist() == pytest.approx([9.95, 43.95], abs=0.3)
+    assert found.end.tolist() == pytest.approx([14.05, 48.05], abs=0.3)
+    assert found.light.tolist() == [0, -1]
+
+
+def test_neighbours_are_all_pairs_within_reach() -> None:
+    rng = np.random.default_rng(0)
+    x, y, a, b = rng.uniform(-9.0, 9.0, (4, 60))
+    one, other = find_neighbours(x, y, a, b, 2.0)
+    near = np.argwhere(np.square(x[:, None] - a) + np.square(y[:, None] - b) < 4.0)
+    assert np.array_equal(np.column_stack([one, other]), near)
+
+
+@pytest.mark.parametrize(("yields", "stops"), [(True, True), (False, False)])
+def test_vehicle_on_a_path_that_yields_stops_for_what_stands_ahead(yields: bool, stops: bool) -> None:  # noqa: FBT001
+    world = World()
+    path = np.array([[0.0, 0.0], [60.0, 0.0], [60.0, 60.0]])
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="a", x=0.0, y=0.0, path=path, speed=8.0, yields=yields))
+    ego(world, 60.0, 30.0)
+    for _ in range(800):
+        step(world)
+    assert (world.y[row] < 27.0) == stops
+    assert (len(world.contacts) > 0 or world.y[row] > 55.0) != stops
+
+
+def test_vehicle_on_a_path_drives_on_when_the_way_is_free_again() -> None:
+    world = World()
+    path = np.array([[0.0, 0.0], [90.0, 0.0]])
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="a", x=0.0, y=0.0, path=path, speed=8.0, yields=True))
+    thing = world.spawn(Kind.OBSTACLE, MAN, name="box", x=40.0, y=0.0)
+    for _ in range(600):
+        step(world)
+    assert world.speed[row] < 0.1
+    world.remove(thing)
+    for _ in range(900):
+        step(world)
+    assert world.x[row] == pytest.approx(90.0, abs=0.5)
