@@ -90,6 +90,7 @@ class Perception:
         stop_distance: from the front bumper to where the driver must stop, inf without such a place [m].
         safe_speed: the most that the limit, the bends and what comes after them allow here [m/s].
         is_shut_out: bool, the driver asks for a lane behind which there is no room for it.
+        is_blocked: bool, it asks for a lane on which something stands, or on whose rival another driver stands.
         queue: all entities on the lanes, for lane changes; None where nobody changes lanes.
     """
 
@@ -100,6 +101,7 @@ class Perception:
     stop_distance: FloatArray
     safe_speed: FloatArray
     is_shut_out: BoolArray
+    is_blocked: BoolArray
     queue: EntryQueue | None = None
 
 
