@@ -170,8 +170,15 @@ class _Look:
         self._drivers = drivers
         self._others = others
         lane, num = drivers.lanes[0], len(drivers.arc)
-        place = (lane, drivers.arc, drivers.arc - drivers.rear, drivers.speed, drivers.accel)
-        own = Entries(*place, source=np.arange(num), stands=np.zeros(num, dtype=bool))
+        own = Entries(
+            lane,
+            drivers.arc,
+            drivers.arc - drivers.rear,
+            drivers.speed,
+            drivers.accel,
+            np.arange(num),
+            np.zeros(num, bool),
+        )
         leaving = () if drivers.leaving is None else (drivers.leaving,)
         self.queue = EntryQueue(self._roads, Entries.join(own, *leaving, sibling_entries(conflicts, own), others))
         after = self.queue.position[:num] + 1

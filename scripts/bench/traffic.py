@@ -23,6 +23,7 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -251,7 +252,7 @@ def compare_steps(folder: Path) -> Table:
         took, its, ratios = [], [], []
         with sumo_runs.stepping(case.net, case.network, demand, settle=20.0, step=DT, flags=flags) as (advance, count):
             for _ in range(ROUNDS):
-                mine = num / _time(lambda: step(world), frames)
+                mine = num / _time(partial(step, world), frames)
                 other = count() / _time(advance, frames)
                 took.append(num / mine)
                 its.append(other)
