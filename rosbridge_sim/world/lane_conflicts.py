@@ -46,9 +46,9 @@ MAX_BEND: Final = 12.0
 """Curvature is measured over at most this length to either side [m]: a longer one would hide corners. Where points are
 farther apart than `BEND`, it is as long as they are, since the whole turn of a segment is at its end."""
 
-CLEAR: Final = 2.4
-"""Lines nearer than this cannot be used side by side [m]: two cars of 1.9 m and half a metre between them. Lanes of the
-usual width of 3 to 3.5 m beside one another are farther apart."""
+CLEAR: Final = 2.8
+"""Lines nearer than this cannot be used side by side [m]: two buses of 2.5 m and 0.3 m between them. Lanes of the usual
+width of 3 to 3.5 m beside one another are farther apart."""
 
 SWING: Final = 8.0
 """In a bend of radius R the corners of a bus (overhang 2.6 m, wheelbase 5.4 m) leave its lane by this number over R, to
