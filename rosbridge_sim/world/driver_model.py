@@ -56,6 +56,9 @@ GAP: Final = 2.0
 STOP_GAP: Final = 1.0
 """Distance before a stop line at which drivers come to a stand [m]."""
 
+STANDS_WITHIN: Final = 0.3
+"""A driver that is nearer to its place to stand does not set off to it [m]: half a second of creeping."""
+
 BRAKE_FROM: Final = 1.25
 BRAKE_FULLY: Final = 1.75
 """Thresholds of the braking for a stop [m/s^2]. A driver ignores a stop that needs less than the first one. It applies
@@ -90,6 +93,7 @@ class Perception:
         stop_distance: from the front bumper to where the driver must stop, inf without such a place [m].
         safe_speed: the most that the limit, the bends and what comes after them allow here [m/s].
         is_shut_out: bool, the driver asks for a lane behind which there is no room for it.
+        is_blocked: bool, it asks for a lane on which something stands, or on whose rival another driver stands.
         queue: all entities on the lanes, for lane changes; None where nobody changes lanes.
     """
 
@@ -100,6 +104,7 @@ class Perception:
     stop_distance: FloatArray
     safe_speed: FloatArray
     is_shut_out: BoolArray
+    is_blocked: BoolArray
     queue: EntryQueue | None = None
 
 
@@ -119,8 +124,12 @@ def accelerate(speed: FloatArray, perception: Perception, drivers: DriverParamet
     too_fast = np.fmax((wanted_speed - speed) / SETTLING_TIME, -FIRM)
     free = np.where(speed < wanted_speed, free, too_fast)
     left = perception.stop_distance - STOP_GAP
-    needed = np.where(left > 0.0, speed * speed / (2.0 * np.fmax(left, 1e-3)), HARDEST)
+    square = speed * speed
+    needed = np.where(left > 0.0, square / (2.0 * np.fmax(left, 1e-3)), np.inf)
+    to_line = np.fmax(0.9 * perception.stop_distance, 1e-3)
+    needed = np.fmin(needed, np.fmax(square / (2.0 * to_line), FIRM))  # beyond firm braking, use the way up to the line
     share = np.fmin(np.fmax((needed - BRAKE_FROM) / (BRAKE_FULLY - BRAKE_FROM), 0.0), 1.0)
+    share = np.where(left < STANDS_WITHIN, 1.0, share)
     chosen = np.fmin(free, free - share * (free + needed))
     at = np.flatnonzero(perception.gap < np.inf)
     chosen[at] = np.fmin(chosen[at], _follow(at, speed, perception, drivers))

@@ -25,6 +25,7 @@ from rosbridge_sim.world.driver_model import (
     gap_wanted,
 )
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.intruders import stop_for_intruders
 from rosbridge_sim.world.lane_conflicts import MAX_LATERAL, MIN_SAFE_SPEED, LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, EntryQueue, sibling_entries
 from rosbridge_sim.world.right_of_way import Requests, give_claims, update_holds
@@ -53,7 +54,7 @@ def perceive(
     update_holds(conflicts, drivers)
     look = _Look(conflicts, may_enter, drivers, others)
     look.look_ahead()
-    give_claims(conflicts, drivers, look.perception, look.requests, look.queue, others=others, num_moving=num_moving)
+    look.claim(num_moving)
     return look.perception
 
 
@@ -107,7 +108,7 @@ def observe(
     look = _Look(conflicts, may_enter, drivers, others)
     look.look_ahead()
     perception, requests = look.perception, look.requests
-    give_claims(conflicts, drivers, perception, requests, look.queue, others=others, num_moving=num_moving)
+    gives_way = look.claim(num_moving)
     speed, gap = float(drivers.speed[which]), float(perception.gap[which])
     wanted_gap = float(gap_wanted(drivers.speed, drivers.speed - perception.lead_speed, drivers.parameters)[which])
     accel = float(drivers.parameters.accel[which])
@@ -118,6 +119,9 @@ def observe(
     stop, rival = Stop.NONE, -1
     if math.isinf(distance) or not is_stopping:
         distance, lane = math.inf, -1
+    elif gives_way[which] >= 0:
+        stop, lane = Stop.RIGHT_OF_WAY, int(max(drivers.claim[which], drivers.held[which]))
+        rival = len(drivers.arc) + int(gives_way[which])
     elif waits:
         stop = Stop.NO_ROOM if perception.is_shut_out[which] else Stop.RIGHT_OF_WAY
         rival = _find_rival(conflicts, drivers, others.lane[:num_moving], lane, which)
@@ -164,9 +168,17 @@ class _Look:
     def __init__(self, conflicts: LaneConflicts, may_enter: BoolArray, drivers: Drivers, others: Entries) -> None:
         self._conflicts, self._roads, self._may_enter = conflicts, conflicts.roads, may_enter
         self._drivers = drivers
-        self._num_others = len(others.lane)
+        self._others = others
         lane, num = drivers.lanes[0], len(drivers.arc)
-        own = Entries(lane, drivers.arc, drivers.arc - drivers.rear, drivers.speed, drivers.accel, np.arange(num))
+        own = Entries(
+            lane,
+            drivers.arc,
+            drivers.arc - drivers.rear,
+            drivers.speed,
+            drivers.accel,
+            np.arange(num),
+            np.zeros(num, bool),
+        )
         leaving = () if drivers.leaving is None else (drivers.leaving,)
         self.queue = EntryQueue(self._roads, Entries.join(own, *leaving, sibling_entries(conflicts, own), others))
         after = self.queue.position[:num] + 1
@@ -182,6 +194,7 @@ class _Look:
             stop_distance=np.full(num, np.inf),
             safe_speed=self._safe_speed(),
             is_shut_out=np.zeros(num, dtype=bool),
+            is_blocked=np.zeros(num, dtype=bool),
             queue=self.queue,
         )
         self.requests = Requests.none(num)
@@ -218,6 +231,17 @@ class _Look:
             self._find_lead(i, lane, distance)
             distance[i] += roads.length[lane]
 
+    def claim(self, num_moving: int) -> IntArray:
+        """Give lanes to the drivers that ask, and have drivers stop for intruders.
+
+        Returns:
+            (k,) int64; see `stop_for_intruders`.
+        """
+        others = self._others
+        arguments = (self._conflicts, self._drivers, self.perception)
+        give_claims(*arguments, self.requests, self.queue, others=others, num_moving=num_moving)
+        return stop_for_intruders(*arguments, others.first(num_moving))
+
     def find_lead(self, which: int) -> int:
         """Return the entity ahead of a driver, an index as in `Sight`; -1 for none."""
         queue, drivers = self.queue, self._drivers
@@ -231,7 +255,7 @@ class _Look:
             ahead = drivers.lanes[1:, which]
             position = next(at for at in queue.first_on(ahead[ahead >= 0]).tolist() if at < queue.num)
         entry = int(np.flatnonzero(queue.position == position)[0])
-        return num + entry - (queue.num - self._num_others)
+        return num + entry - (queue.num - len(self._others.lane))
 
     def find_stop(self, which: int, distance: float) -> tuple[Stop, int]:
         """Return why a driver must stop at a distance, and the lane; a light or the end of the road is there."""
@@ -252,17 +276,17 @@ class _Look:
         Speeds follow with a delay, so drivers act early for one that falls: as if they were farther by their speed
         times the delay.
         """
-        drivers, s = self._drivers, self._roads.s
-        point, speed = drivers.point, drivers.speed
-        start = s[point]
-        step, along, ahead = s[point + 1] - start, drivers.arc - start, speed * self._foresight
-        factors = (self._limit_factor, self._bend_factor)
-        safe = []
-        for factor, here in zip(factors, (self._conflicts.limit_speed, self._conflicts.bend_speed), strict=True):
-            value = here[point]
-            slope = (here[point + 1] - value) / step
-            safe.append(factor * (value + slope * along + np.fmin(slope, 0.0) * ahead))
-        return np.fmax(np.fmin(*safe), MIN_SAFE_SPEED)
+        drivers = self._drivers
+        start, *speeds = self._conflicts.speeds_ahead[drivers.point].T
+        along, ahead = drivers.arc - start, drivers.speed * self._foresight
+        safe = [
+            factor * (value + slope * along + np.fmin(slope, 0.0) * ahead)
+            for factor, value, slope in (
+                (self._limit_factor, speeds[0], speeds[1]),
+                (self._bend_factor, speeds[2], speeds[3]),
+            )
+        ]
+        return np.asarray(np.fmax(np.fmin(safe[0], safe[1]), MIN_SAFE_SPEED))
 
     def _slow_down(self, i: IntArray, lane: IntArray, distance: FloatArray) -> None:
         """Lower the safe speeds for what comes on a lane ahead.
@@ -298,8 +322,10 @@ class _Look:
             to_line: (m,) from the front bumper to the start of that lane [m].
         """
         drivers, perception = self._drivers, self.perception
-        needed = firm_stop(drivers.speed[i], drivers.accel[i], drivers.parameters.reaction[i])
-        stops = ~self._may_enter[lane] & (to_line > 0.0) & (needed < to_line)
+        closed = np.flatnonzero(~self._may_enter[lane] & (to_line > 0.0))
+        at = i[closed]
+        needed = firm_stop(drivers.speed[at], drivers.accel[at], drivers.parameters.reaction[at])
+        stops = closed[needed < to_line[closed]]
         at = i[stops]
         perception.stop_distance[at] = np.fmin(perception.stop_distance[at], to_line[stops])
         drivers.claim[at[drivers.claim[at] == lane[stops]]] = -1

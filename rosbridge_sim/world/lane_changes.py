@@ -164,7 +164,8 @@ class LaneChanges:
         which, lane, s = which[is_there], lane[is_there], s[is_there]
         if not len(which):
             return None
-        return Entries(lane, s, s - drivers.rear[which], drivers.speed[which], drivers.accel[which], which)
+        speed, accel = drivers.speed[which], drivers.accel[which]
+        return Entries(lane, s, s - drivers.rear[which], speed, accel, which, np.zeros(len(which), bool))
 
     def decide(
         self,

@@ -46,9 +46,9 @@ MAX_BEND: Final = 12.0
 """Curvature is measured over at most this length to either side [m]: a longer one would hide corners. Where points are
 farther apart than `BEND`, it is as long as they are, since the whole turn of a segment is at its end."""
 
-CLEAR: Final = 2.4
-"""Lines nearer than this cannot be used side by side [m]: two cars of 1.9 m and half a metre between them. Lanes of the
-usual width of 3 to 3.5 m beside one another are farther apart."""
+CLEAR: Final = 2.8
+"""Lines nearer than this cannot be used side by side [m]: two buses of 2.5 m and 0.3 m between them. Lanes of the usual
+width of 3 to 3.5 m beside one another are farther apart."""
 
 SWING: Final = 8.0
 """In a bend of radius R the corners of a bus (overhang 2.6 m, wheelbase 5.4 m) leave its lane by this number over R, to
@@ -109,6 +109,8 @@ class LaneConflicts:
         limit_speed: (n,) for each point of the roads the speed that the limit allows, low enough to brake with
             `COMFORT` for what comes on the same lane [m/s].
         bend_speed: (n,) the same for bends, with a lateral acceleration of `MAX_LATERAL` [m/s].
+        speeds_ahead: (n, 5) arc length of each point [m], limit_speed and bend_speed, each with its change from here to
+            the next point for each metre. The last point of a lane has no change.
         safe_speed: (n,) the lower of the two, for the typical driver [m/s].
         legs: (n, 8) for each point the straight leg to the next one: arc length at its start and end [m], start point
             east, north, up [m], and direction in space, for each metre in the plane. The last point of a lane has the
@@ -119,6 +121,8 @@ class LaneConflicts:
         wait_point: (l,) arc length at which the front bumper waits for the rivals; inf for lanes without rivals [m].
         clear_point: (l,) arc length from which a tail obstructs no rival any more; 0 without rivals [m].
         rivals: for each lane its rivals, with the arc length on the rival beyond which a tail is clear [m].
+        rival_from: (k,) for each of these pairs the arc length on the lane from which it is near the rival [m].
+        rival_back: (k,) int64, for each of these pairs the index of the same pair seen from the rival.
         siblings: for each lane its siblings, with the arc length up to which they overlap the lane [m].
         shared: (l,) the greatest of the latter, 0 without siblings [m].
         gives_way: (l,) bool, a stop line lies before the lane. Rivals without one have the right of way.
@@ -128,14 +132,32 @@ class LaneConflicts:
     """
 
     __slots__ = (
-        *("bend_speed", "clear_point", "gives_way", "legs", "limit_speed", "onward", "rivals", "roads", "safe_speed"),
-        *("shared", "siblings", "wait_point"),
+        *(
+            "bend_speed",
+            "clear_point",
+            "gives_way",
+            "legs",
+            "limit_speed",
+            "onward",
+            "rival_back",
+            "rival_from",
+            "rivals",
+        ),
+        *("roads", "safe_speed", "shared", "siblings", "speeds_ahead", "wait_point"),
     )
 
     def __init__(self, roads: Roads) -> None:
         self.roads = roads
         curvature = _curvature(roads)
         self.limit_speed, self.bend_speed = _safe_speeds(roads, curvature)
+        self.speeds_ahead = np.stack(
+            [
+                roads.s,
+                *(self.limit_speed, _slope(roads, self.limit_speed)),
+                *(self.bend_speed, _slope(roads, self.bend_speed)),
+            ],
+            axis=1,
+        )
         self.safe_speed = np.fmin(self.limit_speed, self.bend_speed)
         self.legs = _legs(roads)
         self.onward = _onward(roads)
@@ -148,6 +170,9 @@ class LaneConflicts:
         rival = ~is_sibling & ~_are_in_turn(roads, pairs.lane, pairs.other)
         lane, other = pairs.lane[rival], pairs.other[rival]
         self.rivals = _links(num, lane, other, pairs.other_to_s[rival] + TAIL_MARGIN)
+        self.rival_from = pairs.from_s[rival][np.lexsort((other, lane))]
+        # Both orders of a pair are here, so the pairs sorted by rival and lane are the same pairs from the other side.
+        self.rival_back = np.lexsort((np.repeat(np.arange(num), np.diff(self.rivals.first)), self.rivals.other))
         wait_point = np.full(num, np.inf)
         np.minimum.at(wait_point, lane, pairs.from_s[rival])
         self.wait_point = np.where(wait_point < AT_START, 0.0, wait_point - TAIL_MARGIN)
@@ -190,6 +215,14 @@ def _safe_speeds(roads: Roads, curvature: FloatArray) -> tuple[FloatArray, Float
     limit = np.where(roads.speed_limit > 0.0, roads.speed_limit, DEFAULT_SPEED_LIMIT)[lane]
     bend = np.fmin(np.fmax(np.sqrt(MAX_LATERAL / np.maximum(curvature, 1e-9)), MIN_SAFE_SPEED), MAX_BEND_SPEED)
     return _braking_before(roads, lane, limit), _braking_before(roads, lane, bend)
+
+
+def _slope(roads: Roads, value: FloatArray) -> FloatArray:
+    """Return the change from each point to the next one of its lane for each metre, (n,)."""
+    slope = np.zeros(len(value))
+    at = np.flatnonzero(np.diff(roads.s) > 0.0)
+    slope[at] = np.diff(value)[at] / np.diff(roads.s)[at]
+    return slope
 
 
 def _braking_before(roads: Roads, lane: IntArray, speed: FloatArray) -> FloatArray:
@@ -336,6 +369,7 @@ def _are_in_turn(roads: Roads, lane: IntArray, other: IntArray) -> np.ndarray[tu
     num = len(roads)
     known = np.concatenate([begin * num + roads.successor, roads.successor * num + begin])
     is_beside = (roads.left[lane] == other) | (roads.right[lane] == other)
+    is_beside |= (roads.left[other] == lane) | (roads.right[other] == lane)  # in maps that name it on one side only
     return np.asarray(np.isin(lane * num + other, known) | is_beside)
 
 

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.driver_parameters import DriverParameters
-from rosbridge_sim.world.geometry import FloatArray, IntArray
+from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads import Roads
 
@@ -28,6 +28,10 @@ _TICKS: Final = float(1 << 16)
 _INDEX_BITS: Final = 20
 _INDEX_MASK: Final = (1 << _INDEX_BITS) - 1
 """A sorting key has a place in 2^-16 m in its upper bits and an index in the lower 20: a million entries."""
+
+
+_COLUMNS: Final = ("lane", "s", "tail", "speed", "accel", "source", "stands")
+"""Columns of `Entries`."""
 
 
 @dataclass(slots=True, eq=False)
@@ -77,6 +81,7 @@ class Entries:
         speed: along the lane [m/s].
         accel: along the lane, over the last step [m/s^2].
         source: int64, index of the driver; -1 for an entity that does not follow lanes.
+        stands: bool, it does not follow lanes and will not be gone soon: a vehicle at rest, or an obstacle.
     """
 
     lane: IntArray
@@ -85,12 +90,16 @@ class Entries:
     speed: FloatArray
     accel: FloatArray
     source: IntArray
+    stands: BoolArray
+
+    def first(self, num: int) -> Entries:
+        """Return the first `num` entries."""
+        return Entries(*(getattr(self, column)[:num] for column in _COLUMNS))
 
     @staticmethod
     def join(*parts: Entries) -> Entries:
         """Return several sets of entries as one, in the given order."""
-        columns = ("lane", "s", "tail", "speed", "accel", "source")
-        return Entries(*(np.concatenate([getattr(part, column) for part in parts]) for column in columns))
+        return Entries(*(np.concatenate([getattr(part, column) for part in parts]) for column in _COLUMNS))
 
 
 def find_entries(
@@ -105,6 +114,7 @@ def find_entries(
     half_length: FloatArray,
     half_width: FloatArray,
     foresight: FloatArray,
+    stands: BoolArray,
 ) -> tuple[Entries, IntArray]:
     """Return the entries of boxes that do not follow lanes. All arguments but `roads` are (n,), in the map frame.
 
@@ -119,6 +129,7 @@ def find_entries(
         half_length: half of the length of the box [m].
         half_width: half of the width of the box [m].
         foresight: a box that will obstruct a lane within this time, at its present velocity, has an entry now [s].
+        stands: see `Entries`.
 
     Returns:
         The entries, (m,), and (m,) int64, the index of the box that each belongs to, rising.
@@ -137,7 +148,7 @@ def find_entries(
     along = np.maximum(speed[owner[at]] * cos[at], 0.0)
     accel_along = accel[owner[at]] * cos[at]
     source = np.full(len(at), -1, dtype=np.int64)
-    return Entries(lane, s, s - half_along[at], along, accel_along, source), owner[at]
+    return Entries(lane, s, s - half_along[at], along, accel_along, source, stands[owner[at]]), owner[at]
 
 
 def sibling_entries(conflicts: LaneConflicts, own: Entries) -> Entries:
@@ -152,7 +163,9 @@ def sibling_entries(conflicts: LaneConflicts, own: Entries) -> Entries:
     index, link = siblings.of(own.lane[at])
     is_shared = own.tail[at[index]] < siblings.figure[link]
     source, other = at[index[is_shared]], siblings.other[link[is_shared]]
-    return Entries(other, own.s[source], own.tail[source], own.speed[source], own.accel[source], source)
+    return Entries(
+        other, own.s[source], own.tail[source], own.speed[source], own.accel[source], source, own.stands[source]
+    )
 
 
 class EntryQueue:

@@ -60,7 +60,8 @@ MAX_PARTS: Final = 4
 """For pedestrians that cross by light or gap, drivers wait as long as they need, up to so many times as long."""
 
 MAX_WAIT_DECISIONS: Final = 20
-"""Decisions after which a driver before a full street chooses other lanes: 2 s, enough for a queue to move off."""
+"""Decisions after which a driver before a full street or a blocked crossing chooses other lanes: 2 s, enough for a
+queue to move off."""
 
 MAX_LANES_ENTERED: Final = 8
 """Lanes entered within one step, at most: lanes of a centimetre in a map must not slow the step down."""
@@ -216,7 +217,7 @@ class _LaneFollowers:
         world.accel[at] = accel
         self._steer(lanes, speed, accel)
         is_turn = (world.frame // DECISION + self.uid) % MAX_WAIT_DECISIONS == 0
-        gives_up = perception.is_shut_out & (speed < CREEP) & is_turn
+        gives_up = (perception.is_shut_out | perception.is_blocked) & (speed < CREEP) & is_turn
         if gives_up.any():
             self.choice.change(np.flatnonzero(gives_up))
         if not isinstance(at, slice):
@@ -374,5 +375,6 @@ def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray]:
         half_length=world.half_length[rows],
         half_width=world.half_width[rows],
         foresight=foresight,
+        stands=(world.kind[rows] != Kind.PEDESTRIAN) & (np.abs(world.speed[rows]) < MOVES),
     )
     return entries, index[owner]

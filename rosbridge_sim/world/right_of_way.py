@@ -3,8 +3,8 @@
 A driver *claims* a lane before it enters. It asks when the wait point of the lane comes within its braking distance.
 It gets the lane if no rival lane is claimed or occupied, and no driver before it asks for a rival. Drivers without a
 stop line come before those that wait at one, and then the nearer one comes first. So two drivers never meet on rival
-lanes, with traffic lights or without. A driver that would have to stop inside, because there is no room
-behind the lane, does not get it.
+lanes, with traffic lights or without. A driver that would have to stop inside, because there is no room behind the
+lane, does not get it. The same holds if something stands on the lane, as an ego that broke down.
 
 A claim becomes a *hold* when the front bumper passes the wait point. The hold ends when the tail has left all rivals.
 """
@@ -16,7 +16,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.driver_model import BRAKE_FROM, GAP, STOP_GAP, Perception
+from rosbridge_sim.world.driver_model import BRAKE_FROM, CREEP, GAP, STOP_GAP, Perception
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, EntryQueue
@@ -79,7 +79,7 @@ def give_claims(
     Args:
         conflicts: of the roads.
         drivers: `claim` and `exit_lane` are written.
-        perception: `gap` and `lead` are read; `stop_distance` and `is_shut_out` are written.
+        perception: `gap` and `lead` are read; `stop_distance`, `is_shut_out` and `is_blocked` are written.
         requests: of the same drivers.
         queue: all entries.
         others: entries of the entities that do not follow lanes.
@@ -99,7 +99,11 @@ def give_claims(
     at = at[~has_claim]
     has_room = _has_room(conflicts, drivers, requests, queue, at)
     perception.is_shut_out[at[~has_room]] = True
-    at = at[has_room]
+    stands = np.zeros(len(conflicts.wait_point), dtype=bool)
+    stands[others.lane[others.stands]] = True
+    is_free = ~stands[requests.lane[at]]
+    perception.is_blocked[at[~is_free]] = True
+    at = at[~_gives_way_to_a_waiting_one(conflicts, drivers, requests, at, has_room) & has_room & is_free]
     if len(at):
         lane = requests.lane[at]
         taken = _taken(conflicts, drivers, others.lane[:num_moving], others.tail[:num_moving])
@@ -111,10 +115,39 @@ def give_claims(
         index, link = conflicts.rivals.of(lane)
         rival = conflicts.rivals.other[link]
         is_refused = (taken[rival] < conflicts.rivals.figure[link]) | (best[rival] < rank[index])
+        stands[drivers.held[(drivers.held >= 0) & (speed < CREEP)]] = True
+        perception.is_blocked[at[index[stands[rival]]]] = True
         given = at[np.bincount(index[is_refused], minlength=len(at)) == 0]
         drivers.claim[given], drivers.exit_lane[given] = requests.lane[given], requests.exit_lane[given]
     waits = (requests.lane >= 0) & (drivers.claim != requests.lane)
     perception.stop_distance[waits] = np.fmin(perception.stop_distance, requests.distance)[waits]
+
+
+def _gives_way_to_a_waiting_one(
+    conflicts: LaneConflicts, drivers: Drivers, requests: Requests, at: IntArray, has_room: BoolArray
+) -> BoolArray:
+    """Return which of the drivers that ask leave the room behind a join to one that stands and waits for it, (k,).
+
+    Without this, a steady flow on one of two lanes that join takes all the room, and the other lane stands for ever.
+
+    Args:
+        conflicts: of the roads.
+        drivers: all of them.
+        requests: of the same drivers.
+        at: (k,) int64, the drivers that ask.
+        has_room: (k,) which of them find room.
+    """
+    waits = ~has_room & (drivers.speed[at] < CREEP)
+    gives = np.zeros(len(at), dtype=bool)
+    if not waits.any():
+        return gives
+    lane, exit_lane, distance = requests.lane[at], requests.exit_lane[at], requests.distance[at]
+    has_priority = ~conflicts.gives_way[lane]
+    for is_asked, is_waiting in ((has_priority, waits & has_priority), (~has_priority, waits)):
+        nearest = np.full(len(conflicts.wait_point), np.inf)
+        np.minimum.at(nearest, exit_lane[is_waiting], distance[is_waiting])
+        gives |= is_asked & (exit_lane >= 0) & (nearest[exit_lane] < distance)
+    return gives
 
 
 def _tail_on_held_lane(roads: Roads, drivers: Drivers, at: IntArray) -> FloatArray:

@@ -10,6 +10,7 @@ import pytest
 
 from rosbridge_sim.world.driver_model import HARDEST, Perception, accelerate, firm_stop
 from rosbridge_sim.world.driver_parameters import CAR, FIGURES, DriverParameters
+from rosbridge_sim.world.geometry import FloatArray
 
 
 def typical(**figures: float) -> DriverParameters:
@@ -21,10 +22,9 @@ def typical(**figures: float) -> DriverParameters:
 def chosen(speed: float, lead: float, gap: float, *, lead_accel: float = 0.0, safe: float = 40.0) -> float:
     """The acceleration of the mean driver behind a lead vehicle."""
     one, none = np.ones(1), np.full(1, np.inf)
+    no = np.zeros(1, dtype=np.bool_)
     lead_index = np.zeros(1, dtype=np.int64)
-    seen = Perception(
-        gap * one, lead * one, lead_accel * one, lead_index, none, safe * one, np.zeros(1, dtype=np.bool_)
-    )
+    seen = Perception(gap * one, lead * one, lead_accel * one, lead_index, none, safe * one, no, no)
     return accelerate(speed * one, seen, typical()).item()
 
 
@@ -52,6 +52,24 @@ def test_cut_in_at_equal_speed_is_taken_calmly(speed: float, gap: float) -> None
 @pytest.mark.parametrize(("lead", "lead_accel", "gap"), [(5.0, 0.0, 10.0), (15.0, -8.0, 6.0), (0.0, 0.0, 18.0)])
 def test_cut_in_that_is_dangerous_is_answered_by_hard_braking(lead: float, lead_accel: float, gap: float) -> None:
     assert chosen(15.0, lead, gap, lead_accel=lead_accel) < -4.5
+
+
+def test_many_drivers_at_once_decide_as_each_alone_to_the_bit() -> None:
+    rng, num = np.random.default_rng(1), 333
+    figures = {each.name: rng.uniform(0.5, 2.5, num) for each in fields(DriverParameters)}
+    figures["desired_speed"] = rng.uniform(5.0, 30.0, num)
+    speed, lead_speed, safe = rng.uniform(0.0, 25.0, (3, num))
+    gap, stop = rng.uniform(0.0, 60.0, (2, num))
+    gap[::5] = stop[::2] = np.inf
+    lead_accel, lead, no = rng.uniform(-5.0, 3.0, num), np.zeros(num, dtype=np.int64), np.zeros(num, dtype=np.bool_)
+
+    def decide(part: slice) -> FloatArray:
+        figures_seen = (gap[part], lead_speed[part], lead_accel[part], lead[part], stop[part], safe[part])
+        seen = Perception(*figures_seen, is_shut_out=no[part], is_blocked=no[part])
+        return accelerate(speed[part], seen, DriverParameters(*(figure[part] for figure in figures.values())))
+
+    alone = np.concatenate([decide(slice(i, i + 1)) for i in range(num)])
+    assert decide(slice(None)).tobytes() == alone.tobytes()
 
 
 def test_no_acceleration_is_beyond_the_bounds() -> None:

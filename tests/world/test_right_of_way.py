@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
+from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.driver_model import GAP
-from rosbridge_sim.world.lane_following import DECISION
-from rosbridge_sim.world.state import DT, World
+from rosbridge_sim.world.lane_following import DECISION, Stop, view_driver
+from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
-from tests.world.lane_drives import lane_of, run, world_of
-from tests.world.road_factory import CAR, arc, built_in, car, crossing, line, make
+from tests.world.lane_drives import NOSE, lane_of, run, world_of
+from tests.world.road_factory import CAR, arc, built_in, car, crossing, line, make, signalled
 
 
 @pytest.mark.parametrize("offset", [0.0, 3.0, 9.0, 20.0])
@@ -102,6 +105,68 @@ def test_vehicle_avoids_a_full_street() -> None:
     row = car(world, "a", 70.0, speed=8.0, route="a b d")
     run(world, 20.0)
     assert lane_of(world, row) == "a", "but not if he knows where he wants to go"
+
+
+def red_runner(world: World, speed: float, distance: float) -> None:
+    """An ego that comes from the south and stops for nothing; `distance` from the stop line [m]."""
+    uid = world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=-10.0 - NOSE - distance, yaw=math.pi / 2, speed=speed)
+    command(world, world.row(uid), mode=Mode.SPEED, steer=0.0, speed=speed)
+
+
+@pytest.mark.parametrize(("speed", "distance"), [(10.0, 64.0), (10.0, 84.0), (14.0, 82.0), (14.0, 105.0)])
+def test_drivers_with_green_brake_for_an_ego_that_runs_red(speed: float, distance: float) -> None:
+    """Each of these was hit while drivers trusted their claims."""
+    roads, plan = signalled(green=10_000)
+    world = world_of(roads, plan)
+    red_runner(world, speed, distance)
+    rows = [car(world, "w", 170.0 - 28.0 * i, speed=13.0) for i in range(5)]
+    run(world, 25.0)  # without a contact
+    assert {lane_of(world, row) for row in rows} == {"e"}, "and they go on behind it"
+
+
+def test_driver_that_cannot_stop_any_more_does_not_stop_in_the_way_of_the_ego() -> None:
+    world = world_of(crossing())
+    row = car(world, "w", 185.0, speed=14.0)
+    red_runner(world, 10.0, 14.0)
+    assert run(world, 3.0)[:, row].min() > 11.0
+
+
+def test_ego_that_stops_at_its_red_light_slows_no_driver() -> None:
+    roads, plan = signalled(green=10_000)
+    world = world_of(roads, plan)
+    row = car(world, "w", 100.0, speed=14.0, desired_speed=14.0)
+    uid = world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=-60.0, yaw=math.pi / 2, speed=10.0)
+    command(world, world.row(uid), mode=Mode.ACCEL, steer=0.0, accel=-1.3)
+    assert run(world, 10.0)[:, row].min() > 13.5
+
+
+def test_driver_that_gives_way_to_an_ego_in_the_crossing_says_so() -> None:
+    world = world_of(crossing())
+    row = car(world, "w", 150.0, speed=12.0)
+    run(world, 0.5)
+    assert world.claim[row] >= 0
+    red_runner(world, 10.0, 16.0)
+    run(world, 0.6)
+    seen = view_driver(world, row)
+    assert seen is not None
+    assert (seen.stop, seen.rival_row) == (Stop.RIGHT_OF_WAY, row + 1)
+
+
+def test_vehicle_avoids_a_crossing_in_which_something_stands() -> None:
+    roads = make(
+        a=(line((0, 0), (100, 0)), "b c"),
+        b=(line((100, 0), (120, 0)), "d"),
+        c=(arc(100, 15, 15, -90, 90), "e"),
+        d=(line((120, 0), (220, 0)), ""),
+        e=(line((115, 15), (115, 115)), ""),
+        x=(line((110, -50), (110, 50)), ""),
+    )
+    for seed in range(2):
+        world = world_of(roads, seed=seed)
+        world.spawn(Kind.OBSTACLE, Body.box(2.0, 2.0, 1.0), name="thing", x=118.5, y=0.0)
+        row = car(world, "a", 70.0, speed=8.0)
+        run(world, 25.0)
+        assert lane_of(world, row) == "e"
 
 
 def test_driver_behind_a_stop_line_waits_for_one_on_the_major_road_who_is_farther_away() -> None:
