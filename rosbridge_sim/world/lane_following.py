@@ -42,6 +42,7 @@ from rosbridge_sim.world.people import COMMITTED, time_to_kerb
 from rosbridge_sim.world.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.state import DT, Dynamics, Kind, World
+from rosbridge_sim.world.turn_signals import find_turn_signals
 
 __all__ = ["DECISION", "DriverView", "Stop", "drive_lanes", "view_driver"]
 
@@ -122,7 +123,7 @@ def view_driver(world: World, row: int) -> DriverView | None:
         light=light,
         rival_row=int(all_rows[sight.rival]) if sight.rival >= 0 else -1,
         change=LaneChange(int(world.change[row])),
-        signal=int(world.signal[row]),
+        signal=int(find_turn_signals(world, np.array([row]))[0]),
         is_changing=bool(world.leaving[row] > 0.0),
     )
 
