@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.driver_model import CREEP, Perception
+from rosbridge_sim.world.driver_model import CREEP, FIRM, Perception
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
 from rosbridge_sim.world.lane_change_model import (
@@ -232,8 +232,11 @@ class LaneChanges:
         across = np.abs(world.lateral_from[self.rows[which]] - world.lateral_to[self.rows[which]])
         hits = ~self.is_clear(drivers, which, done, across, gap, lead_speed)
         at = which[hits]
-        brakes = follow(drivers.speed[at], desired_speed[at], gap[hits], lead_speed[hits])
-        accel[at] = np.fmin(accel[at], np.fmax(brakes, -HARDEST))
+        speed, gap, lead_speed = drivers.speed[at], gap[hits], lead_speed[hits]
+        brakes = follow(speed, desired_speed[at], gap, lead_speed)
+        # As firm as it takes not to touch: the model brakes with all it has for any small gap, at walking speed, too.
+        needed = np.fmax(speed * speed - lead_speed * lead_speed, 0.0) / (2.0 * np.fmax(gap, CREEP))
+        accel[at] = np.fmin(accel[at], np.fmax(brakes, -np.fmin(np.fmax(needed, FIRM), HARDEST)))
 
     def is_clear(  # noqa: PLR0917 - of one vehicle and its lead vehicle
         self,
