@@ -23,6 +23,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.driver_model import CREEP, FIRM, Perception
+from rosbridge_sim.world.driver_parameters import HEAVY_LENGTH
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
 from rosbridge_sim.world.lane_change_model import (
@@ -89,8 +90,9 @@ COURTESY: Final = 1500
 """Frames for which drivers open gaps for one that waits: 30 s. After that it gets none for as long, so that a driver
 that cannot use its gap does not hold up a lane for ever."""
 
-OFF_OLD_LANE: Final = 1.0
-"""A vehicle this near to its new place does not obstruct the old lane any more [m]: it is 2.5 m from that line."""
+OFF_OLD_LANE, OFF_OLD_LANE_LONG = 1.0, 0.3
+"""A vehicle this near to its new place does not obstruct the old lane any more [m]: it is 2.5 m from that line. The
+tail of a long one, which stands 3 m back at an angle, is then 0.2 m over the border instead of 0.8 m."""
 
 HARDEST: Final = 8.0
 """As in `driver_model` [m/s^2]."""
@@ -147,6 +149,8 @@ class LaneChanges:
         self.conflicts = world.roads.derived(LaneConflicts)
         self._may = (world.kind[rows] != Kind.EGO) & (world.keeps_lane[rows] == 0.0)
         self._half_width = world.half_width[rows]
+        is_long = 2.0 * world.half_length[rows] > HEAVY_LENGTH
+        self._off_old_lane = np.where(is_long, OFF_OLD_LANE_LONG, OFF_OLD_LANE)
         self.is_possible = self.neighbours.is_any and bool(self._may.any())
 
     def find_leaving(self, drivers: Drivers) -> Entries | None:
@@ -155,7 +159,7 @@ class LaneChanges:
             return None
         world, rows = self.world, self.rows
         leaving = world.leaving[rows]
-        is_near = np.abs(world.lateral[rows] - world.lateral_to[rows]) > OFF_OLD_LANE
+        is_near = np.abs(world.lateral[rows] - world.lateral_to[rows]) > self._off_old_lane
         which = np.flatnonzero((leaving > 0.0) & is_near)
         lane, s = self.neighbours.cross(
             leaving[which].astype(np.int64) - 1, drivers.lanes[0, which], drivers.arc[which]

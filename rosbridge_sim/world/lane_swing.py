@@ -28,6 +28,9 @@ __all__ = ["find_long", "find_swinging", "plan_swings"]
 MARGIN: Final = 0.1
 """Distance that the vehicle keeps to the borders of its lane if it can [m]: mirrors reach 0.1 to 0.2 m out."""
 
+MAX_OFFSET: Final = 1.0
+"""It moves by no more than this [m]: beyond it most of the vehicle would be in the next lane, whatever its length."""
+
 SLOPE: Final = 0.1
 """It moves to the side by at most this for each metre ahead. The need rises by 0.06 in the turns of a town."""
 
@@ -107,7 +110,7 @@ def _offsets(world: World, rows: IntArray, distance: FloatArray) -> FloatArray:
     left, right = (each.reshape(num, len(rows)).max(axis=0) for each in beyond)
     to_right = np.fmin(np.fmax(left, 0.0), np.fmax(0.5 * (left - right), 0.0))
     to_left = np.fmin(np.fmax(right, 0.0), np.fmax(0.5 * (right - left), 0.0))
-    return np.asarray(to_left - to_right)
+    return np.asarray(np.fmin(np.fmax(to_left - to_right, -MAX_OFFSET), MAX_OFFSET))
 
 
 def _beyond(
