@@ -243,6 +243,7 @@ def _check(load: Load) -> None:
             and -1.0 <= point.wait <= MAX_COORDINATE
             and point.gap >= 0.0
             and point.time >= 0.0
+            and -MAX_LATERAL <= point.lateral[0] <= point.lateral[1] <= MAX_LATERAL
         ):
             raise DocumentError("load.spawn_points: expected places and times within their bounds")
     phases: dict[str, int] = {}

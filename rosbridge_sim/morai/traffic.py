@@ -72,6 +72,9 @@ MIX: Final = (
     *(("Van", 5), ("Truck", 3), ("Bus", 2), ("Motorcycle", 2)),
 )
 
+NUM_PARTS: Final = 4
+"""The mean of four uniform numbers is nearly Gaussian, and stays within its bounds."""
+
 _FILL: Final = -1
 """Number of `--traffic` where spawn points have theirs."""
 
@@ -204,6 +207,10 @@ class Traffic(Component):
         text = f"{self._context.world.seed} {number} {made} {question}"
         return int.from_bytes(blake2b(text.encode(), digest_size=6).digest()) / 2.0**48
 
+    def _bell(self, number: int, question: str) -> float:
+        """Return a number from 0 to below 1 as `_chance` does, with a bell-shaped distribution."""
+        return sum(self._chance(number, f"{question} {i}") for i in range(NUM_PARTS)) / NUM_PARTS
+
     def _serve(self, number: int, point: SpawnPoint) -> None:
         """Add the vehicle that is due at a point; without room it has to wait."""
         world = self._context.world
@@ -217,7 +224,16 @@ class Traffic(Component):
         if not has_place or not has_room(world, point.lane, point.s, model.body, speed, gap=point.gap, time=point.time):
             self._due[number] = world.frame + RETRY
             return
-        uid = self._add(model, speed, lane=point.lane, s=point.s, desired=desired, route=self._route(number, point))
+        uid = self._add(
+            model,
+            speed,
+            lane=point.lane,
+            s=point.s,
+            desired=desired,
+            route=self._route(number, point),
+            changes_lanes=point.changes_lanes,
+            lateral=_between(*point.lateral, self._bell(number, "offset")),
+        )
         if uid is None:
             self._due[number] = world.frame + RETRY
             return
@@ -264,14 +280,24 @@ class Traffic(Component):
         return np.asarray(world.roads.length[world.lane[rows]])
 
     def _add(
-        self, model: Model, speed: float, *, lane: int, s: float, desired: float, route: tuple[int, ...]
+        self,
+        model: Model,
+        speed: float,
+        *,
+        lane: int,
+        s: float,
+        desired: float,
+        route: tuple[int, ...],
+        changes_lanes: bool = True,
+        lateral: float = 0.0,
     ) -> int | None:
         """Add a vehicle to a lane; return its id, or None if the world is full."""
         scene, world = self._context.scene, self._context.world
         if len(world) >= MAX_ENTITIES:
             return None
         uid = scene.add_agent(_spawn(model, speed))
-        keep_lanes(world, [LaneStart(world.row(uid), lane, s, desired, route)])
+        start = LaneStart(world.row(uid), lane, s, desired, route, changes_lanes=changes_lanes, lateral=lateral)
+        keep_lanes(world, [start])
         return uid
 
     # --traffic

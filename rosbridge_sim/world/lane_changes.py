@@ -473,7 +473,10 @@ class _Look:
         )
         options = [slice(0, half), slice(half, num)]
         lane, s = neighbours.cross(side, own_lane, self._arc[own_index])
-        option.is_there = (lane >= 0) & neighbours.may[side, own_lane]
+        # Before a join there must be time to finish: from there on vehicles of two lanes share the room.
+        narrow_from = np.where(lane >= 0, changes.conflicts.joins.narrow_from[lane], np.inf)
+        is_wide = s + (self._nose + SHIFT_TIME * self._speed)[own_index] < narrow_from
+        option.is_there = (lane >= 0) & neighbours.may[side, own_lane] & is_wide
         there = np.flatnonzero(option.is_there)
         if not len(there):
             return [_part_of(option, part) for part in options]
@@ -605,15 +608,16 @@ class _Look:
         roads, conflicts = changes.roads, changes.conflicts
         light = changes.world.signals.plan.light_of_lane
         bumper = self._arc + self._nose
-        wait_point = conflicts.wait_point[self._lanes[0]]
+        begins = np.fmin(conflicts.wait_point, conflicts.joins.narrow_from)
+        wait_point = begins[self._lanes[0]]
         # Whose tail is still where the own lane forks or crosses others is inside.
         is_inside = self._arc - self._rear < conflicts.shared[self._lanes[0]]
         is_inside |= np.isfinite(wait_point) & (bumper > wait_point)
         to_entry = np.where(is_inside, 0.0, wait_point - bumper)
         distance = roads.length[self._lanes[0]] - bumper
         for lane in self._lanes[1:]:
-            is_entry = (lane >= 0) & (np.isfinite(conflicts.wait_point[lane]) | (light[lane] >= 0))
-            there = distance + np.where(light[lane] >= 0, 0.0, conflicts.wait_point[lane])
+            is_entry = (lane >= 0) & (np.isfinite(begins[lane]) | (light[lane] >= 0))
+            there = distance + np.where(light[lane] >= 0, 0.0, begins[lane])
             to_entry = np.where(is_entry, np.fmin(to_entry, there), to_entry)
             distance = distance + np.where(lane >= 0, roads.length[lane], 0.0)
         return np.asarray(to_entry)

@@ -6,7 +6,7 @@ five lanes are chosen in advance (`route_choice`). A driver without a route that
 after a while; otherwise streets that fill up in a ring would block one another for ever.
 
 *Lane changes* are chosen by `lane_changes`, with the same decisions, and driven by `lane_change_motion`. A vehicle that
-changes lanes is beside the line for a while.
+changes lanes is beside the line for a while, and so is a long one in a tight bend (`lane_swing`).
 
 *Speed.* `driver_perception` finds what is ahead, and `driver_model` turns that into an acceleration. Drivers decide
 ten times a second and keep their acceleration in between: a decision is made for all at once and costs ten times as
@@ -38,10 +38,13 @@ from rosbridge_sim.world.lane_changes import LaneChanges
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
 from rosbridge_sim.world.lane_position import headings, set_legs
+from rosbridge_sim.world.lane_swing import find_long, find_swinging, plan_swings
 from rosbridge_sim.world.people import COMMITTED, time_to_kerb
 from rosbridge_sim.world.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.state import DT, Dynamics, Kind, World
+from rosbridge_sim.world.turn_signals import find_turn_signals
+from rosbridge_sim.world.zip_merge import follow_in_joins
 
 __all__ = ["DECISION", "DriverView", "Stop", "drive_lanes", "view_driver"]
 
@@ -122,7 +125,7 @@ def view_driver(world: World, row: int) -> DriverView | None:
         light=light,
         rival_row=int(all_rows[sight.rival]) if sight.rival >= 0 else -1,
         change=LaneChange(int(world.change[row])),
-        signal=int(world.signal[row]),
+        signal=int(find_turn_signals(world, np.array([row]))[0]),
         is_changing=bool(world.leaving[row] > 0.0),
     )
 
@@ -186,6 +189,7 @@ class _LaneFollowers:
         self.changes = LaneChanges(world, self.rows, self.choice)
         self.egos = SelfDrivingEgos(world, self.rows)
         self.shifted = find_shifted(world, self.rows)
+        self.long = find_long(world, self.rows)
         others = world.alive & ~world.has_lane
         may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
         still = np.flatnonzero(others & ~may_move)
@@ -204,6 +208,7 @@ class _LaneFollowers:
         perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
         lanes, speed = drivers.lanes, drivers.speed
         wanted = accelerate(speed, perception, self.parameters)
+        wanted = follow_in_joins(self.conflicts, drivers, others.first(num_driving), wanted)
         if self.changes.is_possible:
             desired_speed = np.fmin(self.parameters.desired_speed, perception.safe_speed)
             wanted = self.changes.decide(drivers, perception, desired_speed, wanted, world.frame // DECISION)
@@ -264,8 +269,15 @@ class _LaneFollowers:
         moves = np.flatnonzero(distance > 0.0)
         turn = np.zeros(self.num)
         heading = headings(self.roads, lanes[:, moves], (world.arc[at] + distance)[moves], self.wheelbase[moves])
+        swinging = self.long[find_swinging(world, self.rows[self.long])] if len(self.long) else self.long
+        if len(swinging):
+            plan_swings(world, self.rows[swinging], distance[swinging], _INTERVAL)
+            shifting = np.setdiff1d(self.shifted, swinging, assume_unique=True)
+            self.shifted = np.union1d(shifting, swinging[find_shifted(world, self.rows[swinging])])
+        else:
+            shifting = self.shifted
         if len(self.shifted):
-            plan_shifts(world, self.rows[self.shifted], distance[self.shifted], _INTERVAL)
+            plan_shifts(world, self.rows[shifting], distance[shifting], _INTERVAL)
             heading = heading + (world.drift[at] + world.drift_rate[at] * _INTERVAL)[moves]
         turn[moves] = wrap_angle(heading - world.yaw[at][moves])
         world.yaw_rate[at] = turn / _INTERVAL

@@ -166,6 +166,41 @@ def test_spawn_point_off_all_lanes_is_a_remark() -> None:
 
 
 @pytest.mark.parametrize(
+    ("keys", "meant", "num_remarks"),
+    [
+        ({}, (True, (0.0, 0.0)), 0),
+        (
+            {"isLaneChange": "False", "latBiasMode": 2, "MinLatBias": "0.25", "MaxLatBias": -0.5},
+            (False, (-0.5, 0.25)),
+            0,
+        ),
+        ({"latBiasMode": 1, "MinLatBias": 0.5, "MaxLatBias": 0.25}, (True, (0.375, 0.375)), 0),
+        ({"latBiasMode": "2", "MaxLatBias": 0.5}, (True, (0.0, 0.5)), 0),
+        ({"latBiasMode": {}, "MinLatBias": [1], "MaxLatBias": 1e300}, (True, (0.0, 0.0)), 2),
+    ],
+)
+def test_lane_change_and_offsets_of_a_spawn_point(
+    keys: dict[str, Any], meant: tuple[bool, tuple[float, float]], num_remarks: int
+) -> None:
+    scenario = read({**POINT, **keys})
+    (point,) = scenario.spawn_points
+    assert (point.changes_lanes, point.lateral) == meant
+    assert len([note for note in scenario.notes if "LatBias" in note]) == num_remarks
+
+
+def test_vehicles_of_a_spawn_point_have_offsets_between_its_bounds() -> None:
+    keys = {"isLaneChange": False, "latBiasMode": 2, "MinLatBias": 0.1, "MaxLatBias": 0.5}
+    node = simulate(read(*[{**POINT, **keys, "startLinkInfo": {"linkIdx": link}} for link in ("WB", "NB", "EB", "SB")]))
+    run(node, 1.5)
+    world = node.context.world
+    rows = world.rows(Kind.VEHICLE)
+    offsets = world.lateral[rows]
+    assert len(set(offsets.tolist())) == len(rows) >= 3
+    assert (np.abs(offsets - 0.3) < 0.2).all()
+    assert (world.keeps_lane[rows] == 1.0).all()
+
+
+@pytest.mark.parametrize(
     ("key", "value"),
     [("minSpawnPeriod", -1), ("maximumSpawnVehicle", "many"), ("SafetyDist", -2), ("modelName", "Moon")],
 )

@@ -242,8 +242,8 @@ class SpawnPointItem(Document):
 
     idle_keys: ClassVar[frozenset[str]] = frozenset(
         {
-            *("listVehicleLengthType", "isCloseLoop", "isLaneChange", "isSpawning", "spawnedVehiclesCount"),
-            *("latBiasMode", "MinLatBias", "MaxLatBias", "DestinationMode", "NPCSpawnType"),
+            *("listVehicleLengthType", "isCloseLoop", "isSpawning", "spawnedVehiclesCount"),
+            *("DestinationMode", "NPCSpawnType"),
         }
     )
 
@@ -280,14 +280,21 @@ class SpawnPointItem(Document):
         Coordinate | None, Field(ge=0.0, description="room before and behind a new vehicle [m]; 5 if absent")
     ] = None
     TTC: Annotated[Seconds, Field(description="least time to a collision of a new vehicle [s]; 1 if absent")] = None
+    isLaneChange: Annotated[
+        JsonValue, Field(description="false: its vehicles never change lanes; absent or any other value: they may")
+    ] = None
+    latBiasMode: Annotated[
+        JsonValue, Field(description="2: offsets have a bell-shaped distribution between both bounds; else the middle")
+    ] = None
+    MinLatBias: Annotated[
+        JsonValue,
+        Field(description="least offset from the line of the lane, left positive, -5..5; other values count as 0 [m]"),
+    ] = None
+    MaxLatBias: Annotated[JsonValue, Field(description="greatest offset [m]")] = None
     listVehicleLengthType: KeptAsWritten = None
     isCloseLoop: KeptAsWritten = None
-    isLaneChange: KeptAsWritten = None
     isSpawning: KeptAsWritten = None
     spawnedVehiclesCount: KeptAsWritten = None
-    latBiasMode: KeptAsWritten = None
-    MinLatBias: KeptAsWritten = None
-    MaxLatBias: KeptAsWritten = None
     DestinationMode: KeptAsWritten = None
     NPCSpawnType: KeptAsWritten = None
 

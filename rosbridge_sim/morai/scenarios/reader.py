@@ -17,6 +17,7 @@ from typing import Any, Final, Literal, TypeVar
 import numpy as np
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.morai.catalogue import (
     BUILT_IN,
     Catalogue,
@@ -350,6 +351,10 @@ def sort_phases(scenario: Scenario, plan: SignalPlan | None) -> tuple[tuple[Phas
     return tuple(known), lines
 
 
+_BOUNDS: Final = ("MinLatBias", "MaxLatBias")
+_GAUSSIAN: Final = frozenset({"2", "2.0"})
+"""Values of latBiasMode, as text, with which the offsets of a spawn point's vehicles differ; 1 means a fixed one."""
+
 _POSITION: Final = re.compile(r"[0-9]{1,9}")
 
 
@@ -447,21 +452,21 @@ class _Reader:
         driver = Driver(
             math.inf if is_free else max(spawn.speed, 0.0),
             tuple(item.route or ()),
-            changes_lanes=str(item.isLaneChange).strip().casefold() not in {"false", "0"},
-            lateral=self._bias(where, item),
+            changes_lanes=_changes_lanes(item.isLaneChange),
+            lateral=self._bias(f"{where}.latBias", item.latBias),
         )
         return replace(spawn, speed=(now_kmh or 0.0) * KMH_TO_MPS, is_loop=bool(item.isCloseLoop), driver=driver)
 
-    def _bias(self, where: str, item: NpcVehicle) -> float:
-        """Return the lateral offset of a vehicle; 0 with a remark for anything that is none."""
-        if item.latBias is None:
+    def _bias(self, where: str, value: JsonValue) -> float:
+        """Return a lateral offset; 0 with a remark for anything that is none."""
+        if value is None:
             return 0.0
         try:
-            bias = float(str(item.latBias))
+            bias = float(str(value))
         except ValueError:
             bias = math.nan
         if not abs(bias) <= MAX_LATERAL:
-            _note(self._notes, f"{where}.latBias: expected -{MAX_LATERAL:g}..{MAX_LATERAL:g} m; it drives without one")
+            _note(self._notes, f"{where}: expected -{MAX_LATERAL:g}..{MAX_LATERAL:g} m; it counts as 0")
             return 0.0
         return bias
 
@@ -483,7 +488,13 @@ class _Reader:
             models: tuple[Model, ...] = (self._model(where, Kind.VEHICLE, wanted),)
         else:
             models = tuple(model for model in self._catalogue.own if model.kind is Kind.VEHICLE) or USUAL_CARS
-        return read_spawn_point(where, item, models)
+        point = read_spawn_point(where, item, models)
+        given = item.MinLatBias, item.MaxLatBias
+        low, high = (self._bias(f"{where}.{key}", value) for key, value in zip(_BOUNDS, given, strict=True))
+        low, high = min(low, high), max(low, high)
+        if str(item.latBiasMode).strip() not in _GAUSSIAN:
+            low = high = 0.5 * (low + high)
+        return replace(point, changes_lanes=_changes_lanes(item.isLaneChange), lateral=(low, high))
 
     def _on_wheels(self, where: str, kind: Kind, item: PlacedItem, start: InitPosition, uid: int | None) -> Spawn:
         is_absolute = start.initPositionMode.strip().casefold() == "absolute"
@@ -626,6 +637,11 @@ class _Reader:
             if uid.isdecimal():
                 by_owner.setdefault((what.strip().casefold() == "pedpath", int(uid)), points)
         return by_name, by_owner
+
+
+def _changes_lanes(value: JsonValue) -> bool:
+    """Return the meaning of `isLaneChange`."""
+    return str(value).strip().casefold() not in {"false", "0"}
 
 
 def _waypoints(path: WaypointPath, where: str) -> FloatArray:

@@ -52,6 +52,8 @@ class SpawnPoint:
         desired_speed: least and greatest speed that they want [m/s]; inf for the speed limit.
         gap: room before and behind a new vehicle [m].
         time: least time to a collision of a new vehicle with others [s].
+        changes_lanes: its vehicles change lanes where that helps them.
+        lateral: least and greatest offset from the line of the lane that they keep, left positive [m].
         lane, s: row of the lane, and the arc length on it [m]; -1 before `find_places` and where there is none.
         goal_lane, goal_s: the same of the place where they leave.
     """
@@ -72,6 +74,8 @@ class SpawnPoint:
     desired_speed: tuple[float, float]
     gap: float
     time: float
+    changes_lanes: bool = True
+    lateral: tuple[float, float] = (0.0, 0.0)
     lane: int = -1
     s: float = 0.0
     goal_lane: int = -1

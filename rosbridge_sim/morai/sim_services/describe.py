@@ -163,13 +163,13 @@ class Describe(Component):
         context = self._context
         roads, number = context.world.roads, context.egos.unique_id
         fields: dict[str, Any] = {"follows": view.is_following, "stops_for": view.stop.value}
+        fields["turn_signal"] = view.signal
         if view.lead_row >= 0:
             fields |= {"lead_id": number(view.lead_row), "gap": view.gap}
         if view.stop is not Stop.NONE:
             fields |= {"stop_distance": view.stop_distance, "stop_link": roads.ids[view.stop_lane]}
         if view.change is not LaneChange.NONE:
             fields |= {"changes_lane": view.change.name.lower(), "is_changing": view.is_changing}
-            fields["turn_signal"] = view.signal
         if view.light >= 0:
             fields["light"] = context.world.signals.plan.lights[view.light].name
         if view.rival_row >= 0:

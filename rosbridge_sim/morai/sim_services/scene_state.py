@@ -26,6 +26,7 @@ from rosbridge_sim.morai.sim_services.road_services import RoadServices
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.signals import NEVER_FRAME
 from rosbridge_sim.world.state import DT, Gear, Kind, World
+from rosbridge_sim.world.turn_signals import find_turn_signals
 
 __all__ = ["SCENE_STATE", "SceneState"]
 
@@ -138,7 +139,7 @@ class SceneState(Component):
         is_braking = world.accel.take(rows) < -BRAKE_LIGHT_DECEL
         is_braking |= (speed == 0.0) & world.has_lane.take(rows)  # a driver on lanes that stands holds the brake
         lamps = (is_braking.view(np.uint8) << _BRAKE_BIT) | ((speed < 0.0).view(np.uint8) << _REVERSE_BIT)
-        lamps |= world.signal.take(rows).astype(np.uint8)  # 1 left, 2 right: the same bits
+        lamps |= find_turn_signals(world, rows).astype(np.uint8)  # 1 left, 2 right: the same bits
         lamps *= layout.is_car
         for (place, _), own in zip(layout.egos, ego_lamps, strict=True):
             lamps[place] = own
