@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray
+from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.paths import DX, DY, END, START, Segments, X, Y
 from rosbridge_sim.world.roads import LanePlaces, Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
@@ -30,6 +30,10 @@ ISLAND: Final = 1.2
 
 KERB: Final = 0.3
 """Distance from the edge of a lane at which a body still reaches onto it [m]: half of its width."""
+
+WIDER: Final = 2.0
+"""A crossing is at most so much longer at each end for those who walk beside the path [m]: where a lane turns across
+the corner of a pavement, the place beside is on the lane before the path is."""
 
 LIGHT_RANGE: Final = 4.0
 """A light for pedestrians within this distance of an end of a crossing belongs to it [m]: more than half the width of
@@ -52,13 +56,14 @@ class Crossings:
     ends: FloatArray
 
 
-def find_crossings(segments: Segments, roads: Roads, plan: SignalPlan) -> Crossings:
+def find_crossings(segments: Segments, roads: Roads, plan: SignalPlan, side: float = 0.0) -> Crossings:
     """Return where a path crosses the road.
 
     Args:
         segments: of the path, (m, 10); see `paths`.
         roads: the lanes.
         plan: their lights.
+        side: those who follow the path walk at most so far to the right of it [m].
     """
     length = float(segments[-1, END])
     num = min(max(2, math.ceil(length / SAMPLE) + 1), MAX_SAMPLES)
@@ -72,8 +77,26 @@ def find_crossings(segments: Segments, roads: Roads, plan: SignalPlan) -> Crossi
     if len(first):
         is_apart = arc[first[1:]] - arc[last[:-1]] > ISLAND
         first, last = first[np.append(True, is_apart)], last[np.append(is_apart, True)]
+    if side > 0.0 and len(first):
+        is_beside = _are_on_road(roads, east + side * leg[:, DY], north - side * leg[:, DX]) > 0.0
+        most = int(WIDER * (num - 1) / length)
+        for i in range(len(first)):
+            low = int(last[i - 1]) + 1 if i else 0
+            high = int(first[i + 1]) - 1 if i + 1 < len(first) else num - 1
+            first[i] = _reach(is_beside, int(first[i]), -1, most, max(low, 0))
+            last[i] = _reach(is_beside, int(last[i]), 1, most, high)
     ends = np.column_stack([east[first], north[first], east[last], north[last]])
     return Crossings(arc[first], arc[last], _find_lights(ends, plan), ends)
+
+
+def _reach(is_beside: BoolArray, start: int, step: int, most: int, limit: int) -> int:
+    """Return the last sample from `start` on in steps of 1 or -1 that is beside the road without a break."""
+    at = start
+    for _ in range(most):
+        if at == limit or not is_beside[at + step]:
+            break
+        at += step
+    return at
 
 
 def _are_on_road(roads: Roads, x: FloatArray, y: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from rosbridge_sim.world.signal_plan import Controller, Lamp, Light, Phase, Sign
 from rosbridge_sim.world.state import Body, Kind, World
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import world_of
-from tests.world.road_factory import CAR, car, ego, road
+from tests.world.road_factory import CAR, car, ego, line, make, road
 
 MAN = Body.box(0.45, 0.55, 1.7)
 OVER = np.array([[50.0, -12.0], [50.0, 12.0]])
@@ -118,6 +118,23 @@ def test_people_who_meet_pass_without_touching() -> None:
     assert world.x[:5].min() > 0.0 > world.x[5:].max()  # all are through
 
 
+@pytest.mark.slow
+def test_people_walk_around_a_car_that_stands_across_their_path() -> None:
+    world = World()
+    walkers = {}
+    for i, offset in enumerate((-2.0, 0.0, 1.5, 3.5)):
+        for j, yaw in enumerate(np.radians(np.arange(24.0, 360.0, 48.0)).tolist()):
+            x, y = 40.0 * i, 40.0 * j
+            # The path leads north through a place that lies so far before the rear axle of the car.
+            place = x - offset * np.cos(yaw), y - offset * np.sin(yaw)
+            world.spawn(Kind.VEHICLE, CAR, name="car", x=place[0], y=place[1], yaw=yaw)
+            walkers[walker(world, np.array([[x, y - 8.0], [x, y + 7.0]]))] = y
+    for _ in range(1500):
+        step(world)
+        assert not len(world.contacts)
+    assert [row for row, y in walkers.items() if world.y[row] < y + 5.0] == []
+
+
 def test_the_same_bits_come_from_a_snapshot_and_beside_people_far_away() -> None:
     first, second, third = crowd(), crowd(), crowd()
     for i in range(40):
@@ -140,6 +157,15 @@ def test_crossings_are_where_the_path_is_on_a_lane_and_know_their_light() -> Non
     assert found.start.tolist() == pytest.approx([9.95, 43.95], abs=0.3)
     assert found.end.tolist() == pytest.approx([14.05, 48.05], abs=0.3)
     assert found.light.tolist() == [0, -1]
+
+
+def test_people_wait_where_those_beside_the_path_are_off_the_road_too() -> None:
+    world = world_of(make(a=(line((0, 50), (100, -50)), "")))
+    row = walker(world)
+    segments = world.paths.of(int(world.uid[row]))
+    on_path, beside = (find_crossings(segments, world.roads, world.signals.plan, side) for side in (0.0, 0.9))
+    assert beside.start.tolist() == pytest.approx(on_path.start - 0.9, abs=0.3), "the road comes nearer on the right"
+    assert beside.end.tolist() == on_path.end.tolist()
 
 
 def test_neighbours_are_all_pairs_within_reach() -> None:
