@@ -19,7 +19,7 @@ if __name__ == "__main__":
 
 from scripts.drawing.hills import hills_files, hills_scenario  # noqa: E402
 from scripts.drawing.loop import loop_files, loop_scenario  # noqa: E402
-from scripts.drawing.motorway import motorway_files, motorway_scenario  # noqa: E402
+from scripts.drawing.motorway import motorway_files, motorway_scenario, rush_hour_scenario  # noqa: E402
 from scripts.drawing.parking import parking_files, parking_scenario  # noqa: E402
 from scripts.drawing.roundabout import roundabout_files, roundabout_scenario  # noqa: E402
 from scripts.drawing.town import town_files, town_scenario  # noqa: E402
@@ -44,6 +44,7 @@ SCENARIOS = {
     "loop": loop_scenario,
     "hills": hills_scenario,
     "motorway": motorway_scenario,
+    "rush_hour": rush_hour_scenario,
     "roundabout": roundabout_scenario,
     "parking": parking_scenario,
 }

@@ -57,6 +57,7 @@ OTHERS = (
     "tools",
     "catalogue",
     "population",
+    "park",
 )
 """Examples that have a test of their own here."""
 
@@ -146,6 +147,12 @@ def test_program_prints_what_the_page_says_to_the_last_digit(serve: Serve, tmp_p
 def test_objects_come_and_go_in_the_town_as_the_page_says(serve: Serve, tmp_path: Path) -> None:
     port = serve("--scenario", "town", "--start", "sync").port
     assert run_python("population", port, tmp_path) == shown("population")
+
+
+@pytest.mark.slow
+def test_ego_parks_and_leaves_without_a_collision_as_the_page_says(serve: Serve, tmp_path: Path) -> None:
+    port = serve("--scenario", "parking", "--start", "sync").port
+    assert run_python("park", port, tmp_path) == shown("park")
 
 
 @pytest.mark.client

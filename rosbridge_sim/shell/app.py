@@ -73,6 +73,7 @@ from rosbridge_sim.shell.websocket.server import Server
 from rosbridge_sim.shell.websocket.urls import shown_url
 from rosbridge_sim.suggestions import listing
 from rosbridge_sim.world.state import Dynamics, World
+from rosbridge_sim.world.turn_shares import TurnShares
 
 if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.attach import Attachment
@@ -497,6 +498,7 @@ def _make_node(
         sensor_noise=read_sensor_noise(settings.sensor_noise),
         on_world_failure=settings.on_world_failure,
     )
+    turn_shares = TurnShares(*map(float, settings.turn_shares.split(","))) if settings.turn_shares else None
     scenario = library.opening_scenario(settings.scenario)
     mistakes = _taken_names(settings)
     try:
@@ -507,6 +509,7 @@ def _make_node(
                 Dynamics[settings.dynamics.upper().replace("-", "_")],
                 is_creeping=settings.creep,
                 has_impacts=settings.on_collision == "impact",
+                turn_shares=turn_shares,
             ),
             library,
             scenario,

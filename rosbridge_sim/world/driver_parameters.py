@@ -150,6 +150,10 @@ class DriverParameters:
         drivers.desired_speed[at], drivers.speed_factor[at] = given[at], 1.0
         return drivers
 
+    def take(self, which: IntArray) -> DriverParameters:
+        """Return the parameters of some of the drivers; `which` is (m,) int64."""
+        return DriverParameters(*(getattr(self, each.name)[which] for each in fields(self)))
+
 
 _TABLES: Final = {
     name: np.array([(each.mean, each.deviation, each.least, each.most) for each in figures]).T

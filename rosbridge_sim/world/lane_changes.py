@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.driver_model import CREEP, Perception
+from rosbridge_sim.world.driver_model import CREEP, FIRM, Perception
 from rosbridge_sim.world.driver_parameters import HEAVY_LENGTH
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
@@ -236,8 +236,11 @@ class LaneChanges:
         across = np.abs(world.lateral_from[self.rows[which]] - world.lateral_to[self.rows[which]])
         hits = ~self.is_clear(drivers, which, done, across, gap, lead_speed)
         at = which[hits]
-        brakes = follow(drivers.speed[at], desired_speed[at], gap[hits], lead_speed[hits])
-        accel[at] = np.fmin(accel[at], np.fmax(brakes, -HARDEST))
+        speed, gap, lead_speed = drivers.speed[at], gap[hits], lead_speed[hits]
+        brakes = follow(speed, desired_speed[at], gap, lead_speed)
+        # As firm as it takes not to touch: the model brakes with all it has for any small gap, at walking speed, too.
+        needed = np.fmax(speed * speed - lead_speed * lead_speed, 0.0) / (2.0 * np.fmax(gap, CREEP))
+        accel[at] = np.fmin(accel[at], np.fmax(brakes, -np.fmin(np.fmax(needed, FIRM), HARDEST)))
 
     def is_clear(  # noqa: PLR0917 - of one vehicle and its lead vehicle
         self,
@@ -477,7 +480,10 @@ class _Look:
         )
         options = [slice(0, half), slice(half, num)]
         lane, s = neighbours.cross(side, own_lane, self._arc[own_index])
-        option.is_there = (lane >= 0) & neighbours.may[side, own_lane]
+        # Before a join there must be time to finish: from there on vehicles of two lanes share the room.
+        narrow_from = np.where(lane >= 0, changes.conflicts.joins.narrow_from[lane], np.inf)
+        is_wide = s + (self._nose + SHIFT_TIME * self._speed)[own_index] < narrow_from
+        option.is_there = (lane >= 0) & neighbours.may[side, own_lane] & is_wide
         there = np.flatnonzero(option.is_there)
         if not len(there):
             return [_part_of(option, part) for part in options]
@@ -609,15 +615,16 @@ class _Look:
         roads, conflicts = changes.roads, changes.conflicts
         light = changes.world.signals.plan.light_of_lane
         bumper = self._arc + self._nose
-        wait_point = conflicts.wait_point[self._lanes[0]]
+        begins = np.fmin(conflicts.wait_point, conflicts.joins.narrow_from)
+        wait_point = begins[self._lanes[0]]
         # Whose tail is still where the own lane forks or crosses others is inside.
         is_inside = self._arc - self._rear < conflicts.shared[self._lanes[0]]
         is_inside |= np.isfinite(wait_point) & (bumper > wait_point)
         to_entry = np.where(is_inside, 0.0, wait_point - bumper)
         distance = roads.length[self._lanes[0]] - bumper
         for lane in self._lanes[1:]:
-            is_entry = (lane >= 0) & (np.isfinite(conflicts.wait_point[lane]) | (light[lane] >= 0))
-            there = distance + np.where(light[lane] >= 0, 0.0, conflicts.wait_point[lane])
+            is_entry = (lane >= 0) & (np.isfinite(begins[lane]) | (light[lane] >= 0))
+            there = distance + np.where(light[lane] >= 0, 0.0, begins[lane])
             to_entry = np.where(is_entry, np.fmin(to_entry, there), to_entry)
             distance = distance + np.where(lane >= 0, roads.length[lane], 0.0)
         return np.asarray(to_entry)

@@ -19,6 +19,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, ranges, wrap_angle
+from rosbridge_sim.world.lane_joins import find_joins
 from rosbridge_sim.world.roads import Roads
 
 __all__ = ["COMFORT", "LaneConflicts", "Links"]
@@ -46,9 +47,9 @@ MAX_BEND: Final = 12.0
 """Curvature is measured over at most this length to either side [m]: a longer one would hide corners. Where points are
 farther apart than `BEND`, it is as long as they are, since the whole turn of a segment is at its end."""
 
-CLEAR: Final = 2.8
-"""Lines nearer than this cannot be used side by side [m]: two buses of 2.5 m and 0.3 m between them. Lanes of the usual
-width of 3 to 3.5 m beside one another are farther apart."""
+CLEAR: Final = 2.4
+"""Lines nearer than this cannot be used side by side [m]: two cars of 1.9 m and half a metre between them. Lanes of the
+usual width of 3 to 3.5 m beside one another are farther apart, also where they begin to part."""
 
 SWING: Final = 8.0
 """In a bend of radius R the corners of a bus (overhang 2.6 m, wheelbase 5.4 m) leave its lane by this number over R, to
@@ -126,6 +127,7 @@ class LaneConflicts:
         siblings: for each lane its siblings, with the arc length up to which they overlap the lane [m].
         shared: (l,) the greatest of the latter, 0 without siblings [m].
         gives_way: (l,) bool, a stop line lies before the lane. Rivals without one have the right of way.
+        joins: pairs of lanes that become one at a small angle; they are no rivals.
 
     Args:
         roads: the lanes.
@@ -136,6 +138,7 @@ class LaneConflicts:
             "bend_speed",
             "clear_point",
             "gives_way",
+            "joins",
             "legs",
             "limit_speed",
             "onward",
@@ -167,7 +170,14 @@ class LaneConflicts:
         self.siblings = _links(num, pairs.lane[is_sibling], pairs.other[is_sibling], pairs.to_s[is_sibling])
         self.shared = np.zeros(num)
         np.maximum.at(self.shared, pairs.lane[is_sibling], pairs.to_s[is_sibling])
+        self.gives_way = np.zeros(num, dtype=bool)
+        self.gives_way[roads.successor[np.repeat(roads.is_stop, np.diff(roads.first_successor))]] = True
+        self.joins = find_joins(
+            roads, self.gives_way, pairs.lane, pairs.other, pairs.from_s, pairs.to_s, pairs.other_to_s
+        )
         rival = ~is_sibling & ~_are_in_turn(roads, pairs.lane, pairs.other)
+        for one, two in self.joins.lanes:
+            rival &= ~(((pairs.lane == one) & (pairs.other == two)) | ((pairs.lane == two) & (pairs.other == one)))
         lane, other = pairs.lane[rival], pairs.other[rival]
         self.rivals = _links(num, lane, other, pairs.other_to_s[rival] + TAIL_MARGIN)
         self.rival_from = pairs.from_s[rival][np.lexsort((other, lane))]
@@ -178,8 +188,6 @@ class LaneConflicts:
         self.wait_point = np.where(wait_point < AT_START, 0.0, wait_point - TAIL_MARGIN)
         self.clear_point = np.zeros(num)
         np.maximum.at(self.clear_point, lane, pairs.to_s[rival] + TAIL_MARGIN)
-        self.gives_way = np.zeros(num, dtype=bool)
-        self.gives_way[roads.successor[np.repeat(roads.is_stop, np.diff(roads.first_successor))]] = True
 
 
 def _links(num: int, lane: IntArray, other: IntArray, figure: FloatArray) -> Links:

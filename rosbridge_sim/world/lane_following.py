@@ -44,6 +44,7 @@ from rosbridge_sim.world.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.state import DT, Dynamics, Kind, World
 from rosbridge_sim.world.turn_signals import find_turn_signals
+from rosbridge_sim.world.zip_merge import follow_in_joins
 
 __all__ = ["DECISION", "DriverView", "Stop", "drive_lanes", "view_driver"]
 
@@ -207,6 +208,7 @@ class _LaneFollowers:
         perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
         lanes, speed = drivers.lanes, drivers.speed
         wanted = accelerate(speed, perception, self.parameters)
+        wanted = follow_in_joins(self.conflicts, drivers, others.first(num_driving), wanted)
         if self.changes.is_possible:
             desired_speed = np.fmin(self.parameters.desired_speed, perception.safe_speed)
             wanted = self.changes.decide(drivers, perception, desired_speed, wanted, world.frame // DECISION)

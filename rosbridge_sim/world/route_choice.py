@@ -15,6 +15,7 @@ from rosbridge_sim.world.geometry import IntArray
 from rosbridge_sim.world.lane_change_map import LaneNeighbours
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.state import World
+from rosbridge_sim.world.turn_shares import ONE, Turns
 
 __all__ = ["NUM_AHEAD", "RouteChoice"]
 
@@ -44,6 +45,7 @@ class RouteChoice:
         self.route = np.concatenate(routes) if routes else _NO_ROUTE
         self.is_loop = world.is_loop[rows].copy()
         self.salt = salt_of(world.seed, world.uid[rows])
+        self.bounds = None if world.turn_shares is None else world.roads.derived(Turns).bounds(world.turn_shares)
 
     def plan(self, which: IntArray) -> None:
         """Choose all lanes ahead of some rows, and write them into the world."""
@@ -71,10 +73,16 @@ class RouteChoice:
         """
         onward = self.onward
         count = np.where(lane >= 0, onward.first[lane + 1] - onward.first[lane], 0)
-        dice = mix(self.salt[which] + turn.astype(np.uint64)) % np.maximum(count, 1).astype(np.uint64)
+        bits = mix(self.salt[which] + turn.astype(np.uint64))
         chosen = np.full(len(which), -1, dtype=np.int64)
         has_successor = count > 0
-        successor = onward.first[lane[has_successor]] + dice[has_successor].astype(np.int64)
+        if self.bounds is None:
+            dice = bits % np.maximum(count, 1).astype(np.uint64)
+            successor = onward.first[lane[has_successor]] + dice[has_successor].astype(np.int64)
+        else:
+            dice = bits % np.uint64(ONE)
+            place = lane[has_successor] * ONE + dice[has_successor].astype(np.int64)
+            successor = np.searchsorted(self.bounds, place, side="right")
         chosen[has_successor] = onward.other[successor]
         length = self.length[which]
         index = np.where(self.is_loop[which] & (length > 0), turn % np.maximum(length, 1), turn)

@@ -22,6 +22,7 @@ from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.signals import FREE, SignalsSnapshot
 from rosbridge_sim.world.state import MAX_UID, Snapshot, label_of
+from rosbridge_sim.world.turn_shares import TurnShares
 
 __all__ = ["LAYOUT", "from_plain", "to_plain"]
 
@@ -87,6 +88,7 @@ def to_plain(saved: Snapshot) -> Plain:
         "has_impacts": int(saved.has_impacts),
         "passing": saved.passing,
         "placed_uids": np.array(saved.placed_uids, dtype=np.int64),
+        "turn_shares": np.array([] if saved.turn_shares is None else astuple(saved.turn_shares), dtype=np.float64),
         "rng": _plain_rng(saved.rng_state),
     }
 
@@ -190,6 +192,7 @@ class _Reader:
             has_impacts=has_impacts,
             passing=passing,
             placed_uids=tuple(placed.tolist()),
+            turn_shares=self._turn_shares(),
             is_scoring=is_scoring,
         )
 
@@ -338,6 +341,13 @@ class _Reader:
         _expect(bool((is_forced | (until == FREE)).all()), "until", f"a later frame, or {FREE}")
         _expect(bool((is_forced | (forced == 0)).all()), "forced", "0 for a light that is not forced")
         return SignalsSnapshot(plan, frame, origin, forced, until)
+
+    def _turn_shares(self) -> TurnShares | None:
+        shares = self._array("turn_shares", np.float64, (None,)).tolist()
+        if not shares:
+            return None
+        _expect(len(shares) == len(fields(TurnShares)), "turn_shares", "three shares, or none")
+        return TurnShares(*shares)  # it checks its figures
 
     def _rng(self) -> dict[str, Any]:
         data = self._data.get("rng")

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from functools import lru_cache
 from hashlib import blake2b
 from operator import attrgetter
@@ -64,6 +64,7 @@ from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.settling import keep_level, settle
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.signals import Signals, SignalsSnapshot
+from rosbridge_sim.world.turn_shares import TurnShares
 
 __all__ = [
     "DT",
@@ -170,6 +171,7 @@ class Snapshot:
     has_impacts: bool
     passing: IntArray
     placed_uids: tuple[int, ...]
+    turn_shares: TurnShares | None
 
 
 class World(EntityArrays):
@@ -194,12 +196,14 @@ class World(EntityArrays):
         passing: (m, 2) int64, ids of the pairs in `contacts` that go through each other, the lower first; without
             `has_impacts` it is empty.
         placed_uids: ids of what was placed since the last step, while `has_impacts`.
+        turn_shares: how often drivers without a route turn; with None all lanes that follow are equally likely.
 
     Args:
         seed: not negative.
         dynamics: see above.
         is_creeping: see above.
         has_impacts: see above.
+        turn_shares: see above.
     """
 
     def __init__(
@@ -209,12 +213,14 @@ class World(EntityArrays):
         *,
         is_creeping: bool = False,
         has_impacts: bool = False,
+        turn_shares: TurnShares | None = None,
     ) -> None:
         super().__init__()
         self.seed = seed
         self.dynamics, self.is_creeping = dynamics, is_creeping
         self.has_impacts, self.passing = has_impacts, NO_CONTACTS
         self.placed_uids: set[int] = set()
+        self.turn_shares = turn_shares
         self.paths = Paths()
         self.contacts = NO_CONTACTS
         self.roads, self.signals = NO_ROADS, Signals(NO_PLAN)
@@ -492,6 +498,7 @@ class World(EntityArrays):
             has_impacts=self.has_impacts,
             passing=self.passing.copy(),
             placed_uids=tuple(sorted(self.placed_uids)),
+            turn_shares=self.turn_shares,
         )
 
     def restore(self, saved: Snapshot) -> None:
@@ -513,6 +520,7 @@ class World(EntityArrays):
         self.dynamics, self.is_creeping = saved.dynamics, saved.is_creeping
         self.has_impacts, self.passing = saved.has_impacts, saved.passing.copy()
         self.placed_uids = set(saved.placed_uids)
+        self.turn_shares = saved.turn_shares
         self.touch()
 
     def model_figures(self) -> bytes:
@@ -540,6 +548,8 @@ class World(EntityArrays):
         num_floats, num_ints, num_bools = (None, None, None) if self.is_scoring else NUM_CORE
         if self.has_impacts:
             state.update(b"impacts" + repr(sorted(self.placed_uids)).encode() + self.passing.tobytes())
+        if self.turn_shares is not None:
+            state.update(b"turn shares" + np.array(astuple(self.turn_shares), dtype=np.float64).tobytes())
         if self.dynamics == Dynamics.KINEMATIC and not self.has_impacts:
             state.update(self._floats[KINEMATIC_ALL if self.is_scoring else KINEMATIC_CORE, : self.n].tobytes())
             changes = self.block(LANE_CHANGE_COLUMNS[0], LANE_CHANGE_COLUMNS[-1])

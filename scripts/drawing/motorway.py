@@ -1,4 +1,4 @@
-"""The map `motorway`: three one-way lanes on a ring with exits and entries, and the scenario `motorway` on it.
+"""The map `motorway`: three one-way lanes on a ring with exits and entries, and two scenarios on it.
 
 A fourth lane on the right leads to each exit: it forks from lane 3 and lies beside it. A service road with one lane
 leads from the exit to the next entry. There a fourth lane lies beside lane 3 again, and ends by joining it. So every
@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 from scripts.drawing.mgeo import LANE, MapFiles, init, json_lines
 from scripts.drawing.section import Section, bend, lay, straight
 
-__all__ = ["motorway", "motorway_files", "motorway_scenario"]
+__all__ = ["motorway", "motorway_files", "motorway_scenario", "rush_hour_scenario"]
 
 OFFSETS = (LANE, 0.0, -LANE)  # lane 1 is the innermost, as everywhere [m]
 BESIDE = -2.0 * LANE  # lane 4
@@ -240,6 +240,8 @@ TRAFFIC = (  # models, lane, first place and distance along the ring, number, km
 )
 ON_SERVICE = (("2021_VW_Golf_GTI", 0, 600.0), ("Van", 0, 690.0), ("2016_Genesis_DH", 1, 1100.0), ("Truck", 1, 1300.0))
 EGO = 20.0  # place of the ego on lane 3 [m]: 100 m before the first exit
+RUSH_HOUR_EGO = 700.0  # on lane 1, beside the first service road: most others keep right of it [m]
+LEAVE, COME_IN = 0.4, 0.6  # parts of a service road: those that come in do so beyond the place where others leave
 
 
 def motorway_scenario() -> bytes:
@@ -262,17 +264,53 @@ def motorway_scenario() -> bytes:
         s = away if number == 0 else _STARTS[3] + away
         part = (s - places.service) / (places.entry_ramp - places.service)
         vehicles.append(_npc(model, (s, SERVICE), (f"S{number}", part), None, 50))
-    document = {
+    return json_lines({**_opening(EGO, 3), "vehicleList": vehicles})
+
+
+def rush_hour_scenario() -> bytes:
+    """Return the scenario: vehicles come in at both entries and leave at the other exit; the ego stands on lane 1.
+
+    Returns:
+        The document.
+    """
+    points = [
+        {
+            "UNIQUEID": 1 + number,
+            "startLinkInfo": {"linkIdx": f"S{number}", "pointIdx": _service_point(number, COME_IN)},
+            "endLinkInfo": {"linkIdx": f"S{1 - number}", "pointIdx": _service_point(1 - number, LEAVE)},
+            "minSpawnPeriod": 3.0,
+            "maxSpawnPeriod": 6.0,
+            "waitSpawnTime": 1.0,
+            "maximumSpawnVehicle": 60,
+            "SpawnVelocityType": 2,
+            "MinSpawnVelocity_Custom": 40,
+            "MaxSpawnVelocity_Custom": 50,
+            "DesiredVelocityType": 2,
+            "MinDesiredVelocity_Custom": 95,
+            "MaxDesiredVelocity_Custom": 130,
+        }
+        for number in range(len(INTERCHANGES))
+    ]
+    return json_lines({**_opening(RUSH_HOUR_EGO, 1), "spawnPointList": points})
+
+
+def _opening(ego: float, lane: int) -> dict[str, Any]:
+    """Return the map and the ego of a scenario; `ego` is its place along the ring [m]."""
+    return {
         "mapInfo": {"mapName": "motorway"},
         "egoVehicle": {
             "UNIQUEID": -1,
             "modelName": "2016_Hyundai_Ioniq",
-            "initPosition": init(*at(EGO, OFFSETS[2]), math.degrees(_heading(EGO))),
+            "initPosition": init(*at(ego, OFFSETS[lane - 1]), math.degrees(math.remainder(_heading(ego), math.tau))),
             "gear": 4,
         },
-        "vehicleList": vehicles,
     }
-    return json_lines(document)
+
+
+def _service_point(number: int, part: float) -> int:
+    """Return a point of a service road, by the part of its length, 0..1."""
+    places = INTERCHANGES[number]
+    return round(part * (places.entry_ramp - places.service) / STEP)
 
 
 def _npc(model: str, place: Point, link: tuple[str, float], speed: int | None, now: int) -> dict[str, Any]:

@@ -300,3 +300,15 @@ def test_more_than_a_thousand_vehicles_need_lanes_that_are_long_enough() -> None
     draft, mistakes = place_draft(many, built_in("roundabout"))
     assert len(mistakes) == 1
     assert len(draft.vehicles) == 1_001
+
+
+@pytest.mark.slow
+def test_rush_hour_fills_the_motorway_from_both_entries() -> None:
+    node = simulate(DiskLibrary().scenario("rush_hour"))
+    run(node, 32.0)
+    world = node.context.world
+    rows = world.rows(Kind.VEHICLE)
+    assert 12 <= len(rows) <= 22, "one every 3 to 6 s at each of two entries"
+    lanes = {world.roads.ids[lane][:2] for lane in world.lane[rows]}
+    assert {"S0", "S1", "L3"} <= lanes, "they come in on the service roads and join"
+    assert world.speed[rows].mean() > 15.0

@@ -263,7 +263,7 @@ def test_unknown_phases_are_refused(number: int, phase: int, seconds: float, mes
 def test_an_intersection_without_a_schedule_has_no_phase() -> None:
     harness = Crossroads.tiny()
     with pytest.raises(FieldError, match="the map has no intersection 0"):
-        Crossroads(read_scenario(b'{"mapInfo": {"mapName": "track"}}', "x.json")).client.send(
+        Crossroads(read_scenario(b'{"mapInfo": {"mapName": "loop"}}', "x.json")).client.send(
             "/InsnControl", "morai_msgs/IntersectionControl", intersection_index=0
         )
     assert harness.world.signals.phase.tolist() == [0]

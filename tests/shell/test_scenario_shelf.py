@@ -22,8 +22,8 @@ def test_own_scenarios_are_listed_first_and_broken_ones_with_their_problem(lay: 
     found = DiskShelf(DiskLibrary([root]), root).list(0, 50)
     names = [each.name for each in found.scenarios]
     assert names[:3] == ["Seoul/mine", "broken", "lost"]
-    assert set(names[3:]) == {"demo", "hills", "loop", "motorway", "parking", "roundabout", "town"}
-    assert found.num_scenarios == 10
+    assert set(names[3:]) == {"demo", "hills", "loop", "motorway", "parking", "roundabout", "rush_hour", "town"}
+    assert found.num_scenarios == 11
     mine, broken, lost, *built_in = found.scenarios
     assert (mine.problem, mine.num_egos) == ("", 1)
     assert "broken.json" in broken.problem

@@ -60,6 +60,7 @@ class SimulatorOptions(TypedDict, total=False):
     on_collision: Literal["report", "impact"]
     sensor_noise: str
     traffic: int
+    turn_shares: Sequence[float] | str | None
     score: bool
     on_world_failure: Literal["exit", "serve"]
     publishers: Mapping[str, object]

@@ -31,6 +31,7 @@ from rosbridge_sim.shell.config.value_types import (
     or_none,
     period,
     seconds,
+    shares,
     size,
     text_of,
     whole_number,
@@ -298,6 +299,13 @@ class Settings:
         _WORLD,
         whole_number(0, 10_000),
         "vehicles that drive on the lanes besides those of the scenario: as many as fit, and kept there",
+    )
+    turn_shares: str | None = _flag(
+        None,
+        _WORLD,
+        or_none(shares("LEFT,STRAIGHT,RIGHT"), "none"),
+        "how often drivers without a route turn, for example 1,2,1 for half of them straight on; none: all lanes that"
+        " follow are equally likely",
     )
     score: bool = _flag(
         default=False,

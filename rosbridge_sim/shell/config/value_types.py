@@ -38,6 +38,7 @@ __all__ = [
     "or_none",
     "period",
     "seconds",
+    "shares",
     "show_size",
     "size",
     "text_of",
@@ -213,6 +214,28 @@ def factor(low: float, high: float) -> ValueType:
         return number
 
     return ValueType(f"a number from {low:g} to {high:g}, or 0", read, "FACTOR")
+
+
+MAX_SHARE = 1e6
+"""Largest share, so that sums of shares stay exact enough."""
+
+
+def shares(sign: str) -> ValueType:
+    """Return the type of a few shares, which are kept as one text such as `1,2.5,0`; not all of them may be 0.
+
+    Args:
+        sign: placeholder in `--help`: their names, with commas between them.
+    """
+    num = len(sign.split(","))
+
+    def read(value: object) -> str:
+        parts = value.split(",") if isinstance(value, str) else list(cast("Sequence[object]", value))
+        numbers = [_number_of(part, float) for part in parts]
+        if len(numbers) != num or not all(0 <= number <= MAX_SHARE for number in numbers) or not any(numbers):
+            raise ValueError
+        return ",".join(f"{number:.12g}" for number in numbers)
+
+    return ValueType(f"{num} numbers up to {MAX_SHARE:,.0f} with commas between them, not all 0", read, sign)
 
 
 def or_none(kind: ValueType, word: str) -> ValueType:

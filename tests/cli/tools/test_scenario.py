@@ -218,7 +218,7 @@ def test_truncated_file_is_reported_with_line_and_column(folder: Path) -> None:
         (("check",), "the following arguments are required: FILE"),
         (
             ("check", "nowhere"),
-            "no scenario 'nowhere'; known are demo, hills, loop, motorway, parking, roundabout, town",
+            "no scenario 'nowhere'; known are demo, hills, loop, motorway, parking, roundabout, rush_hour, town",
         ),
         (("check", "./nowhere.json"), "nowhere.json: cannot be read: No such file or directory"),
         (
