@@ -7,7 +7,7 @@ message and the answer are in the outbox, as bytes of the wire.
 A second row is a call of `/sim/step` for 100 ticks that asks for `/Object_topic`, beside what it cannot do without: 100
 frames, and that message encoded once. Nobody listens to any topic there.
 
-    ./.venv/bin/python scripts/bench/core.py [--objects N] [--rounds N] [--json FILE]
+    ./.venv/bin/python scripts/bench/core.py [--scenario NAME] [--objects N] [--rounds N] [--json FILE]
 """
 
 from __future__ import annotations
@@ -54,12 +54,12 @@ PATHS = Path(__file__).with_name("paths.json")
 class Core:
     """A world in synchronous mode and one client, connected by the core alone."""
 
-    def __init__(self, num_objects: int, *, is_listening: bool = True) -> None:
+    def __init__(self, num_objects: int, *, scenario: str = str(PATHS), is_listening: bool = True) -> None:
         library = DiskLibrary()
         bus = Bus(Store(read_definitions("22.R2"), leniency=LENIENCY))
         self.world = World(0, Dynamics.SINGLE_TRACK)
         node = self._node = make_node(
-            bus, self.world, library, library.opening_scenario(str(PATHS)), NodeSettings(start="sync")
+            bus, self.world, library, library.opening_scenario(scenario), NodeSettings(start="sync")
         )
         self._outbox = Outbox(OutboxLimits(), _nothing, _nothing)
         self._peer = Peer(bus, Session(self._outbox, _ignore))
@@ -125,9 +125,9 @@ def _nothing() -> None:
     """Do nothing: no socket waits for the outbox."""
 
 
-def measure_steps(num_objects: int, rounds: int) -> tuple[float, float]:
+def measure_steps(num_objects: int, rounds: int, scenario: str) -> tuple[float, float]:
     """Return the CPU time of a call for `STEPS` ticks [s], and its ratio to what it cannot do without: medians."""
-    core = Core(num_objects, is_listening=False)
+    core = Core(num_objects, scenario=scenario, is_listening=False)
     (answer,) = core.step()
     assert orjson.loads(answer)["values"]["steps"] == STEPS, answer[:300]
     core.compute()
@@ -146,12 +146,13 @@ def measure_steps(num_objects: int, rounds: int) -> tuple[float, float]:
 def main() -> None:
     """Measure, print, write JSON if asked."""
     parser = argparse.ArgumentParser(description="Ticks a second without sockets")
+    parser.add_argument("--scenario", default=str(PATHS), help="name or file [actors on paths that see nothing]")
     parser.add_argument("--objects", type=int, default=20, help="beside the ego; at least what the scene has")
     parser.add_argument("--rounds", type=int, default=20, help=f"of {TICKS_PER_ROUND} ticks each")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures here too")
     args = parser.parse_args()
     logging.disable(logging.WARNING)
-    core = Core(args.objects)
+    core = Core(args.objects, scenario=args.scenario)
     latencies: list[float] = []
     rates: list[float] = []
     for _ in range(args.rounds):
@@ -167,7 +168,7 @@ def main() -> None:
         f"1 ego and {args.objects} objects, one subscriber of /Ego_topic: {median(rates):,.0f} ticks per second of CPU"
         f" ({min(rates):,.0f}..{max(rates):,.0f}); a tick p50 {cuts[49] * 1e6:.1f} us, p99 {cuts[98] * 1e6:.1f} us"
     )
-    call, ratio = measure_steps(args.objects, args.rounds)
+    call, ratio = measure_steps(args.objects, args.rounds, args.scenario)
     print(
         f"/sim/step for {STEPS} ticks: {call * 1e3:.2f} ms of CPU, {ratio:.2f} x the frames and one encoding of what is"
         " asked for (wanted: at most 1.1)"
