@@ -48,7 +48,7 @@ def default_hangup() -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    """One server for all tests of a file that leave it as they found it. Its world moves, so it costs time all along."""
+    """One server for all tests of a file that leave it as they found it. Its world moves, which costs time."""
     process = ServerProcess(tmp_path_factory.mktemp("server") / "log.txt")
     yield process
     process.stop_cleanly()
