@@ -68,10 +68,10 @@ ENTRY_WAY, ENTRY_TIME = 20.0, 5.5
 the signal and the change take."""
 
 LIGHT_QUEUE: Final = 15.0
-"""What stands nearer to an intersection than this may wait for it [m]; so it is not passed."""
+"""A vehicle that stands nearer to an intersection than this may wait for it [m]. So nobody passes it."""
 
 QUEUE_GAP: Final = 10.0
-"""What stands at most this far behind another standing vehicle stands in a queue [m]."""
+"""Two standing vehicles belong to one queue if the gap between them is at most this long [m]."""
 
 BLOCKED_TIME, BLOCKED_WAY = 6.0, 40.0
 """Something that stands ahead is a reason to change within this time [s], and within this distance at least [m]."""
@@ -103,7 +103,7 @@ LOOK_BACK: Final = 3
 
 @dataclass(slots=True, eq=False)
 class _Option:
-    """What drivers find in the lane on one side; (k,) each.
+    """The lane on one side, as each driver finds it; (k,) each.
 
     Attributes:
         is_there: one may change to this side here.

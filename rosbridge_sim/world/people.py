@@ -76,9 +76,10 @@ AGAINST: Final = 0.3
 AROUND: Final = 4.0
 NEAR: Final = 0.6
 NOSE_SHARE: Final = 0.3
-"""Who walks against a vehicle or a thing, by this cosine, is drawn along it with this acceleration [m/s^2]: more than
-its own will takes it back. It is so near then [m]: farther away the push as of a wall is weaker than its will. In front
-of this share of the half length of a vehicle it goes around the nose, else around the tail."""
+"""The way of a pedestrian around a vehicle or a thing. It begins if the pedestrian walks against the thing, with a cosine
+beyond `AGAINST`, and is nearer than `NEAR` [m]; farther away the push of the thing is weaker than the pedestrian's will.
+An acceleration of `AROUND` [m/s^2] then leads along the thing. In front of the share `NOSE_SHARE` of its half length the
+way leads around the nose, else around the tail."""
 
 MAX_PUSH: Final = 6.0
 """Greatest acceleration [m/s^2]: a person who starts to run. Tuned by us: less lets people walk into one another."""
@@ -123,7 +124,7 @@ MAX_KNOWN: Final = 4_096
 """Paths whose crossings are kept: more than the pedestrians of a full scene."""
 
 SLOW: Final = 0.5
-"""Who walks more slowly in a crossing is taken to go on so fast [m/s]."""
+"""Least speed at which drivers expect a pedestrian to go on in a crossing [m/s]."""
 
 CREEPS: Final = 0.3
 """A vehicle below this speed stops at once [m/s]."""
@@ -301,7 +302,7 @@ class _People:
         body = world.half_width[self.rows[one]]
         size = WALL * np.exp(-np.fmax(away - body, 0.0) / WALL_DECAY)
         force = (beyond_x + 1j * beyond_y) / np.fmax(away, 0.05)
-        # Who walks against something goes around it, on the side of the path on which most of it is not. That side
+        # A pedestrian goes around a thing on the side of the path on which most of the thing is not. That side
         # stays the same on the way around, while the way to the path turns with each step.
         against = (towards[one] * turn * np.conj(force)).real
         course_against = (course[one] * turn * np.conj(force)).real

@@ -200,7 +200,8 @@ async def test_first_key_leads_past_the_map(serve: Serve, open_page: OpenPage) -
     await expect(page.locator("#controls")).to_be_focused()
 
 
-@pytest.mark.parametrize(("scheme", "width"), [("light", 360), ("dark", 1280)])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [360, 1280])
 async def test_page_has_no_serious_fault_of_accessibility(
     serve: Serve, open_page: OpenPage, scheme: str, width: int
 ) -> None:

@@ -329,7 +329,7 @@ def test_hash_and_bytes_come_back(release: str, acts: list[tuple[Any, ...]]) -> 
 
 
 @pytest.mark.slow
-@settings(max_examples=12, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 @given(release=st.sampled_from(["22.R2", "26.R1"]), acts=st.lists(ACTS, max_size=14))
 def test_hash_and_bytes_come_back_after_any_order_of_calls(release: str, acts: list[tuple[Any, ...]]) -> None:
     check(release, acts)
@@ -346,7 +346,7 @@ def fuzzed() -> tuple[Run, bytes]:
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_changed_bytes_with_a_right_checksum_change_nothing(fuzzed: tuple[Run, bytes], data: st.DataObject) -> None:
     run, whole = fuzzed

@@ -85,7 +85,7 @@ class Listener(Client):
         ("22.R2", 60, 20),
         ("26.R1", 20, 40),
         pytest.param("22.R2", 20, 10_000, marks=pytest.mark.slow),
-        pytest.param("26.R1", 60, 2_000, marks=pytest.mark.slow),
+        pytest.param("26.R1", 60, 10_000, marks=pytest.mark.slow),
     ],
 )
 def test_steps_give_the_bytes_of_the_services_of_synchronous_mode(release: str, time_step: int, num: int) -> None:
