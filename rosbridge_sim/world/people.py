@@ -77,9 +77,9 @@ AROUND: Final = 4.0
 NEAR: Final = 0.6
 NOSE_SHARE: Final = 0.3
 """The way of a pedestrian around a vehicle or a thing. It begins if the pedestrian walks against the thing, with a
-cosine beyond `AGAINST`, and is nearer than `NEAR` [m]. Farther away the push of the thing is weaker than the will of the
-pedestrian. An acceleration of `AROUND` [m/s^2] then leads along the thing. In front of the share `NOSE_SHARE` of its half
-length the way leads around the nose, else around the tail."""
+cosine beyond `AGAINST`, and is nearer than `NEAR` [m]. Farther away the push of the thing is weaker than the will of
+the pedestrian. An acceleration of `AROUND` [m/s^2] then leads along the thing. In front of the share `NOSE_SHARE` of
+its half length the way leads around the nose, else around the tail."""
 
 MAX_PUSH: Final = 6.0
 """Greatest acceleration [m/s^2]: a person who starts to run. Tuned by us: less lets people walk into one another."""

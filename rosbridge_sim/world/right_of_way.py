@@ -103,7 +103,7 @@ def give_claims(
     stands[others.lane[others.stands]] = True
     is_free = ~stands[requests.lane[at]]
     perception.is_blocked[at[~is_free]] = True
-    at = at[~_gives_way_to_a_waiting_one(conflicts, drivers, requests, at, has_room) & has_room & is_free]
+    at = at[has_room & is_free]
     if len(at):
         lane = requests.lane[at]
         taken = _taken(conflicts, drivers, others.lane[:num_moving], others.tail[:num_moving])
@@ -121,33 +121,6 @@ def give_claims(
         drivers.claim[given], drivers.exit_lane[given] = requests.lane[given], requests.exit_lane[given]
     waits = (requests.lane >= 0) & (drivers.claim != requests.lane)
     perception.stop_distance[waits] = np.fmin(perception.stop_distance, requests.distance)[waits]
-
-
-def _gives_way_to_a_waiting_one(
-    conflicts: LaneConflicts, drivers: Drivers, requests: Requests, at: IntArray, has_room: BoolArray
-) -> BoolArray:
-    """Return which of the drivers that ask leave the room behind a join to one that stands and waits for it, (k,).
-
-    Without this, a steady flow on one of two lanes that join takes all the room, and the other lane stands for ever.
-
-    Args:
-        conflicts: of the roads.
-        drivers: all of them.
-        requests: of the same drivers.
-        at: (k,) int64, the drivers that ask.
-        has_room: (k,) which of them find room.
-    """
-    waits = ~has_room & (drivers.speed[at] < CREEP)
-    gives = np.zeros(len(at), dtype=bool)
-    if not waits.any():
-        return gives
-    lane, exit_lane, distance = requests.lane[at], requests.exit_lane[at], requests.distance[at]
-    has_priority = ~conflicts.gives_way[lane]
-    for is_asked, is_waiting in ((has_priority, waits & has_priority), (~has_priority, waits)):
-        nearest = np.full(len(conflicts.wait_point), np.inf)
-        np.minimum.at(nearest, exit_lane[is_waiting], distance[is_waiting])
-        gives |= is_asked & (exit_lane >= 0) & (nearest[exit_lane] < distance)
-    return gives
 
 
 def _tail_on_held_lane(roads: Roads, drivers: Drivers, at: IntArray) -> FloatArray:
