@@ -1,8 +1,8 @@
 """Lane changes: which drivers want one and why, when they begin it, and what the others do meanwhile.
 
 *Wish.* A driver looks at the lanes beside it once a second. It must change if its lane ends, if its route goes on from
-another lane, or if something stands ahead that waits for nothing. Otherwise `lane_change_model` decides. Nobody wishes
-to change inside an intersection, and near its entry only those do that must.
+another lane, or if something stands ahead that waits for nothing. Otherwise `lane_change_model` decides. No driver
+changes lanes inside an intersection. Near its entry a driver changes only if it must.
 
 *Signal.* A driver signals for `SIGNAL_FRAMES` at least before it moves over. If it must change, the follower in the
 other lane opens a gap for it, and the driver adapts its own speed to the vehicle that will be ahead of it.
@@ -64,8 +64,8 @@ WAY_ON: Final = 300.0
 """A lane that goes on for this length is no worse than one that goes on for ever [m]: room to overtake and return."""
 
 ENTRY_WAY, ENTRY_TIME = 20.0, 5.5
-"""Nobody wishes a change nearer to an intersection than this [m], and this time at the present speed [s]: as long as
-the signal and the change take."""
+"""Changes of choice begin only farther from an intersection than this length [m] and the way of this time at the present
+speed [s]: as long as the signal and the change take."""
 
 LIGHT_QUEUE: Final = 15.0
 """A vehicle that stands nearer to an intersection than this may wait for it [m]. So nobody passes it."""
@@ -199,7 +199,7 @@ class LaneChanges:
         part = decision // LOOK_EVERY if decision % LOOK_EVERY == 0 else -1
         is_turn = np.full(len(rows), part >= 0) & (drivers.uid % LOOK_PARTS == part % LOOK_PARTS)
         looks = is_turn & self.neighbours.has_side[drivers.lanes[0]]
-        # Who signals because it must looks at each decision, for the gap; the others with the next look of anybody.
+        # A driver that must change looks for its gap at each decision; one that signals by choice at each `LOOK_EVERY`-th.
         looks |= world.change[rows] >= (LaneChange.FASTER if part >= 0 else LaneChange.ROUTE)
         which = np.flatnonzero(is_free & looks)
         if len(which):
@@ -215,7 +215,7 @@ class LaneChanges:
         world.change_since[done] = world.frame
 
     def _mind_old_lane(self, drivers: Drivers, queue: EntryQueue, desired_speed: FloatArray, accel: FloatArray) -> None:
-        """Have those that change lanes brake for the lead vehicle in the old lane, if they would touch it."""
+        """Brake for the lead vehicle in the old lane, where a vehicle that changes lanes would touch it."""
         entries = drivers.leaving
         assert entries is not None
         world, which = self.world, entries.source
@@ -339,7 +339,7 @@ class _Look:
         reason, side = self._find_must(options)
         must = reason > 0
         is_inside = (self._to_entry <= 0.0) | (drivers.held[which] >= 0)
-        # What need not be
+        # Changes of choice
         bias = KEEP_RIGHT_BIAS * changes.neighbours.keeps_right[self._lanes[0]]
         is_far = self._to_entry > ENTRY_WAY + ENTRY_TIME * self._speed
         advantages = []
@@ -355,18 +355,18 @@ class _Look:
         side = np.where(wishes, best, side)
         is_right = (best == RIGHT) & (options[RIGHT].advantage < THRESHOLD)
         reason = np.where(wishes, np.where(is_right, LaneChange.KEEP_RIGHT, LaneChange.FASTER), reason)
-        # Those that signal already for what need not be
+        # Signals for a change of choice that goes on
         is_kept = ~must & ((now == LaneChange.FASTER) | (now == LaneChange.KEEP_RIGHT))
         old_side = np.maximum(signal - 1, 0)
         old_advantage = np.where(old_side == RIGHT, advantages[RIGHT], advantages[0])
         is_kept &= (old_advantage > 0.0) & (world.frame - since < PATIENCE)
         side, reason = np.where(is_kept, old_side, side), np.where(is_kept, now, reason)
-        # What they show from now on
+        # The signals from now on
         shows = np.where(reason > 0, side + 1, 0)
         is_new = shows != signal
         since = np.where(is_new, float(world.frame), since)
         world.change[rows], world.signal[rows], world.change_since[rows] = reason, shows, since
-        # Who begins
+        # The drivers that begin
         index = np.arange(num)
         chosen = _pick(options, side)
         across = np.full(num, 3.5)
@@ -454,7 +454,7 @@ class _Look:
         accel[which[at]] = np.fmin(accel[which[at]], np.fmax(brakes, -KIND_BRAKING))
 
     def _keep_room(self, at: IntArray, accel: FloatArray) -> None:
-        """Have those that want to pass what stands keep room enough to pull out."""
+        """Keep room to pull out, for drivers that want to pass a standing vehicle."""
         which = self._which[at]
         brakes = follow(self._speed[at], self._desired_speed[which], self._gap[at] - PULL_OUT, self._lead_speed[at])
         accel[which] = np.fmin(accel[which], np.fmax(brakes, -HARDEST))

@@ -360,7 +360,7 @@ class _LaneFollowers:
 
 def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray]:
     """Return the entries of rows that do not follow lanes; see `find_entries`."""
-    # Those that heed the traffic wait at the kerb until they cross, and then drivers let them cross.
+    # Pedestrians that heed the traffic wait at the kerb. While they cross, drivers wait for them.
     is_blind = (world.kind[rows] == Kind.PEDESTRIAN) & (world.yields[rows] == 0)
     foresight = np.where(is_blind, FORESIGHT, 0.0)
     index, later = np.arange(len(rows)), np.zeros(len(rows))

@@ -40,7 +40,7 @@ __all__ = [
 CAR = Body()
 
 QUEUE_LINE = 300.0
-"""Where the stop line of `queue_roads` is, east [m]."""
+"""Place of the stop line of `queue_roads`, east [m]."""
 
 QUEUE_RED = 40.0
 """Length of its red, in which the queue comes to rest [s]."""

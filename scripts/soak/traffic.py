@@ -97,7 +97,7 @@ class Cell:
 
 @dataclass(slots=True)
 class Outcome:
-    """What a cell has shown.
+    """The findings in one cell.
 
     Attributes:
         cell: the cell.
