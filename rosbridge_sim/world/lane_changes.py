@@ -64,8 +64,8 @@ WAY_ON: Final = 300.0
 """A lane that goes on for this length is no worse than one that goes on for ever [m]: room to overtake and return."""
 
 ENTRY_WAY, ENTRY_TIME = 20.0, 5.5
-"""Changes of choice begin only farther from an intersection than this length [m] and the way of this time at the present
-speed [s]: as long as the signal and the change take."""
+"""Changes of choice begin only farther from an intersection than this length [m] and the way of this time at the
+present speed [s]: as long as the signal and the change take."""
 
 LIGHT_QUEUE: Final = 15.0
 """A vehicle that stands nearer to an intersection than this may wait for it [m]. So nobody passes it."""
@@ -199,7 +199,8 @@ class LaneChanges:
         part = decision // LOOK_EVERY if decision % LOOK_EVERY == 0 else -1
         is_turn = np.full(len(rows), part >= 0) & (drivers.uid % LOOK_PARTS == part % LOOK_PARTS)
         looks = is_turn & self.neighbours.has_side[drivers.lanes[0]]
-        # A driver that must change looks for its gap at each decision; one that signals by choice at each `LOOK_EVERY`-th.
+        # A driver that must change looks for its gap at each decision; one that signals by choice, at each
+        # `LOOK_EVERY`-th.
         looks |= world.change[rows] >= (LaneChange.FASTER if part >= 0 else LaneChange.ROUTE)
         which = np.flatnonzero(is_free & looks)
         if len(which):
