@@ -71,11 +71,11 @@ def test_driver_that_passes_a_crawling_car_need_not_brake(gap: float) -> None:
 
 def test_driver_does_not_change_by_choice_into_a_lane_that_soon_joins_another() -> None:
     """It would get into the order of the vehicles there at the last moment, and brake hard."""
-    left = line(*[(x, 3.5) for x in range(0, 901, 10)])
-    lines = [left, line((0, 0), (400, 0)), line((400, 0), (900, 0)), line((150, -9), (400, 0))]
+    whole = line(*[(x, 3.5) for x in range(0, 901, 10)])
+    lines = [whole, line((0, 0), (400, 0)), line((400, 0), (900, 0)), line((150, -9), (400, 0))]
     ids, ahead = ["left", "right", "on", "ramp"], [[], [2], [], [2]]
-    beside = {"left": [-1, 0, -1, -1], "right": [1, -1, -1, -1]}
-    roads = Roads(ids, lines, ahead, [3.5] * 4, [30.0] * 4, **beside)
+    left_of, right_of = [-1, 0, -1, -1], [1, -1, -1, -1]
+    roads = Roads(ids, lines, ahead, [3.5] * 4, [30.0] * 4, left=left_of, right=right_of)
     assert roads.derived(LaneConflicts).joins.join[1] >= 0
     world = world_of(roads)
     car(world, "left", 60.0, speed=12.0, desired_speed=12.0)
