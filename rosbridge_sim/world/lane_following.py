@@ -306,7 +306,10 @@ class _LaneFollowers:
         world.y[at] = world.leg_y[at] + distance * world.leg_dy[at]
         world.z[at] = world.leg_z[at] + distance * world.leg_dz[at]
         yaw = world.yaw[at] + world.yaw_rate[at] * dt
-        world.yaw[at] = yaw if np.abs(yaw).max() < math.pi else wrap_angle(yaw)
+        beyond = np.flatnonzero(np.abs(yaw) >= math.pi)
+        if len(beyond):
+            yaw[beyond] = wrap_angle(yaw[beyond])
+        world.yaw[at] = yaw
         if len(self.shifted):
             nudge(world, self.rows[self.shifted], dt)
         if saved is not None:
