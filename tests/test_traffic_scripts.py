@@ -19,7 +19,7 @@ from rosbridge_sim.world.step import step
 from scripts.bench import traffic as compare
 from scripts.bench import traffic_cases
 from scripts.bench.sumo_network import Network, convert
-from scripts.soak import traffic
+from scripts.soak import traffic, traffic_cells
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +105,7 @@ def _watched(*places: tuple[int, float, float]) -> tuple[World, traffic.Watch, t
     for lane, s, speed in places:
         uid = world.spawn(Kind.VEHICLE, Body(), name="npc", x=0.0, y=0.0, speed=speed)
         keep_lane(world, world.row(uid), lane, s)
-    outcome = traffic.Outcome(traffic.Cell("queue", len(places), 0))
+    outcome = traffic.Outcome(traffic_cells.Cell("queue", len(places), 0))
     return world, traffic.Watch(world, outcome), outcome
 
 
@@ -141,14 +141,14 @@ def test_watch_counts_a_vehicle_that_stands_for_three_minutes(monkeypatch: pytes
 
 
 def test_soak_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
-    cells = traffic.cells_of(1.0, ["town", "hills"], 5)
-    assert cells[0] == traffic.Cell("town", 24, 5)
+    cells = traffic_cells.cells_of(1.0, ["town", "hills"], 5)
+    assert cells[0] == traffic_cells.Cell("town", 24, 5)
     assert [cell.seed for cell in cells] == [5] * 6
     progress = tmp_path / "progress"
     outcome = traffic.Outcome(cells[0], num=24, minutes=10.0, lines=["a line"])
     progress.write_text(json.dumps(asdict(outcome)) + '\n{"cell": {"map')
     assert traffic._read(progress) == [outcome]
-    assert "| town | 24 | 10 min |" in traffic.as_table([outcome])
+    assert "| town | 24 | 0 | 10 min |" in traffic.as_table([outcome])
 
 
 def test_table_replaces_the_one_that_is_there(tmp_path: Path) -> None:
@@ -165,7 +165,7 @@ def test_table_replaces_the_one_that_is_there(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["town", "motorway"])
 def test_short_soak_of_traffic_has_no_fault(name: str) -> None:
-    outcome = traffic.run_cell(traffic.Cell(name, 40, 1), minutes=0.5)
+    outcome = traffic.run_cell(traffic_cells.Cell(name, 40, 1), minutes=0.5)
     assert outcome.num == 40
     assert outcome.speed > 5.0
     assert (outcome.overlaps, outcome.red_lights, outcome.stranded) == (0, 0, 0)

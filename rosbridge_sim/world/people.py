@@ -30,7 +30,7 @@ from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import Lamp
 from rosbridge_sim.world.state import DT, Kind, World
 
-__all__ = ["COMMITTED", "time_to_kerb", "walk"]
+__all__ = ["COMMITTED", "find_ways_over", "walk"]
 
 INTERVAL: Final = 5
 """Frames from one decision to the next, as that of drivers, and two frames after theirs, to spread the load."""
@@ -94,10 +94,11 @@ SIDES: Final = (0.3, 0.9)
 """Least and greatest distance to the right of the path [m], tuned by us: people who meet pass, all within a crosswalk
 of 3 m."""
 
-KERB_GAP: Final = 0.4
-"""Distance before the road at which people wait [m]: their feet are on the kerb."""
+KERB_GAP: Final = 0.6
+"""Distance before the road at which people wait [m]. Their feet are on the kerb, and the side of a bus that reaches
+0.3 m over the border of its lane in a turn does not touch them."""
 
-AT_KERB: Final = 0.8
+AT_KERB: Final = 1.0
 """From this distance to the kerb on, a pedestrian looks whether it may go [m]."""
 
 BRAKE: Final = 1.0
@@ -149,16 +150,33 @@ def walk(world: World) -> None:
         people.decide()
 
 
-def time_to_kerb(world: World) -> FloatArray:
-    """Return the times in which those who cross will be off the road, (n,), for each row; 0 for all others [s]."""
-    times = np.zeros(world.n)
+def find_ways_over(world: World) -> tuple[FloatArray, ComplexArray]:
+    """Return how those who cross will go on, for each row.
+
+    Their present heading says little: they turn into a crossing from the pavement, and walk around each other.
+
+    Args:
+        world: read only.
+
+    Returns:
+        (n,) the times in which they will be off the road; 0 for all others [s]. And (n,) complex, the velocities with
+        which they get from their place to the other kerb in that time [m/s].
+    """
+    times, velocities = np.zeros(world.n), np.zeros(world.n, dtype=np.complex128)
     people = world.derived(_People)
     if people.num:
         state, rows = world.yields[people.rows], people.rows
         at = np.flatnonzero(state >= COMMITTED)
-        left = people.end[people.first[at] + state[at] - COMMITTED] - world.arc[rows[at]]
+        crossing = people.first[at] + state[at] - COMMITTED
+        left = people.end[crossing] - world.arc[rows[at]]
         times[rows[at]] = np.fmax(left, 0.0) / np.fmax(world.speed[rows[at]], SLOW)
-    return times
+        ends = people.ends[crossing]
+        kerb = ends[:, 2] + 1j * ends[:, 3]
+        course = kerb - (ends[:, 0] + 1j * ends[:, 1])
+        kerb = kerb - 1j * people.side[at] * course / np.fmax(np.abs(course), STANDS)
+        way = kerb - (world.x[rows[at]] + 1j * world.y[rows[at]])
+        velocities[rows[at]] = np.where(left > 0.0, way / np.fmax(times[rows[at]], DT), 0.0)
+    return times, velocities
 
 
 class _People:

@@ -1,0 +1,117 @@
+"""Small scenes that show how vehicles and people move: each gives a picture of the page about traffic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from rosbridge_sim.morai.catalogue import BUILT_IN, default_model
+from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.world.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.state import Body, Gear, Kind, World
+from scripts.soak.traffic_cells import Cell, world_of
+
+__all__ = ["CASES", "Box", "Case"]
+
+Box = tuple[float, float, float, float]
+"""West, south, east, north [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A scene and the part of it that is drawn.
+
+    Attributes:
+        make: makes the world.
+        box: part of the map.
+        begin: time before the first place [s].
+        seconds: from the first to the last place.
+        every: from one place to the next [s].
+    """
+
+    make: Callable[[], World]
+    box: Box
+    begin: float
+    seconds: float
+    every: float
+
+
+def _empty(name: str) -> World:
+    road_map = DiskLibrary().map(name)
+    world = World()
+    world.lay_roads(road_map.roads, road_map.plan)
+    return world
+
+
+def _car() -> Body:
+    return default_model(Kind.VEHICLE).body
+
+
+def _bus() -> Body:
+    return next(model.body for model in BUILT_IN.models if "Bus" in model.name and model.body.length > 10.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """A vehicle: its lane and place on it [m], its speed [m/s], the speed that it wants, lanes ahead, and its body."""
+
+    lane: str
+    s: float
+    speed: float
+    desired_speed: float = float("inf")
+    route: Sequence[str] = ()
+    is_bus: bool = False
+
+
+def _drive(world: World, starts: Sequence[_Start]) -> World:
+    """Put vehicles onto lanes."""
+    lanes = []
+    for start in starts:
+        body = _bus() if start.is_bus else _car()
+        uid = world.spawn(Kind.VEHICLE, body, name="npc", x=0.0, y=0.0, speed=start.speed)
+        route = tuple(world.roads.row(name) for name in start.route)
+        lane = world.roads.row(start.lane)
+        lanes.append(LaneStart(world.row(uid), lane, start.s, start.desired_speed, route))
+    keep_lanes(world, lanes)
+    return world
+
+
+def _lane_change() -> World:
+    slow = _Start("L3_03", 70.0, 20.0, 20.0, is_bus=True)
+    return _drive(_empty("motorway"), [slow, _Start("L3_02", 150.0, 30.0)])
+
+
+def _merge() -> World:
+    main = [_Start("L3_04", s, 25.0, 27.0) for s in (20.0, 60.0, 100.0)]
+    return _drive(_empty("motorway"), [*main, *(_Start("E0", s, 18.0) for s in (70.0, 110.0))])
+
+
+def _roundabout() -> World:
+    return world_of(Cell("roundabout", 30, 0))
+
+
+def _standing_ego() -> World:
+    world = _empty("town")
+    world.spawn(Kind.EGO, default_model(Kind.EGO).body, name="ego", x=-48.0, y=-5.25, gear=Gear.PARK)
+    return _drive(world, [_Start("R1222L2", s, 10.0, route=("R1222L2", "J22W2E")) for s in (4.0, 16.0)])
+
+
+def _crossing_people() -> World:
+    return world_of(Cell("town", 60, 0, people=40))
+
+
+def _turning_bus() -> World:
+    lanes = ("R1011L1", "J11S1E", "R1121L1")
+    return _drive(_empty("town"), [_Start("R1011L1", 40.0, 8.0, route=lanes, is_bus=True)])
+
+
+CASES: Final[dict[str, Case]] = {
+    "lane_change": Case(_lane_change, (480.0, -14.0, 720.0, 10.0), 1.0, 9.0, 0.5),
+    "merge": Case(_merge, (1040.0, -16.0, 1340.0, 8.0), 3.0, 11.0, 1.0),
+    "roundabout": Case(_roundabout, (-42.0, -42.0, 42.0, 42.0), 40.0, 12.0, 0.5),
+    "standing_ego": Case(_standing_ego, (-98.0, -12.0, -8.0, 4.0), 0.0, 16.0, 0.5),
+    "crossing_people": Case(_crossing_people, (-22.0, 4.0, 22.0, 30.0), 100.0, 16.0, 0.5),
+    "turning_bus": Case(_turning_bus, (-128.0, -142.0, -74.0, -96.0), 0.0, 24.0, 0.5),
+}
+"""Names of the pictures, without their beginning `trajectory_`."""
