@@ -78,13 +78,13 @@ def _drive(world: World, starts: Sequence[_Start]) -> World:
 
 
 def _lane_change() -> World:
-    slow = _Start("L3_03", 70.0, 20.0, 20.0, is_bus=True)
-    return _drive(_empty("motorway"), [slow, _Start("L3_02", 150.0, 30.0)])
+    slow = _Start("L3_03", 120.0, 20.0, 20.0, is_bus=True)
+    return _drive(_empty("motorway"), [slow, _Start("L3_03", 10.0, 30.0)])
 
 
 def _merge() -> World:
-    main = [_Start("L3_04", s, 25.0, 27.0) for s in (20.0, 60.0, 100.0)]
-    return _drive(_empty("motorway"), [*main, *(_Start("E0", s, 18.0) for s in (70.0, 110.0))])
+    main = [_Start("L3_04", s, 25.0, 27.0) for s in (0.0, 40.0, 80.0)]
+    return _drive(_empty("motorway"), [*main, *(_Start("L4_04", s, 22.0, 27.0) for s in (20.0, 60.0))])
 
 
 def _roundabout() -> World:
@@ -93,8 +93,8 @@ def _roundabout() -> World:
 
 def _standing_ego() -> World:
     world = _empty("town")
-    world.spawn(Kind.EGO, default_model(Kind.EGO).body, name="ego", x=-48.0, y=-5.25, gear=Gear.PARK)
-    return _drive(world, [_Start("R1222L2", s, 10.0, route=("R1222L2", "J22W2E")) for s in (4.0, 16.0)])
+    world.spawn(Kind.EGO, default_model(Kind.EGO).body, name="ego", x=-60.0, y=-5.25, gear=Gear.PARK)
+    return _drive(world, [_Start("R1222L2", s, 8.0) for s in (2.0, 12.0)])
 
 
 def _crossing_people() -> World:
@@ -107,11 +107,11 @@ def _turning_bus() -> World:
 
 
 CASES: Final[dict[str, Case]] = {
-    "lane_change": Case(_lane_change, (480.0, -14.0, 720.0, 10.0), 1.0, 9.0, 0.5),
-    "merge": Case(_merge, (1040.0, -16.0, 1340.0, 8.0), 3.0, 11.0, 1.0),
+    "lane_change": Case(_lane_change, (400.0, -14.0, 720.0, 10.0), 0.0, 12.0, 1.0),
+    "merge": Case(_merge, (1080.0, -16.0, 1380.0, 8.0), 5.0, 12.0, 1.0),
     "roundabout": Case(_roundabout, (-42.0, -42.0, 42.0, 42.0), 40.0, 12.0, 0.5),
     "standing_ego": Case(_standing_ego, (-98.0, -12.0, -8.0, 4.0), 0.0, 16.0, 0.5),
     "crossing_people": Case(_crossing_people, (-22.0, 4.0, 22.0, 30.0), 100.0, 16.0, 0.5),
-    "turning_bus": Case(_turning_bus, (-128.0, -142.0, -74.0, -96.0), 0.0, 24.0, 0.5),
+    "turning_bus": Case(_turning_bus, (-128.0, -136.0, -74.0, -100.0), 20.0, 40.0, 0.5),
 }
 """Names of the pictures, without their beginning `trajectory_`."""

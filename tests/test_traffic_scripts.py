@@ -140,6 +140,41 @@ def test_watch_counts_a_vehicle_that_stands_for_three_minutes(monkeypatch: pytes
     assert "stops for light" in outcome.lines[0]
 
 
+def test_watch_counts_people_who_are_hit_who_bump_and_who_wait_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(traffic, "STRANDED", 0.3)
+    world = World()
+    world.lay_roads(*traffic_cases.queue_roads())
+    man = Body.box(0.45, 0.55, 1.7)
+    uid = world.spawn(Kind.VEHICLE, Body(), name="npc", x=0.0, y=0.0, speed=8.0)
+    keep_lane(world, world.row(uid), 2, 20.0)
+    x, y = float(world.x[0]), float(world.y[0])
+    world.spawn(Kind.PEDESTRIAN, man, name="man", x=x + 4.0, y=y)
+    for i in range(2):
+        to_west = np.array([[x, y + 50.0 + 0.1 * i], [x + 9.0 * (-1) ** i, y + 50.0]])
+        world.spawn(Kind.PEDESTRIAN, man, name="man", x=x - 1.5 * (-1) ** i, y=y + 50.0, path=to_west, speed=2.0)
+    outcome = traffic.Outcome(traffic_cells.Cell("queue", 1, 0, 3))
+    watch = traffic.Watch(world, outcome)
+    for _ in range(40):
+        step(world)
+        watch.look()
+    assert (outcome.hits, outcome.bumps, outcome.waiting, outcome.overlaps) == (1, 1, 1, 0)
+    assert any("pedestrian 2 at" in line for line in outcome.lines)
+    assert outcome.num_faults >= 3
+
+
+def test_cells_with_people_and_parked_cars_begin_with_them() -> None:
+    world = traffic_cells.world_of(traffic_cells.Cell("parking", 4, 0))
+    drives = world.alive & world.has_lane
+    assert int(drives.sum()) == 4
+    assert int((world.alive & (world.kind == Kind.VEHICLE) & ~drives).sum()) > 20
+    step(world)
+    assert not len(world.contacts)
+    world = traffic_cells.world_of(traffic_cells.Cell("town", 4, 0, people=7))
+    assert [int((world.alive & (world.kind == kind)).sum()) for kind in (Kind.EGO, Kind.VEHICLE, Kind.PEDESTRIAN)] == [
+        *(0, 4, 7)
+    ]
+
+
 def test_soak_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
     cells = traffic_cells.cells_of(1.0, ["town", "hills"], 5)
     assert cells[0] == traffic_cells.Cell("town", 24, 5)

@@ -59,7 +59,7 @@ BEHIND: Final = 0.5
 _VIEW: Final = math.cos(math.radians(100.0))
 
 BODY: Final = 6.0
-BODY_WIDTH: Final = 0.5
+BODY_WIDTH: Final = 0.6
 BODY_DECAY: Final = 0.15
 """Two bodies that touch push each other so strongly [m/s^2], where their middles are a shoulder's width apart [m], and
 less by the factor e for each such length [m]. The paper's potential alone lets people walk through each other. The
@@ -86,6 +86,11 @@ MAX_PUSH: Final = 6.0
 
 HASTE: Final = 1.3
 """A pedestrian walks at most so much faster than it wants; the paper's factor."""
+
+STEP_BACK: Final = 0.5
+CLOSE: Final = 1.0
+"""Speed of somebody at the kerb who steps back from a vehicle [m/s], and the push that makes it do so [m/s^2]: that of
+a side 0.46 m away, as of a bus that turns."""
 
 LOOK_AHEAD: Final = 1.2
 """Distance along the path of the place that is walked to [m]: a step or two."""
@@ -223,16 +228,21 @@ class _People:
         arc = self._project(x, y)
         wish = np.where(world.start_within[rows] > 0.0, 0.0, world.desired_speed[rows])
         wish[~self.is_loop & (arc >= self.length - AT_KERB)] = 0.0
+        free_wish = wish
         wish = self._mind_kerb(arc, wish)
         towards = self._towards(arc, x, y)
         heading = np.exp(1j * world.yaw[rows])
         velocity = world.speed[rows] * heading
-        push = (wish * towards - velocity) / RELAXATION + self._push(x, y, towards, self._course(arc))
+        from_solid, around = self._push_of_solid(x, y, towards, self._course(arc))
+        steps_back = (wish < free_wish) & (np.abs(from_solid) > CLOSE)
+        push = (wish * towards - velocity) / RELAXATION + self._push(x, y, towards) + around
+        push = np.where(steps_back, -velocity / RELAXATION, push) + from_solid
         size = np.abs(push)
         push *= np.fmin(1.0, MAX_PUSH / np.fmax(size, MAX_PUSH))
         after = velocity + push * _SECONDS
         speed = np.abs(after)
-        after *= np.fmin(speed, HASTE * wish) / np.fmax(speed, STANDS)
+        most = np.where(steps_back, np.fmax(HASTE * wish, STEP_BACK), HASTE * wish)
+        after *= np.fmin(speed, most) / np.fmax(speed, STANDS)
         speed = np.abs(after)
         stands = speed < STANDS
         speed[stands] = 0.0
@@ -286,8 +296,8 @@ class _People:
         leg = self.world.paths.find(self.base, arc).T
         return np.asarray(leg[DX] + 1j * leg[DY])
 
-    def _push(self, x: FloatArray, y: FloatArray, towards: ComplexArray, course: ComplexArray) -> ComplexArray:
-        """Return the accelerations by other pedestrians, vehicles and things, (k,) complex [m/s^2]."""
+    def _push(self, x: FloatArray, y: FloatArray, towards: ComplexArray) -> ComplexArray:
+        """Return the accelerations by other pedestrians, (k,) complex [m/s^2]."""
         world = self.world
         others = self.others
         one, other = find_neighbours(x, y, world.x[others], world.y[others], REACH)
@@ -304,10 +314,12 @@ class _People:
         force = size * (away / near + from_step / far)
         force += BODY * np.exp((BODY_WIDTH - near) / BODY_DECAY) * away / near
         is_seen = -(towards[one].real * away.real + towards[one].imag * away.imag) >= _VIEW * near
-        return self._sum(one, force * np.where(is_seen, 1.0, BEHIND)) + self._push_of_solid(x, y, towards, course)
+        return self._sum(one, force * np.where(is_seen, 1.0, BEHIND))
 
-    def _push_of_solid(self, x: FloatArray, y: FloatArray, towards: ComplexArray, course: ComplexArray) -> ComplexArray:
-        """Return the accelerations by the boxes of vehicles and things."""
+    def _push_of_solid(
+        self, x: FloatArray, y: FloatArray, towards: ComplexArray, course: ComplexArray
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """Return the accelerations by the boxes of vehicles and things: away from them, and along them."""
         world, solid = self.world, self.solid
         longest = float(world.half_length[solid].max(initial=0.0))
         one, other = find_neighbours(x, y, *self._middles(solid), REACH + longest)
@@ -328,8 +340,7 @@ class _People:
         from_hub = local - NOSE_SHARE * world.half_length[other]
         is_left = (np.conj(course[one] * turn) * from_hub).imag >= 0.0
         along = np.where(is_left, -1j, 1j) * force
-        size = size * force + np.where(faces, AROUND * along, 0.0)
-        return self._sum(one, size / turn)
+        return self._sum(one, size * force / turn), self._sum(one, np.where(faces, AROUND * along, 0.0) / turn)
 
     def _sum(self, one: IntArray, force: ComplexArray) -> ComplexArray:
         """Return the sums of what pushes each."""
