@@ -421,7 +421,8 @@ def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray, FloatA
 def _find_passed_first(roads: Roads, drivers: Drivers, entries: Entries, arrival: FloatArray) -> BoolArray:
     """Return which entries lie where a driver will have passed before they are in the way, and cannot stop gently.
 
-    Such a driver goes on. Those behind it follow it until it is past, and then see the entry.
+    Such a driver goes on, and so does one whose nose is past the place. Those behind it follow it until it is past, and
+    then see the entry.
 
     Args:
         roads: the lanes.
@@ -441,7 +442,7 @@ def _find_passed_first(roads: Roads, drivers: Drivers, entries: Entries, arrival
             gap = entries.tail + (before - drivers.nose)[near, None]
             rest = gap + drivers.length[near, None]
             cannot = (gap < speed**2 / (2.0 * FIRM)) & (rest > 0.0)
-            is_gone = rest + PAST < arrival * np.fmax(speed, PACE)
+            is_gone = (rest + PAST < arrival * np.fmax(speed, PACE)) | (gap < -PAST)
             found |= ((drivers.lanes[part, near, None] == entries.lane) & cannot & is_gone).any(axis=0)
         before = before + roads.length[drivers.lanes[part]]
     return found

@@ -225,7 +225,7 @@ class _People:
         """Choose speeds and headings until the next decision."""
         world, rows = self.world, self.rows
         x, y = world.x[rows], world.y[rows]
-        arc = self._project(x, y)
+        arc = self._hold_at_kerb(self._project(x, y))
         wish = np.where(world.start_within[rows] > 0.0, 0.0, world.desired_speed[rows])
         wish[~self.is_loop & (arc >= self.length - AT_KERB)] = 0.0
         free_wish = wish
@@ -385,6 +385,18 @@ class _People:
         room = nearest - KERB_GAP
         stop = np.sqrt(2.0 * BRAKE * np.fmax(room, 0.0))
         return np.where(state < COMMITTED, np.fmin(wish, stop), wish)
+
+    def _hold_at_kerb(self, arc: FloatArray) -> FloatArray:
+        """Return arc lengths before the kerb for those who may not cross: near a corner a place has several."""
+        world, rows = self.world, self.rows
+        owner = np.arange(self.num).repeat(np.diff(self.first))
+        number = np.arange(len(self.start)) - self.first[owner]
+        before = world.leg_start[rows][owner]
+        crosses = world.yields[rows][owner] == COMMITTED + number
+        held = np.flatnonzero((before < self.start) & (arc[owner] >= self.start) & ~crosses)
+        arc = arc.copy()
+        np.minimum.at(arc, owner[held], np.nextafter(self.start[held], 0.0))
+        return arc
 
     def _may_cross(self, crossing: IntArray, speed: FloatArray) -> BoolArray:
         """Return who may begin to cross, (a,).

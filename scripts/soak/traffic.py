@@ -13,7 +13,7 @@ stand at the start. A cell counts:
 - *hard braking*: decelerations beyond 6 m/s^2, each with its cause. Such braking is *explained* if the cause is an
   entity that neither follows lanes nor heeds the traffic. Traffic alone must never need it;
 - *hits*: people and vehicles that begin to touch;
-- *bumps*: pairs of people whose boxes begin to overlap by more than their arms;
+- *bumps*: pairs of people who begin to touch; a body is a disc as wide as the mean of its length and width;
 - *waiting*: people who stand for more than three minutes without a break;
 - *braking for people*: that part of the hard braking whose cause is a pedestrian.
 
@@ -41,7 +41,7 @@ ROOT = Path(__file__).resolve().parents[2]
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
-from rosbridge_sim.world.geometry import IntArray, do_boxes_meet  # noqa: E402
+from rosbridge_sim.world.geometry import IntArray  # noqa: E402
 from rosbridge_sim.world.lane_following import view_driver  # noqa: E402
 from rosbridge_sim.world.signal_plan import Lamp  # noqa: E402
 from rosbridge_sim.world.state import DT, Kind, World  # noqa: E402
@@ -58,9 +58,6 @@ STANDS = 0.1
 
 HARD = -6.0
 """Acceleration beyond which braking is hard [m/s^2]."""
-
-ARMS = 0.05
-"""Width at each side of a pedestrian that another one may brush [m]."""
 
 MAX_LINES = 10
 """Lines about each sort of fault that are kept of a cell."""
@@ -255,20 +252,16 @@ class Watch:
 
 
 def _find_bumps(world: World, rows: IntArray) -> list[tuple[int, int]]:
-    """Return the pairs of ids of pedestrians whose boxes, without the arms, overlap.
+    """Return the pairs of ids of pedestrians that touch: discs as wide as the mean of length and width.
 
     Args:
         world: read only.
         rows: of the pedestrians.
     """
-    place, heading = world.x[rows] + 1j * world.y[rows], np.exp(1j * world.yaw[rows])
-    a, b = np.nonzero(np.triu(np.abs(place[:, None] - place) < 1.0, 1))
-    if not len(a):
-        return []
-    half = np.stack([world.half_length[rows], world.half_width[rows] - ARMS], axis=-1)
-    between = place[b] - place[a]
-    meet = do_boxes_meet(between, between, np.stack([heading[a], heading[b]]), np.stack([half[a], half[b]]))
-    return [(world.uid.item(rows[i]), world.uid.item(rows[j])) for i, j in zip(a[meet], b[meet], strict=True)]
+    place = world.x[rows] + 1j * world.y[rows]
+    radius = 0.5 * (world.half_length[rows] + world.half_width[rows])
+    a, b = np.nonzero(np.triu(np.abs(place[:, None] - place) < radius[:, None] + radius, 1))
+    return list(zip(world.uid[rows[a]].tolist(), world.uid[rows[b]].tolist(), strict=True))
 
 
 def run_cell(cell: Cell, minutes: float = MINUTES) -> Outcome:

@@ -152,6 +152,19 @@ def test_somebody_at_the_kerb_steps_back_from_a_vehicle_that_comes_too_near() ->
     assert world.y[row] == pytest.approx(kerb, abs=0.1)  # back again
 
 
+def test_somebody_who_is_pushed_over_the_kerb_does_not_begin_to_cross_at_red() -> None:
+    world = lit(Lamp.RED)
+    row = walker(world, np.array([[50.0, -4.0], [50.0, 12.0]]))
+    for _ in range(200):
+        step(world)
+    world.y[row] += 0.9
+    world.leg_y[row] += 0.9
+    for _ in range(200):
+        step(world)
+        assert world.yields[row] == 1
+    assert world.y[row] < -1.5
+
+
 def crowd() -> World:
     """Return two groups of people that walk through each other in a passage, one after the other."""
     world = World(3)
