@@ -6,15 +6,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from rosbridge_sim.morai.catalogue import BUILT_IN, default_model
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.lane_position import LaneStart, keep_lanes
-from rosbridge_sim.world.state import DT, Body, Gear, Kind, World
-from rosbridge_sim.world.step import step
+from rosbridge_sim.world.state import Body, Gear, Kind, World
 from scripts.soak.traffic_cells import Cell, world_of
 
-GREEN = 107.0
-"""Time at which cars from the east and people who cross the northern avenue are about to get green [s]."""
+WALK = -38.8
+"""East of the crosswalk on the western arm of the roundabout [m]."""
 
 __all__ = ["CASES", "Box", "Case"]
 
@@ -102,13 +103,14 @@ def _standing_ego() -> World:
 
 
 def _crossing_people() -> World:
-    world = world_of(Cell("town", 0, 0, people=40))
-    while world.frame * DT < GREEN:
-        step(world)
-    right = ("R3222L2", "J22E2N", "R2223L2")
-    return _drive(
-        world, [*(_Start("R3222L2", s, 8.0, route=right) for s in (14.0, 26.0)), _Start("R2322L2", 20.0, 8.0)]
-    )
+    world = _empty("roundabout")
+    man = default_model(Kind.PEDESTRIAN)
+    for side, speed in ((-1.0, 1.3), (1.0, 1.1)):
+        path = np.array([[WALK, 8.0 * side], [WALK, -8.0 * side]])
+        world.spawn(Kind.PEDESTRIAN, man.body, name=man.name, x=WALK, y=8.0 * side, path=path, speed=speed, yields=True)
+    out = ("GN", "OW", "WA")
+    cars = [_Start("WB", 30.0, 9.0), _Start("WB", 2.0, 9.0), _Start("WT", 40.0, 6.0), _Start("GN", 2.0, 6.0, route=out)]
+    return _drive(world, cars)
 
 
 def _turning_bus() -> World:
@@ -121,7 +123,7 @@ CASES: Final[dict[str, Case]] = {
     "merge": Case(_merge, (1080.0, -16.0, 1380.0, 8.0), 5.0, 12.0, 1.0),
     "roundabout": Case(_roundabout, (-42.0, -42.0, 42.0, 42.0), 40.0, 12.0, 0.5),
     "standing_ego": Case(_standing_ego, (-98.0, -12.0, -8.0, 4.0), 0.0, 16.0, 0.5),
-    "crossing_people": Case(_crossing_people, (-14.0, 3.0, 26.0, 22.0), 0.0, 22.0, 0.5),
+    "crossing_people": Case(_crossing_people, (-66.0, -10.0, -14.0, 12.0), 0.0, 20.0, 0.5),
     "turning_bus": Case(_turning_bus, (-128.0, -136.0, -74.0, -100.0), 20.0, 40.0, 0.5),
 }
 """Names of the pictures, without their beginning `trajectory_`."""

@@ -16,6 +16,7 @@ from rosbridge_sim.world.placement import set_speed
 from rosbridge_sim.world.signals import Signals
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
+from scripts import draw_trajectories, trajectory_cases
 from scripts.bench import traffic as compare
 from scripts.bench import traffic_cases
 from scripts.bench.sumo_network import Network, convert
@@ -204,3 +205,24 @@ def test_short_soak_of_traffic_has_no_fault(name: str) -> None:
     assert outcome.num == 40
     assert outcome.speed > 5.0
     assert (outcome.overlaps, outcome.red_lights, outcome.stranded) == (0, 0, 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(trajectory_cases.CASES))
+def test_picture_of_trajectories_has_what_its_name_says(name: str) -> None:
+    case = trajectory_cases.CASES[name]
+    world = case.make()
+    traces = draw_trajectories.record(world, case.begin, case.seconds, 1.0)
+    image = draw_trajectories.draw(world, traces, case.box)
+    assert image.width == draw_trajectories.WIDTH
+    west, south, east, north = case.box
+    inside = [
+        trace
+        for trace in traces
+        if ((trace.rows[:, 1:3] > (west, south)) & (trace.rows[:, 1:3] < (east, north))).all(axis=1).any()
+    ]
+    kinds = {trace.kind for trace in inside}
+    assert (Kind.PEDESTRIAN in kinds) == (name == "crossing_people")
+    assert (Kind.EGO in kinds) == (name == "standing_ego")
+    assert sum(not trace.is_still for trace in inside) >= (1 if name == "turning_bus" else 2)
+    assert min(float(trace.rows[:, 5].min()) for trace in inside) > -6.0
