@@ -53,6 +53,7 @@ class Drivers:
         claim: int64, the lane that the driver may enter; -1 for none. Written by `right_of_way`.
         held: int64, the lane that it has entered and not left; -1 for none. Written by `right_of_way`.
         exit_lane: int64, the lane behind the claimed or held one. Written by `right_of_way`.
+        is_let_in: bool, the others let it in if it stands at a stop line.
         parameters: of the drivers.
         leaving: entries of those that change lanes on the lanes that they leave, (m,) of them; None for none.
     """
@@ -69,6 +70,7 @@ class Drivers:
     claim: IntArray
     held: IntArray
     exit_lane: IntArray
+    is_let_in: BoolArray
     parameters: DriverParameters
     leaving: Entries | None = None
 

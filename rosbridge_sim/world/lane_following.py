@@ -79,6 +79,13 @@ MAX_WAIT_DECISIONS: Final = 20
 """Decisions after which a driver before a full street or a blocked crossing chooses other lanes: 2 s, enough for a
 queue to move off."""
 
+LET_IN_EVERY, LET_IN_FOR = 600, 80
+"""Decisions after which the others let in a driver that waits at a stop line, and for how many: 8 s in each minute, so
+that a side street moves beside a full main road. Those that may enter already take up to 6 s to leave the crossing."""
+
+LET_IN_APART: Final = 37
+"""Drivers with neighbouring ids are let in at other times: so many decisions apart."""
+
 MAX_LANES_ENTERED: Final = 8
 """Lanes entered within one step, at most: lanes of a centimetre in a map must not slow the step down."""
 
@@ -258,6 +265,7 @@ class _LaneFollowers:
             claim=world.claim[at],
             held=world.held[at],
             exit_lane=world.exit_lane[at],
+            is_let_in=(world.frame // DECISION + LET_IN_APART * self.uid) % LET_IN_EVERY < LET_IN_FOR,
             parameters=self.parameters,
         )
         drivers.leaving = self.changes.find_leaving(drivers)

@@ -2,9 +2,10 @@
 
 A driver *claims* a lane before it enters. It asks when the wait point of the lane comes within its braking distance.
 It gets the lane if no rival lane is claimed or occupied, and no driver before it asks for a rival. Drivers without a
-stop line come before those that wait at one, and then the nearer one comes first. So two drivers never meet on rival
-lanes, with traffic lights or without. A driver that would have to stop inside, because there is no room behind the
-lane, does not get it. The same holds if something stands on the lane, as an ego that broke down.
+stop line come before those that wait at one, and then the nearer one comes first. Now and then they let in a driver
+that stands at its stop line. So two drivers never meet on rival lanes, with traffic lights or without. A driver that
+would have to stop inside, because there is no room behind the lane, does not get it. The same holds if something stands
+on the lane, as an ego that broke down.
 
 A claim becomes a *hold* when the front bumper passes the wait point. The hold ends when the tail has left all rivals.
 """
@@ -108,7 +109,9 @@ def give_claims(
         lane = requests.lane[at]
         taken = _taken(conflicts, drivers, others.lane[:num_moving], others.tail[:num_moving])
         rank = np.empty(len(at), dtype=np.int64)
-        order = np.lexsort((drivers.uid[at], requests.distance[at], conflicts.gives_way[lane]))
+        # Beside a full road without a stop line those at one would never come: now and then each is let in.
+        is_let_in = drivers.is_let_in[at] & (speed[at] < CREEP) & (requests.distance[at] < 2.0 * STOP_GAP)
+        order = np.lexsort((drivers.uid[at], requests.distance[at], conflicts.gives_way[lane] & ~is_let_in))
         rank[order] = np.arange(len(at))
         best = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
         np.minimum.at(best, lane, rank)

@@ -9,6 +9,7 @@ import pytest
 from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.driver_model import GAP
 from rosbridge_sim.world.lane_following import DECISION, Stop, view_driver
+from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import NOSE, lane_of, run, world_of
@@ -191,3 +192,18 @@ def test_driver_keeps_its_claim_until_it_has_entered_when_another_crossing_is_ne
         claims.append(world.claim.item(row))
     first = claims.index(into)
     assert set(claims[first:-1]) == {into}
+
+
+@pytest.mark.slow
+def test_driver_at_a_stop_line_is_let_in_beside_a_full_road() -> None:
+    """A side street stood for ten minutes beside a road on which one vehicle followed the other."""
+    ids, ahead = ["w", "we", "e", "s", "sn", "n"], [[1], [2], [], [4], [5], []]
+    lines = [line((-1500, 0), (-10, 0)), line((-10, 0), (10, 0)), line((10, 0), (900, 0))]
+    lines += [line((0, -200), (0, -10)), line((0, -10), (0, 10)), line((0, 10), (0, 400))]
+    world = world_of(Roads(ids, lines, ahead, [3.5] * 6, [12.0] * 6, is_stop=[False] * 3 + [True] + [False] * 2))
+    for i in range(80):
+        car(world, "w", 10.0 + 18.0 * i, speed=10.0)
+    waiting = car(world, "s", 60.0, speed=5.0)
+    run(world, 75.0)
+    assert lane_of(world, waiting) == "n"
+    assert (world.lane[world.has_lane] == world.roads.row("w")).any()
