@@ -88,7 +88,7 @@ _SCORE: Final = _KINEMATIC.index("score_distance")
 LANE_CHANGE_COLUMNS: Final = (
     # of lane_change_motion; the first four are one run
     *("lateral", "lateral_rate", "drift", "drift_rate"),
-    *("lateral_from", "lateral_to", "lateral_push", "lateral_left"),
+    *("lateral_from", "lateral_to", "lateral_push", "lateral_bend", "lateral_left"),
     # of lane_changes
     *("lateral_bias", "signal", "change", "change_since", "leaving", "keeps_lane"),
 )
@@ -193,8 +193,8 @@ class EntityArrays:
         lateral: offset of the reference point from the line of the lane, left positive [m].
         lateral_rate: its change until the next decision [m/s].
         drift, drift_rate: heading relative to the lane, left positive [rad], and its change [rad/s].
-        lateral_from, lateral_to, lateral_push, lateral_left: of a motion to another offset, its start, its end and its
-            first slope [m], and the share that is left; see `lane_change_motion`.
+        lateral_from, lateral_to, lateral_push, lateral_bend, lateral_left: of a motion to another offset, its start,
+            its end, its first slope and second derivative [m], and the share that is left; see `lane_change_motion`.
         lateral_bias: the offset that the driver keeps in its lane [m].
         signal: of a driver on lanes: 0 none, 1 left, 2 right.
         change: reason of the lane change that the driver makes or wants; see `lane_change_model.LaneChange`. 0 none.
@@ -323,6 +323,7 @@ class EntityArrays:
     lateral_from: FloatArray
     lateral_to: FloatArray
     lateral_push: FloatArray
+    lateral_bend: FloatArray
     lateral_left: FloatArray
     lateral_bias: FloatArray
     signal: FloatArray
