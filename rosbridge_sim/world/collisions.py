@@ -55,6 +55,9 @@ TURN_MARGIN: Final = 0.55
 """Distance that its corners may stray because its heading is not the foreseen one [m]. A car can turn at a corner
 without ending the list, and two cars side by side on lanes of 3.5 m are still not on it."""
 
+TURN: Final = 2.0 * math.pi
+"""[rad]"""
+
 MAX_PAIRWISE: Final = 64
 """Up to so many entities are all compared with each other; more are sorted into cells first, which is faster then."""
 
@@ -133,12 +136,19 @@ class CollisionDetector:
         np.subtract(self._places, self._seen, self._drift)
         np.absolute(self._drift, self._drift)
         np.greater(self._drift, self._margin, self._is_out)
-        if self._life <= 0 or np.count_nonzero(self._is_out):
+        if self._life <= 0 or (np.count_nonzero(self._is_out) and self._strays()):
             self._look_around()
         self._life -= 1
         return self._judge() if self._pairs.size else NO_CONTACTS
 
     # The list
+
+    def _strays(self) -> bool:
+        """Return whether an entity is out of its margins though a heading that goes from pi to -pi hardly changes."""
+        yaw = self._drift[:, POSE_YAW]
+        np.minimum(yaw, np.abs(yaw - TURN), out=yaw)
+        np.greater(self._drift, self._margin, self._is_out)
+        return bool(np.count_nonzero(self._is_out))
 
     def _look_around(self) -> None:
         """Make the list of pairs for this step and `LIFE` more."""

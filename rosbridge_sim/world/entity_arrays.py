@@ -91,6 +91,8 @@ LANE_CHANGE_COLUMNS: Final = (
     *("lateral_from", "lateral_to", "lateral_push", "lateral_bend", "lateral_left"),
     # of lane_changes
     *("lateral_bias", "signal", "change", "change_since", "leaving", "keeps_lane"),
+    # of lane_wander
+    *("wander_width", "wander", "wander_slope", "wander_x", "wander_y", "wander_x_rate", "wander_y_rate"),
 )
 """One run. They are zeros for all but lane followers, so that a digest needs them only where lanes are changed."""
 FLOATS: Final = (
@@ -201,6 +203,11 @@ class EntityArrays:
         change_since: frame from which on it has wanted it; without a change, the frame at which the last one ended.
         leaving: side on which the lane lies that the driver leaves, as in `signal`; 0 if it changes none.
         keeps_lane: 1 for a driver that never changes lanes.
+        wander_width: standard deviation with which a driver wanders within its lane [m]; 0 for one that does not.
+        wander, wander_slope: displacement by it at the next decision, left positive [m], and its slope; see
+            `lane_wander`.
+        wander_x, wander_y, wander_x_rate, wander_y_rate: displacement by it now, to the east and to the north [m], and
+            its changes [m/s].
 
         start_within, start_speed: of a row that waits at rest for an ego, the distance at which it starts [m] and the
             speed with which it starts [m/s]; 0 for rows that do not wait. See `waiting`.
@@ -331,6 +338,13 @@ class EntityArrays:
     change_since: FloatArray
     leaving: FloatArray
     keeps_lane: FloatArray
+    wander_width: FloatArray
+    wander: FloatArray
+    wander_slope: FloatArray
+    wander_x: FloatArray
+    wander_y: FloatArray
+    wander_x_rate: FloatArray
+    wander_y_rate: FloatArray
     score_distance: FloatArray
     time_to_collision: FloatArray
     min_time_to_collision: FloatArray

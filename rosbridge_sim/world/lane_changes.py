@@ -409,8 +409,14 @@ class LaneChanges:
         world, rows, roads = self.world, self.rows[which], self.roads
         lane, s = self.neighbours.cross(side, world.lane[rows], world.arc[rows])
         lanes = self.choice.preview(which, lane)
-        x, y, wheelbase = world.x[rows], world.y[rows], world.wheelbase[rows]
-        lateral, yaw = np.zeros(len(which)), world.yaw[rows]
+        # The wander goes on beside the change.
+        x, y, wheelbase = (
+            world.x[rows] - world.wander_x[rows],
+            world.y[rows] - world.wander_y[rows],
+            world.wheelbase[rows],
+        )
+        lateral, own_yaw = np.zeros(len(which)), world.yaw[rows] - world.wander_slope[rows]
+        yaw = own_yaw
         for _ in range(4):  # each round makes the error some tens of times less
             foot, _ = roads.at(*find_ahead(roads, lanes, s))
             yaw = headings(roads, lanes, s, wheelbase)
@@ -425,7 +431,7 @@ class LaneChanges:
         world.lateral_to[rows], world.lateral_push[rows], world.lateral_left[rows] = world.lateral_bias[rows], 0.0, 1.0
         bend = TIGHT_BEND * (world.lateral_to[rows] - lateral)
         world.lateral_bend[rows] = np.where(is_tight, bend, 0.0)
-        world.drift[rows] = wrap_angle(world.yaw[rows] - yaw)
+        world.drift[rows] = wrap_angle(own_yaw - yaw)
         world.leaving[rows] = NUM_SIDES - side
         set_legs(world, self.conflicts, rows)
 
