@@ -7,7 +7,10 @@ or the lower one that is safe here, s the gap to the lead vehicle, vl its speed 
     v' = min(a (1 - (v / v0)^4), f)     s* = s0 + v T + v dv / (2 sqrt(a b))     f_idm = a (1 - (s* / s)^2)
 
 The older model adds both terms, so its gaps grow without bound near v0. The minimum keeps s* = s up to v0, which real
-queues do. If the lead vehicle kept its acceleration al (at most a), this acceleration f_cah would just avoid a crash:
+queues do. Where s > s*, the exponent is 4 here instead of 2. With 2, vehicles that accelerate one behind the other fall
+back so far that queues and jams dissolve more slowly than real ones.
+
+If the lead vehicle kept its acceleration al (at most a), this acceleration f_cah would just avoid a crash:
 
     v^2 al / (vl^2 - 2 s al)           if vl dv <= -2 s al, the lead vehicle stands first
     al - dv^2 / (2 s)                  otherwise, for dv > 0
@@ -17,9 +20,9 @@ A gap that is too small but harmless, as after a cut-in, gives a low f_idm and a
     f = f_idm                                                          if f_idm >= f_cah
     f = (1 - c) f_idm + c (f_cah + b q / sqrt(1 + q^2))                otherwise, with q = (f_idm - f_cah) / b
 
-Three places differ from the papers. They have tanh(q), whose bits depend on the processor. Above v0 the free term is
-replaced by (v0 - v) / `SETTLING_TIME`, since the paper's term brakes too hard there. For what stands still (a stop
-line, the end of a road) f is replaced: if the deceleration needed to stop exceeds a threshold, the driver applies
+Three more places differ from the papers. They have tanh(q), whose bits depend on the processor. Above v0 the free
+term is replaced by (v0 - v) / `SETTLING_TIME`, since the paper's term brakes too hard there. For what stands still (a
+stop line, the end of a road) f is replaced: if the deceleration needed to stop exceeds a threshold, the driver applies
 exactly that deceleration. With s*, drivers would brake for a stop line from far away.
 
 The chosen acceleration is not reached at once: see `lane_following`.
@@ -45,13 +48,15 @@ __all__ = [
     "SETTLING_TIME",
     "STOP_GAP",
     "Perception",
+    "SlowVehicles",
     "accelerate",
     "firm_stop",
     "gap_wanted",
+    "keep_gap",
 ]
 
-GAP: Final = 2.0
-"""The paper's s0, the gap in a standing queue [m]."""
+GAP: Final = 2.5
+"""The papers' s0, the gap in a standing queue [m]: theirs is 2 m, SUMO's 2.5 m."""
 
 STOP_GAP: Final = 1.0
 """Distance before a stop line at which drivers come to a stand [m]."""
@@ -81,6 +86,26 @@ CREEP: Final = 0.1
 """A lower speed counts as standing [m/s]. The bound also keeps quotients finite."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SlowVehicles:
+    """Vehicles ahead of the lead vehicle, and much slower than the driver: the end of a jam.
+
+    A driver minds them as if the lead vehicle were not there, which may leave the lane in the last moment. All arrays
+    are (m,).
+
+    Attributes:
+        seen_by: int64, the drivers, each once.
+        gap: from the driver's front bumper to the vehicle's tail [m].
+        speed: of the vehicle [m/s].
+        accel: of the vehicle [m/s^2].
+    """
+
+    seen_by: IntArray
+    gap: FloatArray
+    speed: FloatArray
+    accel: FloatArray
+
+
 @dataclass(slots=True, eq=False)
 class Perception:
     """Perception of drivers on their lanes; all arrays are (k,), one entry for each driver.
@@ -94,6 +119,7 @@ class Perception:
         safe_speed: the most that the limit, the bends and what comes after them allow here [m/s].
         is_shut_out: bool, the driver asks for a lane behind which there is no room for it.
         is_blocked: bool, it asks for a lane on which something stands, or on whose rival another driver stands.
+        slow: the much slower vehicles ahead of the lead vehicles; None for none.
         queue: all entities on the lanes, for lane changes; None where nobody changes lanes.
     """
 
@@ -105,6 +131,7 @@ class Perception:
     safe_speed: FloatArray
     is_shut_out: BoolArray
     is_blocked: BoolArray
+    slow: SlowVehicles | None = None
     queue: EntryQueue | None = None
 
 
@@ -132,7 +159,12 @@ def accelerate(speed: FloatArray, perception: Perception, drivers: DriverParamet
     share = np.where(left < STANDS_WITHIN, 1.0, share)
     chosen = np.fmin(free, free - share * (free + needed))
     at = np.flatnonzero(perception.gap < np.inf)
-    chosen[at] = np.fmin(chosen[at], _follow(at, speed, perception, drivers))
+    leads = (perception.gap[at], perception.lead_speed[at], perception.lead_accel[at])
+    chosen[at] = np.fmin(chosen[at], _follow(at, speed, *leads, drivers))
+    if perception.slow is not None:
+        slow = perception.slow
+        at = slow.seen_by
+        chosen[at] = np.fmin(chosen[at], _follow(at, speed, slow.gap, slow.speed, slow.accel, drivers))
     return np.asarray(np.fmax(chosen, -HARDEST))
 
 
@@ -146,6 +178,18 @@ def gap_wanted(speed: FloatArray, closing: FloatArray, drivers: DriverParameters
     """
     closing_term = closing / (2.0 * np.sqrt(drivers.accel * drivers.comfort))
     return np.asarray(GAP + np.fmax(speed * (drivers.headway + closing_term), 0.0))
+
+
+def keep_gap(accel: FloatArray, wanted: FloatArray, gap: FloatArray) -> FloatArray:
+    """Return f_idm of the head of this file, (k,) [m/s^2].
+
+    Args:
+        accel: (k,) a of the drivers [m/s^2].
+        wanted: (k,) s* [m].
+        gap: (k,) to the lead vehicle, positive [m].
+    """
+    ratio = np.square(wanted / gap)
+    return np.asarray(accel * (1.0 - ratio * np.fmin(ratio, 1.0)))
 
 
 def firm_stop(speed: FloatArray, accel: FloatArray, reaction: FloatArray) -> FloatArray:
@@ -163,15 +207,21 @@ def firm_stop(speed: FloatArray, accel: FloatArray, reaction: FloatArray) -> Flo
     return np.asarray(np.square(speed + surplus) / (2.0 * FIRM) - surplus * reaction)
 
 
-def _follow(at: IntArray, all_speeds: FloatArray, perception: Perception, drivers: DriverParameters) -> FloatArray:
-    """Return f of the head of this file, for the drivers `at` (m,), which have a lead vehicle."""
-    speed, lead_speed = all_speeds[at], perception.lead_speed[at]
-    gap = np.fmax(perception.gap[at], CREEP)
+def _follow(  # noqa: PLR0917 - of one vehicle and its lead vehicle
+    at: IntArray,
+    all_speeds: FloatArray,
+    gap: FloatArray,
+    lead_speed: FloatArray,
+    lead_accel: FloatArray,
+    drivers: DriverParameters,
+) -> FloatArray:
+    """Return f of the head of this file, for the drivers `at` (m,); the arguments about lead vehicles are (m,), too."""
+    speed, gap = all_speeds[at], np.fmax(gap, CREEP)
     accel, comfort = drivers.accel[at], drivers.comfort[at]
     closing = speed - lead_speed
     wanted = GAP + np.fmax(speed * (drivers.headway[at] + closing / (2.0 * np.sqrt(accel * comfort))), 0.0)
-    idm = np.fmax(accel * (1.0 - np.square(wanted / gap)), -HARDEST)
-    lead_accel = np.fmin(perception.lead_accel[at], accel)
+    idm = np.fmax(keep_gap(accel, wanted, gap), -HARDEST)
+    lead_accel = np.fmin(lead_accel, accel)
     room = lead_speed * lead_speed - 2.0 * gap * lead_accel
     stands_first = (lead_speed * closing <= -2.0 * gap * lead_accel) & (room > 0.0)
     kept = lead_accel - np.square(np.fmax(closing, 0.0)) / (2.0 * gap)

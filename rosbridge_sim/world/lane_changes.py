@@ -112,9 +112,6 @@ SPARE_ROOM, SLOW = 1.0, 6.0
 """Room that a driver with a lane beside it keeps in addition to that in a queue [m], behind what follows no lane and is
 slower than that [m/s]. So it can pull out if that stands."""
 
-BESIDE: Final = 4.0
-"""Below this speed a driver that changes lanes may be beside what it passes while it still moves over [m/s]."""
-
 STUCK: Final = 400
 """Frames for which a driver wants to pass what stands and cannot, before those behind it pass it, too: 8 s."""
 
@@ -128,6 +125,13 @@ that cannot use its gap does not hold up a lane for ever."""
 OFF_OLD_LANE, OFF_OLD_LANE_LONG = 1.0, 0.3
 """A vehicle this near to its new place does not obstruct the old lane any more [m]: it is 2.5 m from that line. The
 tail of a long one, which stands 3 m back at an angle, is then 0.2 m over the border instead of 0.8 m."""
+
+FASTER_SOON: Final = 1.0
+"""A driver that changes lanes minds the speed that it would have after this time [s]: three times its reaction."""
+
+BEFORE_JOIN: Final = 100.0
+"""Disadvantage of a lane that soon joins another one, more than any advantage [m/s^2]. Those on both have an order
+already, so a driver changes into it only if it must."""
 
 HARDEST: Final = 8.0
 """As in `driver_model` [m/s^2]."""
@@ -273,12 +277,17 @@ class LaneChanges:
         rows = self.rows[which]
         done = 1.0 - world.lateral_left[rows]
         across = np.abs(world.lateral_from[rows] - world.lateral_to[rows])
-        is_tight = world.lateral_bend[rows] != 0.0
-        hits = ~self.is_clear(drivers, which, done, across, gap, lead_speed, is_tight, NUM_SIDES - 1 - side)
+        is_tight, to_side = world.lateral_bend[rows] != 0.0, NUM_SIDES - 1 - side
+        now = drivers.speed[which]
+        # The faster a vehicle drives, the later it is off the old lane: before it must brake, it stops to accelerate.
+        faster = now + FASTER_SOON * np.fmax(drivers.accel[which], 0.0)
+        soon = which[~self.is_clear(drivers, which, done, across, gap, lead_speed, faster, is_tight, to_side)]
+        accel[soon] = np.fmin(accel[soon], 0.0)
         # Those that pull out from rest do it at walking speed: their wheels are turned.
         at = np.flatnonzero(is_tight & np.isfinite(gap))
         walking = length_of_tight_shift(world, rows[at], across[at]) / SHIFT_TIME
-        accel[which[at]] = np.fmin(accel[which[at]], (walking - drivers.speed[which[at]]) / SETTLING_TIME)
+        accel[which[at]] = np.fmin(accel[which[at]], (walking - now[at]) / SETTLING_TIME)
+        hits = ~self.is_clear(drivers, which, done, across, gap, lead_speed, now, is_tight, to_side)
         at = which[hits]
         speed, gap, lead_speed = drivers.speed[at], gap[hits], lead_speed[hits]
         brakes = follow(speed, desired_speed[at], gap, lead_speed)
@@ -324,6 +333,7 @@ class LaneChanges:
         across: FloatArray,
         gap: FloatArray,
         lead_speed: FloatArray,
+        speed: FloatArray,
         is_tight: BoolArray,
         side: IntArray,
     ) -> BoolArray:
@@ -336,10 +346,11 @@ class LaneChanges:
             across: (k,) distance between the lanes [m].
             gap: (k,) to that lead vehicle, inf for none [m].
             lead_speed: (k,) of it [m/s].
+            speed: (k,) of the vehicles, at present or as it may be [m/s].
             is_tight: (k,) they pull out from rest.
             side: (k,) int64, where the new lane is: `LEFT` or `RIGHT`.
         """
-        speed = np.fmax(drivers.speed[which], CREEP)
+        speed = np.fmax(speed, CREEP)
         closing = speed - lead_speed
         way = np.fmax(length_of_shift(drivers.length[which], across), SHIFT_TIME * speed)
         edge = np.full(len(which), CORRIDOR)
@@ -353,15 +364,14 @@ class LaneChanges:
             bend[tight] = TIGHT_BEND * across[tight]
             way[tight] = length_of_tight_shift(self.world, rows, across[tight])
         comes = closing > 0.0
-        driven = np.where(comes, gap * speed / np.where(comes, closing, 1.0), np.inf)
-        driven = np.where(gap > 0.0, driven, 0.0)
+        driven = np.where(comes, np.fmax(gap, 0.0) * speed / np.where(comes, closing, 1.0), np.inf)
         part = np.fmin(done + driven / way, 1.0)
         slope = (across * slope_of(part) + bend * bend_slope(part)) / way
-        # What is beside the tail of the lead vehicle then: the nose, or the part that is there already.
-        reach = np.fmax(drivers.nose[which] + np.fmin(gap, 0.0), 0.0)
+        # At the tail of the lead vehicle is the nose then, or, of those that pull out, what is beside it already.
+        nose = drivers.nose[which]
+        reach = np.where(is_tight, np.fmax(nose + np.fmin(gap, 0.0), 0.0), nose)
         corner = across * find_way(part) + bend * bend_way(part) + reach * slope / np.sqrt(1.0 + slope * slope)
-        may_be_beside = (gap > 0.0) | (speed < BESIDE)
-        return np.asarray((corner - self._half_width[which] > edge) & may_be_beside | np.isinf(gap))
+        return np.asarray((corner - self._half_width[which] > edge) | np.isinf(gap))
 
     def _find_edges(self, drivers: Drivers, which: IntArray, side: IntArray, across: FloatArray) -> FloatArray:
         """Return how far vehicles that pull out must come to the side, to pass what is ahead in their lane, (k,) [m].
@@ -506,8 +516,8 @@ class _Look:
         chosen = _pick(options, side)
         across = np.full(num, 3.5)
         is_tight = (reason == LaneChange.AROUND) & (self._speed < STANDS)
-        arguments = (drivers, which, np.zeros(num), across, self._gap, self._lead_speed, is_tight, side)
-        is_clear = changes.is_clear(*arguments)
+        place = (np.zeros(num), across, self._gap, self._lead_speed, self._speed)
+        is_clear = changes.is_clear(drivers, which, *place, is_tight, side)
         begins = (reason > 0) & ~is_new & (world.frame - since >= SIGNAL_FRAMES) & chosen.is_there & chosen.is_safe
         begins &= ~is_inside & is_clear & (side == decision % NUM_SIDES)
         self._open_gaps(
@@ -661,7 +671,10 @@ class _Look:
         old_gap = self._arc[at] - self._rear[at] - queue.s[before] - np.where(old >= 0, drivers.nose[old], 0.0)
         gain = -self._cost(old, old_speed, old_gap, at, self._gap[at], self._lead_speed[at])
         politeness = drivers.parameters.politeness[which]
-        option.advantage[there] = own + politeness * (others + np.where(has_old, gain, 0.0))
+        joins = changes.conflicts.joins.join
+        enters_join = (joins[lane] >= 0) & (joins[self._lanes[0, at]] < 0)
+        worth = own + politeness * (others + np.where(has_old, gain, 0.0))
+        option.advantage[there] = worth - np.where(enters_join, BEFORE_JOIN, 0.0)
         return [_part_of(option, part) for part in options]
 
     def _cost(  # noqa: PLR0917 - of three vehicles

@@ -58,7 +58,7 @@ def test_position_in_the_lane_wanders_with_its_deviation() -> None:
     world = world_of(road(3000.0))
     rows = [wanderer(world, 0, 60.0 * i) for i in range(30)]
     seen = []
-    for frame in range(4000):
+    for frame in range(2500):
         step(world)
         if frame > 500 and frame % 10 == 0:
             seen.append(world.y[rows])
@@ -81,7 +81,8 @@ def test_wander_is_along_the_heading_and_stops_with_the_vehicle() -> None:
     assert (yaw_rate * seen[1:, 3]).max() < 0.5  # m/s^2
     stands = seen[seen[:, 3] == 0.0]
     assert len(stands) > 100
-    assert (stands == stands[0]).all()
+    assert np.ptp(stands[:, 1]) < 1e-3  # it comes to a stand between two decisions
+    assert (stands[-100:] == stands[-1]).all()
 
 
 @pytest.mark.slow
@@ -91,7 +92,7 @@ def test_wide_body_keeps_off_the_borders_of_its_lane() -> None:
     roads.border[:] = 1.5
     world = world_of(roads)
     row = wanderer(world, 0, 10.0, body=BUS, wander=0.3)
-    y = places(world, row, 3000)[:, 1]
+    y = places(world, row, 2000)[:, 1]
     assert 0.1 < np.abs(y).max() < 0.16
 
 
