@@ -4,7 +4,7 @@
     python scripts/soak/traffic.py [--hours 10] [--maps town,loop] [--processes 2] [--progress FILE]
 
 A *cell* is ten simulated minutes of one map with a number of vehicles and a seed. One vehicle in five is a van, a truck
-or a bus. All stand at the start. A cell counts:
+or a bus. All stand at the start, and all wander within their lanes. A cell counts:
 
 - *overlaps*: pairs of vehicles that begin to touch, as the collision detection says;
 - *red lights*: front bumpers that pass a stop line while the light of the lane that is taken is red;
@@ -43,6 +43,7 @@ from rosbridge_sim.world.geometry import IntArray  # noqa: E402
 from rosbridge_sim.world.lane_conflicts import LaneConflicts  # noqa: E402
 from rosbridge_sim.world.lane_following import view_driver  # noqa: E402
 from rosbridge_sim.world.lane_position import LaneStart, keep_lanes  # noqa: E402
+from rosbridge_sim.world.lane_wander import USUAL_WANDER  # noqa: E402
 from rosbridge_sim.world.roads import Roads  # noqa: E402
 from rosbridge_sim.world.signal_plan import Lamp, SignalPlan  # noqa: E402
 from rosbridge_sim.world.state import DT, Body, Kind, World  # noqa: E402
@@ -271,7 +272,10 @@ def populate(roads: Roads, plan: SignalPlan | None, cell: Cell) -> World:
     chosen: IntArray = chance.permutation(len(starts))[: cell.num]
     with world.room_for(len(chosen)):
         rows = [world.row(world.spawn(Kind.VEHICLE, starts[i][2], name="npc", x=0.0, y=0.0)) for i in chosen.tolist()]
-    keep_lanes(world, [LaneStart(row, *starts[i][:2]) for row, i in zip(rows, chosen.tolist(), strict=True)])
+    keep_lanes(
+        world,
+        [LaneStart(row, *starts[i][:2], wander=USUAL_WANDER) for row, i in zip(rows, chosen.tolist(), strict=True)],
+    )
     return world
 
 
