@@ -272,10 +272,8 @@ def populate(roads: Roads, plan: SignalPlan | None, cell: Cell) -> World:
     chosen: IntArray = chance.permutation(len(starts))[: cell.num]
     with world.room_for(len(chosen)):
         rows = [world.row(world.spawn(Kind.VEHICLE, starts[i][2], name="npc", x=0.0, y=0.0)) for i in chosen.tolist()]
-    keep_lanes(
-        world,
-        [LaneStart(row, *starts[i][:2], wander=USUAL_WANDER) for row, i in zip(rows, chosen.tolist(), strict=True)],
-    )
+    places = [(row, starts[i][0], starts[i][1]) for row, i in zip(rows, chosen.tolist(), strict=True)]
+    keep_lanes(world, [LaneStart(row, lane, s, wander=USUAL_WANDER) for row, lane, s in places])
     return world
 
 
