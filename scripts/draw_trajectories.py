@@ -2,12 +2,14 @@
 """Draw the trajectories of vehicles over the lanes of a map, to look at how they drive.
 
     python scripts/draw_trajectories.py FILE.png --scenario motorway --box 200,-30,600,30 [--seconds 30]
-    python scripts/draw_trajectories.py FILE.png --map town --num 100 --seed 1 --box -30,-30,30,30 --uids 4,7
+    python scripts/draw_trajectories.py FILE.png --map town --num 100 --people 40 --box=-30,-30,30,30 --uids 4,7
+    python scripts/draw_trajectories.py DIRECTORY --cases
+
+With `--cases` it draws the small scenes of `trajectory_cases.py`, each into a file of its own.
 
 Without `--uids` it draws all that come into the box; of a crowd, those that come first. Bodies are drawn at each
 interval, paler the earlier they are, with the seconds beside some of them. Below are the speeds; dots mark a braking
-harder than 3 m/s^2. Vehicles are drawn in colours, egos in black, pedestrians with a thin line, what never moves in
-grey.
+harder than 3 m/s^2. Vehicles are drawn in colours, egos in black, what never moves in grey. Pedestrians are filled.
 """
 
 from __future__ import annotations
@@ -31,7 +33,8 @@ from rosbridge_sim.shell.files.library import DiskLibrary  # noqa: E402
 from rosbridge_sim.world.geometry import FloatArray  # noqa: E402
 from rosbridge_sim.world.state import DT, Gear, Kind, World  # noqa: E402
 from rosbridge_sim.world.step import step  # noqa: E402
-from scripts.soak.traffic import Cell, populate  # noqa: E402
+from scripts.soak.traffic_cells import Cell, world_of  # noqa: E402
+from scripts.trajectory_cases import CASES, Box  # noqa: E402
 
 __all__ = ["Trace", "draw", "record"]
 
@@ -46,8 +49,8 @@ FIRM: Final = -3.0
 """A harder braking is marked [m/s^2]."""
 
 Colour = tuple[int, int, int]
-Box = tuple[float, float, float, float]
-"""West, south, east, north [m]."""
+COLOURS: Final = 48
+"""Colours of a picture that is written: enough for all lines, and a small file."""
 
 
 @dataclass(slots=True)
@@ -137,17 +140,22 @@ def draw(world: World, traces: list[Trace], box: Box) -> Image.Image:
     still = [trace for trace in inside if trace.is_still]
     moving = [trace for trace in inside if not trace.is_still][:MAX_TRACES]
     for trace in still:
-        pen.polygon(_corners(trace, trace.rows[0], place), fill=(110, 110, 110, 160))
+        fill = (0, 0, 0, 220) if trace.kind == Kind.EGO else (110, 110, 110, 160)
+        pen.polygon(_corners(trace, trace.rows[0], place), fill=fill)
     for number, trace in enumerate(moving):
         colour = _colour(trace, number, len(moving))
         pen.line(place(trace.rows[:, 1], trace.rows[:, 2]), fill=(*colour, 200), width=2)
         for i, row in enumerate(trace.rows):
             alpha = 30 + round(130 * i / len(trace.rows))
-            pen.polygon(_corners(trace, row, place), fill=(*colour, alpha // 2), outline=(*colour, alpha))
+            strength = alpha + 60 if trace.kind == Kind.PEDESTRIAN else alpha // 2
+            pen.polygon(_corners(trace, row, place), fill=(*colour, strength), outline=(*colour, alpha))
             if i % 5 == 0:
                 pen.text(place(row[1:2], row[2:3])[0], f"{row[0]:g}", fill=(*colour, 255), font=font)
     pen.rectangle((0, height, WIDTH, height + STRIP), fill="white")
     _draw_speeds(pen, moving, height)
+    metres = 10.0 if east - west < 150.0 else 50.0
+    pen.line([(20, height - 14), (20 + metres * scale, height - 14)], fill="black", width=3)
+    pen.text((20, height - 32), f"{metres:g} m", fill="black", font=font)
     return image
 
 
@@ -206,40 +214,51 @@ def _colour(trace: Trace, number: int, num: int) -> Colour:
     return round(red * 255), round(green * 255), round(blue * 255)
 
 
+def _save(image: Image.Image, file: Path) -> None:
+    image.quantize(COLOURS, dither=Image.Dither.NONE).save(file, optimize=True)
+
+
 def _numbers(text: str) -> list[float]:
-    return [float(part) for part in text.split(",")]
+    return [float(part) for part in text.split(",") if part]
 
 
 def main() -> int:
     """Run, draw and write the file; return the exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("file", type=Path, help="picture to write")
+    parser.add_argument("file", type=Path, help="picture to write; with --cases, the directory of the pictures")
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("--scenario", help="name or file of a scenario")
     what.add_argument("--map", help="name of a map, with --num vehicles at random places")
+    what.add_argument("--cases", action="store_true", help="draw the small scenes")
     parser.add_argument("--num", type=int, default=100, help="[%(default)s]")
+    parser.add_argument("--people", type=int, default=0, help="of the map's scenario, with --map [%(default)s]")
     parser.add_argument("--seed", type=int, default=0, help="[%(default)s]")
-    parser.add_argument("--box", required=True, help="west,south,east,north of the picture [m]")
+    parser.add_argument("--box", default="", help="west,south,east,north of the picture [m]")
     parser.add_argument("--uids", help="ids to draw; without them, all that come into the box")
     parser.add_argument("--begin", type=float, default=0.0, help="first second [%(default)s]")
     parser.add_argument("--seconds", type=float, default=30.0, help="length [%(default)s]")
     parser.add_argument("--every", type=float, default=0.5, help="time from one body to the next [%(default)s]")
     options = parser.parse_args()
+    if options.cases:
+        for name, case in CASES.items():
+            world = case.make()
+            image = draw(world, record(world, case.begin, case.seconds, case.every), case.box)
+            _save(image, options.file / f"trajectory_{name}.png")
+        return 0
     box = _numbers(options.box)
     if len(box) != 4 or box[0] >= box[2] or box[1] >= box[3]:
         parser.error(f"--box: expected west,south,east,north; got {options.box!r}")
-    library = DiskLibrary()
     if options.map:
-        road_map = library.map(options.map)
-        world = populate(road_map.roads, road_map.plan, Cell(options.map, options.num, options.seed))
+        world = world_of(Cell(options.map, options.num, options.seed, options.people))
     else:
+        library = DiskLibrary()
         world = World(options.seed)
         Scene(world, library, library.opening_scenario(options.scenario), ego_gear=Gear.DRIVE)
     traces = record(world, options.begin, options.seconds, options.every)
     if options.uids:
         wanted = set(_numbers(options.uids))
         traces = [trace for trace in traces if trace.uid in wanted or trace.is_still]
-    draw(world, traces, (box[0], box[1], box[2], box[3])).save(options.file)
+    _save(draw(world, traces, (box[0], box[1], box[2], box[3])), options.file)
     return 0
 
 

@@ -16,10 +16,11 @@ from rosbridge_sim.world.placement import set_speed
 from rosbridge_sim.world.signals import Signals
 from rosbridge_sim.world.state import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
+from scripts import draw_trajectories, trajectory_cases
 from scripts.bench import traffic as compare
 from scripts.bench import traffic_cases
 from scripts.bench.sumo_network import Network, convert
-from scripts.soak import traffic
+from scripts.soak import traffic, traffic_cells
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +106,7 @@ def _watched(*places: tuple[int, float, float]) -> tuple[World, traffic.Watch, t
     for lane, s, speed in places:
         uid = world.spawn(Kind.VEHICLE, Body(), name="npc", x=0.0, y=0.0, speed=speed)
         keep_lane(world, world.row(uid), lane, s)
-    outcome = traffic.Outcome(traffic.Cell("queue", len(places), 0))
+    outcome = traffic.Outcome(traffic_cells.Cell("queue", len(places), 0))
     return world, traffic.Watch(world, outcome), outcome
 
 
@@ -140,15 +141,50 @@ def test_watch_counts_a_vehicle_that_stands_for_three_minutes(monkeypatch: pytes
     assert "stops for light" in outcome.lines[0]
 
 
+def test_watch_counts_people_who_are_hit_who_bump_and_who_wait_too_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(traffic, "STRANDED", 0.3)
+    world = World()
+    world.lay_roads(*traffic_cases.queue_roads())
+    man = Body.box(0.45, 0.55, 1.7)
+    uid = world.spawn(Kind.VEHICLE, Body(), name="npc", x=0.0, y=0.0, speed=8.0)
+    keep_lane(world, world.row(uid), 2, 20.0)
+    x, y = float(world.x[0]), float(world.y[0])
+    world.spawn(Kind.PEDESTRIAN, man, name="man", x=x + 4.0, y=y)
+    for i in range(2):
+        to_west = np.array([[x, y + 50.0 + 0.1 * i], [x + 9.0 * (-1) ** i, y + 50.0]])
+        world.spawn(Kind.PEDESTRIAN, man, name="man", x=x - 1.5 * (-1) ** i, y=y + 50.0, path=to_west, speed=2.0)
+    outcome = traffic.Outcome(traffic_cells.Cell("queue", 1, 0, 3))
+    watch = traffic.Watch(world, outcome)
+    for _ in range(40):
+        step(world)
+        watch.look()
+    assert (outcome.hits, outcome.bumps, outcome.waiting, outcome.overlaps) == (1, 1, 1, 0)
+    assert any("pedestrian 2 at" in line for line in outcome.lines)
+    assert outcome.num_faults >= 3
+
+
+def test_cells_with_people_and_parked_cars_begin_with_them() -> None:
+    world = traffic_cells.world_of(traffic_cells.Cell("parking", 4, 0))
+    drives = world.alive & world.has_lane
+    assert int(drives.sum()) == 4
+    assert int((world.alive & (world.kind == Kind.VEHICLE) & ~drives).sum()) > 20
+    step(world)
+    assert not len(world.contacts)
+    world = traffic_cells.world_of(traffic_cells.Cell("town", 4, 0, people=7))
+    assert [int((world.alive & (world.kind == kind)).sum()) for kind in (Kind.EGO, Kind.VEHICLE, Kind.PEDESTRIAN)] == [
+        *(0, 4, 7)
+    ]
+
+
 def test_soak_goes_on_where_it_was_interrupted(tmp_path: Path) -> None:
-    cells = traffic.cells_of(1.0, ["town", "hills"], 5)
-    assert cells[0] == traffic.Cell("town", 24, 5)
+    cells = traffic_cells.cells_of(1.0, ["town", "hills"], 5)
+    assert cells[0] == traffic_cells.Cell("town", 24, 5)
     assert [cell.seed for cell in cells] == [5] * 6
     progress = tmp_path / "progress"
     outcome = traffic.Outcome(cells[0], num=24, minutes=10.0, lines=["a line"])
     progress.write_text(json.dumps(asdict(outcome)) + '\n{"cell": {"map')
     assert traffic._read(progress) == [outcome]
-    assert "| town | 24 | 10 min |" in traffic.as_table([outcome])
+    assert "| town | 24 | 0 | 10 min |" in traffic.as_table([outcome])
 
 
 def test_table_replaces_the_one_that_is_there(tmp_path: Path) -> None:
@@ -165,7 +201,28 @@ def test_table_replaces_the_one_that_is_there(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["town", "motorway"])
 def test_short_soak_of_traffic_has_no_fault(name: str) -> None:
-    outcome = traffic.run_cell(traffic.Cell(name, 40, 1), minutes=0.5)
+    outcome = traffic.run_cell(traffic_cells.Cell(name, 40, 1), minutes=0.5)
     assert outcome.num == 40
     assert outcome.speed > 5.0
     assert (outcome.overlaps, outcome.red_lights, outcome.stranded) == (0, 0, 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(trajectory_cases.CASES))
+def test_picture_of_trajectories_has_what_its_name_says(name: str) -> None:
+    case = trajectory_cases.CASES[name]
+    world = case.make()
+    traces = draw_trajectories.record(world, case.begin, case.seconds, 1.0)
+    image = draw_trajectories.draw(world, traces, case.box)
+    assert image.width == draw_trajectories.WIDTH
+    west, south, east, north = case.box
+    inside = [
+        trace
+        for trace in traces
+        if ((trace.rows[:, 1:3] > (west, south)) & (trace.rows[:, 1:3] < (east, north))).all(axis=1).any()
+    ]
+    kinds = {trace.kind for trace in inside}
+    assert (Kind.PEDESTRIAN in kinds) == (name == "crossing_people")
+    assert (Kind.EGO in kinds) == (name == "standing_ego")
+    assert sum(not trace.is_still for trace in inside) >= (1 if name == "turning_bus" else 2)
+    assert min(float(trace.rows[:, 5].min()) for trace in inside) > -6.0

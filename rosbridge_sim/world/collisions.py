@@ -53,11 +53,11 @@ MAX_SWEEP_PIECES: Final = 256
 TOUCHING: Final = 1e-6
 """By how much two boxes must overlap to touch [m]: coordinates of a map are rounded at 1e-9 and less."""
 
-LIFE: Final = 12
-"""Steps that a list lasts at most: a quarter of a second, in which drivers hardly change their motion."""
+LIFE: Final = 16
+"""Steps that a list lasts at most: a third of a second, in which drivers hardly change their motion."""
 
-MARGIN: Final = 0.15
-"""Distance that an entity may stray from its foreseen place, in x and in y [m]: 5 m/s^2 for `LIFE` steps."""
+MARGIN: Final = 0.2
+"""Distance that an entity may stray from its foreseen place, in x and in y [m]: 4 m/s^2 for `LIFE` steps."""
 
 TURN_MARGIN: Final = 0.55
 """Distance that its corners may stray because its heading is not the foreseen one [m]. A car can turn at a corner

@@ -486,12 +486,16 @@ class _Look:
         is_inside = (self._to_entry <= 0.0) | (drivers.held[which] >= 0)
         # Changes of choice
         bias = KEEP_RIGHT_BIAS * changes.neighbours.keeps_right[self._lanes[0]]
+        # The lane of an entry only leads back to the own one.
+        joins, beside = changes.conflicts.joins.join, changes.neighbours.beside[RIGHT, self._lanes[0]]
+        leads_back = (beside >= 0) & (joins[self._lanes[0]] >= 0) & (joins[self._lanes[0]] == joins[beside])
         is_far = self._to_entry > ENTRY_WAY + ENTRY_TIME * self._speed
         advantages = []
         for i, option in enumerate(options):
             advantage = option.advantage + (bias if i == RIGHT else -bias)
             goes_on = (option.run > WAY_ON + MUST_TIME * self._speed) | (option.run >= self._run)
-            advantages.append(np.where(option.is_there & goes_on & is_far & ~is_inside, advantage, -np.inf))
+            is_open = option.is_there & goes_on & is_far & ~is_inside & ~(leads_back & (i == RIGHT))
+            advantages.append(np.where(is_open, advantage, -np.inf))
         best = np.where(advantages[RIGHT] > advantages[0], RIGHT, 0)
         safe = np.where(best == RIGHT, options[RIGHT].is_safe, options[0].is_safe)
         most = np.fmax(advantages[0], advantages[RIGHT])

@@ -30,6 +30,9 @@ _INDEX_MASK: Final = (1 << _INDEX_BITS) - 1
 """A sorting key has a place in 2^-16 m in its upper bits and an index in the lower 20: a million entries."""
 
 
+_SLOWEST: Final = 0.01
+"""Keeps quotients finite [m/s]."""
+
 _COLUMNS: Final = ("lane", "s", "tail", "speed", "accel", "source", "stands")
 """Columns of `Entries`."""
 
@@ -96,6 +99,10 @@ class Entries:
         """Return the first `num` entries."""
         return Entries(*(getattr(self, column)[:num] for column in _COLUMNS))
 
+    def at(self, which: IntArray | BoolArray) -> Entries:
+        """Return some entries."""
+        return Entries(*(getattr(self, column)[which] for column in _COLUMNS))
+
     @staticmethod
     def join(*parts: Entries) -> Entries:
         """Return several sets of entries as one, in the given order."""
@@ -115,7 +122,7 @@ def find_entries(
     half_width: FloatArray,
     foresight: FloatArray,
     stands: BoolArray,
-) -> tuple[Entries, IntArray]:
+) -> tuple[Entries, IntArray, FloatArray]:
     """Return the entries of boxes that do not follow lanes. All arguments but `roads` are (n,), in the map frame.
 
     Args:
@@ -132,7 +139,8 @@ def find_entries(
         stands: see `Entries`.
 
     Returns:
-        The entries, (m,), and (m,) int64, the index of the box that each belongs to, rising.
+        The entries, (m,); (m,) int64, the index of the box that each belongs to, rising; and (m,) the times after which
+        the boxes will be in the way [s].
     """
     owner, places = roads.within(x, y, CORRIDOR + np.hypot(half_length, half_width) + np.abs(speed) * foresight)
     cos, sin = np.cos(yaw[owner] - places.yaw), np.sin(yaw[owner] - places.yaw)
@@ -148,7 +156,10 @@ def find_entries(
     along = np.maximum(speed[owner[at]] * cos[at], 0.0)
     accel_along = accel[owner[at]] * cos[at]
     source = np.full(len(at), -1, dtype=np.int64)
-    return Entries(lane, s, s - half_along[at], along, accel_along, source, stands[owner[at]]), owner[at]
+    room = np.fmax(np.abs(places.lateral[at]) - CORRIDOR - half_across[at], 0.0)
+    arrival = room / np.fmax(np.abs(sin[at] * speed[owner[at]]), _SLOWEST)
+    entries = Entries(lane, s, s - half_along[at], along, accel_along, source, stands[owner[at]])
+    return entries, owner[at], arrival
 
 
 def sibling_entries(conflicts: LaneConflicts, own: Entries) -> Entries:

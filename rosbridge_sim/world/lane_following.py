@@ -32,7 +32,7 @@ import numpy as np
 from rosbridge_sim.world.driver_model import CREEP, accelerate
 from rosbridge_sim.world.driver_parameters import DriverParameters
 from rosbridge_sim.world.driver_perception import Stop, observe, perceive
-from rosbridge_sim.world.geometry import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_change_motion import find_shifted, nudge, plan_shifts
 from rosbridge_sim.world.lane_changes import LaneChanges
@@ -41,7 +41,8 @@ from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
 from rosbridge_sim.world.lane_position import headings, set_legs
 from rosbridge_sim.world.lane_swing import find_long, find_swinging, plan_swings
 from rosbridge_sim.world.lane_wander import LaneWander
-from rosbridge_sim.world.people import COMMITTED, time_to_kerb
+from rosbridge_sim.world.people import COMMITTED, find_ways_over
+from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.state import DT, Dynamics, Kind, World
@@ -63,6 +64,18 @@ FORESIGHT: Final = 3.0
 
 MAX_PARTS: Final = 4
 """For pedestrians that cross by light or gap, drivers wait as long as they need, up to so many times as long."""
+
+LANES_TO_PASS: Final = 3
+"""Lanes, with its own one, on which a driver may pass before those who cross: up to the far side of an intersection."""
+
+FIRM: Final = 4.0
+"""A driver that would have to brake harder for somebody who comes later goes on [m/s^2], as for a yellow light."""
+
+PAST: Final = 1.0
+"""It must be so far past the place then [m]."""
+
+PACE: Final = 2.0
+"""Least speed at which it clears the place [m/s]: a driver that stands with its nose beyond it moves off."""
 
 MAX_WAIT_DECISIONS: Final = 20
 """Decisions after which a driver before a full street or a blocked crossing chooses other lanes: 2 s, enough for a
@@ -112,7 +125,7 @@ def view_driver(world: World, row: int) -> DriverView | None:
         drivers.held.copy(),
         drivers.exit_lane.copy(),
     )
-    others, rows, num_driving = followers.others()
+    others, rows, num_driving = followers.others(drivers)
     which = int(np.flatnonzero(followers.rows == row)[0])
     sight = observe(followers.conflicts, world.signals.may_enter, drivers, others, num_driving, which=which)
     all_rows = np.concatenate([followers.rows, rows])
@@ -196,7 +209,7 @@ class _LaneFollowers:
         others = world.alive & ~world.has_lane
         may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
         still = np.flatnonzero(others & ~may_move)
-        self.still, owner = _entries_of(world, still)
+        self.still, owner, _ = _entries_of(world, still)
         self.still_rows = still[owner]
         self.moving = np.flatnonzero(others & may_move)
         self.on_wheels = (world.kind[self.moving] == Kind.EGO) | (world.kind[self.moving] == Kind.VEHICLE)
@@ -207,7 +220,8 @@ class _LaneFollowers:
         if len(self.egos):
             self.egos.project()
             self._advance_lanes(self.egos.index)
-        drivers, (others, _, num_driving) = self.drivers(), self.others()
+        drivers = self.drivers()
+        others, _, num_driving = self.others(drivers)
         perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
         lanes, speed = drivers.lanes, drivers.speed
         wanted = accelerate(speed, perception, self.parameters)
@@ -252,15 +266,23 @@ class _LaneFollowers:
         drivers.leaving = self.changes.find_leaving(drivers)
         return drivers
 
-    def others(self) -> tuple[Entries, IntArray, int]:
+    def others(self, drivers: Drivers) -> tuple[Entries, IntArray, int]:
         """Return the entries of all other entities, their rows, and how many of them drive, which are the first ones.
 
         Those that drive occupy the lanes of an intersection, the others only obstruct.
+
+        Args:
+            drivers: all lane followers.
         """
         world = self.world
         drives = self.on_wheels & (np.abs(world.speed[self.moving]) > MOVES)
         moving = np.concatenate([self.moving[drives], self.moving[~drives]])
-        seen, owner = _entries_of(world, moving)
+        seen, owner, arrival = _entries_of(world, moving)
+        crossing = np.flatnonzero(world.yields[moving[owner]] >= COMMITTED)
+        if len(crossing):
+            passed = _find_passed_first(self.roads, drivers, seen.at(crossing), arrival[crossing])
+            left = np.setdiff1d(np.arange(len(owner)), crossing[passed], assume_unique=True)
+            seen, owner = seen.at(left), owner[left]
         num_driving = int(np.count_nonzero(owner < np.count_nonzero(drives)))
         return Entries.join(seen, self.still), np.concatenate([moving[owner], self.still_rows]), num_driving
 
@@ -314,7 +336,10 @@ class _LaneFollowers:
         world.y[at] = world.leg_y[at] + distance * world.leg_dy[at]
         world.z[at] = world.leg_z[at] + distance * world.leg_dz[at]
         yaw = world.yaw[at] + world.yaw_rate[at] * dt
-        world.yaw[at] = yaw if np.abs(yaw).max() < math.pi else wrap_angle(yaw)
+        beyond = np.flatnonzero(np.abs(yaw) >= math.pi)
+        if len(beyond):
+            yaw[beyond] = wrap_angle(yaw[beyond])
+        world.yaw[at] = yaw
         if len(self.shifted):
             nudge(world, self.rows[self.shifted], dt)
         self.wander.move(dt)
@@ -367,35 +392,69 @@ class _LaneFollowers:
         world.claim[rows[has_come]] = -1
 
 
-def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray]:
-    """Return the entries of rows that do not follow lanes; see `find_entries`."""
+def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray, FloatArray]:
+    """Return the entries of rows that do not follow lanes, their owners and arrivals; see `find_entries`."""
     # Pedestrians that heed the traffic wait at the kerb. While they cross, drivers wait for them.
     is_blind = (world.kind[rows] == Kind.PEDESTRIAN) & (world.yields[rows] == 0)
     foresight = np.where(is_blind, FORESIGHT, 0.0)
     index, later = np.arange(len(rows)), np.zeros(len(rows))
+    yaw, speed = world.yaw[rows], world.speed[rows]
     if world.yields[rows].max(initial=0) >= COMMITTED:
         # Each part of their way is looked at from its own beginning: a bend has no place beside one that is far away.
-        time = np.fmin(time_to_kerb(world)[rows], MAX_PARTS * FORESIGHT)
+        time, velocity = (each[rows] for each in find_ways_over(world))
+        crosses = time > 0.0
+        yaw, speed = np.where(crosses, np.angle(velocity), yaw), np.where(crosses, np.abs(velocity), speed)
+        time = np.fmin(time, MAX_PARTS * FORESIGHT)
         foresight = np.where(time > 0.0, np.fmin(time, FORESIGHT), foresight)
         for part in range(1, MAX_PARTS):
             crossing = np.flatnonzero(time > part * FORESIGHT)
             index = np.concatenate([index, crossing])
             later = np.concatenate([later, np.full(len(crossing), part * FORESIGHT)])
             foresight = np.concatenate([foresight, np.fmin(time[crossing] - part * FORESIGHT, FORESIGHT)])
-    rows = rows[index]
-    cos, sin = np.cos(world.yaw[rows]), np.sin(world.yaw[rows])
-    ahead = world.centre[rows] + world.speed[rows] * later
-    entries, owner = find_entries(
+    rows, yaw, speed = rows[index], yaw[index], speed[index]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    ahead = world.centre[rows] + speed * later
+    entries, owner, arrival = find_entries(
         world.roads,
         x=world.x[rows] + ahead * cos,
         y=world.y[rows] + ahead * sin,
         z=world.z[rows],
-        yaw=world.yaw[rows],
-        speed=world.speed[rows],
+        yaw=yaw,
+        speed=speed,
         accel=world.accel[rows],
         half_length=world.half_length[rows],
         half_width=world.half_width[rows],
         foresight=foresight,
         stands=(world.kind[rows] != Kind.PEDESTRIAN) & (np.abs(world.speed[rows]) < MOVES),
     )
-    return entries, index[owner]
+    return entries, index[owner], later[owner] + arrival
+
+
+def _find_passed_first(roads: Roads, drivers: Drivers, entries: Entries, arrival: FloatArray) -> BoolArray:
+    """Return which entries lie where a driver will have passed before they are in the way, and cannot stop gently.
+
+    Such a driver goes on, and so does one whose nose is past the place. Those behind it follow it until it is past, and
+    then see the entry.
+
+    Args:
+        roads: the lanes.
+        drivers: all of them.
+        entries: (m,) of people who cross.
+        arrival: (m,) when they will be in the way [s].
+
+    Returns:
+        (m,) bool.
+    """
+    found = np.zeros(len(arrival), dtype=bool)
+    before = -drivers.arc
+    for part in range(LANES_TO_PASS):
+        near = np.flatnonzero(np.isin(drivers.lanes[part], entries.lane))
+        if len(near):
+            speed = drivers.speed[near, None]
+            gap = entries.tail + (before - drivers.nose)[near, None]
+            rest = gap + drivers.length[near, None]
+            cannot = (gap < speed**2 / (2.0 * FIRM)) & (rest > 0.0)
+            is_gone = (rest + PAST < arrival * np.fmax(speed, PACE)) | (gap < -PAST)
+            found |= ((drivers.lanes[part, near, None] == entries.lane) & cannot & is_gone).any(axis=0)
+        before = before + roads.length[drivers.lanes[part]]
+    return found

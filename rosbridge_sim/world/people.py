@@ -30,7 +30,7 @@ from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import Lamp
 from rosbridge_sim.world.state import DT, Kind, World
 
-__all__ = ["COMMITTED", "time_to_kerb", "walk"]
+__all__ = ["COMMITTED", "find_ways_over", "walk"]
 
 INTERVAL: Final = 5
 """Frames from one decision to the next, as that of drivers, and two frames after theirs, to spread the load."""
@@ -59,7 +59,7 @@ BEHIND: Final = 0.5
 _VIEW: Final = math.cos(math.radians(100.0))
 
 BODY: Final = 6.0
-BODY_WIDTH: Final = 0.5
+BODY_WIDTH: Final = 0.6
 BODY_DECAY: Final = 0.15
 """Two bodies that touch push each other so strongly [m/s^2], where their middles are a shoulder's width apart [m], and
 less by the factor e for each such length [m]. The paper's potential alone lets people walk through each other. The
@@ -87,6 +87,11 @@ MAX_PUSH: Final = 6.0
 HASTE: Final = 1.3
 """A pedestrian walks at most so much faster than it wants; the paper's factor."""
 
+STEP_BACK: Final = 0.5
+CLOSE: Final = 1.0
+"""Speed of somebody at the kerb who steps back from a vehicle [m/s], and the push that makes it do so [m/s^2]: that of
+a side 0.46 m away, as of a bus that turns."""
+
 LOOK_AHEAD: Final = 1.2
 """Distance along the path of the place that is walked to [m]: a step or two."""
 
@@ -94,10 +99,11 @@ SIDES: Final = (0.3, 0.9)
 """Least and greatest distance to the right of the path [m], tuned by us: people who meet pass, all within a crosswalk
 of 3 m."""
 
-KERB_GAP: Final = 0.4
-"""Distance before the road at which people wait [m]: their feet are on the kerb."""
+KERB_GAP: Final = 0.6
+"""Distance before the road at which people wait [m]. Their feet are on the kerb, and the side of a bus that reaches
+0.3 m over the border of its lane in a turn does not touch them."""
 
-AT_KERB: Final = 0.8
+AT_KERB: Final = 1.0
 """From this distance to the kerb on, a pedestrian looks whether it may go [m]."""
 
 BRAKE: Final = 1.0
@@ -149,16 +155,33 @@ def walk(world: World) -> None:
         people.decide()
 
 
-def time_to_kerb(world: World) -> FloatArray:
-    """Return the times in which those who cross will be off the road, (n,), for each row; 0 for all others [s]."""
-    times = np.zeros(world.n)
+def find_ways_over(world: World) -> tuple[FloatArray, ComplexArray]:
+    """Return how those who cross will go on, for each row.
+
+    Their present heading says little: they turn into a crossing from the pavement, and walk around each other.
+
+    Args:
+        world: read only.
+
+    Returns:
+        (n,) the times in which they will be off the road; 0 for all others [s]. And (n,) complex, the velocities with
+        which they get from their place to the other kerb in that time [m/s].
+    """
+    times, velocities = np.zeros(world.n), np.zeros(world.n, dtype=np.complex128)
     people = world.derived(_People)
     if people.num:
         state, rows = world.yields[people.rows], people.rows
         at = np.flatnonzero(state >= COMMITTED)
-        left = people.end[people.first[at] + state[at] - COMMITTED] - world.arc[rows[at]]
+        crossing = people.first[at] + state[at] - COMMITTED
+        left = people.end[crossing] - world.arc[rows[at]]
         times[rows[at]] = np.fmax(left, 0.0) / np.fmax(world.speed[rows[at]], SLOW)
-    return times
+        ends = people.ends[crossing]
+        kerb = ends[:, 2] + 1j * ends[:, 3]
+        course = kerb - (ends[:, 0] + 1j * ends[:, 1])
+        kerb = kerb - 1j * people.side[at] * course / np.fmax(np.abs(course), STANDS)
+        way = kerb - (world.x[rows[at]] + 1j * world.y[rows[at]])
+        velocities[rows[at]] = np.where(left > 0.0, way / np.fmax(times[rows[at]], DT), 0.0)
+    return times, velocities
 
 
 class _People:
@@ -202,19 +225,24 @@ class _People:
         """Choose speeds and headings until the next decision."""
         world, rows = self.world, self.rows
         x, y = world.x[rows], world.y[rows]
-        arc = self._project(x, y)
+        arc = self._hold_at_kerb(self._project(x, y))
         wish = np.where(world.start_within[rows] > 0.0, 0.0, world.desired_speed[rows])
         wish[~self.is_loop & (arc >= self.length - AT_KERB)] = 0.0
+        free_wish = wish
         wish = self._mind_kerb(arc, wish)
         towards = self._towards(arc, x, y)
         heading = np.exp(1j * world.yaw[rows])
         velocity = world.speed[rows] * heading
-        push = (wish * towards - velocity) / RELAXATION + self._push(x, y, towards, self._course(arc))
+        from_solid, around = self._push_of_solid(x, y, towards, self._course(arc))
+        steps_back = (wish < free_wish) & (np.abs(from_solid) > CLOSE)
+        push = (wish * towards - velocity) / RELAXATION + self._push(x, y, towards) + around
+        push = np.where(steps_back, -velocity / RELAXATION, push) + from_solid
         size = np.abs(push)
         push *= np.fmin(1.0, MAX_PUSH / np.fmax(size, MAX_PUSH))
         after = velocity + push * _SECONDS
         speed = np.abs(after)
-        after *= np.fmin(speed, HASTE * wish) / np.fmax(speed, STANDS)
+        most = np.where(steps_back, np.fmax(HASTE * wish, STEP_BACK), HASTE * wish)
+        after *= np.fmin(speed, most) / np.fmax(speed, STANDS)
         speed = np.abs(after)
         stands = speed < STANDS
         speed[stands] = 0.0
@@ -268,8 +296,8 @@ class _People:
         leg = self.world.paths.find(self.base, arc).T
         return np.asarray(leg[DX] + 1j * leg[DY])
 
-    def _push(self, x: FloatArray, y: FloatArray, towards: ComplexArray, course: ComplexArray) -> ComplexArray:
-        """Return the accelerations by other pedestrians, vehicles and things, (k,) complex [m/s^2]."""
+    def _push(self, x: FloatArray, y: FloatArray, towards: ComplexArray) -> ComplexArray:
+        """Return the accelerations by other pedestrians, (k,) complex [m/s^2]."""
         world = self.world
         others = self.others
         one, other = find_neighbours(x, y, world.x[others], world.y[others], REACH)
@@ -286,10 +314,12 @@ class _People:
         force = size * (away / near + from_step / far)
         force += BODY * np.exp((BODY_WIDTH - near) / BODY_DECAY) * away / near
         is_seen = -(towards[one].real * away.real + towards[one].imag * away.imag) >= _VIEW * near
-        return self._sum(one, force * np.where(is_seen, 1.0, BEHIND)) + self._push_of_solid(x, y, towards, course)
+        return self._sum(one, force * np.where(is_seen, 1.0, BEHIND))
 
-    def _push_of_solid(self, x: FloatArray, y: FloatArray, towards: ComplexArray, course: ComplexArray) -> ComplexArray:
-        """Return the accelerations by the boxes of vehicles and things."""
+    def _push_of_solid(
+        self, x: FloatArray, y: FloatArray, towards: ComplexArray, course: ComplexArray
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """Return the accelerations by the boxes of vehicles and things: away from them, and along them."""
         world, solid = self.world, self.solid
         longest = float(world.half_length[solid].max(initial=0.0))
         one, other = find_neighbours(x, y, *self._middles(solid), REACH + longest)
@@ -310,8 +340,7 @@ class _People:
         from_hub = local - NOSE_SHARE * world.half_length[other]
         is_left = (np.conj(course[one] * turn) * from_hub).imag >= 0.0
         along = np.where(is_left, -1j, 1j) * force
-        size = size * force + np.where(faces, AROUND * along, 0.0)
-        return self._sum(one, size / turn)
+        return self._sum(one, size * force / turn), self._sum(one, np.where(faces, AROUND * along, 0.0) / turn)
 
     def _sum(self, one: IntArray, force: ComplexArray) -> ComplexArray:
         """Return the sums of what pushes each."""
@@ -356,6 +385,18 @@ class _People:
         room = nearest - KERB_GAP
         stop = np.sqrt(2.0 * BRAKE * np.fmax(room, 0.0))
         return np.where(state < COMMITTED, np.fmin(wish, stop), wish)
+
+    def _hold_at_kerb(self, arc: FloatArray) -> FloatArray:
+        """Return arc lengths before the kerb for those who may not cross: near a corner a place has several."""
+        world, rows = self.world, self.rows
+        owner = np.arange(self.num).repeat(np.diff(self.first))
+        number = np.arange(len(self.start)) - self.first[owner]
+        before = world.leg_start[rows][owner]
+        crosses = world.yields[rows][owner] == COMMITTED + number
+        held = np.flatnonzero((before < self.start) & (arc[owner] >= self.start) & ~crosses)
+        arc = arc.copy()
+        np.minimum.at(arc, owner[held], np.nextafter(self.start[held], 0.0))
+        return arc
 
     def _may_cross(self, crossing: IntArray, speed: FloatArray) -> BoolArray:
         """Return who may begin to cross, (a,).

@@ -84,6 +84,8 @@ class RouteChoice:
             place = lane[has_successor] * ONE + dice[has_successor].astype(np.int64)
             successor = np.searchsorted(self.bounds, place, side="right")
         chosen[has_successor] = onward.other[successor]
+        if not len(self.route):
+            return chosen
         length = self.length[which]
         index = np.where(self.is_loop[which] & (length > 0), turn % np.maximum(length, 1), turn)
         is_on_route = index < length

@@ -3,14 +3,19 @@
 
     python scripts/soak/traffic.py [--hours 10] [--maps town,loop] [--processes 2] [--progress FILE]
 
-A *cell* is ten simulated minutes of one map with a number of vehicles and a seed. One vehicle in five is a van, a truck
-or a bus. All stand at the start, and all wander within their lanes. A cell counts:
+A *cell* is ten simulated minutes of one map with a number of vehicles and a seed; some cells have people who cross the
+roads, too. One vehicle in five is a van, a truck or a bus, but on the map `parking`, where other cars are parked. All
+stand at the start, and wander within their lanes then. A cell counts:
 
 - *overlaps*: pairs of vehicles that begin to touch, as the collision detection says;
 - *red lights*: front bumpers that pass a stop line while the light of the lane that is taken is red;
 - *stranded*: vehicles that stand for more than three minutes without a break: two cycles of the longest plan;
 - *hard braking*: decelerations beyond 6 m/s^2, each with its cause. Such braking is *explained* if the cause is an
-  entity that does not follow lanes. Traffic alone must never need it.
+  entity that neither follows lanes nor heeds the traffic. Traffic alone must never need it;
+- *hits*: people and vehicles that begin to touch;
+- *bumps*: pairs of people who begin to touch; a body is a disc as wide as the mean of its length and width;
+- *waiting*: people who stand for more than three minutes without a break;
+- *braking for people*: that part of the hard braking whose cause is a pedestrian.
 
 Any of these but explained braking is a fault, and the exit code is then 1. Each cell ends with a line of progress. With
 `--progress` the lines are kept in a file, and a run that was interrupted goes on with the cells that are not in it.
@@ -20,12 +25,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, field
 from multiprocessing import get_context
@@ -37,63 +41,26 @@ ROOT = Path(__file__).resolve().parents[2]
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
-from rosbridge_sim.morai.catalogue import BUILT_IN, default_model  # noqa: E402
-from rosbridge_sim.shell.files.library import DiskLibrary  # noqa: E402
 from rosbridge_sim.world.geometry import IntArray  # noqa: E402
-from rosbridge_sim.world.lane_conflicts import LaneConflicts  # noqa: E402
 from rosbridge_sim.world.lane_following import view_driver  # noqa: E402
-from rosbridge_sim.world.lane_position import LaneStart, keep_lanes  # noqa: E402
-from rosbridge_sim.world.lane_wander import USUAL_WANDER  # noqa: E402
-from rosbridge_sim.world.roads import Roads  # noqa: E402
-from rosbridge_sim.world.signal_plan import Lamp, SignalPlan  # noqa: E402
-from rosbridge_sim.world.state import DT, Body, Kind, World  # noqa: E402
+from rosbridge_sim.world.signal_plan import Lamp  # noqa: E402
+from rosbridge_sim.world.state import DT, Kind, World  # noqa: E402
 from rosbridge_sim.world.step import step  # noqa: E402
+from scripts.soak.traffic_cells import CELLS, MINUTES, Cell, cells_of, world_of  # noqa: E402
 
-__all__ = ["CELLS", "Cell", "Outcome", "Watch", "as_table", "populate", "run_cell"]
-
-MINUTES = 10.0
-"""Length of a cell."""
-
-CELLS: dict[str, tuple[int, ...]] = {
-    "town": (24, 100, 200, 300),
-    "loop": (50, 200, 500),
-    "motorway": (50, 200, 500),
-    "hills": (6, 20),
-}
-"""Map -> numbers of vehicles: from free to jammed."""
+__all__ = ["Outcome", "Watch", "as_table", "run_cell"]
 
 STRANDED = 180.0
 """[s]"""
 
 STANDS = 0.1
-"""A slower vehicle stands [m/s]."""
+"""A slower vehicle or pedestrian stands [m/s]."""
 
 HARD = -6.0
 """Acceleration beyond which braking is hard [m/s^2]."""
 
-SPACE = 8.0
-"""Between two vehicles at the start [m]."""
-
-OTHERS = ("Van", "Bus", "Truck")
-"""Words in the names of models that every fifth vehicle has."""
-
 MAX_LINES = 10
 """Lines about each sort of fault that are kept of a cell."""
-
-
-@dataclass(frozen=True, slots=True)
-class Cell:
-    """Ten minutes of traffic.
-
-    Attributes:
-        map_name: of a built-in map.
-        num: number of vehicles.
-        seed: of the world and of the places.
-    """
-
-    map_name: str
-    num: int
-    seed: int
 
 
 @dataclass(slots=True)
@@ -109,6 +76,8 @@ class Outcome:
         hardest: the hardest braking [m/s^2].
         seconds: that the cell took.
         lines: about faults.
+        people: pedestrians.
+        hits, bumps, waiting, for_people: see the head of this file; `for_people` are some of `hard`.
     """
 
     cell: Cell
@@ -123,15 +92,21 @@ class Outcome:
     hardest: float = 0.0
     seconds: float = 0.0
     lines: list[str] = field(default_factory=list)
+    people: int = 0
+    hits: int = 0
+    bumps: int = 0
+    waiting: int = 0
+    for_people: int = 0
 
     @property
     def num_faults(self) -> int:
         """The number of faults."""
-        return self.overlaps + self.red_lights + self.stranded + self.hard - self.explained
+        of_vehicles = self.overlaps + self.red_lights + self.stranded + self.hard - self.explained
+        return of_vehicles + self.hits + self.bumps + self.waiting
 
 
 class Watch:
-    """An observer of a world: it looks at all lane followers after each step.
+    """An observer of a world: it looks at all lane followers and pedestrians after each step.
 
     Args:
         world: read only. No entity may come or go meanwhile.
@@ -141,6 +116,9 @@ class Watch:
     def __init__(self, world: World, outcome: Outcome) -> None:
         self._world, self._outcome = world, outcome
         self._rows = np.flatnonzero(world.alive & world.has_lane)
+        self._people = np.flatnonzero(world.alive & (world.kind == Kind.PEDESTRIAN))
+        self._waited = np.zeros(len(self._people))
+        self._bumping: set[tuple[int, int]] = set()
         self._nose = world.half_length[self._rows] + world.centre[self._rows]
         self._still = np.zeros(len(self._rows))
         self._is_hard = np.zeros(len(self._rows), dtype=bool)
@@ -168,22 +146,54 @@ class Watch:
         self._outcome.hardest = min(self._outcome.hardest, float(accel.min()))
         for which in np.flatnonzero(hard & ~self._is_hard).tolist():
             self._outcome.hard += 1
-            is_explained = self._note(
-                "hard", f"uid {world.uid[rows[which]]} brakes with {accel[which]:.1f} m/s^2", which
-            )
-            self._outcome.explained += is_explained
+            cause = self._note("hard", f"uid {world.uid[rows[which]]} brakes with {accel[which]:.1f} m/s^2", which)
+            if cause >= 0 and not world.has_lane[cause]:
+                self._outcome.explained += world.yields.item(cause) == 0
+                self._outcome.for_people += world.kind.item(cause) == Kind.PEDESTRIAN
         self._is_hard = hard
+        if len(self._people):
+            self._look_at_people()
 
     def _look_at_contacts(self) -> None:
         contacts = self._world.contacts
         now = {(int(a), int(b)) for a, b in contacts} if len(contacts) else set()
         for a, b in sorted(now - self._touching):
-            self._outcome.overlaps += 1
-            row = self._world.row(a)
-            which = int(self._rows.searchsorted(row))
-            known = which if which < len(self._rows) and self._rows[which] == row else None
-            self._note("overlap", f"uid {a} and {b} touch", known)
+            people = [uid for uid in (a, b) if self._world.kind[self._world.row(uid)] == Kind.PEDESTRIAN]
+            if people:
+                self._outcome.hits += 1
+                car = a + b - people[0]
+                self._note("hit", f"uid {car} and pedestrian {self._describe(people[0])} touch", self._which(car))
+            else:
+                self._outcome.overlaps += 1
+                self._note("overlap", f"uid {a} and {b} touch", self._which(a))
         self._touching = now
+
+    def _look_at_people(self) -> None:
+        """Count those that walk into one another, and those that wait too long."""
+        world, rows = self._world, self._people
+        waited = self._waited
+        self._waited = np.where(world.speed[rows] > STANDS, 0.0, waited + DT)
+        for which in np.flatnonzero((waited <= STRANDED) & (self._waited > STRANDED)).tolist():
+            self._outcome.waiting += 1
+            self._note(
+                "waiting", f"pedestrian {self._describe(world.uid.item(rows[which]))} stands since {STRANDED:g} s"
+            )
+        now = set(_find_bumps(world, rows))
+        for a, b in sorted(now - self._bumping):
+            self._outcome.bumps += 1
+            self._note("bump", f"pedestrians {self._describe(a)} and {self._describe(b)} touch")
+        self._bumping = now
+
+    def _which(self, uid: int) -> int | None:
+        """Return the index of a lane follower; None for any other entity."""
+        row = self._world.row(uid)
+        which = int(self._rows.searchsorted(row))
+        return which if which < len(self._rows) and self._rows[which] == row else None
+
+    def _describe(self, uid: int) -> str:
+        world = self._world
+        row = world.row(uid)
+        return f"{uid} at ({world.x[row]:.1f}, {world.y[row]:.1f}), {world.speed[row]:.1f} m/s"
 
     def _look_at_lights(self) -> None:
         """Count those whose front bumper has just come over the end of their lane while the light behind it is red."""
@@ -208,73 +218,50 @@ class Watch:
         self._lane = world.lane[rows].copy()
         self._rest = world.roads.length[self._lane] - world.arc[rows] - self._nose
 
-    def _note(self, sort: str, what: str, which: int | None) -> bool:
-        """Keep a line about a fault, and return whether an entity that follows no lanes is the cause."""
+    def _note(self, sort: str, what: str, which: int | None = None) -> int:
+        """Keep a line about a fault, and return the row of the entity that is the cause; -1 for none."""
         world, outcome = self._world, self._outcome
-        words, is_explained = "", False
+        words, cause = "", -1
         if which is not None:
             row = int(self._rows[which])
             place = f"lane {world.roads.ids[world.lane[row]]} at {world.arc[row]:.1f} m, {world.speed[row]:.1f} m/s"
-            reason, is_explained = self._reason(row)
+            reason, cause = self._reason(row)
             words = f"; {place}; {reason}"
         if self._num_lines[sort] < MAX_LINES:
             self._num_lines[sort] += 1
             outcome.lines.append(f"{world.frame * DT:7.2f} s: {what}{words}")
-        return is_explained
+        return cause
 
-    def _reason(self, row: int) -> tuple[str, bool]:
-        """Return what the driver of a row sees, and whether that is an entity that follows no lanes."""
+    def _reason(self, row: int) -> tuple[str, int]:
+        """Return what the driver of a row sees, and the row of the entity ahead; -1 for none."""
         world = self._world
         view = view_driver(world, row)
         if view is None:
-            return "follows no lane", False
-        words, is_foreign = [], False
+            return "follows no lane", -1
+        words = []
         if view.lead_row >= 0:
             lead = view.lead_row
             kind = Kind(world.kind.item(lead)).name.lower()
-            is_foreign = not world.has_lane[lead]
             motion = f"{world.speed[lead] * 3.6:.0f} km/h, {world.accel[lead]:.1f} m/s^2"
             words.append(f"lead uid {world.uid[lead]} ({kind}, {motion}) in {view.gap:.1f} m")
         if view.stop.value:
             words.append(f"stops for {view.stop.value} in {view.stop_distance:.1f} m")
         if view.rival_row >= 0:
             words.append(f"gives way to uid {world.uid[view.rival_row]}")
-        return ", ".join(words) or "sees nothing", is_foreign
+        return ", ".join(words) or "sees nothing", view.lead_row
 
 
-def populate(roads: Roads, plan: SignalPlan | None, cell: Cell) -> World:
-    """Return a world with the vehicles of a cell, or as many as there is room for, all at rest.
+def _find_bumps(world: World, rows: IntArray) -> list[tuple[int, int]]:
+    """Return the pairs of ids of pedestrians that touch: discs as wide as the mean of length and width.
 
     Args:
-        roads: the lanes.
-        plan: their lights.
-        cell: what is wanted.
+        world: read only.
+        rows: of the pedestrians.
     """
-    chance = np.random.default_rng(cell.seed)
-    world = World(cell.seed)
-    world.lay_roads(roads, plan)
-    conflicts = roads.derived(LaneConflicts)
-    others = [
-        model.body
-        for model in BUILT_IN.models
-        if model.kind == Kind.VEHICLE and any(word in model.name for word in OTHERS)
-    ]
-    car = default_model(Kind.VEHICLE).body
-    starts: list[tuple[int, float, Body]] = []
-    for lane in np.flatnonzero(np.isinf(conflicts.wait_point) & (conflicts.shared == 0.0)).tolist():
-        s = 0.5 * SPACE
-        while True:
-            body = others[int(chance.integers(len(others)))] if others and chance.random() < 0.2 else car
-            if s + body.length + 0.5 * SPACE > roads.length[lane]:
-                break
-            starts.append((lane, s + 0.5 * body.length - body.centre, body))
-            s += body.length + SPACE
-    chosen: IntArray = chance.permutation(len(starts))[: cell.num]
-    with world.room_for(len(chosen)):
-        rows = [world.row(world.spawn(Kind.VEHICLE, starts[i][2], name="npc", x=0.0, y=0.0)) for i in chosen.tolist()]
-    places = [(row, starts[i][0], starts[i][1]) for row, i in zip(rows, chosen.tolist(), strict=True)]
-    keep_lanes(world, [LaneStart(row, lane, s, wander=USUAL_WANDER) for row, lane, s in places])
-    return world
+    place = world.x[rows] + 1j * world.y[rows]
+    radius = 0.5 * (world.half_length[rows] + world.half_width[rows])
+    a, b = np.nonzero(np.triu(np.abs(place[:, None] - place) < radius[:, None] + radius, 1))
+    return list(zip(world.uid[rows[a]].tolist(), world.uid[rows[b]].tolist(), strict=True))
 
 
 def run_cell(cell: Cell, minutes: float = MINUTES) -> Outcome:
@@ -285,9 +272,10 @@ def run_cell(cell: Cell, minutes: float = MINUTES) -> Outcome:
         minutes: simulated.
     """
     begun = time.perf_counter()
-    road_map = DiskLibrary().map(cell.map_name)
-    world = populate(road_map.roads, road_map.plan, cell)
-    outcome = Outcome(cell, num=len(world), minutes=minutes)
+    world = world_of(cell)
+    num = int((world.alive & world.has_lane).sum())
+    people = int((world.alive & (world.kind == Kind.PEDESTRIAN)).sum())
+    outcome = Outcome(cell, num=num, people=people, minutes=minutes)
     watch = Watch(world, outcome)
     for _ in range(round(minutes * 60.0 / DT)):
         step(world)
@@ -296,38 +284,28 @@ def run_cell(cell: Cell, minutes: float = MINUTES) -> Outcome:
     return outcome
 
 
-def cells_of(hours: float, maps: Sequence[str], first_seed: int) -> list[Cell]:
-    """Return the cells of a run: all maps and densities with one seed after the other, until the time is full.
-
-    Args:
-        hours: simulated, in all.
-        maps: names of maps.
-        first_seed: of the first round.
-    """
-    sorts = [(name, num) for name in maps for num in CELLS[name]]
-    num = max(1, math.ceil(hours * 60.0 / MINUTES - 1e-9))
-    return [Cell(*sorts[i % len(sorts)], first_seed + i // len(sorts)) for i in range(num)]
-
-
 def as_table(outcomes: Iterable[Outcome]) -> str:
     """Return a Markdown table with a row for each map and density.
 
     Args:
         outcomes: of the cells.
     """
-    sums: dict[tuple[str, int], list[Outcome]] = {}
+    sums: dict[tuple[str, int, int], list[Outcome]] = {}
     for each in outcomes:
-        sums.setdefault((each.cell.map_name, each.num), []).append(each)
-    lines = [
-        "| map | vehicles | simulated | mean speed | overlaps | red lights | stranded | hard braking | hardest |",
-        "|---|---|---|---|---|---|---|---|---|",
+        sums.setdefault((each.cell.map_name, each.num, each.people), []).append(each)
+    names = ("overlaps", "red_lights", "stranded", "hits", "bumps", "waiting")
+    heads = [
+        *("map", "vehicles", "people", "simulated", "mean speed"),
+        *(name.replace("_", " ") for name in names),
+        *("hard braking", "hardest"),
     ]
-    for (name, num), group in sorted(sums.items()):
-        totals = [sum(getattr(each, what) for each in group) for what in ("overlaps", "red_lights", "stranded")]
+    lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+    for (name, num, people), group in sorted(sums.items()):
+        totals = [sum(getattr(each, what) for each in group) for what in names]
         hard, explained = sum(each.hard for each in group), sum(each.explained for each in group)
         braking = f"{hard} ({explained} explained)" if explained else str(hard)
         cells = [
-            *(name, str(num), f"{sum(each.minutes for each in group):g} min"),
+            *(name, str(num), str(people), f"{sum(each.minutes for each in group):g} min"),
             f"{sum(each.speed for each in group) / len(group):.1f} km/h",
             *map(str, totals),
             braking,
@@ -353,6 +331,9 @@ def _report(outcome: Outcome) -> None:
     cell = outcome.cell
     found = f"{outcome.overlaps} overlaps, {outcome.red_lights} red lights, {outcome.stranded} stranded"
     braking = f"{outcome.hard} hard braking ({outcome.explained} explained), hardest {outcome.hardest:.1f} m/s^2"
+    if outcome.people:
+        found += f", {outcome.people} people: {outcome.hits} hits, {outcome.bumps} bumps, {outcome.waiting} waiting"
+        braking += f", {outcome.for_people} for people"
     print(
         f"{cell.map_name} {outcome.num} seed {cell.seed}: {outcome.speed:.1f} km/h, {found}, {braking};"
         f" {outcome.seconds:.0f} s",

@@ -16,7 +16,7 @@ from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import BUS, lane_of, run, world_of
-from tests.world.road_factory import CAR, car, ego, line, make
+from tests.world.road_factory import CAR, built_in, car, ego, line, make
 from tests.world.wide_roads import wide_ring, wide_road
 
 
@@ -230,6 +230,14 @@ def test_driver_keeps_right_on_a_fast_empty_road() -> None:
     row = car(slow_road, "l0", 20.0, speed=15.0)
     run(slow_road, 8.0)
     assert lane_of(slow_road, row) == "l0"
+
+
+def test_driver_keeps_off_the_lane_of_an_entry() -> None:
+    roads = built_in("motorway").roads
+    world = world_of(roads)
+    row = car(world, "L3_04", 10.0, speed=25.0, desired_speed=25.0)
+    run(world, 6.0)
+    assert lane_of(world, row) == "L3_04"
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 
 from rosbridge_sim.world.crossings import find_crossings
 from rosbridge_sim.world.neighbours import find_neighbours
-from rosbridge_sim.world.people import COMMITTED
+from rosbridge_sim.world.people import COMMITTED, find_ways_over
 from rosbridge_sim.world.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
 from rosbridge_sim.world.state import Body, Kind, World
 from rosbridge_sim.world.step import step
@@ -95,6 +95,74 @@ def test_driver_does_not_brake_for_one_that_waits_at_the_kerb() -> None:
         slowest = min(slowest, float(world.speed[row]))
     assert slowest > 9.9
     assert world.x[row] > 55.0
+
+
+def test_driver_that_is_past_before_somebody_comes_does_not_brake_for_it() -> None:
+    lanes = {f"l{i}": (line((0, 3.5 * i), (400, 3.5 * i)), "") for i in range(4)}
+    world = world_of(make(**lanes))
+    walker(world, np.array([[50.0, 9.0], [50.0, -6.0]]))  # on the road, five seconds from the lane of the car
+    row = car(world, "l0", 30.0, speed=14.0)
+    hardest = 0.0
+    for _ in range(150):
+        step(world)
+        hardest = min(hardest, world.accel[row])
+    assert world.x[row] > 70.0
+    assert hardest > -0.5
+
+
+def test_driver_that_can_stop_gently_waits_for_somebody_who_comes_later() -> None:
+    lanes = {f"l{i}": (line((0, 3.5 * i), (400, 3.5 * i)), "") for i in range(4)}
+    world = world_of(make(**lanes))
+    walker(world, np.array([[50.0, 9.0], [50.0, -6.0]]))
+    row = car(world, "l0", 12.0, speed=10.0)
+    for _ in range(250):
+        step(world)
+        assert world.accel[row] > -4.5
+    assert world.x[row] < 50.0 - 3.6
+
+
+def test_way_of_those_who_cross_is_foreseen_to_the_other_kerb_and_not_along_their_heading() -> None:
+    world = world_of(road())
+    row = walker(world, np.array([[50.0, -1.7], [50.0, 12.0]]))
+    for _ in range(10):
+        step(world)
+    assert world.yields[row] == COMMITTED
+    world.yaw[row] = 0.0
+    times, velocities = find_ways_over(world)
+    there = world.x[row] + 1j * world.y[row] + times[row] * velocities[row]
+    assert there.imag == pytest.approx(1.75, abs=0.5)
+    assert 50.2 < there.real < 51.0  # to the right of the path
+
+
+def test_somebody_at_the_kerb_steps_back_from_a_vehicle_that_comes_too_near() -> None:
+    world = lit(Lamp.RED)
+    row = walker(world, np.array([[50.0, -4.0], [50.0, 12.0]]))
+    for _ in range(200):
+        step(world)
+    kerb = float(world.y[row])
+    y = kerb + 0.3 + 0.5 * CAR.width  # its side is at the chest
+    path = np.array([[42.0, y], [70.0, y]])
+    world.spawn(Kind.VEHICLE, CAR, name="bus", x=42.0, y=y, path=path, speed=3.0)
+    least = kerb
+    for _ in range(400):
+        step(world)
+        assert not len(world.contacts)
+        least = min(least, float(world.y[row]))
+    assert least < kerb - 0.05
+    assert world.y[row] == pytest.approx(kerb, abs=0.1)  # back again
+
+
+def test_somebody_who_is_pushed_over_the_kerb_does_not_begin_to_cross_at_red() -> None:
+    world = lit(Lamp.RED)
+    row = walker(world, np.array([[50.0, -4.0], [50.0, 12.0]]))
+    for _ in range(200):
+        step(world)
+    world.y[row] += 0.9
+    world.leg_y[row] += 0.9
+    for _ in range(200):
+        step(world)
+        assert world.yields[row] == 1
+    assert world.y[row] < -1.5
 
 
 def crowd() -> World:
