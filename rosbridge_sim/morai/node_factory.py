@@ -98,7 +98,7 @@ def make_node(
     reader = reader or AtOnce()
     replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
     road_services = RoadServices(context, reader)
-    traffic = Traffic(context, chosen.traffic)
+    traffic = Traffic(context, chosen.traffic, wanders=chosen.traffic_wander)
     components: list[Component] = [
         StatePublishers(context),
         TrafficLightTopics(context),

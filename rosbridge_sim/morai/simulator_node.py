@@ -62,6 +62,7 @@ class NodeSettings:
         replay_info: publish ReplayInfo of any drive for all subscribers, also for those that subscribe to every topic.
         score: keep scores of the egos from frame 0 on, with and without a listener.
         traffic: vehicles on the lanes besides those of the scenario, at most.
+        traffic_wander: these vehicles wander within their lanes.
         sensor_noise: errors of GPS and IMU; None for exact readings.
         on_world_failure: `exit` raises the exception of a failed step to the caller of `advance`; `serve` stops the
             world and refuses every call.
@@ -81,6 +82,7 @@ class NodeSettings:
     replay_info: bool = False
     score: bool = False
     traffic: int = 0
+    traffic_wander: bool = True
     sensor_noise: SensorNoise | None = None
     on_world_failure: Literal["exit", "serve"] = "exit"
 

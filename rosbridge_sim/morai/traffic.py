@@ -27,6 +27,7 @@ from rosbridge_sim.morai.scene import MAX_ENTITIES, Load
 from rosbridge_sim.world.demand import LaneSlots, has_room, keep_clear, safe_speed_at
 from rosbridge_sim.world.geometry import IntArray
 from rosbridge_sim.world.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.lane_wander import USUAL_WANDER
 from rosbridge_sim.world.routing import find_route
 from rosbridge_sim.world.state import DT, Kind
 
@@ -84,14 +85,16 @@ _log = logging.getLogger("rosbridge_sim.morai")
 class Traffic(Component):
     """The component of spawn points and of `--traffic`."""
 
-    def __init__(self, context: SimulatorContext, num: int = 0) -> None:
+    def __init__(self, context: SimulatorContext, num: int = 0, *, wanders: bool = True) -> None:
         """Fill the opening scene.
 
         Args:
             context: of the simulator, with the opening scene.
             num: vehicles on the lanes besides those of the scenario, at most; 0 for none.
+            wanders: these vehicles wander within their lanes.
         """
         self._context = context
+        self._wander = USUAL_WANDER if wanders else 0.0
         self._wanted = num
         self._mix = _read_mix(context)
         self._load: Load | None = None
@@ -290,13 +293,15 @@ class Traffic(Component):
         route: tuple[int, ...],
         changes_lanes: bool = True,
         lateral: float = 0.0,
+        wander: float = 0.0,
     ) -> int | None:
         """Add a vehicle to a lane; return its id, or None if the world is full."""
         scene, world = self._context.scene, self._context.world
         if len(world) >= MAX_ENTITIES:
             return None
         uid = scene.add_agent(_spawn(model, speed))
-        start = LaneStart(world.row(uid), lane, s, desired, route, changes_lanes=changes_lanes, lateral=lateral)
+        row, changes = world.row(uid), changes_lanes
+        start = LaneStart(row, lane, s, desired, route, changes_lanes=changes, lateral=lateral, wander=wander)
         keep_lanes(world, [start])
         return uid
 
@@ -317,7 +322,8 @@ class Traffic(Component):
         with scene.all_or_none(), world.room_for(len(chosen)):
             for slot in chosen.tolist():
                 uid = scene.add_agent(_spawn(self._choose_model(), float(slots.speed[slot])))
-                starts.append(LaneStart(world.row(uid), int(slots.lane[slot]), float(slots.s[slot])))
+                place = int(slots.lane[slot]), float(slots.s[slot])
+                starts.append(LaneStart(world.row(uid), *place, wander=self._wander))
                 self._owner[uid] = _FILL
                 self._fill_made += 1
             keep_lanes(world, starts)
@@ -347,7 +353,7 @@ class Traffic(Component):
             if (slots.is_entry[slot] or self._is_out_of_sight(slots, slot)) and has_room(
                 world, lane, s, model.body, speed, gap=ARRIVAL_GAP, time=ARRIVAL_TIME
             ):
-                uid = self._add(model, speed, lane=lane, s=s, desired=math.inf, route=())
+                uid = self._add(model, speed, lane=lane, s=s, desired=math.inf, route=(), wander=self._wander)
                 if uid is not None:
                     self._owner[uid] = _FILL
                     self._fill_made += 1

@@ -495,6 +495,7 @@ def _make_node(
         replay_info=settings.replay_info,
         score=settings.score,
         traffic=settings.traffic,
+        traffic_wander=settings.traffic_wander,
         sensor_noise=read_sensor_noise(settings.sensor_noise),
         on_world_failure=settings.on_world_failure,
     )

@@ -88,9 +88,11 @@ _SCORE: Final = _KINEMATIC.index("score_distance")
 LANE_CHANGE_COLUMNS: Final = (
     # of lane_change_motion; the first four are one run
     *("lateral", "lateral_rate", "drift", "drift_rate"),
-    *("lateral_from", "lateral_to", "lateral_push", "lateral_left"),
+    *("lateral_from", "lateral_to", "lateral_push", "lateral_bend", "lateral_left"),
     # of lane_changes
     *("lateral_bias", "signal", "change", "change_since", "leaving", "keeps_lane"),
+    # of lane_wander
+    *("wander_width", "wander", "wander_slope", "wander_x", "wander_y", "wander_x_rate", "wander_y_rate"),
 )
 """One run. They are zeros for all but lane followers, so that a digest needs them only where lanes are changed."""
 FLOATS: Final = (
@@ -193,14 +195,19 @@ class EntityArrays:
         lateral: offset of the reference point from the line of the lane, left positive [m].
         lateral_rate: its change until the next decision [m/s].
         drift, drift_rate: heading relative to the lane, left positive [rad], and its change [rad/s].
-        lateral_from, lateral_to, lateral_push, lateral_left: of a motion to another offset, its start, its end and its
-            first slope [m], and the share that is left; see `lane_change_motion`.
+        lateral_from, lateral_to, lateral_push, lateral_bend, lateral_left: of a motion to another offset, its start,
+            its end, its first slope and second derivative [m], and the share that is left; see `lane_change_motion`.
         lateral_bias: the offset that the driver keeps in its lane [m].
         signal: of a driver on lanes: 0 none, 1 left, 2 right.
         change: reason of the lane change that the driver makes or wants; see `lane_change_model.LaneChange`. 0 none.
         change_since: frame from which on it has wanted it; without a change, the frame at which the last one ended.
         leaving: side on which the lane lies that the driver leaves, as in `signal`; 0 if it changes none.
         keeps_lane: 1 for a driver that never changes lanes.
+        wander_width: standard deviation with which a driver wanders within its lane [m]; 0 for one that does not.
+        wander, wander_slope: displacement by it at the next decision, left positive [m], and its slope; see
+            `lane_wander`.
+        wander_x, wander_y, wander_x_rate, wander_y_rate: displacement by it now, to the east and to the north [m], and
+            its changes [m/s].
 
         start_within, start_speed: of a row that waits at rest for an ego, the distance at which it starts [m] and the
             speed with which it starts [m/s]; 0 for rows that do not wait. See `waiting`.
@@ -323,6 +330,7 @@ class EntityArrays:
     lateral_from: FloatArray
     lateral_to: FloatArray
     lateral_push: FloatArray
+    lateral_bend: FloatArray
     lateral_left: FloatArray
     lateral_bias: FloatArray
     signal: FloatArray
@@ -330,6 +338,13 @@ class EntityArrays:
     change_since: FloatArray
     leaving: FloatArray
     keeps_lane: FloatArray
+    wander_width: FloatArray
+    wander: FloatArray
+    wander_slope: FloatArray
+    wander_x: FloatArray
+    wander_y: FloatArray
+    wander_x_rate: FloatArray
+    wander_y_rate: FloatArray
     score_distance: FloatArray
     time_to_collision: FloatArray
     min_time_to_collision: FloatArray

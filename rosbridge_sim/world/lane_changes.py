@@ -22,10 +22,10 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.driver_model import CREEP, FIRM, Perception
+from rosbridge_sim.world.driver_model import CREEP, FIRM, SETTLING_TIME, Perception
 from rosbridge_sim.world.driver_parameters import HEAVY_LENGTH
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_angle
-from rosbridge_sim.world.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
+from rosbridge_sim.world.lane_change_map import LEFT, NUM_SIDES, RIGHT, LaneNeighbours
 from rosbridge_sim.world.lane_change_model import (
     KEEP_RIGHT_BIAS,
     THRESHOLD,
@@ -33,7 +33,17 @@ from rosbridge_sim.world.lane_change_model import (
     find_safe,
     follow,
 )
-from rosbridge_sim.world.lane_change_motion import SHIFT_TIME, find_way, length_of_shift, slope_of
+from rosbridge_sim.world.lane_change_motion import (
+    CAR_LENGTH,
+    SHIFT_TIME,
+    TIGHT_BEND,
+    bend_slope,
+    bend_way,
+    find_way,
+    length_of_shift,
+    length_of_tight_shift,
+    slope_of,
+)
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import CORRIDOR, Drivers, Entries, EntryQueue
 from rosbridge_sim.world.lane_position import find_ahead, headings, set_legs
@@ -80,8 +90,30 @@ STANDS: Final = 0.5
 """Lower speeds count as standing [m/s]."""
 
 PULL_OUT: Final = 2.0
-"""A driver that wants to pass what stands keeps this much more room to it than in a queue [m]: with 4 m in all the
-corner of the vehicle stays clear of it."""
+PULL_OUT_PER_LENGTH: Final = 0.4
+"""A driver that wants to pass what stands keeps this much more room to it than in a queue [m], and more for each metre
+of its vehicle beyond `CAR_LENGTH`: with 4 m in all the corner of a car stays clear of it in an easy turn, and that of a
+bus with 6.6 m. At full lock a car needs 1.9 m, so one that stands nearer comes out, too."""
+
+CLEARANCE: Final = 0.15
+"""Distance to the side at which a driver that pulls out from rest passes the corner of what stands ahead [m]."""
+
+SEEN: Final = 20.0
+"""Bodies with their middle within this distance to the east and to the north may be in the way of one that pulls out
+[m]: half of its length, and that of another truck."""
+
+PULLS_OUT_FROM: Final = 0.5
+"""As far as its middle to the side, a body that stands ahead counts as in the way [shares of the way across]."""
+
+WALKING: Final = 2.0
+"""A driver below this speed takes the size of what stands ahead into account, and not that of a usual car [m/s]."""
+
+SPARE_ROOM, SLOW = 1.0, 6.0
+"""Room that a driver with a lane beside it keeps in addition to that in a queue [m], behind what follows no lane and is
+slower than that [m/s]. So it can pull out if that stands."""
+
+STUCK: Final = 400
+"""Frames for which a driver wants to pass what stands and cannot, before those behind it pass it, too: 8 s."""
 
 KIND_BRAKING: Final = 2.0
 """Drivers brake by this at most to open a gap, or to come to a gap [m/s^2]: the comfortable deceleration."""
@@ -202,6 +234,8 @@ class LaneChanges:
         self._end_changes()
         if drivers.leaving is not None:
             self._mind_old_lane(drivers, perception.queue, desired_speed, accel)
+            self._mind_uncovered(drivers, perception.queue, desired_speed, accel)
+        self._leave_room(drivers, perception, desired_speed, accel)
         is_free = self._may & (world.leaving[rows] == 0.0)
         part = decision // LOOK_EVERY if decision % LOOK_EVERY == 0 else -1
         is_turn = np.full(len(rows), part >= 0) & (drivers.uid % LOOK_PARTS == part % LOOK_PARTS)
@@ -240,20 +274,56 @@ class LaneChanges:
         gap[far] = self.roads.length[entries.lane[far]] - entries.s[far] + queue.tail[first]
         lead_speed[far] = queue.speed[first]
         gap -= drivers.nose[which]
-        done = 1.0 - world.lateral_left[self.rows[which]]
-        across = np.abs(world.lateral_from[self.rows[which]] - world.lateral_to[self.rows[which]])
+        rows = self.rows[which]
+        done = 1.0 - world.lateral_left[rows]
+        across = np.abs(world.lateral_from[rows] - world.lateral_to[rows])
+        is_tight, to_side = world.lateral_bend[rows] != 0.0, NUM_SIDES - 1 - side
         now = drivers.speed[which]
         # The faster a vehicle drives, the later it is off the old lane: before it must brake, it stops to accelerate.
         faster = now + FASTER_SOON * np.fmax(drivers.accel[which], 0.0)
-        soon = which[~self.is_clear(drivers, which, done, across, gap, lead_speed, faster)]
+        soon = which[~self.is_clear(drivers, which, done, across, gap, lead_speed, faster, is_tight, to_side)]
         accel[soon] = np.fmin(accel[soon], 0.0)
-        hits = ~self.is_clear(drivers, which, done, across, gap, lead_speed, now)
+        # Those that pull out from rest do it at walking speed: their wheels are turned.
+        at = np.flatnonzero(is_tight & np.isfinite(gap))
+        walking = length_of_tight_shift(world, rows[at], across[at]) / SHIFT_TIME
+        accel[which[at]] = np.fmin(accel[which[at]], (walking - now[at]) / SETTLING_TIME)
+        hits = ~self.is_clear(drivers, which, done, across, gap, lead_speed, now, is_tight, to_side)
         at = which[hits]
         speed, gap, lead_speed = drivers.speed[at], gap[hits], lead_speed[hits]
         brakes = follow(speed, desired_speed[at], gap, lead_speed)
         # As firm as it takes not to touch: the model brakes with all it has for any small gap, at walking speed, too.
         needed = np.fmax(speed * speed - lead_speed * lead_speed, 0.0) / (2.0 * np.fmax(gap, CREEP))
         accel[at] = np.fmin(accel[at], np.fmax(brakes, -np.fmin(np.fmax(needed, FIRM), HARDEST)))
+
+    def _mind_uncovered(
+        self, drivers: Drivers, queue: EntryQueue, desired_speed: FloatArray, accel: FloatArray
+    ) -> None:
+        """Brake for what stands beyond a lead vehicle that leaves the lane."""
+        num = len(drivers.arc)
+        lead = np.minimum(queue.position[:num] + 1, queue.num)
+        is_on = queue.lane[lead] == drivers.lanes[0]
+        source = queue.source[lead]
+        which = np.flatnonzero(is_on & (source >= 0) & (self.world.leaving[self.rows[source]] > 0.0))
+        if not len(which):
+            return
+        beyond = np.minimum(lead[which] + 1, queue.num)
+        stands = (queue.lane[beyond] == drivers.lanes[0, which]) & (queue.speed[beyond] < STANDS)
+        which, beyond = which[stands], beyond[stands]
+        gap = queue.tail[beyond] - drivers.arc[which] - drivers.nose[which]
+        brakes = follow(drivers.speed[which], desired_speed[which], gap, queue.speed[beyond])
+        accel[which] = np.fmin(accel[which], np.fmax(brakes, -FIRM))
+
+    def _leave_room(
+        self, drivers: Drivers, perception: Perception, desired_speed: FloatArray, accel: FloatArray
+    ) -> None:
+        """Keep more room than in a queue behind what is slow and follows no lane: it may stay where it stands."""
+        is_slow = (perception.lead_speed < SLOW) & (drivers.speed < SLOW) & (perception.gap < BLOCKED_WAY)
+        which = np.flatnonzero(is_slow & (perception.lead < 0) & self.neighbours.has_side[drivers.lanes[0]] & self._may)
+        if not len(which):
+            return
+        gap = perception.gap[which] - SPARE_ROOM
+        brakes = follow(drivers.speed[which], desired_speed[which], gap, perception.lead_speed[which])
+        accel[which] = np.fmin(accel[which], np.fmax(brakes, -FIRM))
 
     def is_clear(  # noqa: PLR0917 - of one vehicle and its lead vehicle
         self,
@@ -264,6 +334,8 @@ class LaneChanges:
         gap: FloatArray,
         lead_speed: FloatArray,
         speed: FloatArray,
+        is_tight: BoolArray,
+        side: IntArray,
     ) -> BoolArray:
         """Return whether vehicles that change lanes are beside the lead vehicle of the old lane when they come to it.
 
@@ -275,30 +347,86 @@ class LaneChanges:
             gap: (k,) to that lead vehicle, inf for none [m].
             lead_speed: (k,) of it [m/s].
             speed: (k,) of the vehicles, at present or as it may be [m/s].
+            is_tight: (k,) they pull out from rest.
+            side: (k,) int64, where the new lane is: `LEFT` or `RIGHT`.
         """
         speed = np.fmax(speed, CREEP)
         closing = speed - lead_speed
         way = np.fmax(length_of_shift(drivers.length[which], across), SHIFT_TIME * speed)
+        edge = np.full(len(which), CORRIDOR)
+        # Who drives slowly looks how far the body reaches.
+        slow = np.flatnonzero((is_tight | (speed < WALKING)) & (gap < SEEN))
+        edge[slow] = self._find_edges(drivers, which[slow], side[slow], across[slow])
+        tight = np.flatnonzero(is_tight)
+        bend = np.zeros(len(which))
+        if len(tight):
+            rows = self.rows[which[tight]]
+            bend[tight] = TIGHT_BEND * across[tight]
+            way[tight] = length_of_tight_shift(self.world, rows, across[tight])
         comes = closing > 0.0
         driven = np.where(comes, np.fmax(gap, 0.0) * speed / np.where(comes, closing, 1.0), np.inf)
         part = np.fmin(done + driven / way, 1.0)
-        slope = across * slope_of(part) / way
-        corner = across * find_way(part) + drivers.nose[which] * slope / np.sqrt(1.0 + slope * slope)
-        return np.asarray((corner - self._half_width[which] > CORRIDOR) | np.isinf(gap))
+        slope = (across * slope_of(part) + bend * bend_slope(part)) / way
+        # At the tail of the lead vehicle is the nose then, or, of those that pull out, what is beside it already.
+        nose = drivers.nose[which]
+        reach = np.where(is_tight, np.fmax(nose + np.fmin(gap, 0.0), 0.0), nose)
+        corner = across * find_way(part) + bend * bend_way(part) + reach * slope / np.sqrt(1.0 + slope * slope)
+        return np.asarray((corner - self._half_width[which] > edge) | np.isinf(gap))
 
-    def start(self, drivers: Drivers, which: IntArray, side: IntArray) -> None:
+    def _find_edges(self, drivers: Drivers, which: IntArray, side: IntArray, across: FloatArray) -> FloatArray:
+        """Return how far vehicles that pull out must come to the side, to pass what is ahead in their lane, (k,) [m].
+
+        It counts from where they began to where their own side passes.
+
+        Args:
+            drivers: all of them.
+            which: (k,) int64, some of them.
+            side: (k,) int64, `LEFT` or `RIGHT`.
+            across: (k,) distance between the lanes [m].
+        """
+        world = self.world
+        edges = np.full(len(which), CORRIDOR)
+        for i, row in enumerate(self.rows[which].tolist()):
+            is_near = np.abs(world.x - world.x[row]) + np.abs(world.y - world.y[row]) < SEEN
+            is_near[row] = False
+            near = np.flatnonzero(is_near & world.alive)
+            along_yaw = world.yaw[row] - world.drift[row]
+            sign = 1.0 if side[i] == LEFT else -1.0
+            moved = world.lateral[row] - world.lateral_from[row] if world.leaving[row] else 0.0
+            cos, sin = np.cos(along_yaw), np.sin(along_yaw)
+            turn = world.yaw[near] - along_yaw
+            east = world.x[near] + world.centre[near] * np.cos(world.yaw[near]) - world.x[row]
+            north = world.y[near] + world.centre[near] * np.sin(world.yaw[near]) - world.y[row]
+            across_to = sign * (north * cos - east * sin + moved)
+            half_along = np.abs(np.cos(turn)) * world.half_length[near] + np.abs(np.sin(turn)) * world.half_width[near]
+            half_across = np.abs(np.sin(turn)) * world.half_length[near] + np.abs(np.cos(turn)) * world.half_width[near]
+            along = east * cos + north * sin
+            is_ahead = (along + half_along > drivers.nose[which[i]]) & (along > 0.0)
+            is_ahead &= (across_to < PULLS_OUT_FROM * across[i]) & (across_to > -PULLS_OUT_FROM * across[i])
+            if is_ahead.any():
+                edges[i] = (across_to + half_across)[is_ahead].max() + CLEARANCE
+        return edges
+
+    def start(self, drivers: Drivers, which: IntArray, side: IntArray, is_tight: BoolArray) -> None:
         """Begin lane changes: the vehicles belong to the other lanes from now on, where they are.
 
         Args:
             drivers: `claim` is written.
             which: (k,) int64.
             side: (k,) int64, `LEFT` or `RIGHT`.
+            is_tight: (k,) they pull out from rest, with turned wheels.
         """
         world, rows, roads = self.world, self.rows[which], self.roads
         lane, s = self.neighbours.cross(side, world.lane[rows], world.arc[rows])
         lanes = self.choice.preview(which, lane)
-        x, y, wheelbase = world.x[rows], world.y[rows], world.wheelbase[rows]
-        lateral, yaw = np.zeros(len(which)), world.yaw[rows]
+        # The wander goes on beside the change.
+        x, y, wheelbase = (
+            world.x[rows] - world.wander_x[rows],
+            world.y[rows] - world.wander_y[rows],
+            world.wheelbase[rows],
+        )
+        lateral, own_yaw = np.zeros(len(which)), world.yaw[rows] - world.wander_slope[rows]
+        yaw = own_yaw
         for _ in range(4):  # each round makes the error some tens of times less
             foot, _ = roads.at(*find_ahead(roads, lanes, s))
             yaw = headings(roads, lanes, s, wheelbase)
@@ -311,7 +439,9 @@ class LaneChanges:
         drivers.claim[which] = drivers.exit_lane[which] = -1
         world.lateral[rows] = world.lateral_from[rows] = lateral
         world.lateral_to[rows], world.lateral_push[rows], world.lateral_left[rows] = world.lateral_bias[rows], 0.0, 1.0
-        world.drift[rows] = wrap_angle(world.yaw[rows] - yaw)
+        bend = TIGHT_BEND * (world.lateral_to[rows] - lateral)
+        world.lateral_bend[rows] = np.where(is_tight, bend, 0.0)
+        world.drift[rows] = wrap_angle(own_yaw - yaw)
         world.leaving[rows] = NUM_SIDES - side
         set_legs(world, self.conflicts, rows)
 
@@ -389,7 +519,9 @@ class _Look:
         index = np.arange(num)
         chosen = _pick(options, side)
         across = np.full(num, 3.5)
-        is_clear = changes.is_clear(drivers, which, np.zeros(num), across, self._gap, self._lead_speed, self._speed)
+        is_tight = (reason == LaneChange.AROUND) & (self._speed < STANDS)
+        place = (np.zeros(num), across, self._gap, self._lead_speed, self._speed)
+        is_clear = changes.is_clear(drivers, which, *place, is_tight, side)
         begins = (reason > 0) & ~is_new & (world.frame - since >= SIGNAL_FRAMES) & chosen.is_there & chosen.is_safe
         begins &= ~is_inside & is_clear & (side == decision % NUM_SIDES)
         self._open_gaps(
@@ -398,7 +530,7 @@ class _Look:
         self._keep_room(index[(reason == LaneChange.AROUND) & ~begins], accel)
         at = np.flatnonzero(begins)
         if len(at):
-            changes.start(drivers, which[at], side[at])
+            changes.start(drivers, which[at], side[at], is_tight[at])
 
     def _find_must(self, options: list[_Option]) -> tuple[IntArray, IntArray]:
         """Return why drivers must change lanes and to which side, (k,) int64 each; 0 for those that need not."""
@@ -448,7 +580,9 @@ class _Look:
             return blocked
         lead = perception.lead[self._which[at]]
         rows = changes.rows[lead]
-        is_parked = (lead < 0) | (world.desired_speed[rows] < STANDS)
+        is_stuck = (world.change[rows] == LaneChange.AROUND) | (world.leaving[rows] > 0.0)
+        is_stuck &= world.frame - world.change_since[rows] > STUCK
+        is_parked = (lead < 0) | (world.desired_speed[rows] < STANDS) | is_stuck
         # The entry of the lead vehicle, if it is on the same lane, and the one ahead of it
         position = np.minimum(queue.position[self._which[at]] + 1, queue.num)
         following = np.minimum(position + 1, queue.num)
@@ -475,7 +609,8 @@ class _Look:
     def _keep_room(self, at: IntArray, accel: FloatArray) -> None:
         """Keep room to pull out, for drivers that want to pass a standing vehicle."""
         which = self._which[at]
-        brakes = follow(self._speed[at], self._desired_speed[which], self._gap[at] - PULL_OUT, self._lead_speed[at])
+        room = PULL_OUT + PULL_OUT_PER_LENGTH * np.fmax(self._length[at] - CAR_LENGTH, 0.0)
+        brakes = follow(self._speed[at], self._desired_speed[which], self._gap[at] - room, self._lead_speed[at])
         accel[which] = np.fmin(accel[which], np.fmax(brakes, -HARDEST))
 
     def _look_aside(self) -> list[_Option]:

@@ -6,7 +6,8 @@ five lanes are chosen in advance (`route_choice`). A driver without a route that
 after a while; otherwise streets that fill up in a ring would block one another for ever.
 
 *Lane changes* are chosen by `lane_changes`, with the same decisions, and driven by `lane_change_motion`. A vehicle that
-changes lanes is beside the line for a while, and so is a long one in a tight bend (`lane_swing`).
+changes lanes is beside the line for a while, and so is a long one in a tight bend (`lane_swing`). Drivers with a
+`wander_width` are always a little beside it (`lane_wander`).
 
 *Speed.* `driver_perception` finds what is ahead, and `driver_model` turns that into an acceleration. Drivers decide
 ten times a second and keep their acceleration in between: a decision is made for all at once and costs ten times as
@@ -39,6 +40,7 @@ from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
 from rosbridge_sim.world.lane_position import headings, set_legs
 from rosbridge_sim.world.lane_swing import find_long, find_swinging, plan_swings
+from rosbridge_sim.world.lane_wander import LaneWander
 from rosbridge_sim.world.people import COMMITTED, find_ways_over
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.route_choice import NUM_AHEAD, RouteChoice
@@ -210,6 +212,7 @@ class _LaneFollowers:
         self.egos = SelfDrivingEgos(world, self.rows)
         self.shifted = find_shifted(world, self.rows)
         self.long = find_long(world, self.rows)
+        self.wander = LaneWander(world, self.rows)
         others = world.alive & ~world.has_lane
         may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
         still = np.flatnonzero(others & ~may_move)
@@ -306,6 +309,11 @@ class _LaneFollowers:
             self.shifted = np.union1d(shifting, swinging[find_shifted(world, self.rows[swinging])])
         else:
             shifting = self.shifted
+        if len(self.wander.which):
+            then = np.zeros(self.num)
+            then[moves] = heading
+            self.wander.plan(distance, then, lanes[0], self.shifted, _INTERVAL)
+            heading = then[moves]
         if len(self.shifted):
             plan_shifts(world, self.rows[shifting], distance[shifting], _INTERVAL)
             heading = heading + (world.drift[at] + world.drift_rate[at] * _INTERVAL)[moves]
@@ -342,6 +350,7 @@ class _LaneFollowers:
         world.yaw[at] = yaw
         if len(self.shifted):
             nudge(world, self.rows[self.shifted], dt)
+        self.wander.move(dt)
         if saved is not None:
             self.egos.restore_poses(saved)
 

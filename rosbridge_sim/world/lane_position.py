@@ -39,6 +39,9 @@ __all__ = [
 MAX_LATERAL: Final = 5.0
 """Greatest offset from the line that a driver keeps [m]: more is another lane."""
 
+MAX_WANDER: Final = 0.3
+"""Greatest standard deviation of the wander [m]: the aim then reaches 0.71 m, which a car has in a lane of 3.5 m."""
+
 _LEGS: Final = ("leg_start", "leg_dz")
 """First and last of the columns that hold a straight leg."""
 
@@ -55,6 +58,7 @@ class LaneStart:
     is_loop: bool = False
     changes_lanes: bool = True
     lateral: float = 0.0
+    wander: float = 0.0
 
 
 def keep_lane(
@@ -68,6 +72,7 @@ def keep_lane(
     is_loop: bool = False,
     changes_lanes: bool = True,
     lateral: float = 0.0,
+    wander: float = 0.0,
 ) -> None:
     """Put a vehicle onto a lane and have it follow the lanes from there, at first with the speed that it has.
 
@@ -82,12 +87,14 @@ def keep_lane(
         is_loop: the route begins again; its first lane is then a successor of its last.
         changes_lanes: the driver changes lanes where that helps it.
         lateral: offset from the line of its lane that the driver keeps, left positive, at most `MAX_LATERAL` [m].
+        wander: standard deviation with which the driver wanders about that, see `lane_wander` [m]. One with a
+            `lateral` of its own does not wander.
 
     Raises:
-        ValueError: the row is no vehicle, there is no such lane, `desired_speed`, `s` or `lateral` is not a number
-            within bounds, or the route does not lead along lanes. Nothing has changed.
+        ValueError: the row is no vehicle, there is no such lane, `desired_speed`, `s`, `lateral` or `wander` is not a
+            number within bounds, or the route does not lead along lanes. Nothing has changed.
     """
-    start = LaneStart(row, lane, s, desired_speed, tuple(route), is_loop, changes_lanes=changes_lanes, lateral=lateral)
+    start = LaneStart(row, lane, s, desired_speed, tuple(route), is_loop, changes_lanes, lateral, wander)
     keep_lanes(world, [start])
 
 
@@ -121,6 +128,7 @@ def keep_lanes(world: World, starts: Sequence[LaneStart]) -> None:
     lanes = world.int_block("lane", "ahead_5")[:, rows]
     yaw = world.yaw[rows] = headings(roads, lanes, world.arc[rows], world.wheelbase[rows])
     world.keeps_lane[rows] = [not start.changes_lanes for start in starts]
+    world.wander_width[rows] = [start.wander for start in starts]
     lateral = np.array([start.lateral for start in starts], dtype=np.float64)
     if lateral.any():
         world.lateral[rows] = world.lateral_from[rows] = world.lateral_to[rows] = world.lateral_bias[rows] = lateral
@@ -143,6 +151,8 @@ def _check_start(world: World, start: LaneStart) -> None:
         )
     if not abs(start.lateral) <= MAX_LATERAL:
         raise ValueError(f"lateral: expected a number within +-{MAX_LATERAL:g} m, got {start.lateral!r}")
+    if not 0.0 <= start.wander <= MAX_WANDER:
+        raise ValueError(f"wander: expected a number within 0..{MAX_WANDER:g} m, got {start.wander!r}")
     if route and route[0] != start.lane:
         raise ValueError(f"route: expected to begin with lane {start.lane}, got {route[0]}")
     check_route(roads, route, is_loop=start.is_loop)

@@ -5,7 +5,7 @@
 
 A *cell* is ten simulated minutes of one map with a number of vehicles and a seed; some cells have people who cross the
 roads, too. One vehicle in five is a van, a truck or a bus, but on the map `parking`, where other cars are parked. All
-stand at the start. A cell counts:
+stand at the start, and wander within their lanes then. A cell counts:
 
 - *overlaps*: pairs of vehicles that begin to touch, as the collision detection says;
 - *red lights*: front bumpers that pass a stop line while the light of the lane that is taken is red;

@@ -14,6 +14,7 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.geometry import IntArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.lane_wander import USUAL_WANDER
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import Body, Gear, Kind, World
@@ -112,7 +113,8 @@ def populate(roads: Roads, plan: SignalPlan | None, cell: Cell, world: World | N
     chosen: IntArray = chance.permutation(len(starts))[: cell.num]
     with world.room_for(len(chosen)):
         rows = [world.row(world.spawn(Kind.VEHICLE, starts[i][2], name="npc", x=0.0, y=0.0)) for i in chosen.tolist()]
-    keep_lanes(world, [LaneStart(row, *starts[i][:2]) for row, i in zip(rows, chosen.tolist(), strict=True)])
+    places = [(row, starts[i][0], starts[i][1]) for row, i in zip(rows, chosen.tolist(), strict=True)]
+    keep_lanes(world, [LaneStart(row, lane, s, wander=USUAL_WANDER) for row, lane, s in places])
     return world
 
 

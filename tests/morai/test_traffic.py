@@ -55,8 +55,8 @@ def read(*points: dict[str, Any], map_name: str = "roundabout", **more: JsonValu
 EGO = {"initPosition": {"pos": {"x": 5000, "y": 5000}}}
 
 
-def simulate(scenario: Scenario, *, traffic: int = 0, seed: int = 0) -> SimulatorNode:
-    settings = NodeSettings(start="sync", traffic=traffic)
+def simulate(scenario: Scenario, *, traffic: int = 0, seed: int = 0, wanders: bool = True) -> SimulatorNode:
+    settings = NodeSettings(start="sync", traffic=traffic, traffic_wander=wanders)
     return make_node(Bus(make_store()), World(seed), DiskLibrary(), scenario, settings)
 
 
@@ -228,6 +228,16 @@ def test_traffic_fills_the_lanes_and_tells_how_many_fit(caplog: pytest.LogCaptur
     assert world.has_lane[world.rows(Kind.VEHICLE)].all()
     run(full, 4.0)
     assert np.count_nonzero(world.speed[world.rows(Kind.VEHICLE)] > 1.0) > num / 3
+
+
+@pytest.mark.parametrize("wanders", [True, False])
+def test_traffic_wanders_within_its_lanes_unless_switched_off(wanders: bool) -> None:  # noqa: FBT001 - a parameter
+    node = simulate(read(), traffic=5, wanders=wanders)
+    run(node, 2.0)
+    world = node.context.world
+    rows = world.rows(Kind.VEHICLE)
+    assert (world.wander[rows] != 0.0).all() == wanders
+    assert (world.wander_width[rows] == (0.15 if wanders else 0.0)).all()
 
 
 def test_no_traffic_appears_in_bays() -> None:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rosbridge_sim.world.commands import command
 from rosbridge_sim.world.driver_model import HARDEST
 from rosbridge_sim.world.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
-from rosbridge_sim.world.lane_following import view_driver
+from rosbridge_sim.world.lane_following import DECISION, view_driver
 from rosbridge_sim.world.lane_position import keep_lane
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.saved_world import from_plain, to_plain
-from rosbridge_sim.world.state import Kind, World
+from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import BUS, lane_of, run, world_of
 from tests.world.road_factory import CAR, built_in, car, ego, line, make
@@ -52,6 +53,49 @@ def test_car_that_stands_behind_an_ego_pulls_out() -> None:
     row = car(world, "l0", 20.0, speed=0.0, desired_speed=15.0)
     run(world, 20.0)
     assert world.x[row] > 90.0
+
+
+def brake_before_followers(world: World, row: int, rows: list[int], brake: float, seconds: float = 16.0) -> None:
+    """Stop an ego with its brake; all followers get past it, and nobody touches it."""
+    for frame in range(round(seconds * 50)):
+        if frame % 50 == 0:
+            command(world, row, mode=Mode.PEDALS, steer=0.0, brake=brake)
+        step(world)
+        assert not len(world.contacts)
+        if (world.x[rows] > world.x[row] + 10.0).all():
+            break
+    assert world.speed[row] == 0.0
+    assert (world.x[rows] > world.x[row] + 10.0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("gap", "speed", "brake"), [(2.0, 3.0, 0.24), (10.0, 3.0, 1.0), (15.0, 14.0, 0.5)])
+def test_followers_pass_an_ego_that_brakes_to_a_stand_before_them(gap: float, speed: float, brake: float) -> None:
+    world = world_of(wide_road())
+    row = ego(world, 300.0, -3.5, speed=speed)
+    each = CAR.length + gap
+    rows = [car(world, "l1", 300.0 - each * (i + 1), speed=speed) for i in range(2)]
+    brake_before_followers(world, row, rows, brake)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("body", [CAR, BUS])
+def test_driver_pulls_out_from_rest_at_the_gap_that_its_steering_allows(body: Body) -> None:
+    world = world_of(wide_road(2))
+    nose = body.length - body.rear_overhang
+    row = car(world, "l0", 60.0, body=body)
+    stands = ego(world, 60.0 + nose + (2.0 if body is CAR else 6.6) + CAR.rear_overhang, 0.0)
+    speeds, yaws = [], []
+    for _ in range(700):
+        step(world)
+        assert not len(world.contacts)
+        speeds.append(float(world.speed[row]))
+        yaws.append(float(world.yaw[row]))
+    way = np.cumsum(speeds)[::DECISION] * DT
+    turn = np.abs(np.diff(yaws[::DECISION]))
+    radius = np.diff(way)[turn > 1e-3] / turn[turn > 1e-3]
+    assert radius.min() > 0.95 * body.wheelbase / np.tan(CAR.max_steer)
+    assert world.x[row] > world.x[stands] + 10.0
 
 
 @pytest.mark.parametrize("gap", [4.0, 6.0, 9.0])

@@ -60,6 +60,7 @@ class SimulatorOptions(TypedDict, total=False):
     on_collision: Literal["report", "impact"]
     sensor_noise: str
     traffic: int
+    traffic_wander: bool
     turn_shares: Sequence[float] | str | None
     score: bool
     on_world_failure: Literal["exit", "serve"]

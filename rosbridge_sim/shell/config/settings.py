@@ -300,6 +300,12 @@ class Settings:
         whole_number(0, 10_000),
         "vehicles that drive on the lanes besides those of the scenario: as many as fit, and kept there",
     )
+    traffic_wander: bool = _flag(
+        default=True,
+        group=_WORLD,
+        kind=SWITCH,
+        text="vehicles of --traffic wander a little within their lane, as drivers do; off: they keep to its line",
+    )
     turn_shares: str | None = _flag(
         None,
         _WORLD,

@@ -70,6 +70,7 @@ OTHER: dict[str, object] = {
     "on_collision": "impact",
     "sensor_noise": "typical",
     "traffic": 50,
+    "traffic_wander": False,
     "turn_shares": "1,2.5,0",
     "score": True,
     "sync_frames": "strict",
