@@ -435,7 +435,8 @@ class _Look:
         position = np.minimum(queue.position[self._which[at]] + 1, queue.num)
         following = np.minimum(position + 1, queue.num)
         is_queue = (queue.lane[following] == queue.lane[position]) & (queue.speed[following] < STANDS)
-        is_queue &= queue.tail[following] - queue.s[position] < QUEUE_GAP + drivers.nose[self._which[at]]
+        # No difference of the two: both are infinite behind the last entry.
+        is_queue &= queue.tail[following] < queue.s[position] + QUEUE_GAP + drivers.nose[self._which[at]]
         is_queue &= queue.lane[position] == self._lanes[0, at]
         is_queue &= queue.source[following] >= 0
         blocked[at] = is_parked & ~is_queue

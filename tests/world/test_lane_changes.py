@@ -52,6 +52,16 @@ def test_car_that_stands_behind_an_ego_pulls_out() -> None:
     assert world.x[row] > 90.0
 
 
+def test_last_driver_of_all_lanes_looks_at_what_stands_beyond_its_lane() -> None:
+    roads = wide_ring(2)
+    world = world_of(roads)
+    place = roads.at([roads.row("a1")], [5.0])[0][0]
+    ego(world, float(place[0]), float(place[1]))
+    car(world, "b1", float(roads.length[roads.row("b1")]) - 25.0, speed=10.0)
+    with np.errstate(all="raise"):
+        run(world, 1.0)
+
+
 @pytest.mark.slow
 def test_two_full_lanes_become_one() -> None:
     world = world_of(wide_road(2, (400.0, 1200.0), 20.0, ends_at=300.0))
