@@ -95,6 +95,15 @@ def test_vehicles_appear_at_a_spawn_point_and_leave_at_its_destination() -> None
     assert {last[uid] for uid in gone} == {"EA"}
 
 
+def test_hundreds_of_spawn_points_without_room_leave_the_others_their_turn() -> None:
+    blocker = {"modelName": "2015_Kia_K5", "initPosition": {"pos": {"x": -91, "y": -1.75}}, "isWaypointMode": True}
+    blocked = [{**POINT, "UNIQUEID": i, "waitSpawnTime": 0} for i in range(399)]
+    free = {**POINT, "UNIQUEID": 399, "waitSpawnTime": 0, "startLinkInfo": {"linkIdx": "WB", "pointIdx": 40}}
+    node = simulate(read(*blocked, free, vehicleList=[blocker]))
+    run(node, 1.0)
+    assert len(vehicles(node)) == 2
+
+
 def test_spawn_point_waits_until_there_is_room() -> None:
     blocker = {
         "modelName": "2015_Kia_K5",
