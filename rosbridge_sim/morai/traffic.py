@@ -69,6 +69,9 @@ CLEAR: Final = 8.0
 AT_END: Final = 3.0
 """A vehicle at rest this near to the end of a road has come to it [m]."""
 
+MAX_COUNT: Final = 2**62
+"""Bound of frames and counts in a state, as in `world.saved_world`: what is added to them stays within int64."""
+
 MIX: Final = (
     # Names of the catalogue and shares in percent: about the traffic counts of towns, with fewer trucks.
     *(("2015_Kia_K5", 18), ("2016_Kia_Niro(HEV)", 14), ("2021_VW_Golf_GTI", 14), ("Hyundai_Ioniq_5", 12)),
@@ -145,8 +148,9 @@ class Traffic(Component):
             raise ValueError(f"expected whole numbers for {num} spawn points")
         if len(shapes[3]) != 2 or shapes[3][1] != 2 or shapes[3][0] > MAX_ENTITIES:  # noqa: PLR2004 - id and owner
             raise ValueError("expected pairs of an id and the number of a spawn point")
-        if min([*due.tolist(), *made.tolist(), *fill.tolist()]) < 0 or fill[2] > MAX_TRAFFIC:
-            raise ValueError("expected no negative numbers")
+        counts = [*due.tolist(), *made.tolist(), *fill.tolist()]
+        if not (min(counts) >= 0 and max(counts) <= MAX_COUNT and fill[2] <= MAX_TRAFFIC):
+            raise ValueError(f"expected frames and counts 0..{MAX_COUNT}, and at most {MAX_TRAFFIC} vehicles")
         if len(owner) and not (owner[:, 1].min() >= _FILL and owner[:, 1].max() < num):
             raise ValueError("expected numbers of spawn points")
         self._due, self._num_made = due.tolist(), made.tolist()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -152,6 +152,16 @@ def test_restored_simulator_goes_on_with_the_same_traffic(points: tuple[dict[str
         digests.append(node.context.world.digest())
         state.restore(saved, 0.0, before_undo=lambda: None)
     assert digests[0] == digests[1]
+
+
+@pytest.mark.parametrize("at", range(3))
+@pytest.mark.parametrize("value", [-1, 2**63 - 1])
+def test_state_with_a_count_that_cannot_grow_is_refused(at: int, value: int) -> None:
+    (traffic,) = (one for one in simulate(read(POINT)).components if isinstance(one, Traffic))
+    state = [part.copy() for part in cast("tuple[np.ndarray, ...]", traffic.save_state())]
+    state[at][0] = value
+    with pytest.raises(ValueError, match="expected frames and counts"):
+        traffic.load_state(tuple(state), 0.0)
 
 
 def test_spawn_point_is_found_by_its_position_and_its_destination_by_number() -> None:
