@@ -30,7 +30,15 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import BoolArray, ComplexArray, FloatArray, IntArray, do_boxes_meet, wrap_angle
+from rosbridge_sim.world.geometry import (
+    FULL_TURN,
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    do_boxes_meet,
+    wrap_angle,
+)
 from rosbridge_sim.world.near_pairs import find_near_pairs
 from rosbridge_sim.world.state import NO_CONTACTS, Kind, World
 
@@ -88,6 +96,7 @@ class CollisionDetector:
             "_now",
             "_pairs",
             "_places",
+            "_swing",
         ),
         *("_rate", "_reach", "_rows", "_seen", "_uid", "_world", "poses"),
     )
@@ -133,12 +142,21 @@ class CollisionDetector:
         np.subtract(self._places, self._seen, self._drift)
         np.absolute(self._drift, self._drift)
         np.greater(self._drift, self._margin, self._is_out)
-        if self._life <= 0 or np.count_nonzero(self._is_out):
+        if self._life <= 0 or self._is_astray():
             self._look_around()
         self._life -= 1
         return self._judge() if self._pairs.size else NO_CONTACTS
 
     # The list
+
+    def _is_astray(self) -> bool:
+        """Return whether an entity has strayed from its foreseen place or heading by more than its margin."""
+        if not np.count_nonzero(self._is_out):
+            return False
+        turn = self._drift[:, POSE_YAW]
+        np.minimum(turn, FULL_TURN - turn, out=turn)  # a vehicle that drives west has a yaw next to pi or to -pi
+        np.greater(turn, self._margin[POSE_YAW], self._is_out[:, POSE_YAW])
+        return bool(self._is_out.any())
 
     def _look_around(self) -> None:
         """Make the list of pairs for this step and `LIFE` more."""
@@ -192,7 +210,10 @@ class CollisionDetector:
         self._half = np.maximum(half - TOUCHING / 2, 0.0)
         self._centre = world.centre[pairs]
         # A chord of this length on the unit circle is what a heading may change by without a corner straying.
-        self._chord = GRAIN / np.maximum(np.hypot(half[..., 0], half[..., 1]), GRAIN)
+        corner = np.hypot(half[..., 0], half[..., 1])
+        self._chord = GRAIN / np.maximum(corner, GRAIN)
+        # An arc is at most pi / 2 times its chord; the middle of the box is on an arc, too.
+        self._swing = 0.5 * math.pi * (corner + np.abs(self._centre))
 
     # The judgement
 
@@ -205,8 +226,13 @@ class CollisionDetector:
         middle.real += poses[:, POSE_X]
         middle.imag += poses[:, POSE_Y]
         apart = middle[:, 1] - middle[:, 0]
+        turn = np.abs(heading[1] - heading[0])
+        # Whatever a box passes while it turns is within the box that is larger by the way of its corners.
+        room = self._half + (turn * self._swing)[..., None]
+        if not np.count_nonzero(do_boxes_meet(apart[0], apart[1], heading[1], room)):
+            return NO_CONTACTS
         is_hit = do_boxes_meet(apart[0], apart[1], heading[1], self._half)
-        stray = np.abs(heading[1] - heading[0]) / self._chord
+        stray = turn / self._chord
         if np.count_nonzero(stray > 1.0):
             is_turning = (stray > 1.0).any(axis=0)
             most = max(1, MAX_SWEEPS // np.count_nonzero(is_turning))

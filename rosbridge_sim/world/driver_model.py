@@ -7,7 +7,10 @@ or the lower one that is safe here, s the gap to the lead vehicle, vl its speed 
     v' = min(a (1 - (v / v0)^4), f)     s* = s0 + v T + v dv / (2 sqrt(a b))     f_idm = a (1 - (s* / s)^2)
 
 The older model adds both terms, so its gaps grow without bound near v0. The minimum keeps s* = s up to v0, which real
-queues do. If the lead vehicle kept its acceleration al (at most a), this acceleration f_cah would just avoid a crash:
+queues do. Where s > s*, the exponent is 4 here instead of 2. With 2, vehicles that accelerate one behind the other fall
+back so far that queues and jams dissolve more slowly than real ones.
+
+If the lead vehicle kept its acceleration al (at most a), this acceleration f_cah would just avoid a crash:
 
     v^2 al / (vl^2 - 2 s al)           if vl dv <= -2 s al, the lead vehicle stands first
     al - dv^2 / (2 s)                  otherwise, for dv > 0
@@ -17,9 +20,9 @@ A gap that is too small but harmless, as after a cut-in, gives a low f_idm and a
     f = f_idm                                                          if f_idm >= f_cah
     f = (1 - c) f_idm + c (f_cah + b q / sqrt(1 + q^2))                otherwise, with q = (f_idm - f_cah) / b
 
-Three places differ from the papers. They have tanh(q), whose bits depend on the processor. Above v0 the free term is
-replaced by (v0 - v) / `SETTLING_TIME`, since the paper's term brakes too hard there. For what stands still (a stop
-line, the end of a road) f is replaced: if the deceleration needed to stop exceeds a threshold, the driver applies
+Three more places differ from the papers. They have tanh(q), whose bits depend on the processor. Above v0 the free
+term is replaced by (v0 - v) / `SETTLING_TIME`, since the paper's term brakes too hard there. For what stands still (a
+stop line, the end of a road) f is replaced: if the deceleration needed to stop exceeds a threshold, the driver applies
 exactly that deceleration. With s*, drivers would brake for a stop line from far away.
 
 The chosen acceleration is not reached at once: see `lane_following`.
@@ -48,10 +51,11 @@ __all__ = [
     "accelerate",
     "firm_stop",
     "gap_wanted",
+    "keep_gap",
 ]
 
-GAP: Final = 2.0
-"""The paper's s0, the gap in a standing queue [m]."""
+GAP: Final = 2.5
+"""The papers' s0, the gap in a standing queue [m]: theirs is 2 m, SUMO's 2.5 m."""
 
 STOP_GAP: Final = 1.0
 """Distance before a stop line at which drivers come to a stand [m]."""
@@ -148,6 +152,18 @@ def gap_wanted(speed: FloatArray, closing: FloatArray, drivers: DriverParameters
     return np.asarray(GAP + np.fmax(speed * (drivers.headway + closing_term), 0.0))
 
 
+def keep_gap(accel: FloatArray, wanted: FloatArray, gap: FloatArray) -> FloatArray:
+    """Return f_idm of the head of this file, (k,) [m/s^2].
+
+    Args:
+        accel: (k,) a of the drivers [m/s^2].
+        wanted: (k,) s* [m].
+        gap: (k,) to the lead vehicle, positive [m].
+    """
+    ratio = np.square(wanted / gap)
+    return np.asarray(accel * (1.0 - ratio * np.fmin(ratio, 1.0)))
+
+
 def firm_stop(speed: FloatArray, accel: FloatArray, reaction: FloatArray) -> FloatArray:
     """Return the distance of a stop with `FIRM`, (k,) [m].
 
@@ -170,7 +186,7 @@ def _follow(at: IntArray, all_speeds: FloatArray, perception: Perception, driver
     accel, comfort = drivers.accel[at], drivers.comfort[at]
     closing = speed - lead_speed
     wanted = GAP + np.fmax(speed * (drivers.headway[at] + closing / (2.0 * np.sqrt(accel * comfort))), 0.0)
-    idm = np.fmax(accel * (1.0 - np.square(wanted / gap)), -HARDEST)
+    idm = np.fmax(keep_gap(accel, wanted, gap), -HARDEST)
     lead_accel = np.fmin(perception.lead_accel[at], accel)
     room = lead_speed * lead_speed - 2.0 * gap * lead_accel
     stands_first = (lead_speed * closing <= -2.0 * gap * lead_accel) & (room > 0.0)

@@ -5,7 +5,7 @@ parameters are no state: they are worked out again whenever entities come or go.
 of its class: users know then what to expect, and it does not drive faster than the limit.
 
 Sources. *SUMO*: its vehicle class defaults (passenger, truck, bus, motorcycle, bicycle), for speed factors and
-accelerations; with the headway of cars here, queues discharge at a light as SUMO's do, 1.6 s from car to car.
+accelerations, and for the headway of cars, with which queues at a light and jams flow as SUMO's do.
 *Treiber and Kesting*, Traffic Flow Dynamics (2013), ch. 11 and 14: time gaps near 1 s in cities, comfortable
 deceleration 2 m/s^2, politeness 0 to 0.5. *Reymond et al.*, Human Factors 43 (2001): drivers of cars accept a lateral
 acceleration of 2 to 3 m/s^2 in usual traffic. Those of buses accept about half, because people stand there.
@@ -71,10 +71,10 @@ FIGURES: Final[dict[str, tuple[Figure, Figure, Figure, Figure, Figure]]] = {
     ),
     "headway": (
         Figure(1.0, 0.1, 0.7, 1.4),
-        Figure(0.85, 0.1, 0.65, 1.2),
-        Figure(0.9, 0.12, 0.65, 1.3),
+        Figure(0.9, 0.1, 0.65, 1.2),
         Figure(1.0, 0.12, 0.7, 1.4),
-        Figure(1.2, 0.15, 0.8, 1.7),
+        Figure(1.1, 0.12, 0.75, 1.5),
+        Figure(1.3, 0.15, 0.9, 1.8),
     ),
     "accel": (
         Figure(0.9, 0.1, 0.6, 1.2),

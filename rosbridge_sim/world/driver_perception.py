@@ -23,6 +23,7 @@ from rosbridge_sim.world.driver_model import (
     Perception,
     firm_stop,
     gap_wanted,
+    keep_gap,
 )
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.intruders import stop_for_intruders
@@ -110,8 +111,9 @@ def observe(
     perception, requests = look.perception, look.requests
     gives_way = look.claim(num_moving)
     speed, gap = float(drivers.speed[which]), float(perception.gap[which])
-    wanted_gap = float(gap_wanted(drivers.speed, drivers.speed - perception.lead_speed, drivers.parameters)[which])
-    accel = float(drivers.parameters.accel[which])
+    wanted_gap = gap_wanted(drivers.speed, drivers.speed - perception.lead_speed, drivers.parameters)
+    accel = drivers.parameters.accel
+    lost = accel - keep_gap(accel, wanted_gap, np.fmax(perception.gap, CREEP))
     distance = float(perception.stop_distance[which])
     is_stopping = speed < CREEP or speed * speed > 2.0 * BRAKE_FROM * max(distance - STOP_GAP, 0.0)
     lane = int(requests.lane[which])
@@ -130,7 +132,7 @@ def observe(
     return Sight(
         lead=look.find_lead(which),
         gap=gap,
-        is_following=accel * (wanted_gap / max(gap, CREEP)) ** 2 > FOLLOWS_FROM,
+        is_following=bool(lost[which] > FOLLOWS_FROM),
         stop=stop,
         stop_distance=distance,
         stop_lane=lane,

@@ -94,6 +94,13 @@ OFF_OLD_LANE, OFF_OLD_LANE_LONG = 1.0, 0.3
 """A vehicle this near to its new place does not obstruct the old lane any more [m]: it is 2.5 m from that line. The
 tail of a long one, which stands 3 m back at an angle, is then 0.2 m over the border instead of 0.8 m."""
 
+FASTER_SOON: Final = 1.0
+"""A driver that changes lanes minds the speed that it would have after this time [s]: three times its reaction."""
+
+BEFORE_JOIN: Final = 100.0
+"""Disadvantage of a lane that soon joins another one, more than any advantage [m/s^2]. Those on both have an order
+already, so a driver changes into it only if it must."""
+
 HARDEST: Final = 8.0
 """As in `driver_model` [m/s^2]."""
 
@@ -235,7 +242,12 @@ class LaneChanges:
         gap -= drivers.nose[which]
         done = 1.0 - world.lateral_left[self.rows[which]]
         across = np.abs(world.lateral_from[self.rows[which]] - world.lateral_to[self.rows[which]])
-        hits = ~self.is_clear(drivers, which, done, across, gap, lead_speed)
+        now = drivers.speed[which]
+        # The faster a vehicle drives, the later it is off the old lane: before it must brake, it stops to accelerate.
+        faster = now + FASTER_SOON * np.fmax(drivers.accel[which], 0.0)
+        soon = which[~self.is_clear(drivers, which, done, across, gap, lead_speed, faster)]
+        accel[soon] = np.fmin(accel[soon], 0.0)
+        hits = ~self.is_clear(drivers, which, done, across, gap, lead_speed, now)
         at = which[hits]
         speed, gap, lead_speed = drivers.speed[at], gap[hits], lead_speed[hits]
         brakes = follow(speed, desired_speed[at], gap, lead_speed)
@@ -251,6 +263,7 @@ class LaneChanges:
         across: FloatArray,
         gap: FloatArray,
         lead_speed: FloatArray,
+        speed: FloatArray,
     ) -> BoolArray:
         """Return whether vehicles that change lanes are beside the lead vehicle of the old lane when they come to it.
 
@@ -261,16 +274,17 @@ class LaneChanges:
             across: (k,) distance between the lanes [m].
             gap: (k,) to that lead vehicle, inf for none [m].
             lead_speed: (k,) of it [m/s].
+            speed: (k,) of the vehicles, at present or as it may be [m/s].
         """
-        speed = np.fmax(drivers.speed[which], CREEP)
+        speed = np.fmax(speed, CREEP)
         closing = speed - lead_speed
         way = np.fmax(length_of_shift(drivers.length[which], across), SHIFT_TIME * speed)
         comes = closing > 0.0
-        driven = np.where(comes, gap * speed / np.where(comes, closing, 1.0), np.inf)
+        driven = np.where(comes, np.fmax(gap, 0.0) * speed / np.where(comes, closing, 1.0), np.inf)
         part = np.fmin(done + driven / way, 1.0)
         slope = across * slope_of(part) / way
         corner = across * find_way(part) + drivers.nose[which] * slope / np.sqrt(1.0 + slope * slope)
-        return np.asarray((corner - self._half_width[which] > CORRIDOR) & (gap > 0.0) | np.isinf(gap))
+        return np.asarray((corner - self._half_width[which] > CORRIDOR) | np.isinf(gap))
 
     def start(self, drivers: Drivers, which: IntArray, side: IntArray) -> None:
         """Begin lane changes: the vehicles belong to the other lanes from now on, where they are.
@@ -371,7 +385,7 @@ class _Look:
         index = np.arange(num)
         chosen = _pick(options, side)
         across = np.full(num, 3.5)
-        is_clear = changes.is_clear(drivers, which, np.zeros(num), across, self._gap, self._lead_speed)
+        is_clear = changes.is_clear(drivers, which, np.zeros(num), across, self._gap, self._lead_speed, self._speed)
         begins = (reason > 0) & ~is_new & (world.frame - since >= SIGNAL_FRAMES) & chosen.is_there & chosen.is_safe
         begins &= ~is_inside & is_clear & (side == decision % NUM_SIDES)
         self._open_gaps(
@@ -523,7 +537,10 @@ class _Look:
         old_gap = self._arc[at] - self._rear[at] - queue.s[before] - np.where(old >= 0, drivers.nose[old], 0.0)
         gain = -self._cost(old, old_speed, old_gap, at, self._gap[at], self._lead_speed[at])
         politeness = drivers.parameters.politeness[which]
-        option.advantage[there] = own + politeness * (others + np.where(has_old, gain, 0.0))
+        joins = changes.conflicts.joins.join
+        enters_join = (joins[lane] >= 0) & (joins[self._lanes[0, at]] < 0)
+        worth = own + politeness * (others + np.where(has_old, gain, 0.0))
+        option.advantage[there] = worth - np.where(enters_join, BEFORE_JOIN, 0.0)
         return [_part_of(option, part) for part in options]
 
     def _cost(  # noqa: PLR0917 - of three vehicles

@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.driver_model import CREEP, FIRM, HARDEST, gap_wanted
+from rosbridge_sim.world.driver_model import CREEP, FIRM, HARDEST, gap_wanted, keep_gap
 from rosbridge_sim.world.geometry import FloatArray
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries
@@ -76,7 +76,7 @@ def follow_in_joins(conflicts: LaneConflicts, drivers: Drivers, moving: Entries,
     gap = np.fmax(from_join - (to_join - tail)[first] + EASE * np.fmax(before, 0.0), CREEP)
     closing = drivers.speed[index] - speed[first]
     wanted = gap_wanted(drivers.speed[index], closing, drivers.parameters.take(index))
-    braked = drivers.parameters.accel[index] * (1.0 - np.square(wanted / gap))
+    braked = keep_gap(drivers.parameters.accel[index], wanted, gap)
     chosen = accel.copy()
     chosen[index] = np.fmin(accel[index], np.fmax(braked, np.where(before > 0.0, -FIRM, -HARDEST)))
     return chosen

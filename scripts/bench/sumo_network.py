@@ -82,6 +82,7 @@ class Network:
         self._is_inside = _find_inside(roads, self.plan, self._conflicts)
         self.connections = [way for lane in self._outside() for way in self._ways_from(lane)]
         self._number_nodes()
+        self._find_zippers()
         self._form_edges()
 
     def place(self, lane: int, s: float) -> tuple[str, int, float]:
@@ -160,6 +161,12 @@ class Network:
             if controller >= 0:
                 self.node_controllers[self._node[num + way.lane]] = controller
 
+    def _find_zippers(self) -> None:
+        """Find the nodes in which two lanes join without a right of way: vehicles pass them in turn, in SUMO, too."""
+        joined = set(self._conflicts.joins.lanes.ravel().tolist())
+        num = len(self.roads)
+        self._zippers = {self._node[num + way.lane] for way in self.connections if joined & {way.lane, *way.inside}}
+
     def _controller_of(self, way: Connection) -> int:
         """Return the controller of the first light on a way that has one with phases; -1 for none."""
         plan = self.plan
@@ -189,7 +196,9 @@ class Network:
     def _write_nodes(self) -> Iterator[str]:
         for number, (x, y) in enumerate(self.nodes.tolist()):
             controller = self.node_controllers[number]
-            kind = f'type="traffic_light" tl="c{controller}"' if controller >= 0 else 'type="priority"'
+            kind = f'type="{"zipper" if number in self._zippers else "priority"}"'
+            if controller >= 0:
+                kind = f'type="traffic_light" tl="c{controller}"'
             yield f'<node id="n{number}" x="{x:.3f}" y="{y:.3f}" {kind}/>'
 
     def _write_edges(self) -> Iterator[str]:

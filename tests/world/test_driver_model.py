@@ -8,7 +8,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.driver_model import HARDEST, Perception, accelerate, firm_stop
+from rosbridge_sim.world.driver_model import GAP, HARDEST, Perception, accelerate, firm_stop
 from rosbridge_sim.world.driver_parameters import CAR, FIGURES, DriverParameters
 from rosbridge_sim.world.geometry import FloatArray
 
@@ -28,19 +28,20 @@ def chosen(speed: float, lead: float, gap: float, *, lead_accel: float = 0.0, sa
     return accelerate(speed * one, seen, typical()).item()
 
 
-@pytest.mark.parametrize(("speed", "lead", "gap"), [(20.0, 15.0, 60.0), (15.0, 0.0, 80.0), (10.0, 10.0, 13.0)])
+@pytest.mark.parametrize(
+    ("speed", "lead", "gap"), [(20.0, 15.0, 60.0), (15.0, 0.0, 80.0), (10.0, 10.0, 13.0), (20.0, 15.0, 50.0)]
+)
 def test_following_equals_the_intelligent_driver_model(speed: float, lead: float, gap: float) -> None:
     """A weaker closing term brakes late and hard, a stronger one much too early."""
     driver = typical()
     a, b, headway = (value.item() for value in (driver.accel, driver.comfort, driver.headway))
-    wanted = 2.0 + headway * speed + speed * (speed - lead) / (2.0 * math.sqrt(a * b))
-    assert chosen(speed, lead, gap) == pytest.approx(
-        min(a * (1 - (speed / 40.0) ** 4), a * (1.0 - (wanted / gap) ** 2))
-    )
+    wanted = GAP + headway * speed + speed * (speed - lead) / (2.0 * math.sqrt(a * b))
+    share = (wanted / gap) ** (2 if wanted > gap else 4)
+    assert chosen(speed, lead, gap) == pytest.approx(min(a * (1 - (speed / 40.0) ** 4), a * (1.0 - share)))
 
 
 def test_gap_of_equal_speed_is_that_of_the_headway_up_to_the_desired_speed() -> None:
-    assert chosen(39.9, 39.9, 2.0 + 39.9 * typical().headway.item()) == pytest.approx(0.0, abs=0.05)
+    assert chosen(39.9, 39.9, GAP + 39.9 * typical().headway.item()) == pytest.approx(0.0, abs=0.05)
 
 
 @pytest.mark.parametrize("gap", [6.0, 8.0, 10.0])

@@ -7,8 +7,10 @@ import pytest
 
 from rosbridge_sim.world.driver_model import HARDEST
 from rosbridge_sim.world.lane_change_model import LaneChange
+from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_following import view_driver
 from rosbridge_sim.world.lane_position import keep_lane
+from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state import Kind, World
 from rosbridge_sim.world.step import step
@@ -60,6 +62,37 @@ def test_last_driver_of_all_lanes_looks_at_what_stands_beyond_its_lane() -> None
     car(world, "b1", float(roads.length[roads.row("b1")]) - 25.0, speed=10.0)
     with np.errstate(all="raise"):
         run(world, 1.0)
+
+
+@pytest.mark.parametrize("gap", [4.0, 6.0, 9.0])
+def test_driver_that_passes_a_crawling_car_need_not_brake(gap: float) -> None:
+    """It braked with 7 m/s^2 in the middle of the change, since it had become too fast to be clear in time."""
+    world = world_of(wide_road(2))
+    car(world, "l0", 60.0 + gap, speed=0.6, desired_speed=0.6)
+    row = car(world, "l0", 60.0 - CAR.length, speed=0.6, desired_speed=15.0)
+    hardest = 0.0
+    for _ in range(600):
+        step(world)
+        hardest = min(hardest, world.accel[row])
+        assert not len(world.contacts)
+    assert hardest > -1.0
+    assert world.x[row] > 100.0
+
+
+def test_driver_does_not_change_by_choice_into_a_lane_that_soon_joins_another() -> None:
+    """It would get into the order of the vehicles there at the last moment, and brake hard."""
+    whole = line(*[(x, 3.5) for x in range(0, 901, 10)])
+    lines = [whole, line((0, 0), (400, 0)), line((400, 0), (900, 0)), line((150, -9), (400, 0))]
+    ids, ahead = ["left", "right", "on", "ramp"], [[], [2], [], [2]]
+    left_of, right_of = [-1, 0, -1, -1], [1, -1, -1, -1]
+    roads = Roads(ids, lines, ahead, [3.5] * 4, [30.0] * 4, left=left_of, right=right_of)
+    assert roads.derived(LaneConflicts).joins.join[1] >= 0
+    world = world_of(roads)
+    car(world, "left", 60.0, speed=12.0, desired_speed=12.0)
+    row = car(world, "left", 10.0, speed=20.0)
+    for _ in range(700):
+        step(world)
+        assert lane_of(world, row) == "left"
 
 
 @pytest.mark.slow
