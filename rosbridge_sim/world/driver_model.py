@@ -48,6 +48,7 @@ __all__ = [
     "SETTLING_TIME",
     "STOP_GAP",
     "Perception",
+    "SlowVehicles",
     "accelerate",
     "firm_stop",
     "gap_wanted",
@@ -85,6 +86,26 @@ CREEP: Final = 0.1
 """A lower speed counts as standing [m/s]. The bound also keeps quotients finite."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class SlowVehicles:
+    """Vehicles ahead of the lead vehicle, and much slower than the driver: the end of a jam.
+
+    A driver minds them as if the lead vehicle were not there, which may leave the lane in the last moment. All arrays
+    are (m,).
+
+    Attributes:
+        seen_by: int64, the drivers, each once.
+        gap: from the driver's front bumper to the vehicle's tail [m].
+        speed: of the vehicle [m/s].
+        accel: of the vehicle [m/s^2].
+    """
+
+    seen_by: IntArray
+    gap: FloatArray
+    speed: FloatArray
+    accel: FloatArray
+
+
 @dataclass(slots=True, eq=False)
 class Perception:
     """Perception of drivers on their lanes; all arrays are (k,), one entry for each driver.
@@ -98,6 +119,7 @@ class Perception:
         safe_speed: the most that the limit, the bends and what comes after them allow here [m/s].
         is_shut_out: bool, the driver asks for a lane behind which there is no room for it.
         is_blocked: bool, it asks for a lane on which something stands, or on whose rival another driver stands.
+        slow: the much slower vehicles ahead of the lead vehicles; None for none.
         queue: all entities on the lanes, for lane changes; None where nobody changes lanes.
     """
 
@@ -109,6 +131,7 @@ class Perception:
     safe_speed: FloatArray
     is_shut_out: BoolArray
     is_blocked: BoolArray
+    slow: SlowVehicles | None = None
     queue: EntryQueue | None = None
 
 
@@ -136,7 +159,12 @@ def accelerate(speed: FloatArray, perception: Perception, drivers: DriverParamet
     share = np.where(left < STANDS_WITHIN, 1.0, share)
     chosen = np.fmin(free, free - share * (free + needed))
     at = np.flatnonzero(perception.gap < np.inf)
-    chosen[at] = np.fmin(chosen[at], _follow(at, speed, perception, drivers))
+    leads = (perception.gap[at], perception.lead_speed[at], perception.lead_accel[at])
+    chosen[at] = np.fmin(chosen[at], _follow(at, speed, *leads, drivers))
+    if perception.slow is not None:
+        slow = perception.slow
+        at = slow.seen_by
+        chosen[at] = np.fmin(chosen[at], _follow(at, speed, slow.gap, slow.speed, slow.accel, drivers))
     return np.asarray(np.fmax(chosen, -HARDEST))
 
 
@@ -179,15 +207,21 @@ def firm_stop(speed: FloatArray, accel: FloatArray, reaction: FloatArray) -> Flo
     return np.asarray(np.square(speed + surplus) / (2.0 * FIRM) - surplus * reaction)
 
 
-def _follow(at: IntArray, all_speeds: FloatArray, perception: Perception, drivers: DriverParameters) -> FloatArray:
-    """Return f of the head of this file, for the drivers `at` (m,), which have a lead vehicle."""
-    speed, lead_speed = all_speeds[at], perception.lead_speed[at]
-    gap = np.fmax(perception.gap[at], CREEP)
+def _follow(  # noqa: PLR0917 - of one vehicle and its lead vehicle
+    at: IntArray,
+    all_speeds: FloatArray,
+    gap: FloatArray,
+    lead_speed: FloatArray,
+    lead_accel: FloatArray,
+    drivers: DriverParameters,
+) -> FloatArray:
+    """Return f of the head of this file, for the drivers `at` (m,); the arguments about lead vehicles are (m,), too."""
+    speed, gap = all_speeds[at], np.fmax(gap, CREEP)
     accel, comfort = drivers.accel[at], drivers.comfort[at]
     closing = speed - lead_speed
     wanted = GAP + np.fmax(speed * (drivers.headway[at] + closing / (2.0 * np.sqrt(accel * comfort))), 0.0)
     idm = np.fmax(keep_gap(accel, wanted, gap), -HARDEST)
-    lead_accel = np.fmin(perception.lead_accel[at], accel)
+    lead_accel = np.fmin(lead_accel, accel)
     room = lead_speed * lead_speed - 2.0 * gap * lead_accel
     stands_first = (lead_speed * closing <= -2.0 * gap * lead_accel) & (room > 0.0)
     kept = lead_accel - np.square(np.fmax(closing, 0.0)) / (2.0 * gap)

@@ -21,6 +21,7 @@ from rosbridge_sim.world.driver_model import (
     SETTLING_TIME,
     STOP_GAP,
     Perception,
+    SlowVehicles,
     firm_stop,
     gap_wanted,
     keep_gap,
@@ -35,6 +36,10 @@ __all__ = ["Sight", "Stop", "observe", "perceive"]
 
 FOLLOWS_FROM: Final = 0.25
 """A driver follows if the entity ahead takes this much from its acceleration [m/s^2]: a passenger would feel it."""
+
+MUCH_SLOWER: Final = 8.0
+"""A vehicle ahead of the lead vehicle counts if it is slower by this much [m/s]: with the comfortable braking a driver
+needs 4 s then, longer than its time gap."""
 
 SAME_PLACE: Final = 1e-6
 """Distances that differ by less are of one place [m]: they are sums of the same lengths in another order."""
@@ -185,6 +190,7 @@ class _Look:
         self.queue = EntryQueue(self._roads, Entries.join(own, *leaving, sibling_entries(conflicts, own), others))
         after = self.queue.position[:num] + 1
         lead = np.where(self.queue.lane[after] == lane, after, self.queue.num)
+        self._lead_at = lead  # positions in the queue
         parameters = drivers.parameters
         self._limit_factor, self._bend_factor = parameters.speed_factor, np.sqrt(parameters.lateral / MAX_LATERAL)
         self._foresight = SETTLING_TIME + parameters.reaction
@@ -232,6 +238,7 @@ class _Look:
             self._slow_down(i, lane, distance[i])
             self._find_lead(i, lane, distance)
             distance[i] += roads.length[lane]
+        perception.slow = self._find_slow()
 
     def claim(self, num_moving: int) -> IntArray:
         """Give lanes to the drivers that ask, and have drivers stop for intruders.
@@ -343,7 +350,19 @@ class _Look:
         perception, queue = self.perception, self.queue
         is_free = np.isinf(perception.gap[i])
         at = i[is_free]
-        first = queue.first_on(lane[is_free])
+        first = self._lead_at[at] = queue.first_on(lane[is_free])
         perception.gap[at] = distance[at] + queue.tail[first] - self._drivers.nose[at]
         perception.lead_speed[at], perception.lead_accel[at] = queue.speed[first], queue.accel[first]
         perception.lead[at] = queue.source[first]
+
+    def _find_slow(self) -> SlowVehicles | None:
+        """Return the vehicles that are next to the lead vehicles, on the same lanes, and much slower than drivers."""
+        queue, perception, lead = self.queue, self.perception, self._lead_at
+        following = np.minimum(lead + 1, queue.num)
+        is_slow = self._drivers.speed - queue.speed[following] > MUCH_SLOWER
+        at = np.flatnonzero(is_slow & (queue.lane[following] == queue.lane[lead]) & (lead < queue.num))
+        if not len(at):
+            return None
+        lead, following = lead[at], following[at]
+        gap = perception.gap[at] + queue.tail[following] - queue.tail[lead]
+        return SlowVehicles(at, gap, queue.speed[following], queue.accel[following])

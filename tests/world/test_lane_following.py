@@ -511,3 +511,19 @@ def test_no_vehicle_runs_a_red_light_in_ten_minutes() -> None:
     world = crowd(num=40, is_alone=True)
     assert red_runs(world, 600.0) == 0
     assert world.turns.min() >= 10, "and nobody stands for ever"
+
+
+def test_driver_sees_the_end_of_a_jam_beyond_the_lead_vehicle() -> None:
+    """The lead vehicle leaves the lane in the last moment; the driver braked with 4.6 m/s^2 then."""
+    world = world_of(road(limit=30.0))
+    car(world, "a", 700.0, desired_speed=0.0)
+    lead = ego(world, 350.0, 0.0, speed=30.0)
+    row = car(world, "a", 300.0, speed=30.0)
+    uid, lead_uid = int(world.uid[row]), int(world.uid[lead])
+    hardest = 0.0
+    while world.speed[world.row(uid)] > 0.1:
+        step(world)
+        if lead_uid in world.uid[world.alive] and world.x[world.row(lead_uid)] > 660.0:
+            world.remove(lead_uid)
+        hardest = min(hardest, float(world.accel[world.row(uid)]))
+    assert hardest > -3.0
