@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import logging
 import math
+from collections import Counter
 from hashlib import blake2b
 from typing import Final
 
@@ -45,6 +46,9 @@ COUNT_INTERVAL: Final = 50
 RETRY: Final = 25
 """Frames until a point tries again that had no room: half a second, in which a queue moves by a metre or two."""
 
+MAX_DUE: Final = 100
+"""Points that are looked at in one frame, at most: about 20 ms. The others wait for the next look."""
+
 MEAN_ABSENCE: Final = 10.0
 """A vehicle of `--traffic` that has left is replaced after this time on average [s]; arrivals are a Poisson process."""
 
@@ -65,6 +69,9 @@ CLEAR: Final = 8.0
 
 AT_END: Final = 3.0
 """A vehicle at rest this near to the end of a road has come to it [m]."""
+
+MAX_COUNT: Final = 2**62
+"""Bound of frames and counts in a state, as in `world.saved_world`: what is added to them stays within int64."""
 
 MIX: Final = (
     # Names of the catalogue and shares in percent: about the traffic counts of towns, with fewer trucks.
@@ -144,8 +151,9 @@ class Traffic(Component):
             raise ValueError(f"expected whole numbers for {num} spawn points")
         if len(shapes[3]) != 2 or shapes[3][1] != 2 or shapes[3][0] > MAX_ENTITIES:  # noqa: PLR2004 - id and owner
             raise ValueError("expected pairs of an id and the number of a spawn point")
-        if min([*due.tolist(), *made.tolist(), *fill.tolist()]) < 0 or fill[2] > MAX_TRAFFIC:
-            raise ValueError("expected no negative numbers")
+        counts = [*due.tolist(), *made.tolist(), *fill.tolist()]
+        if not (min(counts) >= 0 and max(counts) <= MAX_COUNT and fill[2] <= MAX_TRAFFIC):
+            raise ValueError(f"expected frames and counts 0..{MAX_COUNT}, and at most {MAX_TRAFFIC} vehicles")
         if len(owner) and not (owner[:, 1].min() >= _FILL and owner[:, 1].max() < num):
             raise ValueError("expected numbers of spawn points")
         self._due, self._num_made = due.tolist(), made.tolist()
@@ -188,9 +196,12 @@ class Traffic(Component):
             self._owner = {uid: owner for uid, owner in self._owner.items() if uid in world}
         num = len(world)
         self._remove_arrived()
-        for i, point in enumerate(self._points):
-            if world.frame >= self._due[i]:
-                self._serve(i, point)
+        due = [i for i in range(len(self._points)) if world.frame >= self._due[i]]
+        if len(due) > MAX_DUE:  # those that have waited longest come first, so all have their turn
+            due = sorted(sorted(due, key=self._due.__getitem__)[:MAX_DUE])
+        there = Counter(self._owner.values()) if due else Counter[int]()
+        for i in due:
+            self._serve(i, self._points[i], there[i])
         if self._target:
             self._replace_missing()
         if len(world) != num:
@@ -214,8 +225,8 @@ class Traffic(Component):
         """Return a number from 0 to below 1 as `_chance` does, with a bell-shaped distribution."""
         return sum(self._chance(number, f"{question} {i}") for i in range(NUM_PARTS)) / NUM_PARTS
 
-    def _serve(self, number: int, point: SpawnPoint) -> None:
-        """Add the vehicle that is due at a point; without room it has to wait."""
+    def _serve(self, number: int, point: SpawnPoint, num_there: int) -> None:
+        """Add the vehicle that is due at a point, of which some are there; without room it has to wait."""
         world = self._context.world
         roads = world.roads
         model = point.models[int(self._chance(number, "model") * len(point.models))]
@@ -223,7 +234,7 @@ class Traffic(Component):
         desired = _between(low, high, self._chance(number, "desired speed"))
         limit = safe_speed_at(roads, point.lane, point.s)
         speed = min(_between(*point.speed, self._chance(number, "speed")), desired, limit)
-        has_place = sum(owner == number for owner in self._owner.values()) < point.num
+        has_place = num_there < point.num
         if not has_place or not has_room(world, point.lane, point.s, model.body, speed, gap=point.gap, time=point.time):
             self._due[number] = world.frame + RETRY
             return

@@ -25,6 +25,9 @@ SAMPLE: Final = 0.25
 MAX_SAMPLES: Final = 40_000
 """Places of a path that are looked at, at most: ten kilometres. Of a longer path the samples are farther apart."""
 
+PART: Final = 256
+"""Places that are looked for on the lanes at once: a search for thousands leaves some of them out."""
+
 ISLAND: Final = 1.2
 """A refuge that is shorter than this is part of the road [m]: the depth of a wheelchair."""
 
@@ -78,8 +81,13 @@ def find_crossings(segments: Segments, roads: Roads, plan: SignalPlan, side: flo
         is_apart = arc[first[1:]] - arc[last[:-1]] > ISLAND
         first, last = first[np.append(True, is_apart)], last[np.append(is_apart, True)]
     if side > 0.0 and len(first):
-        is_beside = _are_on_road(roads, east + side * leg[:, DY], north - side * leg[:, DX]) > 0.0
         most = int(WIDER * (num - 1) / length)
+        steps = np.arange(1, most + 1)
+        near = np.unique(np.concatenate([first[:, None] - steps, last[:, None] + steps]))
+        near = near[(near >= 0) & (near < num)]
+        is_beside = np.zeros(num, dtype=bool)
+        to_right = leg[near, DY], -leg[near, DX]
+        is_beside[near] = _are_on_road(roads, east[near] + side * to_right[0], north[near] + side * to_right[1])
         for i in range(len(first)):
             low = int(last[i - 1]) + 1 if i else 0
             high = int(first[i + 1]) - 1 if i + 1 < len(first) else num - 1
@@ -99,13 +107,16 @@ def _reach(is_beside: BoolArray, start: int, step: int, most: int, limit: int) -
     return at
 
 
-def _are_on_road(roads: Roads, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return 1 for each place that lies on a lane, else 0."""
-    reach = np.full(len(x), float(roads.border.max(initial=0.0)) + KERB)
-    owner, places = roads.within(x, y, reach)
-    left, right = roads.beside(LanePlaces(places.lane, places.s, places.lateral, places.distance, places.yaw))
-    at = owner[np.fmin(left, right) > -KERB]
-    return np.asarray(np.bincount(at, minlength=len(x)) > 0, dtype=np.float64)
+def _are_on_road(roads: Roads, x: FloatArray, y: FloatArray) -> BoolArray:
+    """Return for each place if it lies on a lane."""
+    is_on = np.zeros(len(x), dtype=bool)
+    reach = float(roads.border.max(initial=0.0)) + KERB
+    for start in range(0, len(x), PART):
+        part = slice(start, start + PART)
+        owner, places = roads.within(x[part], y[part], np.full(len(x[part]), reach))
+        left, right = roads.beside(LanePlaces(places.lane, places.s, places.lateral, places.distance, places.yaw))
+        is_on[start + owner[np.fmin(left, right) > -KERB]] = True
+    return is_on
 
 
 def _find_lights(ends: FloatArray, plan: SignalPlan) -> IntArray:

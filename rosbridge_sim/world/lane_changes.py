@@ -466,7 +466,13 @@ class _Look:
         self._nose, self._rear, self._length = drivers.nose[which], drivers.rear[which], drivers.length[which]
         self._gap, self._lead_speed = perception.gap[which], perception.lead_speed[which]
         self._run = self._find_run(self._lanes, self._arc)
-        self._to_entry = self._find_entry()
+        conflicts = changes.conflicts
+        self._to_entry = self._find_entry(np.fmin(conflicts.wait_point, conflicts.joins.narrow_from))
+        # Nobody changes lanes on the stretch before a join, but around what stands there one may leave it.
+        reach = np.fmax(BLOCKED_WAY, BLOCKED_TIME * self._speed)
+        blocked = np.flatnonzero((self._gap < reach) & (self._lead_speed < STANDS))
+        if len(blocked):
+            self._to_entry[blocked] = self._find_entry(conflicts.wait_point)[blocked]
 
     def decide(self, accel: FloatArray, decision: int) -> None:
         """Choose who signals and who begins to change.
@@ -587,7 +593,8 @@ class _Look:
         position = np.minimum(queue.position[self._which[at]] + 1, queue.num)
         following = np.minimum(position + 1, queue.num)
         is_queue = (queue.lane[following] == queue.lane[position]) & (queue.speed[following] < STANDS)
-        is_queue &= queue.tail[following] - queue.s[position] < QUEUE_GAP + drivers.nose[self._which[at]]
+        # No difference of the two: both are infinite behind the last entry.
+        is_queue &= queue.tail[following] < queue.s[position] + QUEUE_GAP + drivers.nose[self._which[at]]
         is_queue &= queue.lane[position] == self._lanes[0, at]
         is_queue &= queue.source[following] >= 0
         blocked[at] = is_parked & ~is_queue
@@ -766,13 +773,16 @@ class _Look:
             run = run + np.where(lane >= 0, length[lane], 0.0)
         return np.asarray(np.where(lanes[-1] >= 0, np.inf, run))
 
-    def _find_entry(self) -> FloatArray:
-        """Return the distance from the front bumper to the next place where lanes conflict or a light is, (k,) [m]."""
+    def _find_entry(self, begins: FloatArray) -> FloatArray:
+        """Return the distance from the front bumper to the next place where lanes conflict or a light is, (k,) [m].
+
+        Args:
+            begins: (l,) arc length at which lanes conflict, inf for none [m].
+        """
         changes = self._changes
         roads, conflicts = changes.roads, changes.conflicts
         light = changes.world.signals.plan.light_of_lane
         bumper = self._arc + self._nose
-        begins = np.fmin(conflicts.wait_point, conflicts.joins.narrow_from)
         wait_point = begins[self._lanes[0]]
         # Whose tail is still where the own lane forks or crosses others is inside.
         is_inside = self._arc - self._rear < conflicts.shared[self._lanes[0]]

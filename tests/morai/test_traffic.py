@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from itertools import pairwise
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -95,6 +95,15 @@ def test_vehicles_appear_at_a_spawn_point_and_leave_at_its_destination() -> None
     assert {last[uid] for uid in gone} == {"EA"}
 
 
+def test_hundreds_of_spawn_points_without_room_leave_the_others_their_turn() -> None:
+    blocker = {"modelName": "2015_Kia_K5", "initPosition": {"pos": {"x": -91, "y": -1.75}}, "isWaypointMode": True}
+    blocked = [{**POINT, "UNIQUEID": i, "waitSpawnTime": 0} for i in range(399)]
+    free = {**POINT, "UNIQUEID": 399, "waitSpawnTime": 0, "startLinkInfo": {"linkIdx": "WB", "pointIdx": 40}}
+    node = simulate(read(*blocked, free, vehicleList=[blocker]))
+    run(node, 1.0)
+    assert len(vehicles(node)) == 2
+
+
 def test_spawn_point_waits_until_there_is_room() -> None:
     blocker = {
         "modelName": "2015_Kia_K5",
@@ -143,6 +152,16 @@ def test_restored_simulator_goes_on_with_the_same_traffic(points: tuple[dict[str
         digests.append(node.context.world.digest())
         state.restore(saved, 0.0, before_undo=lambda: None)
     assert digests[0] == digests[1]
+
+
+@pytest.mark.parametrize("at", range(3))
+@pytest.mark.parametrize("value", [-1, 2**63 - 1])
+def test_state_with_a_count_that_cannot_grow_is_refused(at: int, value: int) -> None:
+    (traffic,) = (one for one in simulate(read(POINT)).components if isinstance(one, Traffic))
+    state = [part.copy() for part in cast("tuple[np.ndarray, ...]", traffic.save_state())]
+    state[at][0] = value
+    with pytest.raises(ValueError, match="expected frames and counts"):
+        traffic.load_state(tuple(state), 0.0)
 
 
 def test_spawn_point_is_found_by_its_position_and_its_destination_by_number() -> None:

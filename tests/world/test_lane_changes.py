@@ -38,6 +38,15 @@ def crowd(seed: int = 0, each: int = 6) -> tuple[World, list[int]]:
     return world, rows
 
 
+def road_with_a_ramp() -> Roads:
+    """Two lanes to the east; a ramp joins the right one, `right`, at 400 m, from where on it is `on`."""
+    whole = line(*[(x, 3.5) for x in range(0, 901, 10)])
+    lines = [whole, line((0, 0), (400, 0)), line((400, 0), (900, 0)), line((150, -9), (400, 0))]
+    ids, ahead = ["left", "right", "on", "ramp"], [[], [2], [], [2]]
+    left_of, right_of = [-1, 0, -1, -1], [1, -1, -1, -1]
+    return Roads(ids, lines, ahead, [3.5] * 4, [30.0] * 4, left=left_of, right=right_of)
+
+
 @pytest.mark.slow
 def test_eight_cars_pass_an_ego_that_stands_on_a_wide_road() -> None:
     world, rows = queue_behind_an_ego()
@@ -98,6 +107,16 @@ def test_driver_pulls_out_from_rest_at_the_gap_that_its_steering_allows(body: Bo
     assert world.x[row] > world.x[stands] + 10.0
 
 
+def test_last_driver_of_all_lanes_looks_at_what_stands_beyond_its_lane() -> None:
+    roads = wide_ring(2)
+    world = world_of(roads)
+    place = roads.at([roads.row("a1")], [5.0])[0][0]
+    ego(world, float(place[0]), float(place[1]))
+    car(world, "b1", float(roads.length[roads.row("b1")]) - 25.0, speed=10.0)
+    with np.errstate(all="raise"):
+        run(world, 1.0)
+
+
 @pytest.mark.parametrize("gap", [4.0, 6.0, 9.0])
 def test_driver_that_passes_a_crawling_car_need_not_brake(gap: float) -> None:
     """It braked with 7 m/s^2 in the middle of the change, since it had become too fast to be clear in time."""
@@ -115,11 +134,7 @@ def test_driver_that_passes_a_crawling_car_need_not_brake(gap: float) -> None:
 
 def test_driver_does_not_change_by_choice_into_a_lane_that_soon_joins_another() -> None:
     """It would get into the order of the vehicles there at the last moment, and brake hard."""
-    whole = line(*[(x, 3.5) for x in range(0, 901, 10)])
-    lines = [whole, line((0, 0), (400, 0)), line((400, 0), (900, 0)), line((150, -9), (400, 0))]
-    ids, ahead = ["left", "right", "on", "ramp"], [[], [2], [], [2]]
-    left_of, right_of = [-1, 0, -1, -1], [1, -1, -1, -1]
-    roads = Roads(ids, lines, ahead, [3.5] * 4, [30.0] * 4, left=left_of, right=right_of)
+    roads = road_with_a_ramp()
     assert roads.derived(LaneConflicts).joins.join[1] >= 0
     world = world_of(roads)
     car(world, "left", 60.0, speed=12.0, desired_speed=12.0)
@@ -127,6 +142,19 @@ def test_driver_does_not_change_by_choice_into_a_lane_that_soon_joins_another() 
     for _ in range(700):
         step(world)
         assert lane_of(world, row) == "left"
+
+
+@pytest.mark.slow
+def test_cars_pass_an_ego_that_stands_on_the_stretch_before_a_join() -> None:
+    roads = road_with_a_ramp()
+    joins = roads.derived(LaneConflicts).joins
+    stands_at = 385.0
+    assert joins.narrow_from[roads.row("right")] < stands_at - 40.0
+    world = world_of(roads)
+    ego(world, stands_at, 0.0)
+    rows = [car(world, "right", 60.0 + 80.0 * i, speed=15.0, desired_speed=15.0) for i in range(3)]
+    run(world, 40.0)
+    assert (world.x[rows] > 400.0).all()
 
 
 @pytest.mark.slow

@@ -7,6 +7,7 @@ import pytest
 
 from rosbridge_sim.world.crossings import find_crossings
 from rosbridge_sim.world.neighbours import find_neighbours
+from rosbridge_sim.world.paths import lay_segments
 from rosbridge_sim.world.people import COMMITTED, find_ways_over
 from rosbridge_sim.world.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
 from rosbridge_sim.world.state import Body, Kind, World
@@ -234,6 +235,13 @@ def test_people_wait_where_those_beside_the_path_are_off_the_road_too() -> None:
     on_path, beside = (find_crossings(segments, world.roads, world.signals.plan, side) for side in (0.0, 0.9))
     assert beside.start.tolist() == pytest.approx(on_path.start - 0.9, abs=0.3), "the road comes nearer on the right"
     assert beside.end.tolist() == on_path.end.tolist()
+
+
+def test_long_path_has_all_its_crossings() -> None:
+    roads = make(**{name: (line(*[(x, 0.0) for x in np.arange(0.0, 60.0, 0.5)]), "") for name in "abc"})
+    path = np.stack([np.repeat(np.arange(1.0, 31.0, 0.05), 2), np.tile([-4.0, 4.0, 4.0, -4.0], 300)], axis=-1)
+    segments = lay_segments(np.column_stack([path, np.zeros(len(path))]), is_loop=False, reach=0.5)
+    assert len(find_crossings(segments, roads, SignalPlan(roads)).start) == 600
 
 
 def test_neighbours_are_all_pairs_within_reach() -> None:
