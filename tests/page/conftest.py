@@ -5,31 +5,36 @@ from __future__ import annotations
 import re
 import subprocess
 import time
-from collections.abc import AsyncIterator, Iterator
-from contextlib import AsyncExitStack
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import AsyncExitStack, ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 import pytest
-from playwright.async_api import Browser, ConsoleMessage, Page, async_playwright
+import pytest_asyncio
+from playwright.async_api import Browser, ConsoleMessage, Page, Playwright, async_playwright
 
 from rosbridge_sim.shell.page.page_address import page_urls
-from tests.support import PATIENCE, ServerProcess, require_tool
+from tests.conftest import Connect
+from tests.support import PATIENCE, Client, ServerProcess, require_tool
 
 FLAGS = (
     "--no-sandbox",  # it has none for root, and the page is ours
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
-    "--use-angle=swiftshader",  # WebGL without a graphics card
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
     "--disable-features=LocalNetworkAccessChecks,LocalNetworkAccessChecksWebSockets",  # for pages that a test makes up
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE localhost, "  # it speaks to nobody but us
     + ", ".join(f"EXCLUDE {urlsplit(url).hostname}" for url in page_urls("0.0.0.0", 0, is_tls=False)),  # noqa: S104
 )
 
+WEBGL_FLAGS = (  # WebGL without a graphics card
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+)
+PLAIN_FLAGS = ("--disable-gpu",)  # the software renderer of WebGL would draw all else, too, at a tenfold price
 
 WITHOUT_WEBGL = """
 const getContext = HTMLCanvasElement.prototype.getContext;
@@ -65,13 +70,41 @@ class OpenPage(Protocol):
         """
 
 
-@pytest.fixture(scope="session")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """One Chromium for all tests of this process, since its start takes as long as a test; the URL of its debugger."""
-    profile = tmp_path_factory.mktemp("chromium")
+class Chromiums:
+    """One Chromium with WebGL and one without it, each started when it is first wanted: that takes as long as a test.
+
+    Pages of a test have contexts of their own.
+    """
+
+    def __init__(self, playwright: Playwright, folder: Path, processes: ExitStack) -> None:
+        self._playwright = playwright
+        self._folder = folder
+        self._processes = processes
+        self._kept: dict[bool, Browser] = {}
+
+    async def get(self, *, has_webgl: bool) -> Browser:
+        """The one with WebGL, or the one without it."""
+        if has_webgl not in self._kept:
+            profile = self._folder / ("webgl" if has_webgl else "plain")
+            profile.mkdir()
+            url = self._processes.enter_context(_chromium(profile, WEBGL_FLAGS if has_webgl else PLAIN_FLAGS))
+            self._kept[has_webgl] = await self._playwright.chromium.connect_over_cdp(url)
+        return self._kept[has_webgl]
+
+
+@contextmanager
+def _chromium(profile: Path, flags: Sequence[str]) -> Iterator[str]:
+    """A running Chromium; the URL of its debugger."""
     log = profile / "stderr.txt"
     with log.open("wb") as stderr, subprocess.Popen(
-        [require_tool("chromium"), "--headless=new", "--remote-debugging-port=0", f"--user-data-dir={profile}", *FLAGS],
+        [
+            require_tool("chromium"),
+            "--headless=new",
+            "--remote-debugging-port=0",
+            f"--user-data-dir={profile}",
+            *FLAGS,
+            *flags,
+        ],
         stdout=subprocess.DEVNULL,
         stderr=stderr,
     ) as process:  # fmt: skip
@@ -85,15 +118,34 @@ def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         process.terminate()
 
 
-@pytest.fixture
-async def browser(chromium: str) -> AsyncIterator[Browser]:
-    """The Chromium of this process; the pages of a test have contexts of their own."""
-    async with async_playwright() as playwright:
-        yield await playwright.chromium.connect_over_cdp(chromium)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Run the tests of the page in one event loop: Playwright belongs to a loop, and its start takes half a second."""
+    for item in items:
+        if item.path.parent == Path(__file__).parent and pytest_asyncio.is_async_test(item):
+            item.add_marker(pytest.mark.asyncio(loop_scope="session"), append=False)
 
 
-@pytest.fixture
-async def open_page(browser: Browser, tmp_path: Path, request: pytest.FixtureRequest) -> AsyncIterator[OpenPage]:
+@pytest_asyncio.fixture(scope="session", loop_scope="session")
+async def chromiums(tmp_path_factory: pytest.TempPathFactory) -> AsyncIterator[Chromiums]:
+    """The browsers of all tests of this process."""
+    with ExitStack() as processes:
+        async with async_playwright() as playwright:
+            yield Chromiums(playwright, tmp_path_factory.mktemp("chromiums"), processes)
+
+
+@pytest_asyncio.fixture(loop_scope="session")
+async def connect() -> AsyncIterator[Connect]:
+    """Connects bare clients, in the event loop of the page's tests."""
+    async with AsyncExitStack() as stack:
+
+        async def open_client(url: str, *, is_recording: bool = False) -> Client:
+            return await stack.enter_async_context(await Client.open(url, is_recording=is_recording))
+
+        yield open_client
+
+
+@pytest_asyncio.fixture(loop_scope="session")
+async def open_page(chromiums: Chromiums, tmp_path: Path, request: pytest.FixtureRequest) -> AsyncIterator[OpenPage]:
     """Opens pages; at the end, no page may have logged an error. Pictures of them are in the test's folder."""
     mistakes: list[str] = []
     pages: list[Page] = []
@@ -109,6 +161,7 @@ async def open_page(browser: Browser, tmp_path: Path, request: pytest.FixtureReq
             has_webgl: bool = False,
             **options: Any,  # noqa: ANN401 - see `OpenPage`
         ) -> Page:
+            browser = await chromiums.get(has_webgl=has_webgl)
             context = await browser.new_context(**({"viewport": {"width": 1280, "height": 720}} | options))
             contexts.push_async_callback(context.close)
             page = await context.new_page()
