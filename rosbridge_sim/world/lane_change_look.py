@@ -132,7 +132,8 @@ class LaneLook:
         self._to_entry = self._find_entry(np.fmin(conflicts.wait_point, conflicts.joins.narrow_from))
         # Nobody changes lanes on the stretch before a join, but around what stands there one may leave it.
         reach = np.fmax(BLOCKED_WAY, BLOCKED_TIME * self._speed)
-        blocked = np.flatnonzero((self._gap < reach) & (self._lead_speed < STANDS))
+        is_before_join = conflicts.joins.join[self._lanes[0]] >= 0
+        blocked = np.flatnonzero((self._gap < reach) & (self._lead_speed < STANDS) & is_before_join)
         if len(blocked):
             self._to_entry[blocked] = self._find_entry(conflicts.wait_point)[blocked]
 
