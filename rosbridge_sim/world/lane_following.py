@@ -236,7 +236,7 @@ class _LaneFollowers:
         if self.changes.is_possible:
             desired_speed = np.fmin(self.parameters.desired_speed, perception.safe_speed)
             wanted = self.changes.decide(drivers, perception, desired_speed, wanted, world.frame // DECISION)
-            self.shifted = find_shifted(world, self.rows)
+            self.shifted = find_shifted(world, at)
             lanes = world.int_block("lane", "ahead_5")[:, at]
         accel = drivers.accel + self.response * (wanted - drivers.accel)
         if len(self.egos):  # their pedals have a lag of their own
