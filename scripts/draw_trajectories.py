@@ -50,7 +50,7 @@ FIRM: Final = -3.0
 """A harder braking is marked [m/s^2]."""
 
 Colour = tuple[int, int, int]
-COLOURS: Final = 48
+COLOURS: Final = 96
 """Colours of a picture that is written: enough for all lines, and a small file."""
 
 
@@ -215,7 +215,7 @@ def _colour(trace: Trace, number: int, num: int) -> Colour:
 
 
 def _save(image: Image.Image, file: Path) -> None:
-    image.quantize(COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(file, optimize=True)
+    image.quantize(COLOURS, kmeans=1, dither=Image.Dither.NONE).save(file, optimize=True)
 
 
 def _numbers(text: str) -> list[float]:
