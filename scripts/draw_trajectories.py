@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import argparse
 import colorsys
+import math
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -49,7 +50,7 @@ FIRM: Final = -3.0
 """A harder braking is marked [m/s^2]."""
 
 Colour = tuple[int, int, int]
-COLOURS: Final = 48
+COLOURS: Final = 96
 """Colours of a picture that is written: enough for all lines, and a small file."""
 
 
@@ -175,9 +176,8 @@ def _draw_speeds(pen: ImageDraw.ImageDraw, traces: list[Trace], top: int) -> Non
     for speed in range(0, int(most) + 1, 5):
         pen.line([at(begin, speed), at(end, speed)], fill=(220, 220, 220, 255))
         pen.text((5, at(begin, speed)[1] - 8), f"{speed} m/s", fill="black", font=font)
-    for i in range(6):
-        time = begin + (end - begin) * i / 5
-        pen.text(at(time, 0.0), f"{time:.0f} s", fill="black", font=font)
+    for time in range(math.ceil(begin), math.floor(end) + 1, max(1, round((end - begin) / 6))):
+        pen.text(at(time, 0.0), f"{time} s", fill="black", font=font)
     for number, trace in enumerate(traces):
         colour = _colour(trace, number, len(traces))
         pen.line([at(*row[[0, 4]].tolist()) for row in trace.rows], fill=(*colour, 255), width=2)
@@ -215,7 +215,7 @@ def _colour(trace: Trace, number: int, num: int) -> Colour:
 
 
 def _save(image: Image.Image, file: Path) -> None:
-    image.quantize(COLOURS, dither=Image.Dither.NONE).save(file, optimize=True)
+    image.quantize(COLOURS, kmeans=1, dither=Image.Dither.NONE).save(file, optimize=True)
 
 
 def _numbers(text: str) -> list[float]:

@@ -88,7 +88,7 @@ CREEP: Final = 0.1
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SlowVehicles:
-    """Vehicles ahead of the lead vehicle, and much slower than the driver: the end of a jam.
+    """Vehicles ahead of the lead vehicle: much slower than the driver, as the end of a jam, or uncovered soon.
 
     A driver minds them as if the lead vehicle were not there, which may leave the lane in the last moment. All arrays
     are (m,).

@@ -38,8 +38,8 @@ FOLLOWS_FROM: Final = 0.25
 """A driver follows if the entity ahead takes this much from its acceleration [m/s^2]: a passenger would feel it."""
 
 MUCH_SLOWER: Final = 8.0
-"""A vehicle ahead of the lead vehicle counts if it is slower by this much [m/s]: with the comfortable braking a driver
-needs 4 s then, longer than its time gap."""
+"""A vehicle ahead of the lead vehicle counts if it is slower by this much [m/s], or if the lead vehicle changes lanes.
+With the comfortable braking a driver needs 4 s then, longer than its time gap."""
 
 SAME_PLACE: Final = 1e-6
 """Distances that differ by less are of one place [m]: they are sums of the same lengths in another order."""
@@ -356,11 +356,15 @@ class _Look:
         perception.lead[at] = queue.source[first]
 
     def _find_slow(self) -> SlowVehicles | None:
-        """Return the vehicles that are next to the lead vehicles, on the same lanes, and much slower than drivers."""
-        queue, perception, lead = self.queue, self.perception, self._lead_at
+        """Return the vehicles next to the lead vehicles, on the same lanes, that are much slower or uncovered soon."""
+        queue, perception, lead, drivers = self.queue, self.perception, self._lead_at, self._drivers
         following = np.minimum(lead + 1, queue.num)
-        is_slow = self._drivers.speed - queue.speed[following] > MUCH_SLOWER
-        at = np.flatnonzero(is_slow & (queue.lane[following] == queue.lane[lead]) & (lead < queue.num))
+        counts = drivers.speed - queue.speed[following] > MUCH_SLOWER
+        if drivers.leaving is not None:
+            leaves = np.zeros(len(drivers.arc) + 1, dtype=bool)  # the last one stands for entities without lanes
+            leaves[drivers.leaving.source] = True
+            counts |= leaves[queue.source[lead]]
+        at = np.flatnonzero(counts & (queue.lane[following] == queue.lane[lead]) & (lead < queue.num))
         if not len(at):
             return None
         lead, following = lead[at], following[at]

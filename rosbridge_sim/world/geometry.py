@@ -187,11 +187,15 @@ def do_boxes_meet(first: ComplexArray, last: ComplexArray, heading: ComplexArray
     # How far the octagon reaches along the normals of each box's edges: (length, width) in that box's own frame.
     reach = half + half[::-1] * cos + half[::-1, ..., ::-1] * sin
     is_in = to_other <= reach + along_slide
+    is_near: BoolArray = is_in[0] & is_in[1]
+    is_near = is_near[..., 0] & is_near[..., 1]
+    if not np.count_nonzero(is_near):  # the usual case, in half of the time
+        return is_near
     # Across the line, both sides times its length, so that a line without length separates nothing.
     across = np.abs(middle.real * slide.imag - middle.imag * slide.real)
     breadth = half * along_slide[..., ::-1]
-    breadth, is_in = breadth[0] + breadth[1], is_in[0] & is_in[1]
-    return np.asarray(is_in[..., 0] & is_in[..., 1] & (across <= breadth[..., 0] + breadth[..., 1]))
+    breadth = breadth[0] + breadth[1]
+    return np.asarray(is_near & (across <= breadth[..., 0] + breadth[..., 1]))
 
 
 def _parts(vectors: ComplexArray) -> FloatArray:

@@ -2,17 +2,18 @@
 
 Each lane follower has one entry on its own lane, and one more on each sibling of that lane while both lanes still
 overlap. One that changes lanes has one on either lane. An entity that does not follow lanes (an ego, a pedestrian, an
-obstacle) has an entry on every lane that it
-obstructs. All entries are sorted once for each decision. Then the lead vehicle on the same lane is the next entry in
-the list, and one search finds the first entry on a lane ahead, for all drivers at once.
+obstacle) has an entry on every lane that it obstructs. All entries are sorted once for each decision. Then the lead
+vehicle on the same lane is the next entry in the list, and one search finds the first entry on a lane ahead, for all
+drivers at once.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from rosbridge_sim.world.driver_parameters import DriverParameters
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
@@ -32,6 +33,8 @@ _INDEX_MASK: Final = (1 << _INDEX_BITS) - 1
 
 _SLOWEST: Final = 0.01
 """Keeps quotients finite [m/s]."""
+
+_Number = TypeVar("_Number", np.float64, np.int64)
 
 _COLUMNS: Final = ("lane", "s", "tail", "speed", "accel", "source", "stands")
 """Columns of `Entries`."""
@@ -209,12 +212,12 @@ class EntryQueue:
         self.position[order] = np.arange(self.num)
         self._key = key
         self._first_key = (roads.base * _TICKS).astype(np.int64) << _INDEX_BITS
-        self.lane = np.append(entries.lane[order], -1)
-        self.s = np.append(entries.s[order], np.inf)
-        self.tail = np.append(entries.tail[order], np.inf)
-        self.speed = np.append(entries.speed[order], 0.0)
-        self.accel = np.append(entries.accel[order], 0.0)
-        self.source = np.append(entries.source[order], -1)
+        self.lane = _in_order(entries.lane, order, -1)
+        self.s = _in_order(entries.s, order, np.inf)
+        self.tail = _in_order(entries.tail, order, np.inf)
+        self.speed = _in_order(entries.speed, order, 0.0)
+        self.accel = _in_order(entries.accel, order, 0.0)
+        self.source = _in_order(entries.source, order, -1)
 
     def find(self, lane: IntArray, s: FloatArray) -> IntArray:
         """Return the positions of the first entries at or beyond places on lanes, of whatever lane, (k,) int64.
@@ -230,3 +233,11 @@ class EntryQueue:
         """Return the position of the first entry on each lane, (k,) int64; `num` where the lane is empty."""
         position = self._key.searchsorted(self._first_key[lane])
         return np.where(self.lane[position] == lane, position, self.num)
+
+
+def _in_order(values: npt.NDArray[_Number], order: IntArray, end: float) -> npt.NDArray[_Number]:
+    """Return values (m,) in an order, with one more at the end, (m + 1,)."""
+    ordered = np.empty(len(values) + 1, dtype=values.dtype)
+    np.take(values, order, out=ordered[:-1], mode="clip")
+    ordered[-1] = end
+    return ordered

@@ -38,7 +38,7 @@ from rosbridge_sim.world.lane_change_motion import find_shifted, nudge, plan_shi
 from rosbridge_sim.world.lane_changes import LaneChanges
 from rosbridge_sim.world.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.lane_entries import Drivers, Entries, find_entries
-from rosbridge_sim.world.lane_position import headings, set_legs
+from rosbridge_sim.world.lane_position import headings_ahead, set_legs
 from rosbridge_sim.world.lane_swing import find_long, find_swinging, plan_swings
 from rosbridge_sim.world.lane_wander import LaneWander
 from rosbridge_sim.world.people import COMMITTED, find_ways_over
@@ -236,7 +236,7 @@ class _LaneFollowers:
         if self.changes.is_possible:
             desired_speed = np.fmin(self.parameters.desired_speed, perception.safe_speed)
             wanted = self.changes.decide(drivers, perception, desired_speed, wanted, world.frame // DECISION)
-            self.shifted = find_shifted(world, self.rows)
+            self.shifted = find_shifted(world, at)
             lanes = world.int_block("lane", "ahead_5")[:, at]
         accel = drivers.accel + self.response * (wanted - drivers.accel)
         if len(self.egos):  # their pedals have a lag of their own
@@ -299,9 +299,9 @@ class _LaneFollowers:
         world, at = self.world, self.at
         time = np.where(speed + accel * _INTERVAL < 0.0, speed / np.fmax(-accel, CREEP), _INTERVAL)
         distance = time * (speed + 0.5 * accel * time)
-        moves = np.flatnonzero(distance > 0.0)
-        turn = np.zeros(self.num)
-        heading = headings(self.roads, lanes[:, moves], (world.arc[at] + distance)[moves], self.wheelbase[moves])
+        moves = distance > 0.0
+        arc = world.arc[at] + distance
+        heading = headings_ahead(self.roads, lanes, arc, self.wheelbase, point=world.point[at], moves=moves)
         swinging = self.long[find_swinging(world, self.rows[self.long])] if len(self.long) else self.long
         if len(swinging):
             plan_swings(world, self.rows[swinging], distance[swinging], _INTERVAL)
@@ -309,15 +309,11 @@ class _LaneFollowers:
             self.shifted = np.union1d(shifting, swinging[find_shifted(world, self.rows[swinging])])
         else:
             shifting = self.shifted
-        if len(self.wander.which):
-            then = np.zeros(self.num)
-            then[moves] = heading
-            self.wander.plan(distance, then, lanes[0], self.shifted, _INTERVAL)
-            heading = then[moves]
+        self.wander.plan(distance, heading, lanes[0], self.shifted, _INTERVAL)
         if len(self.shifted):
             plan_shifts(world, self.rows[shifting], distance[shifting], _INTERVAL)
-            heading = heading + (world.drift[at] + world.drift_rate[at] * _INTERVAL)[moves]
-        turn[moves] = wrap_angle(heading - world.yaw[at][moves])
+            heading = heading + (world.drift[at] + world.drift_rate[at] * _INTERVAL)
+        turn = np.where(moves, wrap_angle(heading - world.yaw[at]), 0.0)
         world.yaw_rate[at] = turn / _INTERVAL
         world.lateral_accel[at] = world.yaw_rate[at] * speed
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
-from rosbridge_sim.world.lane_position import LaneStart, keep_lane, keep_lanes
+from rosbridge_sim.world.geometry import wrap_angle
+from rosbridge_sim.world.lane_position import LaneStart, headings, headings_ahead, keep_lane, keep_lanes
 from rosbridge_sim.world.placement import teleport
 from rosbridge_sim.world.signal_plan import SignalPlan
 from rosbridge_sim.world.state import Kind, World
 from tests.world.lane_drives import lane_of, run, world_of
-from tests.world.road_factory import CAR, car, crossing, ego, line, make, ring, road
+from tests.world.road_factory import CAR, built_in, car, crossing, ego, line, make, ring, road
 
 
 @pytest.mark.parametrize(
@@ -115,3 +117,17 @@ def test_no_vehicle_moves_if_one_of_many_cannot_keep_its_lane() -> None:
     with pytest.raises(ValueError, match="lane: expected 0"):
         keep_lanes(world, [LaneStart(rows[0], 0, 1.0), LaneStart(rows[1], 99, 1.0)])
     assert world.digest() == before
+
+
+@pytest.mark.parametrize("name", ["town", "roundabout"])
+def test_headings_on_straights_are_those_of_both_axles(name: str) -> None:
+    roads = built_in(name).roads
+    rng = np.random.default_rng(0)
+    lane = rng.integers(len(roads), size=2000)
+    following = np.array([(*roads.successors(i).tolist(), -1)[0] for i in lane.tolist()])
+    lanes = np.stack([lane, following, *[np.full(len(lane), -1)] * 4])
+    arc, wheelbase = rng.random(len(lane)) * roads.length[lane], np.full(len(lane), 2.7)
+    point, _ = roads.locate(lane, arc)
+    moves = np.ones(len(lane), dtype=bool)
+    quick = headings_ahead(roads, lanes, arc, wheelbase, point=point, moves=moves)
+    assert np.abs(wrap_angle(quick - headings(roads, lanes, arc, wheelbase))).max() < 1e-9
