@@ -112,8 +112,11 @@ class Ghosts:
         Raises:
             ValueError: it is no such data. Nothing has changed.
         """
+        is_four = isinstance(data, (list, tuple)) and len(data) == 4  # noqa: PLR2004 - those named in the next lines
+        if not (is_four and all(isinstance(array, np.ndarray) for array in data)):
+            raise ValueError("ghosts: expected ids, counts, frames and places")
         uids, counts, frames, places = data
-        kinds = [(array.dtype.kind, array.ndim) for array in (uids, counts, frames, places)]
+        kinds = [(array.dtype.kind, array.ndim) for array in data]
         if kinds != [("i", 1)] * 3 + [("f", 2)] or not len(uids) == len(counts) <= MAX_ENTITIES:
             raise ValueError("ghosts: expected ids, counts, frames and places")
         is_good = len(places) == len(frames) and places.shape[1] == 2 and bool((counts >= 0).all())  # noqa: PLR2004 - x and y

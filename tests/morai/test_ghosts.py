@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.morai.catalogue import Catalogue, Model
-from rosbridge_sim.morai.ghosts import SPEED_WINDOW
-from rosbridge_sim.morai.scene import FIRST_EGO, MAX_ENTITIES, MAX_FILE_UID
-from rosbridge_sim.world.state import DT, Body, Kind
+from rosbridge_sim.morai.ghosts import SPEED_WINDOW, Ghosts
+from rosbridge_sim.morai.plain_bytes import PlainData
+from rosbridge_sim.morai.scene import FIRST_EGO, MAX_ENTITIES, MAX_FILE_UID, Scene
+from rosbridge_sim.world.state import DT, Body, Kind, World
 from tests.morai.sim_harness import ALL, Client, SimHarness
 
 GHOST = "morai_msgs/GhostMessage"
@@ -321,3 +322,10 @@ def test_too_many_vehicles_are_refused_before_they_are_read() -> None:
     with pytest.raises(FieldError, match=f"the world holds 20,000 at most, got {MAX_ENTITIES + 1:,} vehicles"):
         harness.client().send("/NpcGhost_Topic", "morai_msgs/NpcGhostCmd", npc_list=[{}] * (MAX_ENTITIES + 1))
     assert harness.world.digest() == before
+
+
+@pytest.mark.parametrize("state", [None, 7, [], [1, 2, 3, 4], {"uids": []}])
+def test_saved_ghosts_of_another_form_are_refused_in_plain_words(state: object) -> None:
+    ghosts = Ghosts(World(0), cast("Scene", None), lambda _: False)
+    with pytest.raises(ValueError, match="ghosts: expected ids, counts, frames and places"):
+        ghosts.load_state(cast("PlainData", state))
