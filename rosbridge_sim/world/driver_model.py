@@ -150,14 +150,9 @@ def accelerate(speed: FloatArray, perception: Perception, drivers: DriverParamet
     free = drivers.accel * (1.0 - np.square(np.square(np.fmin(speed / np.fmax(wanted_speed, CREEP), 1.0))))
     too_fast = np.fmax((wanted_speed - speed) / SETTLING_TIME, -FIRM)
     free = np.where(speed < wanted_speed, free, too_fast)
-    left = perception.stop_distance - STOP_GAP
-    square = speed * speed
-    needed = np.where(left > 0.0, square / (2.0 * np.fmax(left, 1e-3)), np.inf)
-    to_line = np.fmax(0.9 * perception.stop_distance, 1e-3)
-    needed = np.fmin(needed, np.fmax(square / (2.0 * to_line), FIRM))  # beyond firm braking, use the way up to the line
-    share = np.fmin(np.fmax((needed - BRAKE_FROM) / (BRAKE_FULLY - BRAKE_FROM), 0.0), 1.0)
-    share = np.where(left < STANDS_WITHIN, 1.0, share)
-    chosen = np.fmin(free, free - share * (free + needed))
+    chosen = free
+    at = np.flatnonzero(perception.stop_distance < np.inf)
+    chosen[at] = _stop(free[at], speed[at], perception.stop_distance[at])
     at = np.flatnonzero(perception.gap < np.inf)
     leads = (perception.gap[at], perception.lead_speed[at], perception.lead_accel[at])
     chosen[at] = np.fmin(chosen[at], _follow(at, speed, *leads, drivers))
@@ -205,6 +200,18 @@ def firm_stop(speed: FloatArray, accel: FloatArray, reaction: FloatArray) -> Flo
     """
     surplus = reaction * np.fmax(accel + FIRM, 0.0)
     return np.asarray(np.square(speed + surplus) / (2.0 * FIRM) - surplus * reaction)
+
+
+def _stop(free: FloatArray, speed: FloatArray, distance: FloatArray) -> FloatArray:
+    """Return the accelerations of drivers that must stop at a distance, (m,) [m/s^2]; the arguments are (m,), too."""
+    left = distance - STOP_GAP
+    square = speed * speed
+    needed = np.where(left > 0.0, square / (2.0 * np.fmax(left, 1e-3)), np.inf)
+    to_line = np.fmax(0.9 * distance, 1e-3)
+    needed = np.fmin(needed, np.fmax(square / (2.0 * to_line), FIRM))  # beyond firm braking, use the way up to the line
+    share = np.fmin(np.fmax((needed - BRAKE_FROM) / (BRAKE_FULLY - BRAKE_FROM), 0.0), 1.0)
+    share = np.where(left < STANDS_WITHIN, 1.0, share)
+    return np.asarray(np.fmin(free, free - share * (free + needed)))
 
 
 def _follow(  # noqa: PLR0917 - of one vehicle and its lead vehicle

@@ -283,6 +283,8 @@ class _LaneFollowers:
             drivers: all lane followers.
         """
         world = self.world
+        if not len(self.moving):
+            return self.still, self.still_rows, 0
         drives = self.on_wheels & (np.abs(world.speed[self.moving]) > MOVES)
         moving = np.concatenate([self.moving[drives], self.moving[~drives]])
         seen, owner, arrival = _entries_of(world, moving)
