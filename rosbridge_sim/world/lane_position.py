@@ -24,6 +24,7 @@ from rosbridge_sim.world.state import Kind, World, usual_wheelbase
 
 __all__ = [
     "MAX_LATERAL",
+    "MAX_WANDER",
     "LaneStart",
     "check_route",
     "find_ahead",

@@ -13,10 +13,11 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from rosbridge_sim.world.entity_arrays import BOOLS, FLOATS, INTS, NO_BODY, NUM_CORE
+from rosbridge_sim.world.entity_arrays import BOOLS, FLOATS, INTS, LANE_CHANGE_COLUMNS, NO_BODY, NUM_CORE
 from rosbridge_sim.world.entity_types import MAX_COORDINATE, Body, Dynamics, Gear, Kind, Mode
 from rosbridge_sim.world.geometry import FloatArray, IntArray
 from rosbridge_sim.world.lane_change_model import MAX_REASON
+from rosbridge_sim.world.lane_position import MAX_WANDER
 from rosbridge_sim.world.paths import END, NUM_COLUMNS, PathsSnapshot
 from rosbridge_sim.world.roads import Roads
 from rosbridge_sim.world.signal_plan import SignalPlan
@@ -50,6 +51,10 @@ _POSITIVE: Final = (
 
 _LANE_COLUMNS: Final = ("claim", "held", "exit_lane", "behind", "lane", *(f"ahead_{i}" for i in range(1, 6)))
 _LANE_CHANGE_CODES: Final = {"signal": 2, "leaving": 2, "keeps_lane": 1, "change": MAX_REASON}
+_OFFSETS: Final = tuple(name for name in LANE_CHANGE_COLUMNS if name not in {*_LANE_CHANGE_CODES, "change_since"})
+MAX_OFFSET: Final = 1e4
+"""Bound of offsets from a lane [m], and of their rates and slopes: far beyond any lane beside, but still on the map."""
+
 _PCG64: Final = "PCG64"
 
 T = TypeVar("T")
@@ -242,6 +247,11 @@ class _Reader:
             column = floats[FLOATS.index(name)]
             is_code = (column >= 0.0) & (column <= most) & (column == np.floor(column))
             _expect(bool(is_code.all()), f"floats.{name}", f"whole numbers 0..{most}")
+        for name in _OFFSETS:
+            is_near = np.abs(floats[FLOATS.index(name)]) <= MAX_OFFSET
+            _expect(bool(is_near.all()), f"floats.{name}", f"figures within +-{MAX_OFFSET:g}")
+        width = floats[FLOATS.index("wander_width")]
+        _expect(bool(((width >= 0.0) & (width <= MAX_WANDER)).all()), "floats.wander_width", f"0..{MAX_WANDER:g} m")
         left = floats[FLOATS.index("lateral_left")]
         _expect(bool(((left >= 0.0) & (left <= 1.0)).all()), "floats.lateral_left", "shares 0..1")
 

@@ -286,7 +286,13 @@ def test_snapshot_in_the_middle_of_changes_goes_on_with_the_same_bits() -> None:
 
 def test_snapshot_with_an_impossible_change_is_refused() -> None:
     world, rows = crowd(each=1)
-    for name, value in (("leaving", 3.0), ("signal", 0.5), ("change", -1.0), ("lateral_left", 1.5)):
+    for name, value in (
+        ("leaving", 3.0),
+        ("signal", 0.5),
+        ("change", -1.0),
+        ("lateral_left", 1.5),
+        ("lateral_bend", 1e5),
+    ):
         saved = to_plain(world.snapshot())
         copy = World()
         copy.restore(world.snapshot())

@@ -135,6 +135,24 @@ def test_snapshot_between_decisions_goes_on_with_the_same_bits() -> None:
     assert first.digest() == second.digest()
 
 
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        *(("wander_width", -0.1), ("wander_width", 0.31), ("wander", 1e6), ("wander_slope", -1e15)),
+        *(("wander_x", np.nan), ("wander_y", 1e300), ("wander_x_rate", np.inf), ("wander_y_rate", 1e5)),
+    ],
+)
+def test_snapshot_with_an_impossible_wander_is_refused(column: str, value: float) -> None:
+    world, copy = world_of(road()), World()
+    row = wanderer(world, 0, 20.0)
+    saved = to_plain(world.snapshot())
+    copy.restore(world.snapshot())
+    getattr(copy, column)[row] = value
+    saved["floats"] = copy.snapshot().floats
+    with pytest.raises(ValueError, match="numbers" if np.isnan(value) else column):
+        from_plain(saved, world.roads, world.signals.plan)
+
+
 def test_drivers_wander_alone_as_among_others() -> None:
     """The rows of the second world have gaps, so other ways through the arrays are taken."""
     alone, among = world_of(wide_road()), world_of(wide_road())
