@@ -1,8 +1,8 @@
 """Clearance of lane changes: whether a vehicle gets past the one ahead of it in the lane that it leaves.
 
 The corner of its nose moves across as `lane_change_motion` says. When it comes to the tail of the vehicle ahead, it
-must be farther to the side than that vehicle reaches. A driver that moves takes it for a usual car. One that pulls out
-from rest goes by the sizes of the bodies ahead.
+must be farther to the side than that vehicle reaches. A driver that moves takes one that moves for a usual car, and
+keeps at least that far from one that stands. One that pulls out from rest goes by the sizes of the bodies ahead.
 """
 
 from __future__ import annotations
@@ -36,6 +36,9 @@ CLEARANCE: Final = 0.15
 SEEN: Final = 20.0
 """Bodies with their middle within this distance to the east and to the north may be in the way of one that pulls out
 [m]: half of its length, and that of another truck."""
+
+STANDS: Final = 0.5
+"""Lower speeds count as standing [m/s]. What stands may be askew in its lane, as an ego after a mishap."""
 
 PULLS_OUT_FROM: Final = 0.5
 """As far as its middle to the side, a body that stands ahead counts as in the way [shares of the way across]."""
@@ -88,6 +91,9 @@ def is_clear(world: World, shifts: Shifts, speed: FloatArray) -> BoolArray:
     tight = np.flatnonzero(is_tight & (gap < SEEN))
     if len(tight):
         edge[tight] = _find_edges(world, shifts, tight)
+    standing = np.flatnonzero(~is_tight & (gap < SEEN) & (shifts.lead_speed < STANDS))
+    if len(standing):
+        edge[standing] = np.fmax(CORRIDOR, _find_edges(world, shifts, standing))
     tight = np.flatnonzero(is_tight)
     if len(tight):
         bend[tight] = TIGHT_BEND * across[tight]
@@ -103,9 +109,9 @@ def is_clear(world: World, shifts: Shifts, speed: FloatArray) -> BoolArray:
 
 
 def _find_edges(world: World, shifts: Shifts, which: IntArray) -> FloatArray:
-    """Return how far vehicles that pull out must come to the side, to pass what is ahead in their lane, (m,) [m].
+    """Return how far vehicles that change lanes must come to the side, to pass what is ahead in their lane, (m,) [m].
 
-    It counts from where they began to where their own side passes.
+    It counts from where they began to where their own side passes; `CORRIDOR` where nothing is seen.
 
     Args:
         world: read only.
