@@ -1,8 +1,9 @@
 """Clearance of lane changes: whether a vehicle gets past the one ahead of it in the lane that it leaves.
 
 The corner of its nose moves across as `lane_change_motion` says. When it comes to the tail of the vehicle ahead, it
-must be farther to the side than that vehicle reaches. A driver that moves takes one that moves for a usual car, and
-keeps at least that far from one that stands. One that pulls out from rest goes by the sizes of the bodies ahead.
+must be farther to the side than that vehicle reaches. A vehicle ahead that moves is taken for a usual car in the middle
+of its lane. What stands counts with its true size and place, but for at least that much, unless the driver pulls out
+from rest.
 """
 
 from __future__ import annotations
@@ -28,14 +29,13 @@ from rosbridge_sim.world.lane_change_motion import (
 from rosbridge_sim.world.lane_entries import CORRIDOR
 from rosbridge_sim.world.state import World
 
-__all__ = ["Shifts", "is_clear"]
+__all__ = ["STANDS", "Shifts", "is_clear"]
 
 CLEARANCE: Final = 0.15
-"""Distance to the side at which a driver that pulls out from rest passes the corner of what stands ahead [m]."""
+"""Distance to the side at which a driver passes the corner of what stands ahead [m]."""
 
 SEEN: Final = 20.0
-"""Bodies with their middle within this distance to the east and to the north may be in the way of one that pulls out
-[m]: half of its length, and that of another truck."""
+"""Bodies whose middle is within this distance, east plus north, may be in the way [m]: the lengths of two trucks."""
 
 STANDS: Final = 0.5
 """Lower speeds count as standing [m/s]. What stands may be askew in its lane, as an ego after a mishap."""
@@ -44,8 +44,8 @@ PULLS_OUT_FROM: Final = 0.5
 """As far as its middle to the side, a body that stands ahead counts as in the way [shares of the way across]."""
 
 MAX_PAIRS: Final = 1 << 16
-"""Pairs of a driver that pulls out and a body near it that are looked at in a decision: about 5 ms, a thousand drivers
-in a town. Beyond it drivers take what is ahead for a usual car."""
+"""Pairs of a driver and a body near it that are looked at in a decision: about 5 ms, a thousand drivers in a town. The
+other drivers take what is ahead for a usual car."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,12 +88,9 @@ def is_clear(world: World, shifts: Shifts, speed: FloatArray) -> BoolArray:
     closing = speed - shifts.lead_speed
     way = np.fmax(length_of_shift(shifts.length, across), SHIFT_TIME * speed)
     edge, bend = np.full(len(across), CORRIDOR), np.zeros(len(across))
-    tight = np.flatnonzero(is_tight & (gap < SEEN))
-    if len(tight):
-        edge[tight] = _find_edges(world, shifts, tight)
-    standing = np.flatnonzero(~is_tight & (gap < SEEN) & (shifts.lead_speed < STANDS))
-    if len(standing):
-        edge[standing] = np.fmax(CORRIDOR, _find_edges(world, shifts, standing))
+    seen = np.flatnonzero((gap < SEEN) & (is_tight | (shifts.lead_speed < STANDS)))
+    if len(seen):
+        edge[seen] = np.fmax(_find_edges(world, shifts, seen), np.where(is_tight[seen], -np.inf, CORRIDOR))
     tight = np.flatnonzero(is_tight)
     if len(tight):
         bend[tight] = TIGHT_BEND * across[tight]
@@ -126,9 +123,8 @@ def _find_edges(world: World, shifts: Shifts, which: IntArray) -> FloatArray:
     count = last - first
     count[count.cumsum() > MAX_PAIRS] = 0
     i, near = np.repeat(np.arange(len(own)), count), alive[ranges(first, count)]
-    is_near = (np.abs(world.x[near] - world.x[own[i]]) + np.abs(world.y[near] - world.y[own[i]]) < SEEN) & (
-        near != own[i]
-    )
+    apart = np.abs(world.x[near] - world.x[own[i]]) + np.abs(world.y[near] - world.y[own[i]])
+    is_near = (apart < SEEN) & (near != own[i])
     i, near = i[is_near], near[is_near]
     row = own[i]
     along_yaw = world.yaw[row] - world.drift[row]

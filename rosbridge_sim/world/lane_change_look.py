@@ -9,7 +9,7 @@ import numpy as np
 
 from rosbridge_sim.world.driver_model import HARDEST, Perception
 from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray
-from rosbridge_sim.world.lane_change_clearance import Shifts, is_clear
+from rosbridge_sim.world.lane_change_clearance import STANDS, Shifts, is_clear
 from rosbridge_sim.world.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
 from rosbridge_sim.world.lane_change_model import KEEP_RIGHT_BIAS, THRESHOLD, LaneChange, find_safe, follow
 from rosbridge_sim.world.lane_change_motion import CAR_LENGTH, LANE, SHIFT_TIME
@@ -48,9 +48,6 @@ QUEUE_GAP: Final = 10.0
 
 BLOCKED_TIME, BLOCKED_WAY = 6.0, 40.0
 """Something that stands ahead is a reason to change within this time [s], and within this distance at least [m]."""
-
-STANDS: Final = 0.5
-"""Lower speeds count as standing [m/s]."""
 
 PULL_OUT: Final = 2.0
 PULL_OUT_PER_LENGTH: Final = 0.4

@@ -4,8 +4,8 @@
 another lane, or if something stands ahead that waits for nothing. Otherwise `lane_change_model` decides. No driver
 changes lanes inside an intersection. Near its entry a driver changes only if it must.
 
-*Signal.* A driver signals for 1.5 s at least before it moves over. If it must change, the follower in the
-other lane opens a gap for it, and the driver adapts its own speed to the vehicle that will be ahead of it.
+*Signal.* A driver signals for 1.5 s at least before it moves over. If it must change, the follower in the other lane
+opens a gap for it, and the driver adapts its own speed to the vehicle that will be ahead of it.
 
 *Change.* The vehicle belongs to the new lane at once, with an offset from it that goes to zero (`lane_change_motion`).
 While it is on its way it has an entry on the old lane too, so the drivers in both lanes see it, and it minds the lead
@@ -74,7 +74,6 @@ class LaneChanges:
         self.neighbours = world.roads.derived(LaneNeighbours)
         self.conflicts = world.roads.derived(LaneConflicts)
         self._may = (world.kind[rows] != Kind.EGO) & (world.keeps_lane[rows] == 0.0)
-        self._half_width = world.half_width[rows]
         is_long = 2.0 * world.half_length[rows] > HEAVY_LENGTH
         self._off_old_lane = np.where(is_long, OFF_OLD_LANE_LONG, OFF_OLD_LANE)
         self.is_possible = self.neighbours.is_any and bool(self._may.any())

@@ -29,10 +29,10 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.driver_model import CREEP, accelerate
+from rosbridge_sim.world.driver_model import CREEP, FIRM, accelerate
 from rosbridge_sim.world.driver_parameters import DriverParameters
 from rosbridge_sim.world.driver_perception import Stop, observe, perceive
-from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.geometry import BoolArray, FloatArray, IntArray, ranges, wrap_angle
 from rosbridge_sim.world.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_change_motion import find_shifted, nudge, plan_shifts
 from rosbridge_sim.world.lane_changes import LaneChanges
@@ -66,10 +66,8 @@ MAX_PARTS: Final = 4
 """For pedestrians that cross by light or gap, drivers wait as long as they need, up to so many times as long."""
 
 LANES_TO_PASS: Final = 3
-"""Lanes, with its own one, on which a driver may pass before those who cross: up to the far side of an intersection."""
-
-FIRM: Final = 4.0
-"""A driver that would have to brake harder for somebody who comes later goes on [m/s^2], as for a yellow light."""
+"""Lanes, with its own one, on which a driver may pass before those who cross: up to the far side of an intersection. It
+goes on if it would have to brake harder than `FIRM` for somebody who comes later, as for a yellow light."""
 
 PAST: Final = 1.0
 """It must be so far past the place then [m]."""
@@ -452,15 +450,18 @@ def _find_passed_first(roads: Roads, drivers: Drivers, entries: Entries, arrival
         (m,) bool.
     """
     found = np.zeros(len(arrival), dtype=bool)
-    before = -drivers.arc
+    order = entries.lane.argsort(kind="stable")
+    on_lane, before = entries.lane[order], -drivers.arc
     for part in range(LANES_TO_PASS):
-        near = np.flatnonzero(np.isin(drivers.lanes[part], entries.lane))
-        if len(near):
-            speed = drivers.speed[near, None]
-            gap = entries.tail + (before - drivers.nose)[near, None]
-            rest = gap + drivers.length[near, None]
-            cannot = (gap < speed**2 / (2.0 * FIRM)) & (rest > 0.0)
-            is_gone = (rest + PAST < arrival * np.fmax(speed, PACE)) | (gap < -PAST)
-            found |= ((drivers.lanes[part, near, None] == entries.lane) & cannot & is_gone).any(axis=0)
-        before = before + roads.length[drivers.lanes[part]]
+        lane = drivers.lanes[part]
+        first = on_lane.searchsorted(lane)
+        count = on_lane.searchsorted(lane, side="right") - first
+        driver, entry = np.repeat(np.arange(len(lane)), count), order[ranges(first, count)]
+        speed = drivers.speed[driver]
+        gap = entries.tail[entry] + (before - drivers.nose)[driver]
+        rest = gap + drivers.length[driver]
+        cannot = (gap < speed * speed / (2.0 * FIRM)) & (rest > 0.0)
+        is_gone = (rest + PAST < arrival[entry] * np.fmax(speed, PACE)) | (gap < -PAST)
+        found[entry[cannot & is_gone]] = True
+        before = before + roads.length[lane]
     return found
