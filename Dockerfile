@@ -19,7 +19,6 @@ LABEL org.opencontainers.image.title="rosbridge-sim" \
     org.opencontainers.image.description="A rosbridge v2 server that needs no ROS, with a driving world inside that answers like MORAI SIM: Drive" \
     org.opencontainers.image.licenses="Apache-2.0" \
     org.opencontainers.image.authors="The rosbridge_sim authors" \
-    org.opencontainers.image.url="https://pypi.org/project/rosbridge-sim/" \
     org.opencontainers.image.version="${VERSION}" \
     org.opencontainers.image.revision="${REVISION}"
 RUN useradd --uid 10001 --user-group --no-create-home --shell /usr/sbin/nologin rosbridge-sim \

@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING
 from rosbridge_sim.version import __version__
 
 if TYPE_CHECKING:
-    from rosbridge_sim.errors import DocumentError, RosbridgeSimError
+    from rosbridge_sim.errors import DocumentError, RosbridgeSimError, SettingError
     from rosbridge_sim.shell.app import AddressError, Simulator
     from rosbridge_sim.shell.config.options import SimulatorOptions
-    from rosbridge_sim.shell.config.value_types import SettingError
     from rosbridge_sim.shell.scheduler import WorldFailedError
 
 __all__ = [
@@ -29,7 +28,7 @@ _MODULES = {
     "AddressError": "rosbridge_sim.shell.app",
     "DocumentError": "rosbridge_sim.errors",
     "RosbridgeSimError": "rosbridge_sim.errors",
-    "SettingError": "rosbridge_sim.shell.config.value_types",
+    "SettingError": "rosbridge_sim.errors",
     "Simulator": "rosbridge_sim.shell.app",
     "SimulatorOptions": "rosbridge_sim.shell.config.options",
     "WorldFailedError": "rosbridge_sim.shell.scheduler",

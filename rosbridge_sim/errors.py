@@ -41,6 +41,7 @@ __all__ = [
     "Reason",
     "RosbridgeSimError",
     "ServiceRefusedError",
+    "SettingError",
     "TypeNameError",
     "UnknownPackageError",
 ]
@@ -170,6 +171,10 @@ class DefinitionError(DocumentError):
         super().__init__(f"{source}:{line}:{column}: {text}")
         self.line = line
         self.column = column
+
+
+class SettingError(DocumentError):
+    """A flag, variable, key or option that cannot be used."""
 
 
 class ClientError(RosbridgeSimError):

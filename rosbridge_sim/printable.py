@@ -2,14 +2,22 @@
 
 from __future__ import annotations
 
+import re
+
 __all__ = ["MAX_QUOTED", "printable"]
 
 MAX_QUOTED = 200
 """Characters of a path or a type name in an error text: far more than any real one has."""
 
+_UNSAFE = re.compile(r"[\x80-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+"""Control characters beyond ASCII, the line separators, and the characters that change the direction of a text (Unicode
+Standard Annex 9, section 2). With the latter a client's text could reorder the words of an error around it."""
+
 
 def printable(text: str, max_chars: int | None = None) -> str:
-    """Return a text with each half of a surrogate pair escaped, because no encoder can send a half.
+    """Return a text with unsafe characters escaped.
+
+    These are halves of surrogate pairs, which no encoder can send, and `_UNSAFE`.
 
     Args:
         text: text from a peer.
@@ -18,4 +26,10 @@ def printable(text: str, max_chars: int | None = None) -> str:
     """
     if max_chars is not None and len(text) > max_chars:
         text = text[:max_chars] + "..."
-    return text if text.isascii() else text.encode("utf-8", "backslashreplace").decode()
+    if text.isascii():
+        return text
+    return _UNSAFE.sub(_escape, text).encode("utf-8", "backslashreplace").decode()
+
+
+def _escape(found: re.Match[str]) -> str:
+    return found[0].encode("ascii", "backslashreplace").decode()

@@ -80,7 +80,7 @@ def rosbridge_simulator_factory(request: pytest.FixtureRequest, tmp_path: Path) 
         request: the request of the fixture.
         tmp_path: the test's temporary folder.
     """
-    from rosbridge_sim import Simulator  # noqa: PLC0415 - a run without simulators does not need it
+    from rosbridge_sim import DocumentError, Simulator  # noqa: PLC0415 - a run without simulators does not need it
     from rosbridge_sim.shell.failure_report import FailureReport  # noqa: PLC0415 - the same
 
     item = request.node
@@ -93,7 +93,12 @@ def rosbridge_simulator_factory(request: pytest.FixtureRequest, tmp_path: Path) 
         given: SimulatorOptions = {"port": 0, "data_dir": tmp_path / "SaveFile"}
         given.update(_options_of(item))
         given.update(options)
-        simulator = Simulator(**given).open()
+        try:
+            simulator = Simulator(**given).open()
+        except DocumentError as error:
+            if options:  # the test's own line is part of the message
+                raise
+            pytest.fail(f"{item.nodeid}: {error}", pytrace=False)
         ending.callback(simulator.close)
         simulators.append(simulator)
         reports.append(FailureReport(simulator))
@@ -143,14 +148,13 @@ def _options_of(item: pytest.Item) -> SimulatorOptions:
     """Return the options in a test's markers; the nearest marker has priority.
 
     Raises:
-        pytest.UsageError: a marker has wrong arguments.
+        pytest.fail.Exception: a marker has wrong arguments; pytest shows the sentence alone.
     """
     options: SimulatorOptions = {}
     for marker in reversed(list(item.iter_markers("rosbridge_options"))):
         if marker.args:
-            raise pytest.UsageError(
-                f'{item.nodeid}: rosbridge_options: expected keyword arguments, such as start="sync"'
-            )
+            text = f'{item.nodeid}: rosbridge_options: expected keyword arguments, such as start="sync"'
+            pytest.fail(text, pytrace=False)
         # `Simulator` checks the values, and its error names the option.
         options.update(marker.kwargs)  # type: ignore[typeddict-item]
     scenario, seed = _argument_of(item, "rosbridge_scenario"), _argument_of(item, "rosbridge_seed")
@@ -168,7 +172,7 @@ def _argument_of(item: pytest.Item, name: str) -> object:
         return None
     values = [*marker.args, *marker.kwargs.values()]
     if len(values) != 1:
-        raise pytest.UsageError(f"{item.nodeid}: {name}: expected one argument; got {len(values)}")
+        pytest.fail(f"{item.nodeid}: {name}: expected one argument; got {len(values)}", pytrace=False)
     return values[0]
 
 

@@ -14,7 +14,7 @@ from itertools import islice, pairwise
 
 from rosbridge_sim.printable import printable
 
-__all__ = ["hint", "listing"]
+__all__ = ["find_misspelt", "hint", "listing"]
 
 MAX_COMPARED_NAME = 80
 """Longest name that gets a suggestion [characters]: longer than any topic, type or field of this package."""
@@ -44,6 +44,41 @@ def hint(name: str, known: Iterable[str], cutoff: float = 0.7) -> str:
         return ""
     near = _nearest(name, tuple(islice(known, MAX_CACHED)), cutoff)
     return f" (did you mean {printable(near)}?)" if near else ""
+
+
+def find_misspelt(name: str, known: Iterable[str]) -> str:
+    """Return the known name of which another name is surely a misspelling; an empty text if there is none.
+
+    Surely means: case and `_`, `-`, `/` apart, one letter is missing, added, wrong or swapped with the next one; or the
+    names are equal for the most part, as long ones with two such mistakes are. Names of fewer than four letters must be
+    equal but for case, because `pos` and `rot` are different things.
+
+    Args:
+        name: the given name.
+        known: the known names.
+    """
+    if not name or len(name) > MAX_COMPARED_NAME:
+        return ""
+    names = tuple(islice(known, MAX_CACHED))
+    near = _nearest(name, names, _SURE)
+    return near or next((each for each in names if _is_one_slip(_key(name), _key(each))), "")
+
+
+_SURE = 0.9
+"""A name with this similarity to a known one is a misspelling; MORAI's own keys are less similar to each other."""
+
+_MIN_SLIP_NAME = 4
+"""Shortest name in which one other letter is taken for a misspelling [characters]."""
+
+
+def _is_one_slip(name: str, known: str) -> bool:
+    """Return whether two names differ by one letter that is missing, added, wrong or swapped with the next one."""
+    if min(len(name), len(known)) < _MIN_SLIP_NAME or abs(len(name) - len(known)) > 1:
+        return False
+    first = next((i for i, (a, b) in enumerate(zip(name, known, strict=False)) if a != b), min(len(name), len(known)))
+    rest, known_rest = name[first:], known[first:]
+    is_swapped = rest[:2] == known_rest[1::-1] and rest[2:] == known_rest[2:]
+    return is_swapped or any(rest[skip:] == known_rest[known_skip:] for skip, known_skip in ((1, 1), (1, 0), (0, 1)))
 
 
 @lru_cache(maxsize=64)  # a program repeats its mistakes; a few MB if clients' names fill it

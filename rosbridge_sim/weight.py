@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["FULL", "LIGHT", "Bounds", "Weight", "claim", "weigh", "weigh_exactly"]
+__all__ = ["FULL", "LIGHT", "Bounds", "Weight", "claim", "real_quotes", "weigh", "weigh_exactly", "weigh_in_slices"]
 
 _SLICE = 256 * 1024
 """Bytes of one slice: they stay in the processor's cache; 1 ms of work if the content of texts is ignored."""
@@ -85,7 +85,8 @@ class Bounds:
 
 FULL = Bounds(containers=150_000, texts=800_000, commas=4_500_000)
 """Bounds of a frame. A MarkerArray of 5,000 markers with all fields has 100,000 containers and 350,000 texts. An
-occupancy grid of 2,000 x 2,000 cells has 4 million numbers. Decoding them takes 20 to 100 ms. A number at the edge of
+occupancy grid of 2,000 x 2,000 cells has 4 million numbers. More than a million values are decoded in parts, see
+`protocol/long_lists.py`; the others take up to 50 ms. A number at the edge of
 float64 takes msgspec 14 us, 500 times as long as another one: 2.5 million `1e308` in 16 MB took 34 s."""
 
 LIGHT = Bounds(containers=15_000, texts=60_000, commas=320_000)
@@ -104,15 +105,25 @@ def weigh(text: bytes | memoryview) -> Weight:
         if max(commas, braces, brackets) < _FEW:
             containers = braces + brackets
             return Weight(containers, 2 * (commas + containers) + 1, commas)  # one of these is between two texts
+    *_, weight = weigh_in_slices(text)
+    return weight
+
+
+def weigh_in_slices(text: bytes | memoryview) -> Iterator[Weight]:
+    """Yield the largest possible weight of a JSON text so far, as `weigh`, after each slice of half a millisecond.
+
+    Args:
+        text: in UTF-8; it may be invalid JSON.
+    """
     data = np.frombuffer(text, np.uint8)
     containers = quotes = commas = extremes = 0
-    for start in range(0, len(data), _SLICE):
+    for start in range(0, max(len(data), 1), _SLICE):
         part = data[start : start + _SLICE]
         containers += int(np.count_nonzero(part == _BRACE)) + int(np.count_nonzero(part == _BRACKET))
         quotes += int(np.count_nonzero(part == _QUOTE))
         commas += int(np.count_nonzero(part == _COMMA))
         extremes += _count_extremes(data, start, part, None)
-    return Weight(containers, quotes // 2, commas, extremes)
+        yield Weight(containers, quotes // 2, commas, extremes)
 
 
 def _count_few(text: bytes, mark: bytes) -> int:
@@ -135,7 +146,7 @@ def weigh_exactly(text: bytes | memoryview) -> Iterator[Weight]:
     is_inside = is_escaped = False
     for start in range(0, max(len(data), 1), _SLICE):
         part = data[start : start + _SLICE]
-        marks, is_escaped = _real_quotes(part, is_escaped=is_escaped)
+        marks, is_escaped = real_quotes(part, is_escaped=is_escaped)
         # After an odd number of quotes, a character is inside a text.
         inside = np.bitwise_xor.accumulate(marks) if is_inside is False else np.bitwise_xor.accumulate(marks) ^ 1
         outside = inside == 0
@@ -176,7 +187,7 @@ def _count_extremes(
     return num_blocks + int(np.count_nonzero(is_far))
 
 
-def _real_quotes(part: npt.NDArray[np.uint8], *, is_escaped: bool) -> tuple[npt.NDArray[np.uint8], bool]:
+def real_quotes(part: npt.NDArray[np.uint8], *, is_escaped: bool) -> tuple[npt.NDArray[np.uint8], bool]:
     """Return the quotes that begin or end a text, as ones among zeros, and True if the next character is escaped.
 
     Args:

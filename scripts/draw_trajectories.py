@@ -29,10 +29,10 @@ ROOT = Path(__file__).resolve().parent.parent
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
-from rosbridge_sim.morai.scene import Scene  # noqa: E402
 from rosbridge_sim.shell.files.library import DiskLibrary  # noqa: E402
-from rosbridge_sim.world.geometry import FloatArray  # noqa: E402
-from rosbridge_sim.world.state import DT, Gear, Kind, World  # noqa: E402
+from rosbridge_sim.simulator.scene.scene import Scene  # noqa: E402
+from rosbridge_sim.world.geometry.planar import FloatArray  # noqa: E402
+from rosbridge_sim.world.state.world import DT, Gear, Kind, World  # noqa: E402
 from rosbridge_sim.world.step import step  # noqa: E402
 from scripts.soak.traffic_cells import Cell, world_of  # noqa: E402
 from scripts.trajectory_cases import CASES, Box  # noqa: E402

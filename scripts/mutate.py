@@ -6,7 +6,7 @@
     .venv/bin/python scripts/mutate.py --minutes 10 --seed 1  another random sample, if time is too short for all
     .venv/bin/python scripts/mutate.py --again LOG            the survivors that an earlier run printed, with new tests
 
-A mutant is the file with one change: a comparison, an operator, a small number, a condition, or a call left out.
+A mutant is the file with one change: a comparison, an operator, a number, a condition, or a call left out.
 Mutants are tried in random order, so a run that ends early still gives a fair score. Each one runs in a fork of this
 process, which has imported the slow modules. So no file is written, and one core is used. A mutant that no test notices
 is printed as `file:line: old -> new`. Some of them are equivalent to the original, so the score never reaches 100 %.
@@ -45,18 +45,21 @@ TESTS = {
     "protocol/outbox.py": ("protocol/test_outbox.py", "protocol"),
     "protocol/session.py": ("protocol/test_session.py graph/test_vectors.py", "protocol graph"),
     "protocol/subscription.py": ("protocol/test_subscription.py", "protocol graph/test_peer.py"),
-    "morai/sync.py": (
-        "morai/test_sync.py",
-        "morai/test_simulator_node.py morai/test_egos.py morai/interfaces/test_publishers.py",
+    "simulator/sync/sync.py": (
+        "simulator/sync/test_sync.py",
+        "simulator/test_simulator_node.py simulator/kernel/test_egos.py simulator/bus/test_publishers.py",
     ),
-    "morai/sync_driver.py": (
-        "morai/test_simulator_node.py",
-        "morai/test_egos.py morai/test_loads.py morai/interfaces/test_publishers.py",
+    "simulator/kernel/sync_driver.py": (
+        "simulator/test_simulator_node.py",
+        "simulator/kernel/test_egos.py simulator/morai_services/test_loads.py simulator/bus/test_publishers.py",
     ),
-    "morai/frame_stepper.py": ("morai/test_simulator_node.py morai/test_component.py", "morai/test_egos.py"),
+    "simulator/kernel/frame_stepper.py": (
+        "simulator/test_simulator_node.py simulator/kernel/test_component.py",
+        "simulator/kernel/test_egos.py",
+    ),
     "world/step.py": (
-        "world/test_step.py world/test_waiting.py world/test_collisions.py",
-        "world/test_dynamics.py world/test_commands.py world/test_placement.py world/test_lane_following.py",
+        "world/test_step.py world/followers/test_waiting.py world/contacts/test_collisions.py",
+        "world/vehicle/test_dynamics.py world/state world/followers/test_lane_following.py",
     ),
     "graph/topic_table.py": (
         "graph/test_topic_table.py graph/test_bus.py graph/test_unpublished.py graph/test_topic_types.py",
@@ -64,6 +67,35 @@ TESTS = {
     ),
     "graph/delivery.py": ("graph/test_delivery.py graph/test_guard.py", "graph"),
     "graph/service_table.py": ("graph/test_service_table.py graph/test_bus.py graph/test_peer.py", "graph"),
+    "simulator/sync/barrier.py": ("simulator/sync/test_barrier.py", "simulator/sim_services/test_barrier_services.py"),
+    "simulator/snapshots/saved_loads.py": (
+        "simulator/sim_services/test_forged_snapshots.py simulator/sim_services/test_traffic_demand.py",
+        "simulator/snapshots",
+    ),
+    "world/people/people.py": ("world/people",),
+    "world/people/crossings.py": ("world/people",),
+    "world/vehicle/single_track.py": ("world/vehicle/test_single_track.py", "world/vehicle/test_dynamics.py"),
+    "world/vehicle/dynamics.py": ("world/vehicle/test_dynamics.py", "world/vehicle/test_single_track.py"),
+    "world/drivers/driver_model.py": ("world/drivers/test_driver_model.py", "world/followers/test_lane_following.py"),
+    "world/drivers/driver_perception.py": (
+        "world/drivers/test_right_of_way.py world/followers/test_lane_following.py",
+        "world/people",
+    ),
+    "world/drivers/right_of_way.py": (
+        "world/drivers/test_right_of_way.py",
+        "world/followers/test_lane_following.py world/drivers/test_zip_merge.py",
+    ),
+    "world/drivers/lane_position.py": ("world/drivers/test_lane_position.py", "world/drivers world/lane_changes"),
+    "world/drivers/zip_merge.py": ("world/drivers/test_zip_merge.py", "world/lane_changes"),
+    "world/followers/lane_following.py": ("world/followers/test_lane_following.py", "world/drivers world/lane_changes"),
+    "world/lane_changes/lane_changes.py": ("world/lane_changes",),
+    "world/lane_changes/lane_change_look.py": ("world/lane_changes",),
+    "world/lane_changes/lane_change_clearance.py": ("world/lane_changes",),
+    "world/lane_changes/lane_change_motion.py": (
+        "world/lane_changes/test_lane_change_motion.py world/drivers/test_lane_wander.py",
+        "world/lane_changes",
+    ),
+    "world/lane_changes/lane_change_model.py": ("world/lane_changes",),
 }
 """The central files; for each one, quick tests that notice most mutants, and tests that should notice the rest."""
 
@@ -169,7 +201,10 @@ class _Exchange(ast.NodeTransformer):
 
 
 def _nodes(tree: ast.Module) -> Iterator[ast.AST]:
-    """Yield the nodes of all function bodies, except annotations, defaults, decorators, assertions and error texts."""
+    """Yield the nodes of all function bodies and of the constant numbers of a module.
+
+    Annotations, defaults, decorators, assertions and error texts are left out.
+    """
     waiting: list[tuple[ast.AST, bool]] = [(tree, False)]
     while waiting:
         node, is_inside = waiting.pop()
@@ -181,10 +216,22 @@ def _nodes(tree: ast.Module) -> Iterator[ast.AST]:
             continue
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
             waiting += [(child, True) for child in reversed(node.body)]
+        elif isinstance(node, ast.Module):
+            waiting += [_constant_of(child) or (child, False) for child in reversed(node.body)]
         elif isinstance(node, ast.AnnAssign):
             waiting += [(child, is_inside) for child in (node.value,) if child is not None]
         else:
             waiting += [(child, is_inside) for child in reversed(list(ast.iter_child_nodes(node)))]
+
+
+def _constant_of(statement: ast.stmt) -> tuple[ast.AST, bool] | None:
+    """Return the value of a module's constant that is made of numbers, as a node to look into; None for the rest."""
+    value = statement.value if isinstance(statement, (ast.Assign, ast.AnnAssign)) else None
+    if value is None:
+        return None
+    parts = [part for part in ast.walk(value) if isinstance(part, ast.expr)]
+    is_tuned = all(isinstance(part, (ast.Constant, ast.UnaryOp, ast.BinOp, ast.Tuple)) for part in parts)
+    return (value, True) if is_tuned else None
 
 
 def _variants(node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:  # noqa: C901, PLR0912 - one case for each sort of node
@@ -213,6 +260,8 @@ def _variants(node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:  # noqa: C901
             yield changed(value=not value)
         case ast.Constant(value=int(value) | float(value)) if abs(value) <= 2:
             yield changed(value=value + 1)
+        case ast.Constant(value=int(value) | float(value)):
+            yield changed(value=value * 2)
         case ast.Name(id=name) if name in NAMES:
             yield changed(id=NAMES[name])
         case ast.Attribute(attr=name) if name in NAMES:

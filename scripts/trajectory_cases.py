@@ -8,10 +8,10 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.morai.catalogue import BUILT_IN, default_model
+from rosbridge_sim.scenarios.catalogue import BUILT_IN, default_model
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.lane_position import LaneStart, keep_lanes
-from rosbridge_sim.world.state import Body, Gear, Kind, World
+from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.state.world import Body, Gear, Kind, World
 from scripts.soak.traffic_cells import Cell, world_of
 
 WALK = -38.8

@@ -23,7 +23,7 @@ if __name__ == "__main__":
 from scripts.docs_pages.barrier import draw_barrier, write_barrier  # noqa: E402
 from scripts.docs_pages.fields import write_fields  # noqa: E402
 from scripts.docs_pages.flags import write_flags  # noqa: E402
-from scripts.docs_pages.rooms import draw_rooms  # noqa: E402
+from scripts.docs_pages.rooms import PACKAGE_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS, draw_rooms  # noqa: E402
 from scripts.docs_pages.sync_mode import draw_states, write_table  # noqa: E402
 
 __all__ = ["DOCS", "GENERATED", "find_outdated"]
@@ -38,7 +38,9 @@ GENERATED: Final[dict[str, Callable[[], str]]] = {
     "reference/barrier_table.md": write_barrier,
     "images/sync_mode.svg": draw_states,
     "images/barrier.svg": draw_barrier,
-    "images/rooms.svg": lambda: draw_rooms(ROOT / "rosbridge_sim"),
+    "images/rooms.svg": lambda: draw_rooms(ROOT / "rosbridge_sim", PACKAGE_ROOMS),
+    "images/rooms_simulator.svg": lambda: draw_rooms(ROOT / "rosbridge_sim", SIMULATOR_ROOMS),
+    "images/rooms_world.svg": lambda: draw_rooms(ROOT / "rosbridge_sim", WORLD_ROOMS),
 }
 """File in `docs/` -> function that returns its text."""
 

@@ -16,8 +16,8 @@ ROOT = Path(__file__).resolve().parent.parent
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
-from rosbridge_sim.morai.scenarios.model import scenario_schema  # noqa: E402
-from rosbridge_sim.morai.sensor_noise import noise_schema  # noqa: E402
+from rosbridge_sim.scenarios.scenario_model import scenario_schema  # noqa: E402
+from rosbridge_sim.simulator.sensors.sensor_noise import noise_schema  # noqa: E402
 
 
 def schema_files() -> dict[Path, str]:

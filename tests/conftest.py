@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import sys
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from contextlib import AsyncExitStack
 from pathlib import Path
@@ -17,10 +16,37 @@ from tests.support import Client, ServerProcess, require_tool
 
 __all__ = ["Connect", "Serve", "Simulate", "require_tool"]
 
-hypothesis.settings.register_profile(
-    "ours", deadline=None
-)  # how long an example takes is the machine's, not the code's
+# How long an example takes is the machine's, not the code's. `--long` tries more of them.
+hypothesis.settings.register_profile("ours", deadline=None, max_examples=50)
+hypothesis.settings.register_profile("long", deadline=None, max_examples=1_000)
 hypothesis.settings.load_profile("ours")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add `--long`."""
+    parser.addoption("--long", action="store_true", help="run what takes long, and more examples of hypothesis")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Choose how many examples hypothesis tries where a test does not say it."""
+    if config.getoption("--long"):
+        hypothesis.settings.load_profile("long")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out the long tests; with `--long`, all but those and the ones of hypothesis."""
+    is_long = config.getoption("--long")
+    chosen = [item for item in items if _is_of(item, is_long=is_long)]
+    config.hook.pytest_deselected(items=[item for item in items if item not in set(chosen)])
+    items[:] = chosen
+
+
+def _is_of(item: pytest.Item, *, is_long: bool) -> bool:
+    """Whether a test is one of the long run, or of the ordinary one."""
+    if is_long:
+        return any(item.get_closest_marker(name) for name in ("long", "hypothesis"))
+    return item.get_closest_marker("long") is None
+
 
 Serve = Callable[..., ServerProcess]
 """`serve("--start", "sync")`: a server of the test's own."""
@@ -33,17 +59,19 @@ Connect = Callable[..., Awaitable[Client]]
 
 
 @pytest.fixture(autouse=True, scope="session")
-def default_hangup() -> Iterator[None]:
-    """Give the programs started here the default action for SIGHUP, even where the tests run under nohup.
+def default_signals() -> Iterator[None]:
+    """Give the programs started here the default action for signals that end them, whatever started the tests.
 
-    A signal that a program ignores is ignored by those that it starts; one that it handles is not.
+    nohup ignores SIGHUP, and a shell without job control ignores SIGINT for what it starts in the background. A signal
+    that a program ignores is ignored by those that it starts; one that it handles is not.
     """
-    if sys.platform == "win32" or signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
-        yield
-        return
-    signal.signal(signal.SIGHUP, lambda *_: None)
+    names = [name for name in ("SIGHUP", "SIGINT") if hasattr(signal, name)]
+    ignored = [number for name in names if signal.getsignal(number := getattr(signal, name)) is signal.SIG_IGN]
+    for number in ignored:
+        signal.signal(number, lambda *_: None)
     yield
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    for number in ignored:
+        signal.signal(number, signal.SIG_IGN)
 
 
 @pytest.fixture(scope="module")

@@ -18,12 +18,14 @@ from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, NoReturn, Self, TypeVar
+from typing import IO, Any, NoReturn, Self, TypeVar
 from urllib.request import urlopen
 
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
 
+from tests import fork_server
+from tests.fork_server import ForkedProgram
 from tests.vector_player import read_frame
 
 __all__ = [
@@ -97,11 +99,22 @@ def finish(slices: Generator[None, None, T]) -> T:
 # Processes
 
 
-def read_line(process: subprocess.Popen[str]) -> str:
+def read_line(process: subprocess.Popen[str] | ForkedProgram) -> str:
     """The first line of a process's stdout; empty if it says nothing for too long, or ends."""
     assert process.stdout is not None
     is_ready, _, _ = select.select([process.stdout], [], [], PATIENCE)
     return process.stdout.readline() if is_ready else ""
+
+
+def _start(command: Sequence[str], env: dict[str, str], stderr: IO[bytes]) -> subprocess.Popen[str] | ForkedProgram:
+    """Start Python with these words: by a fork, unless Python itself has to take notice of them."""
+    whole = {**os.environ, **env}
+    option, *words = command
+    if option == "-m" and hasattr(os, "fork") and not any(name.startswith("PYTHON") for name in env):
+        return fork_server.start(words[0], words[1:], whole, stderr)
+    return subprocess.Popen(
+        [sys.executable, *command], cwd=ROOT, env=whole, stdout=subprocess.PIPE, stderr=stderr, text=True
+    )
 
 
 class Process:
@@ -124,14 +137,7 @@ class Process:
         self._log = log
         self._is_told_to_stop = False
         with log.open("ab") as stderr:
-            self._process = subprocess.Popen(
-                [sys.executable, *command],
-                cwd=ROOT,
-                env={**os.environ, **(env or {})},
-                stdout=subprocess.PIPE,
-                stderr=stderr,
-                text=True,
-            )
+            self._process = _start(command, env or {}, stderr)
         self.pid = self._process.pid
         line = read_line(self._process)
         if not line.startswith(ready):

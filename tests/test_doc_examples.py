@@ -22,7 +22,7 @@ import pytest
 
 from rosbridge_sim.client import Client
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
-from rosbridge_sim.world.state import Kind
+from rosbridge_sim.world.state.world import Kind
 from tests.cli.tool_fixture import run as run_tool
 from tests.conftest import Connect, Serve
 from tests.end_to_end.test_browser import page_at, until

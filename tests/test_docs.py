@@ -13,15 +13,15 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.cli.command_table import TOOLS
-from rosbridge_sim.morai.barrier_table import BarrierEvent
-from rosbridge_sim.morai.sync_table import SYNC_TABLE
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.monitoring.server_topics import TOPICS
+from rosbridge_sim.simulator.sync.barrier_table import BarrierEvent
+from rosbridge_sim.simulator.sync.sync_table import SYNC_TABLE
 from scripts.check_site import find_loads, find_loads_in_css, find_loads_in_html
 from scripts.docs_pages.barrier import EVENTS as BARRIER_EVENTS
 from scripts.docs_pages.barrier import list_barrier_edges
 from scripts.docs_pages.fields import SERVER_TOPICS, FieldRow, read_fields
-from scripts.docs_pages.rooms import read_arrows
+from scripts.docs_pages.rooms import PACKAGE_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS, Picture, read_arrows
 from scripts.docs_pages.sync_mode import list_edges
 from scripts.write_docs import GENERATED
 from tests.support import ROOT
@@ -42,8 +42,8 @@ FLAG = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z](?!-)")
 HELD_BY_TESTS = {"differences.md": "The table", "security.md": "What is promised"}
 """Pages of which a section holds nothing without a test, and that section."""
 
-DEFINED_FLAG = re.compile(r"""add(?:_argument|option)\(\s*(?:"-\w", )?"(--[a-z-]+)\"""")
-"""Definition of a flag in a script or in the pytest plugin."""
+DEFINED_FLAG = re.compile(r"""(?:add(?:_argument|option)\(\s*(?:"-\w", )?"|^    )(--[a-z-]+)(?:"|\)$)""", re.MULTILINE)
+"""Definition of a flag in a script, also in one of bash as a case, or in the pytest plugin."""
 
 OTHER_FLAGS = frozenset(["--directory", "--bind", "--name", "--rm", "--build", "--bundle", "--format", "--outfile"])
 """Flags of `http.server`, docker and esbuild."""
@@ -97,6 +97,51 @@ def test_each_row_of_a_table_of_promises_names_a_test(name: str) -> None:
         assert all(NAMED_TEST.fullmatch(one) for one in cells[-1].split(", ")), row
 
 
+# What it does not do
+
+
+DENIALS = (
+    ("README.md", "What it is not"),
+    ("docs/modelling.md", "What is not simulated"),
+    ("docs/security.md", "What is not promised"),
+)
+"""Pages and sections whose lists say what is not there."""
+
+LIMITS = re.compile(r"^\*\*(?:Limits of validity|What is not moved)\.\*\* ((?:.+\n)+)", re.MULTILINE)
+
+NO_DENIALS = ("Contacts with them are told", "`tests/world/test_kinematic_drives.py` holds its bits")
+"""Beginnings of sentences among the limits that tell what is there."""
+
+
+def plain(text: str) -> str:
+    """A text of a page on one line, without emphasis and the targets of links."""
+    return " ".join(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", text.replace("**", "")).split())
+
+
+def denials() -> list[str]:
+    """First sentences of the lists of what is not there, and all sentences of the limits of validity."""
+    found = []
+    for name, section in DENIALS:
+        text = (ROOT / name).read_text("utf-8").partition(f"\n## {section}\n")[2].partition("\n## ")[0]
+        found += [
+            re.split(r"[.;](?:\s|$)", plain(one))[0] for one in re.findall(r"^- (.*\n(?:  .*\n)*)", text, re.MULTILINE)
+        ]
+    for limits in LIMITS.findall((DOCS / "modelling.md").read_text("utf-8")):
+        found += [one for one in re.split(r"\.(?:\s|$)", plain(limits)) if one and not one.startswith(NO_DENIALS)]
+    return found
+
+
+def test_each_statement_on_what_is_not_there_has_a_test_or_is_called_untestable() -> None:
+    rows = [
+        [cell.strip() for cell in row.strip("|").split(" | ")]
+        for row in rows_of(DOCS / "differences.md", "What it does not do")
+    ]
+    for row in rows:
+        assert len(row) == 3, row
+        assert row[2] == "untestable" or all(NAMED_TEST.fullmatch(one) for one in row[2].split(", ")), row
+    assert sorted(row[0] for row in rows) == sorted(denials())
+
+
 @of_each_page
 def test_each_link_of_a_page_has_a_target(page: Path) -> None:
     for target, anchor in LINK.findall(page.read_text("utf-8")):
@@ -120,7 +165,7 @@ def known_flags() -> frozenset[str]:
     """Flags in the help of all commands, and those that scripts and the pytest plugin define."""
     helped = help_of([], lambda words: read_settings(words, {}))
     helped += "".join(help_of([], run) for run in TOOLS.values())
-    sources = [*(ROOT / "scripts").rglob("*.py"), ROOT / "rosbridge_sim/pytest_plugin.py"]
+    sources = [*(ROOT / "scripts").rglob("*.py"), ROOT / "rosbridge_sim/pytest_plugin.py", ROOT / "scripts/test"]
     defined = {flag for path in sources for flag in DEFINED_FLAG.findall(path.read_text("utf-8"))}
     return frozenset(FLAG.findall(helped)) | defined
 
@@ -166,13 +211,23 @@ def test_topic_with_the_type_name_of_a_service_shows_fields_of_the_message(name:
     assert "(response)" not in topics
 
 
-def test_every_arrow_between_rooms_is_permitted() -> None:
-    permitted: set[tuple[str, str]] = set()
-    for room, targets in ARROWS.items():
-        permitted |= {(room.partition(".")[0], target.partition(".")[0]) for target in targets}
-    drawn = read_arrows(ROOT / "rosbridge_sim")
+@pytest.mark.parametrize("picture", [PACKAGE_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS])
+def test_every_arrow_between_rooms_is_permitted(picture: Picture) -> None:
+    def name(room: str) -> str:  # as the picture has it
+        inside = room.removeprefix(picture.folder).lstrip(".")
+        return inside.partition(".")[0] or "."
+
+    rooms = [room for room in ARROWS if f"{room}.".startswith(f"{picture.folder}.".lstrip("."))]
+    permitted = {(name(room), name(target)) for room in rooms for target in ARROWS[room] if target in rooms}
+    drawn = read_arrows(ROOT / "rosbridge_sim", picture)
     assert drawn
     assert drawn <= permitted
+
+
+def test_pictures_show_all_rooms_of_the_simulator_and_of_the_world() -> None:
+    for picture in (SIMULATOR_ROOMS, WORLD_ROOMS):
+        there = {room.partition(".")[2] for room in ARROWS if room.startswith(f"{picture.folder}.")}
+        assert picture.rooms.keys() == {".", *there}
 
 
 def test_diagram_of_the_barrier_has_an_arrow_for_each_change_of_state() -> None:

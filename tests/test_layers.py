@@ -20,50 +20,109 @@ PACKAGE = "rosbridge_sim"
 ROOT = Path(__file__).parent.parent / PACKAGE
 
 _BASE = {"errors", "loose_types", "printable", "suggestions"}
-_SCENE = {"morai", "morai.interfaces", "morai.maps", "morai.replays", "morai.scenarios", "morai.sim_services"}
-_BELOW_SHELL = {*_BASE, *_SCENE, "graph", "graph.attach", "graph.tf", "protocol", "schema", "world"}
-_SHELL = {"shell", "shell.bags", "shell.config", "shell.files", "shell.monitoring", "shell.websocket"}
 
-ARROWS: dict[str, set[str]] = {
-    "errors": set(),
-    "printable": set(),
-    "suggestions": {"printable"},
-    "loose_types": set(),
-    "weight": set(),
-    "version": set(),
-    "schema": {*_BASE, "weight"},
-    "protocol": {*_BASE, "weight"},
-    "world": {"errors"},
-    "graph": {*_BASE, "protocol", "schema"},
-    "graph.tf": {*_BASE, "protocol", "schema", "graph"},
-    "graph.attach": {*_BASE, "protocol", "schema", "graph"},
-    "morai": {*_BASE, *_SCENE, "graph", "protocol", "schema", "world"},
-    "morai.interfaces": {*_BASE, "graph", "protocol", "schema", "world"},
-    "morai.maps": {*_BASE, "morai", "world"},
-    "morai.replays": {*_BASE, "graph", "morai", "morai.interfaces", "protocol", "schema", "world"},
-    "morai.sim_services": {*_BASE, *_SCENE, "graph", "protocol", "schema", "world"},
-    "morai.scenarios": {*_BASE, "morai", "morai.maps", "world"},
-    "shell": {*_BELOW_SHELL, *_SHELL, "version"},
-    "shell.monitoring": {*_BASE, "graph", "morai", "protocol", "schema", "shell", "shell.websocket", "version"},
-    "shell.websocket": {*_BASE, "graph", "protocol", "schema", "shell", "shell.monitoring", "version"},
-    "shell.config": {*_BASE, "morai", "morai.interfaces", "shell.monitoring", "shell.websocket"},
-    "shell.files": {*_BASE, *_SCENE, "schema", "shell.config", "world"},
-    "shell.bags": {*_BASE, "graph", "morai.replays", "schema", "shell.files"},
-    "cli": {"errors", "cli.tools", "cli.watch", "shell.config", "shell.websocket"},
-    "cli.tools": {*_BELOW_SHELL, *_SHELL, "client"},
-    "cli.watch": {"cli.tools", "client", "errors", "morai", "shell", "shell.websocket", "world"},
-    "client": {*_BASE, "protocol", "shell", "shell.monitoring", "shell.websocket"},
-    "pytest_plugin": {"", "client", "shell"},
-    "__main__": {
-        *("", "cli", "errors", "suggestions", "version"),
-        *("shell", "shell.config", "shell.monitoring", "shell.websocket"),
-    },
-    "": {"errors", "shell", "shell.config", "version"},
-}
-"""Room -> rooms that it may import, beside itself. The empty name is the package's own `__init__`. A folder within a
-room is a room of its own; the files beside it are the room's."""
+_TABLE = """
+# pure, and used by all
+errors:
+printable:
+suggestions: printable
+loose_types:
+weight:
+units:
+version:
+not_json:
+# the wire
+schema: * weight
+protocol: * weight
+graph: * protocol schema
+graph.tf: * graph schema
+graph.attach: * graph protocol schema
+# the world
+world.geometry:
+world.roads: world.geometry
+world.state: world.geometry world.roads
+world.vehicle: world.geometry world.roads world.state
+world.contacts: world.geometry world.roads world.state
+world.people: world.geometry world.roads world.state
+world.drivers: world.geometry world.roads world.state
+world.lane_changes: world.drivers world.geometry world.roads world.state
+world.followers: world.drivers world.geometry world.lane_changes world.people world.roads world.state
+world: world.contacts world.drivers world.followers world.geometry world.lane_changes world.people world.roads
+    world.state world.vehicle
+# files of the user
+documents: * not_json
+maps: * documents units world.geometry world.roads world.state
+scenarios: * documents maps units world.drivers world.geometry world.roads world.state
+# MORAI's names
+morai: schema
+morai.messages: * maps morai scenarios schema units world.followers world.geometry world.roads world.state
+    world.vehicle
+# the simulator
+simulator.plain: * world.state
+simulator.sync: *
+simulator.bus: * graph schema world.state
+simulator.scene: * graph maps morai morai.messages scenarios simulator.bus simulator.plain world world.drivers
+    world.roads world.state
+simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain simulator.scene simulator.sync
+    world.drivers world.followers world.geometry world.roads world.state world.vehicle
+simulator.sensors: * documents graph maps morai.messages simulator.bus simulator.kernel simulator.plain world.geometry
+    world.state world.vehicle
+simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
+    simulator.scene simulator.sensors simulator.sync world.contacts world.roads world.state
+simulator.sim_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
+    simulator.scene simulator.sync units world world.contacts world.drivers world.followers world.geometry
+    world.lane_changes world.roads world.state
+simulator.replays: * graph morai.messages scenarios simulator.bus simulator.kernel simulator.plain simulator.scene
+    units world world.geometry world.state
+simulator.snapshots: * graph maps morai.messages scenarios simulator.bus simulator.kernel simulator.plain
+    simulator.replays simulator.scene simulator.sync world world.drivers world.roads world.state
+simulator: graph morai morai.messages scenarios schema simulator.bus simulator.kernel simulator.morai_services
+    simulator.plain simulator.replays simulator.scene simulator.sensors simulator.sim_services simulator.snapshots
+    simulator.sync world world.state
+# outside
+link: * protocol
+client: * link protocol
+shell: * graph graph.attach graph.tf link maps morai protocol scenarios schema shell.bags shell.config shell.files
+    shell.monitoring shell.page shell.websocket simulator simulator.bus simulator.plain simulator.replays
+    simulator.scene simulator.sim_services version world.geometry world.roads world.state
+shell.page: *
+shell.monitoring: * graph protocol schema shell.websocket simulator version
+shell.websocket: * graph link protocol shell shell.page version
+shell.config: * link simulator.bus
+shell.files: * maps scenarios schema shell.config simulator.bus simulator.sensors world.state
+shell.bags: * graph schema shell.files simulator.replays
+cli: * cli.tools cli.watch link
+cli.tools: * client graph link maps morai scenarios schema shell shell.bags shell.config shell.files shell.page
+    simulator.scene units world.geometry world.roads world.state
+cli.watch: * cli.tools client link units world.geometry world.roads
+pytest_plugin: package client shell
+serving: * package link shell shell.config shell.monitoring shell.websocket
+__main__: * cli serving
+package: * shell shell.config version
+"""
+"""A line for each room: the rooms that it may import, beside itself. `*` means the rooms of `_BASE`, `package` is the
+package's own `__init__`. A folder within a room is a room of its own; the files beside it are the room's."""
 
-OUTSIDE = frozenset({"shell", "cli", "client", "pytest_plugin", "__main__", ""})
+
+def _read_arrows(table: str) -> dict[str, set[str]]:
+    """The table as room -> rooms; the package's own `__init__` has the empty name."""
+    arrows: dict[str, set[str]] = {}
+    for line in table.replace("\n    ", " ").splitlines():
+        if line and not line.startswith("#"):
+            room, _, targets = line.partition(":")
+            names = {*targets.split()}
+            names = names - {"*"} | _BASE if "*" in names else names
+            arrows[_name_of_room(room)] = {_name_of_room(name) for name in names} - {room}
+    return arrows
+
+
+def _name_of_room(word: str) -> str:
+    return "" if word == "package" else word
+
+
+ARROWS = _read_arrows(_TABLE)
+
+OUTSIDE = frozenset({"shell", "cli", "client", "link", "serving", "pytest_plugin", "__main__", ""})
 """The rooms that may reach outside, with all that is within them."""
 
 PURE_LIBRARIES: dict[str, set[str]] = {
@@ -71,11 +130,17 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "protocol": {"cbor2", "msgspec", "numpy", "orjson", "PIL", "pybase64"},
     "graph": {"msgspec", "orjson"},
     "world": {"numpy"},
-    "morai": {"msgspec", "numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
+    "maps": {"numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
+    "scenarios": {"numpy", "pydantic", "pydantic_core"},
+    "morai": {"msgspec", "numpy", "orjson"},
+    "simulator": {"msgspec", "numpy", "orjson", "pydantic"},
+    "documents": {"pydantic", "pydantic_core"},
     "errors": set(),
     "loose_types": set(),
     "printable": set(),
     "suggestions": set(),
+    "not_json": set(),
+    "units": set(),
     "weight": {"numpy"},
     "version": set(),
 }
@@ -157,6 +222,7 @@ def find_faults(root: Path) -> Iterator[str]:
             *_import_faults(tree, room, parts),
             *_call_faults(tree, room),
             *_hidden_faults(tree, source, room, parts),
+            *_state_faults(tree, room),
         }
         for line, fault in sorted(faults):
             yield f"{path.relative_to(root)}:{line}: {fault}"
@@ -286,6 +352,24 @@ def _hidden_faults(tree: ast.AST, source: str, room: str, parts: tuple[str, ...]
             yield line, f"{room} must not use an object's private attributes from outside"
 
 
+def _state_faults(tree: ast.Module, room: str) -> Iterator[tuple[int, str]]:
+    """Empty collections of a module: whoever fills them shares them among all simulators of the process."""
+    if room.partition(".")[0] in OUTSIDE:
+        return
+    for node in tree.body:
+        value = node.value if isinstance(node, (ast.Assign, ast.AnnAssign)) else None
+        is_empty = (
+            (isinstance(value, ast.Dict) and not value.keys)
+            or (isinstance(value, (ast.List, ast.Set)) and not value.elts)
+            or (isinstance(value, ast.Call) and not value.args and getattr(value.func, "id", "") in _COLLECTIONS)
+        )
+        if is_empty:
+            yield node.lineno, f"{room} must not hold state in a module"
+
+
+_COLLECTIONS = frozenset({"dict", "list", "set", "deque", "defaultdict", "Counter", "OrderedDict", "WeakKeyDictionary"})
+
+
 def _dotted(node: ast.AST, aliases: dict[str, str]) -> str:
     """`np.random.rand` as `numpy.random.rand`; empty where it is no plain name."""
     if isinstance(node, ast.Name):
@@ -313,6 +397,27 @@ def test_layers_have_no_cycle() -> None:
         ready = {room for room, targets in outer.items() if targets <= placed} - placed
         assert ready, f"a circle among {sorted(outer.keys() - placed)}"
         placed |= ready
+
+
+def test_rooms_below_the_shell_make_no_circle() -> None:
+    left = {room: targets for room, targets in ARROWS.items() if room.partition(".")[0] not in OUTSIDE}
+    while left:
+        ready = {room for room, targets in left.items() if not targets & left.keys()}
+        assert ready, f"a circle among {sorted(left)}"
+        left = {room: targets for room, targets in left.items() if room not in ready}
+
+
+def test_every_permitted_arrow_is_used() -> None:
+    used: dict[str, set[str]] = {}
+    for path in ROOT.rglob("*.py"):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        room = "" if parts == ("__init__",) else _room_of(parts)
+        for _, name in _imports(ast.parse(path.read_text()), parts):
+            if name.partition(".")[0] == PACKAGE:
+                target = _room_of(name.split(".")[1:])
+                used.setdefault(room, set()).add(target if target in ARROWS else "")
+    unused = {room: targets - used.get(room, set()) - _BASE for room, targets in ARROWS.items()}
+    assert {room: targets for room, targets in unused.items() if targets} == {}
 
 
 def test_modules_below_the_shell_make_no_circle() -> None:
@@ -344,14 +449,14 @@ def faults_of(tmp_path: Path, file: str, source: str) -> list[str]:
         ),
         ("schema/a.py", "from rosbridge_sim.protocol.ops import Op", "schema must not import protocol"),
         ("protocol/a.py", "from rosbridge_sim.schema.store import Store", "protocol must not import schema"),
-        ("graph/a.py", "from rosbridge_sim.morai.sync import Sync", "graph must not import morai"),
-        ("graph/a.py", "from rosbridge_sim.world.state import World", "graph must not import world"),
+        ("graph/a.py", "from rosbridge_sim.simulator.sync.sync import Sync", "graph must not import simulator.sync"),
+        ("graph/a.py", "from rosbridge_sim.world.state.world import World", "graph must not import world"),
         ("morai/a.py", "from rosbridge_sim.shell.app import Simulator", "morai must not import shell"),
         ("errors.py", "from rosbridge_sim.graph.bus import Bus", "errors must not import graph"),
         ("shell/a.py", "from rosbridge_sim.cli.command_line import run_command", "shell must not import cli"),
         ("shell/websocket/a.py", "import rosbridge_sim.shell.bags.bag", "shell.websocket must not import shell.bags"),
         ("graph/a.py", "from rosbridge_sim.graph.attach.mirror import Mirror", "graph must not import graph.attach"),
-        ("morai/maps/a.py", "import time", "morai.maps must not know time"),
+        ("morai/messages/a.py", "import time", "morai.messages must not know time"),
         ("__main__.py", "from rosbridge_sim.graph.bus import Bus", "__main__ must not import graph"),
         ("attic/a.py", "", "there is no room 'attic' in the design"),
         ("graph/a.py", "import asyncio", "graph must not know asyncio"),
@@ -375,6 +480,12 @@ def faults_of(tmp_path: Path, file: str, source: str) -> list[str]:
         ("world/a.py", "import numpy as np\nnp.load('x')", "world must not use numpy.load"),
         ("world/a.py", "import orjson", "world must not import the library orjson"),
         ("graph/a.py", "import requests", "graph must not import the library requests"),
+        ("world/a.py", "_seen: dict[str, int] = {}", "a.py:1: world must not hold state in a module"),
+        (
+            "graph/a.py",
+            "from collections import deque\n_last = deque()",
+            "a.py:2: graph must not hold state in a module",
+        ),
         (
             "morai/a.py",
             "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from rosbridge_sim.morai.b import B",
@@ -403,17 +514,20 @@ def test_forbidden_import_is_found(tmp_path: Path, file: str, source: str, fault
     [
         (
             "shell/a.py",
-            "import asyncio, os, time, random\nfrom rosbridge_sim.morai.simulator_node import Node\nopen('x')",
+            "import asyncio, os, time, random\nfrom rosbridge_sim.simulator.node_factory import make_node\nopen('x')",
         ),
-        ("morai/a.py", "from rosbridge_sim.world.state import World\nfrom rosbridge_sim.errors import DocumentError"),
+        (
+            "morai/messages/a.py",
+            "from rosbridge_sim.world.state.world import World\nfrom rosbridge_sim.errors import DocumentError",
+        ),
         ("world/a.py", "import numpy as np\ng = np.random.default_rng(3)\nx: np.random.Generator = g\ng.normal()"),
         ("world/a.py", "from .state import World\nfrom rosbridge_sim.world import step"),
         ("graph/a.py", "import logging\nlogging.getLogger('x')\nself.open(3)"),
         ("__init__.py", "from rosbridge_sim.shell.app import Simulator"),
-        ("morai/a.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pyproj import Transformer"),
+        ("maps/a.py", "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from pyproj import Transformer"),
         (
             "shell/a.py",
-            "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from rosbridge_sim.morai.sync import Sync",
+            "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from rosbridge_sim.simulator.scene import scene",
         ),
     ],
 )

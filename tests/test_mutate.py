@@ -9,7 +9,9 @@ import pytest
 from scripts.mutate import PACKAGE, ROOT, TESTS, mutants_of, mutate
 
 SOURCE = """
-LIMIT: int = 2
+WIDTH: float = 2.5
+NEAR, FAR = 1, 2 << 16
+NAMES = ["a", 7]
 
 def keep(x: int = 0) -> int:
     '''Doc.'''
@@ -20,9 +22,13 @@ def keep(x: int = 0) -> int:
 """
 
 
-def test_mutants_change_function_bodies_only() -> None:
+def test_mutants_change_function_bodies_and_constant_numbers_of_the_module() -> None:
     changes = [mutant.change for mutant in mutants_of(SOURCE)]
     assert changes == [
+        "2.5  ->  5.0",
+        "1  ->  2",
+        "2  ->  3",
+        "16  ->  32",
         "x >= 1 and (not x > 5)  ->  not (x >= 1 and (not x > 5))",
         "x >= 1 and (not x > 5)  ->  False",
         "x >= 1 and (not x > 5)  ->  x >= 1 or not x > 5",
@@ -32,9 +38,11 @@ def test_mutants_change_function_bodies_only() -> None:
         "1  ->  2",
         "not x > 5  ->  x > 5",
         "x > 5  ->  x >= 5",
+        "5  ->  10",
         "raise ValueError(f'{x + 1}')  ->  pass",
         "return min(x, 300)  ->  return None",
         "min  ->  max",
+        "300  ->  600",
     ]
 
 

@@ -95,12 +95,18 @@ def test_image_says_what_it_is_in_labels_of_oci() -> None:
         "description": project["description"],
         "licenses": project["license"],
         "authors": project["authors"][0]["name"],
-        "url": project["urls"]["Homepage"],
         "version": "${VERSION}",
         "revision": "${REVISION}",
     }
     for name in ("VERSION", "REVISION"):
         assert re.search(rf"^ARG {name}=\w+$", dockerfile(), re.MULTILINE)
+
+
+def test_page_tells_how_to_build_an_image_that_keeps_the_health_check() -> None:
+    assert health_check()
+    page = (ROOT / "docs" / "operation.md").read_text("utf-8")
+    assert "`HEALTHCHECK`" in page
+    assert "podman build --format docker" in page  # the OCI format, their default, has no field for it
 
 
 def test_what_the_image_is_built_from_is_in_its_context() -> None:

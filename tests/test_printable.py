@@ -17,6 +17,11 @@ def test_half_of_a_surrogate_pair_is_escaped() -> None:
     assert printable("한\udfff") == "한\\udfff"
 
 
+@pytest.mark.parametrize("char", [*"\x80\x9b\u061c\u200e\u200f\u2028\u2029\u202a\u202e\u2066\u2069"])
+def test_character_that_reorders_or_splits_a_line_is_escaped(char: str) -> None:
+    assert printable(f"no topic {char}name") == "no topic " + char.encode("ascii", "backslashreplace").decode() + "name"
+
+
 def test_long_text_is_cut_where_a_limit_is_given() -> None:
     assert printable("x" * 1000) == "x" * 1000
     assert printable("x" * 1000, MAX_QUOTED) == "x" * 200 + "..."

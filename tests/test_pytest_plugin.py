@@ -264,6 +264,8 @@ def test_wrong_marker_is_a_clear_error(run_tests: RunTests) -> None:
     assert "townn" in run.out
     assert "rosbridge_seed: expected one argument; got 2" in run.out
     assert 'rosbridge_options: expected keyword arguments, such as start="sync"' in run.out
+    assert "pytest_plugin.py" not in run.out, "a frame of ours"
+    assert "Traceback" not in run.out
 
 
 def test_nothing_of_the_package_is_imported_before_a_fixture_is_used(run_tests: RunTests) -> None:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
-from rosbridge_sim.morai.catalogue import CATALOGUE
 from rosbridge_sim.morai.releases import FIELD, MANUAL
-from rosbridge_sim.world.state import Kind
+from rosbridge_sim.scenarios.catalogue import CATALOGUE
+from rosbridge_sim.world.state.world import Kind
 from tests.conftest import Connect
 from tests.support import ROOT, ServerProcess
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from rosbridge_sim.suggestions import MAX_CACHED, MAX_COMPARED_NAME, hint, listing
+from rosbridge_sim.suggestions import MAX_CACHED, MAX_COMPARED_NAME, find_misspelt, hint, listing
 
 
 @pytest.mark.parametrize(
@@ -28,6 +28,27 @@ def test_nearest_name_is_suggested(name: str, known: list[str], near: str) -> No
 def test_unlike_or_overlong_name_gets_no_suggestion(name: str) -> None:
     assert hint(name, ["port", "host"]) == ""
     assert hint("port", [name]) == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "meant"),
+    [
+        ("Gear", "gear", "gear"),
+        ("geer", "gear", "gear"),
+        ("gera", "gear", "gear"),
+        ("gaer", "gear", "gear"),
+        ("gears", "gear", "gear"),
+        ("lopp", "loop", "loop"),
+        ("rote", "rot", ""),
+        ("pot", "pos", ""),
+        ("gaere", "gear", ""),
+        ("gear", "gearbox", ""),
+        ("z" * 10**6, "gear", ""),
+        ("", "gear", ""),
+    ],
+)
+def test_misspelling_is_one_slip_in_a_name(name: str, known: str, meant: str) -> None:
+    assert find_misspelt(name, ["else", known]) == meant
 
 
 def test_number_of_compared_names_is_bounded() -> None:

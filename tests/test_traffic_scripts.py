@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.lane_position import keep_lane
-from rosbridge_sim.world.placement import set_speed
-from rosbridge_sim.world.signals import Signals
-from rosbridge_sim.world.state import DT, Body, Kind, World
+from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.roads.signals import Signals
+from rosbridge_sim.world.state.placement import set_speed
+from rosbridge_sim.world.state.world import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
 from scripts import draw_trajectories, trajectory_cases
 from scripts.bench import traffic as compare

@@ -14,6 +14,8 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
+from rosbridge_sim.shell.config.loading import read_settings
+from rosbridge_sim.shell.websocket.origins import OriginRules
 from tests.support import PATIENCE, ROOT, miss
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
@@ -80,6 +82,14 @@ def test_each_job_has_an_end_and_only_the_rights_that_it_names(path: Path) -> No
         assert job["permissions"]
 
 
+def test_no_file_links_to_a_page_of_a_package_registry() -> None:
+    """The project has no such page."""
+    folders = ("rosbridge_sim", "docs", ".github")
+    paths = [path for folder in folders for path in (ROOT / folder).rglob("*") if path.suffix in {".py", ".md", ".yml"}]
+    paths += [ROOT / name for name in ("README.md", "Dockerfile", "pyproject.toml", "docker-compose.yml")]
+    assert [path for path in paths if re.search(r"https?://(www\.)?pypi\b", path.read_text("utf-8"))] == []
+
+
 def test_release_is_trusted_without_a_secret() -> None:
     path = ROOT / ".github" / "workflows" / "release.yml"
     assert load(path)["jobs"]["publish"]["permissions"] == {"id-token": "write"}
@@ -100,6 +110,15 @@ def test_composed_service_is_reached_from_this_machine_alone_and_keeps_its_data(
     name, folder = volume.split(":")
     assert name in compose["volumes"]
     assert f"VOLUME {folder}\n" in (ROOT / "Dockerfile").read_text()
+
+
+def test_other_services_read_data_by_the_name_of_the_composed_service() -> None:
+    """Prometheus beside it scrapes `simulator:9090`, and a page or websocket-client calls it by that name."""
+    ((name, service),) = load(ROOT / "docker-compose.yml")["services"].items()
+    settings = read_settings([], {key: str(value) for key, value in service["environment"].items()})
+    rules = OriginRules(settings.allow_origin, settings.allow_host)
+    assert rules.judge_host([f"{name}:9090"], frozenset()) is None
+    assert rules.judge_host(["other:9090"], frozenset()) is not None
 
 
 def test_hooks_before_a_commit_run_what_ci_runs_and_fetch_nothing() -> None:

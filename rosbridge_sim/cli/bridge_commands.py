@@ -26,12 +26,11 @@ from rosbridge_sim.cli.command_line import (
     run_command,
 )
 from rosbridge_sim.cli.tools.text import read_body
-from rosbridge_sim.shell.config.command_flags import Parser, layout
-from rosbridge_sim.shell.config.keys import PREFIX
-from rosbridge_sim.shell.config.value_types import SettingError
+from rosbridge_sim.errors import SettingError
+from rosbridge_sim.link.arguments import PREFIX, Parser, layout
 
 if TYPE_CHECKING:
-    from rosbridge_sim.cli.tools.client import Bridge
+    from rosbridge_sim.cli.tools.tool_client import Bridge
 
 __all__ = ["run_layout", "run_record", "run_service", "run_topic", "run_wait", "run_watch"]
 
@@ -318,7 +317,7 @@ _pictures = make_number(0.1, 60, "pictures a second, 0.1 to 60", float)
 
 
 def _watch(options: Options) -> int:
-    from rosbridge_sim.cli.watch.command import watch  # noqa: PLC0415 - see above
+    from rosbridge_sim.cli.watch.watch_command import watch  # noqa: PLC0415 - see above
 
     return asyncio.run(
         watch(

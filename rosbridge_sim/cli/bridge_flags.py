@@ -8,12 +8,11 @@ from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.cli.command_line import Options, add_json, make_number
-from rosbridge_sim.shell.config.command_flags import Parser
-from rosbridge_sim.shell.config.keys import PREFIX
-from rosbridge_sim.shell.websocket.urls import shown_url
+from rosbridge_sim.link.arguments import PREFIX, Parser
+from rosbridge_sim.link.urls import shown_url
 
 if TYPE_CHECKING:
-    from rosbridge_sim.cli.tools.client import Bridge
+    from rosbridge_sim.cli.tools.tool_client import Bridge
 
 __all__ = [
     "ANSWER_PATIENCE",
@@ -52,7 +51,7 @@ def with_bridge(options: Options, work: Callable[[Bridge], Awaitable[int]]) -> i
     Returns:
         The exit code.
     """
-    from rosbridge_sim.cli.tools.client import open_bridge  # noqa: PLC0415 - not needed for --help or after a mistake
+    from rosbridge_sim.cli.tools.tool_client import open_bridge  # noqa: PLC0415 - not needed for --help or after a mistake
 
     async def main() -> int:
         patience = vars(options).get("wait") or options.patience

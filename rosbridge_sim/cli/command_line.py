@@ -16,10 +16,9 @@ from io import TextIOWrapper
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.cli.tools.text import note
-from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.config.command_flags import Parser, layout
-from rosbridge_sim.shell.config.value_types import SettingError
-from rosbridge_sim.shell.websocket.bridge_errors import RefusedError
+from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.link.arguments import Parser, layout
+from rosbridge_sim.link.bridge_errors import RefusedError
 
 if TYPE_CHECKING:
     from rosbridge_sim.cli.tools.schema import DefinitionSources

@@ -12,8 +12,8 @@ from rosbridge_sim.cli.command_line import (
     group_of,
     run_command,
 )
-from rosbridge_sim.shell.config.command_flags import Parser, layout
-from rosbridge_sim.shell.config.value_types import SettingError
+from rosbridge_sim.errors import SettingError
+from rosbridge_sim.link.arguments import Parser, layout
 
 __all__ = ["run_bag", "run_docs", "run_map", "run_scenario", "run_schema"]
 
@@ -83,7 +83,7 @@ def run_bag(argv: Sequence[str]) -> int:
 
 
 def _repair_bag(options: Options) -> int:
-    from rosbridge_sim.cli.tools import bag  # noqa: PLC0415
+    from rosbridge_sim.cli.tools import bag_repair as bag  # noqa: PLC0415
 
     return bag.repair_bag(options.file, options.output, is_json=options.json)
 

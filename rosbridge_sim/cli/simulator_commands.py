@@ -9,8 +9,8 @@ from pathlib import Path
 
 from rosbridge_sim.cli.bridge_flags import CALL_PATIENCE, COUNT, add_bridge, with_bridge
 from rosbridge_sim.cli.command_line import Options, make_number, run_command
-from rosbridge_sim.shell.config.command_flags import Parser, layout
-from rosbridge_sim.shell.config.value_types import SettingError
+from rosbridge_sim.errors import SettingError
+from rosbridge_sim.link.arguments import Parser, layout
 
 __all__ = ["run_restore", "run_score", "run_snapshot", "run_spawn", "run_step", "run_sync", "run_tick"]
 
@@ -55,7 +55,7 @@ def run_tick(argv: Sequence[str]) -> int:
 
 
 def _tick(options: Options) -> int:
-    from rosbridge_sim.cli.tools.sync import tick  # noqa: PLC0415
+    from rosbridge_sim.cli.tools.sync_commands import tick  # noqa: PLC0415
 
     if options.step % 20:
         raise SettingError(f"--step: expected a multiple of 20 milliseconds; got {options.step:g}")
@@ -114,7 +114,7 @@ def run_step(argv: Sequence[str]) -> int:
 
 
 def _step(options: Options) -> int:
-    from rosbridge_sim.cli.tools.sync import step  # noqa: PLC0415
+    from rosbridge_sim.cli.tools.sync_commands import step  # noqa: PLC0415
 
     if options.step % 20:
         raise SettingError(f"--step: expected a multiple of 20 milliseconds; got {options.step:g}")
@@ -190,7 +190,7 @@ def run_score(argv: Sequence[str]) -> int:
 
 
 def _score(options: Options) -> int:
-    from rosbridge_sim.cli.tools import score  # noqa: PLC0415
+    from rosbridge_sim.cli.tools import score_command as score  # noqa: PLC0415
 
     if options.follow and options.reset:
         raise SettingError("--reset: expected alone; --follow shows the scores as they come")
@@ -222,7 +222,7 @@ def run_sync(argv: Sequence[str]) -> int:
 
 
 def _sync(options: Options) -> int:
-    from rosbridge_sim.cli.tools.sync import show_sync  # noqa: PLC0415
+    from rosbridge_sim.cli.tools.sync_commands import show_sync  # noqa: PLC0415
 
     return with_bridge(options, lambda bridge: show_sync(bridge, is_json=options.json))
 

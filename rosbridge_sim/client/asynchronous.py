@@ -14,7 +14,6 @@ import ssl
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, ClassVar, Literal, Self
 
@@ -22,6 +21,7 @@ import orjson
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
 
+from rosbridge_sim.client.async_subscription import AsyncSubscription, Status
 from rosbridge_sim.client.frames import MAX_SIZE, Frame, FrameReader, Inbox, absolute
 from rosbridge_sim.client.simulator_requests import SimulatorRequests
 from rosbridge_sim.errors import (
@@ -33,17 +33,12 @@ from rosbridge_sim.errors import (
     OpRefusedError,
     ServiceRefusedError,
 )
-from rosbridge_sim.shell.terminal_text import safe
-from rosbridge_sim.shell.websocket.client_connection import why_gone, why_not
-from rosbridge_sim.shell.websocket.library_log import quiet
-from rosbridge_sim.shell.websocket.urls import DEFAULT_PORT, full_url, shown_url
+from rosbridge_sim.link.client_connection import why_gone, why_not
+from rosbridge_sim.link.library_log import quiet
+from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.link.urls import DEFAULT_PORT, full_url, shown_url
 
-__all__ = [
-    "DEFAULT_URL",
-    "AsyncClient",
-    "AsyncSubscription",
-    "Status",
-]
+__all__ = ["DEFAULT_URL", "AsyncClient"]
 
 DEFAULT_URL = f"ws://127.0.0.1:{DEFAULT_PORT}"
 """URL of a server on this machine that was started without flags."""
@@ -70,21 +65,6 @@ Predicate = Callable[[Frame], object]
 
 StatusLevel = Literal["info", "warning", "error", "none"]
 """Lowest level of the status messages that the server sends."""
-
-
-@dataclass(frozen=True, slots=True)
-class Status:
-    """A status message of the server, from a `status` frame.
-
-    Attributes:
-        level: `info`, `warning` or `error`.
-        text: the message.
-        op_id: id of the op that the message is about; None if the server does not name one.
-    """
-
-    level: str
-    text: str
-    op_id: str | None
 
 
 class AsyncClient(SimulatorRequests):
@@ -224,7 +204,11 @@ class AsyncClient(SimulatorRequests):
             return
         self._end(ConnectionLostError(f"{shown_url(self.url)}: this client was closed"))
         if not self._reading.done():  # else it is lost, and the library's `close` fails
-            await self._connection.close()
+            try:
+                async with asyncio.timeout(2 * CLOSE_TIMEOUT):  # the library waits for room without limit
+                    await self._connection.close()
+            except TimeoutError:
+                self._connection.transport.abort()
             await asyncio.wait({self._reading})
 
     def _end(self, error: ConnectionLostError) -> None:
@@ -392,13 +376,11 @@ class AsyncClient(SimulatorRequests):
             AnswerTimeoutError: no answer in time.
             ConnectionLostError: the connection has ended.
         """
-        future = await self.begin_call(service, args)
-        limit = self._limit(timeout)
         try:
-            async with asyncio.timeout(limit):
-                frame = await future
+            async with asyncio.timeout_at(self._until(timeout)):  # a server that does not read delays the sending, too
+                frame = await (await self.begin_call(service, args))
         except TimeoutError:
-            raise AnswerTimeoutError(f"{service}: no answer within {limit:g} s") from None
+            raise AnswerTimeoutError(f"{service}: no answer within {self._limit(timeout):g} s") from None
         values = frame.get("values", {})
         if frame.get("result", True) is False:
             raise ServiceRefusedError(service, values if isinstance(values, str) else "", values)
@@ -559,14 +541,25 @@ class AsyncClient(SimulatorRequests):
             AnswerTimeoutError: no message that fits came in time.
             ConnectionLostError: the connection has ended.
         """
-        subscription = await self.subscribe(topic, type_name)
+        until = self._until(timeout)
         try:
-            return await subscription.wait_for(predicate, timeout=timeout)
+            async with asyncio.timeout_at(until):
+                subscription = await self.subscribe(topic, type_name)
+        except AnswerTimeoutError:
+            raise
+        except TimeoutError:
+            raise AnswerTimeoutError(f"{topic}: no answer within {self._limit(timeout):g} s") from None
+        try:
+            return await self.next_of(subscription, predicate, timeout, until)
         finally:
             await self.unsubscribe(subscription)
 
     async def next_of(
-        self, subscription: AsyncSubscription, predicate: Predicate | None, timeout: float | None
+        self,
+        subscription: AsyncSubscription,
+        predicate: Predicate | None,
+        timeout: float | None,
+        until: float | None = None,
     ) -> Frame:
         """Return the next message of a subscription that fits; see `AsyncSubscription.wait_for`.
 
@@ -574,13 +567,14 @@ class AsyncClient(SimulatorRequests):
             subscription: from `subscribe` of this client.
             predicate: takes a message and returns true if it fits; None accepts every message.
             timeout: longest wait [s].
+            until: its end, by the loop's clock [s]; None counts from now.
 
         Raises:
             ClientError: the subscription was closed.
             AnswerTimeoutError: no message that fits came in time.
             ConnectionLostError: the connection has ended.
         """
-        until, num = self._until(timeout), 0
+        until, num = self._until(timeout) if until is None else until, 0
         while (msg := await subscription.inbox.next(until)) is not None:
             if predicate is None or predicate(msg):
                 return msg
@@ -602,96 +596,12 @@ class AsyncClient(SimulatorRequests):
                 the response has none.
         """
         num_before = self._num_statuses
+        until = self._until(timeout)
         response = await self.ask(service, timeout=timeout, **request)
         if response.get(key) is not True:
-            await self._settle(timeout)
+            now = asyncio.get_running_loop().time()
+            await self._settle(timeout if until is None else max(0.0, until - now))
             num_new = min(self._num_statuses - num_before, len(self.statuses))
             reasons = [status.text for status in list(self.statuses)[len(self.statuses) - num_new :]]
             raise ServiceRefusedError(service, reasons[-1] if reasons else "", response)
         return response
-
-
-class AsyncSubscription:
-    """Messages of a topic, from `AsyncClient.subscribe`.
-
-        async with await client.subscribe("/Ego_topic") as egos:
-            async for ego in egos:
-                ...
-
-    The loop ends when the subscription is closed. It raises `ConnectionLostError` when the connection ends.
-
-    Attributes:
-        topic: absolute name of the topic.
-        inbox: messages that wait to be taken.
-        op_id: id of the subscription on the wire.
-    """
-
-    def __init__(self, client: AsyncClient, topic: str, inbox: Inbox, op_id: str) -> None:
-        self.topic = topic
-        self.inbox = inbox
-        self.op_id = op_id
-        self._client = client
-
-    @property
-    def num_dropped(self) -> int:
-        """Number of messages that were dropped because more came than the subscription keeps."""
-        return self.inbox.num_dropped
-
-    async def next(self, *, timeout: float | None = None) -> Frame:
-        """Return the next message.
-
-        Args:
-            timeout: longest wait [s]; None means the client's own.
-
-        Raises:
-            AnswerTimeoutError: no message in time.
-            ConnectionLostError: the connection has ended.
-            ClientError: the subscription was closed.
-        """
-        return await self._client.next_of(self, None, timeout)
-
-    async def wait_for(self, predicate: Predicate | None = None, *, timeout: float | None = None) -> Frame:
-        """Return the next message that fits; skip those before it.
-
-        Args:
-            predicate: takes a message and returns true if it fits; None accepts every message.
-            timeout: longest wait [s]; None means the client's own.
-
-        Returns:
-            The message.
-
-        Raises:
-            AnswerTimeoutError: no message that fits came in time.
-            ConnectionLostError: the connection has ended.
-            ClientError: the subscription was closed.
-        """
-        return await self._client.next_of(self, predicate, timeout)
-
-    async def take(self) -> list[Frame]:
-        """Return the messages that wait, oldest first, without waiting for more."""
-        return self.inbox.take()
-
-    async def close(self) -> None:
-        """End the subscription. A second call does nothing."""
-        await self._client.unsubscribe(self)
-
-    def __aiter__(self) -> Self:
-        """Iterate over the messages, without a time limit."""
-        return self
-
-    async def __anext__(self) -> Frame:
-        """Return the next message."""
-        msg = await self.inbox.next(None)
-        if msg is None:
-            raise StopAsyncIteration
-        return msg
-
-    async def __aenter__(self) -> Self:
-        """Return the subscription itself."""
-        return self
-
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """End the subscription."""
-        await self.close()

@@ -12,14 +12,13 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, Self, TypeVar, Unpack
 
+from rosbridge_sim.client.async_subscription import AsyncSubscription, Status
 from rosbridge_sim.client.asynchronous import (
     DEFAULT_KEEP,
     DEFAULT_TIMEOUT,
     DEFAULT_URL,
     AsyncClient,
-    AsyncSubscription,
     Predicate,
-    Status,
     StatusLevel,
 )
 from rosbridge_sim.client.frames import Frame
@@ -35,8 +34,8 @@ from rosbridge_sim.client.simulator_requests import (
     Tick,
 )
 from rosbridge_sim.errors import ClientError, ConnectionLostError
-from rosbridge_sim.shell.loop_thread import LoopStoppedError, LoopThread
-from rosbridge_sim.shell.websocket.urls import shown_url
+from rosbridge_sim.link.loop_thread import LoopStoppedError, LoopThread
+from rosbridge_sim.link.urls import shown_url
 
 __all__ = ["Client", "Subscription"]
 

@@ -265,6 +265,10 @@ class SimulatorRequests(ABC):
             timeout: longest wait for each page [s].
         """
         whole = await self._call_sim("/sim/map", {"page": 0}, timeout)
+        missing = [key for key in ("page", "num_pages", "digest") if key not in whole]
+        if missing:
+            why = f"expected a page of a map with {', '.join(missing)}; is this server a rosbridge-sim of this version?"
+            raise ServiceRefusedError("/sim/map", why, whole)
         while (number := int(whole["page"]) + 1) < int(whole["num_pages"]):
             page = await self._call_sim("/sim/map", {"page": number}, timeout)
             if page["digest"] != whole["digest"]:

@@ -40,6 +40,7 @@ class Bus(BusState):
         actions: the actions.
         parameters: the parameter server.
         unpublished: subscriptions to topics without a publisher.
+        unheard: advertisements of clients without a subscriber.
         max_calls: calls that one caller may have in flight; the same limit applies to goals.
         advertise, unadvertise, subscribe: see `TopicTable`.
         publish, announce, show: see `Delivery`.
@@ -72,6 +73,7 @@ class Bus(BusState):
         self.actions = Actions(self, types, services, max_calls)
         self.parameters = Parameters()
         self.unpublished = topics.unpublished
+        self.unheard = topics.unheard
         self.max_calls = max_calls
         # Only methods with many arguments are attributes here; the others are methods below. CPython 3.11 reads
         # objects with more than 30 attributes more slowly, and each message reads `stamp_ns` several times.

@@ -8,11 +8,11 @@ from functools import lru_cache
 from typing import Literal, Protocol, TypeAlias, cast, runtime_checkable
 
 import msgspec
-import orjson
 
 from rosbridge_sim.errors import FieldError, GraphError, Reason
 from rosbridge_sim.protocol.codec import is_absent
 from rosbridge_sim.protocol.ops import ABSENT, OpBody
+from rosbridge_sim.schema.json_text import parse_by_position
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.schema.sizes import size_of
@@ -28,11 +28,14 @@ __all__ = [
     "OfferKind",
     "Participant",
     "Remarkable",
+    "Restricted",
     "address_of",
+    "check_reading",
     "decode_body",
     "explain",
     "gives_way",
     "hold",
+    "may_read",
     "notifier",
     "remark",
     "resolve",
@@ -172,6 +175,43 @@ def explain(owner: Participant, level: str, text: str, reason: Reason) -> None:
         owner.notify(level, text)
 
 
+@runtime_checkable
+class Restricted(Protocol):
+    """An owner with limited rights: a client."""
+
+    def check_subscribe(self, topic: str, type_name: str) -> None:
+        """Raise GraphError if this owner must not subscribe to a topic.
+
+        Args:
+            topic: its name.
+            type_name: its type.
+        """
+
+
+def check_reading(owner: Participant, topic: str, type_name: str) -> None:
+    """Check that an owner may have the messages of a topic, in an answer as by a subscription.
+
+    Args:
+        owner: the owner.
+        topic: name of the topic.
+        type_name: its type.
+
+    Raises:
+        GraphError: it must not subscribe to it.
+    """
+    if isinstance(owner, Restricted):
+        owner.check_subscribe(topic, type_name)
+
+
+def may_read(owner: Participant, topic: str, type_name: str) -> bool:
+    """Return True if an owner may have the messages of a topic; the arguments are those of `check_reading`."""
+    try:
+        check_reading(owner, topic, type_name)
+    except GraphError:
+        return False
+    return True
+
+
 def gives_way(old: Participant, new: Participant) -> bool:
     """Return True if an owner must leave even its exclusive name to another one.
 
@@ -286,10 +326,7 @@ def decode_body(message_type: MessageType | OpaqueType, body: OpBody, stamp_ns: 
                 return message_type.check({}, stamp_ns)
             if bytes(memoryview(body)[:1]) != b"[":
                 raise
-        try:
-            body = orjson.loads(bytes(body))
-        except orjson.JSONDecodeError as error:
-            raise FieldError(f"{message_type.name}: {error}") from None
+        body = parse_by_position(message_type.name, body)
     if isinstance(body, list):
         return message_type.check(_by_name(message_type, body), stamp_ns)
     return message_type.check({} if body is None else body, stamp_ns)

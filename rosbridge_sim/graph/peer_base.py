@@ -93,12 +93,18 @@ class PeerBase:
         self.bus.guard.attempt("the account of a refusal", self.bus.on_refusal, refusal)
 
     def suggest(self, reason: Reason, op: ops.Op) -> str:
-        """Return the nearest name that this client may use, for the end of an error text; may be empty.
+        """Return the nearest name that this client may use, or where a name exists, for the end of an error text.
 
         Args:
             reason: kind of mistake.
             op: the wrong op.
+
+        Returns:
+            The end of a sentence; may be empty.
         """
+        advise = self.bus.unpublished.advise_name
+        if reason is Reason.UNKNOWN_TYPE:
+            return advise(getattr(op, "type", None) or "")
         names: Iterable[str]
         may_know: Callable[[str], bool]
         if reason is Reason.UNKNOWN_TOPIC and isinstance(op, (ops.Publish, ops.Subscribe)):
@@ -109,7 +115,19 @@ class PeerBase:
             name, names, may_know = op.action, self.bus.actions.by_name, self.policy.may_send_goal
         else:
             return ""
-        return hint(resolve(name), names if self.policy == OPEN else filter(may_know, names))
+        return advise(resolve(name)) or hint(resolve(name), names if self.policy == OPEN else filter(may_know, names))
+
+    def check_subscribe(self, topic: str, type_name: str) -> None:
+        """See `Restricted`.
+
+        Args:
+            topic: its name.
+            type_name: its type.
+
+        Raises:
+            GraphError: this client must not subscribe to it.
+        """
+        self.policy.check_subscribe(topic, type_name)
 
     def may_see(self, name: str) -> bool:
         """Return True if this client may see an existing topic.

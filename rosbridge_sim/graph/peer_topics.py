@@ -14,6 +14,8 @@ from rosbridge_sim.errors import EncodingError, GraphError
 from rosbridge_sim.graph.participant import Participant, decode_body, resolve
 from rosbridge_sim.graph.peer_base import CheckRoom, PeerBase
 from rosbridge_sim.graph.topics_services import Subscription, Topic
+from rosbridge_sim.graph.unheard import find_meant
+from rosbridge_sim.printable import printable
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.subscription import Feed, read_options, read_qos
 from rosbridge_sim.schema.message import Message
@@ -65,19 +67,21 @@ class PeerTopics:
         self._check_room = check_room
         self._publications: dict[str, Topic] = {}
         self._subscriptions: dict[str, _TopicSubscription] = {}
+        self._judged: set[str] = set()  # names of topics without a subscriber that were judged
 
     # Publishing
 
-    def advertise(self, op: ops.Advertise, _now: float) -> None:
+    def advertise(self, op: ops.Advertise, now: float) -> None:
         """Make this client a publisher.
 
         Args:
             op: the request of the client.
+            now: monotonic time [s].
         """
         self._peer.policy.check_publish(op.topic, op.type)
-        self._publications[op.topic] = self._begin_publishing(op, op.type, op.id)
+        self._publications[op.topic] = self._begin_publishing(op, op.type, op.id, now)
 
-    def _begin_publishing(self, op: ops.Advertise | ops.Publish, type_name: str, key: object) -> Topic:
+    def _begin_publishing(self, op: ops.Advertise | ops.Publish, type_name: str, key: object, now: float) -> Topic:
         """Make this client a publisher of a topic, and return the topic."""
         self._check_room(op.id)
         qos = read_qos(op.qos)
@@ -85,7 +89,22 @@ class PeerTopics:
         num_keys = self._count_keys(op.topic)
         topic = self._bus.advertise(self._peer, op.topic, type_name, depth=depth, key=key)
         self.num_held += self._count_keys(op.topic) - num_keys
+        if topic.name not in self._judged and len(self._judged) < MAX_WATCHED_TOPICS:
+            self._bus.unheard.watch(self._peer, topic, self._note_unheard, now)
         return topic
+
+    def _note_unheard(self, topic: Topic) -> None:
+        """Tell the client that a topic has no subscriber, if its name is nearly that of one with a subscriber."""
+        if self._peer not in topic.publishers:
+            return
+        self._judged.add(topic.name)
+        known = (each for each in self._bus.topics.values() if self._peer.may_see(each.name))
+        meant = find_meant(topic, self._peer, known)
+        if meant:
+            near = f" (did you mean {printable(meant)}?)"
+            text = f"{topic.name} ({topic.type.name}) is published, but has no subscriber{near}"
+            _log.info("%s: %s", self._peer.address, text, extra={"client": self._peer.address})
+            self._peer.remark("info", text)
 
     def _count_keys(self, name: str) -> int:
         """Return the number of this client's advertisements of a topic."""
@@ -122,7 +141,7 @@ class PeerTopics:
         if topic is None:  # only after the check of the message, so that a wrong one changes nothing
             # Not under the op's id: roslib gives each publish a new one, and all of them would be stored.
             key = _IMPLICIT if op.id is None else op.id
-            topic = self._publications[op.topic] = self._begin_publishing(op, message_type.name, key)
+            topic = self._publications[op.topic] = self._begin_publishing(op, message_type.name, key, now)
         self._deliver(self._peer, topic, Message(message_type, value, self._session.frame_length), now)
 
     def _type_to_publish(self, op: ops.Publish) -> MessageType | OpaqueType:

@@ -15,6 +15,7 @@ from rosbridge_sim.graph.bus_state import BusState
 from rosbridge_sim.graph.participant import Guest, Notify, Participant, resolve
 from rosbridge_sim.graph.topics_services import Deliver, Subscription, Topic
 from rosbridge_sim.graph.type_resolution import TypeResolver
+from rosbridge_sim.graph.unheard import UnheardTopics
 from rosbridge_sim.graph.unpublished import UnpublishedTopics
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.opaque_types import OpaqueType
@@ -34,6 +35,7 @@ class TopicTable:
     Attributes:
         by_name: all topics, by absolute name.
         unpublished: subscriptions to topics without a publisher.
+        unheard: advertisements of clients without a subscriber.
     """
 
     def __init__(self, state: BusState, types: TypeResolver, by_name: dict[str, Topic]) -> None:
@@ -46,6 +48,7 @@ class TopicTable:
         """
         self.by_name = by_name
         self.unpublished = UnpublishedTopics()
+        self.unheard = UnheardTopics()
         self._state = state
         self._types = types
         self._orphans: dict[Topic, None] = {}
@@ -281,7 +284,8 @@ class TopicTable:
 
     def next_deadline(self) -> float | None:
         """Return when `expire` has something to do next [s]; None if never."""
-        first = self.unpublished.next_due()
+        notes = self.unpublished.next_due(), self.unheard.next_due()
+        first = min((due for due in notes if due is not None), default=None)
         for topic in self._orphans:  # in the order in which they lost their publisher, so the first is the earliest
             if topic.orphaned_at is not None:
                 due = topic.orphaned_at + TYPE_MEMORY
@@ -299,6 +303,8 @@ class TopicTable:
             attempt("forgetting a topic", self._forget, topic)
         for topic, notify in self.unpublished.take_due(now):
             attempt("a note about a topic without publishers", notify, topic)
+        for topic, notify in self.unheard.take_due(now):
+            attempt("a note about a topic without subscribers", notify, topic)
 
     def leave(self, owner: Participant, now: float) -> None:
         """End the subscriptions and advertisements of an owner.
@@ -372,6 +378,7 @@ class TopicTable:
     def _drop_publisher(self, owner: Participant, topic: Topic, now: float) -> None:
         """Clean up after an owner that has stopped publishing there."""
         topic.on_demand.pop(owner, None)
+        self.unheard.forget(owner, topic)
         if topic.publishers:
             topic.forget_messages_of(owner)
         if topic.owner is owner:

@@ -31,10 +31,13 @@ class UnpublishedTopics:
     Attributes:
         advise: returns what the simulator knows about a topic that it does not publish, for the end of a sentence; may
             be empty.
+        advise_name: returns what the simulator knows about a topic or a service that does not exist, or about a type
+            that is not known, for the end of a sentence; may be empty.
     """
 
     def __init__(self) -> None:
         self.advise: Callable[[Topic], str] = lambda _topic: ""
+        self.advise_name: Callable[[str], str] = lambda _name: ""
         self._watched: dict[Subscription, tuple[float, Callable[[Topic], None]]] = {}
 
     def watch(self, subscription: Subscription, notify: Callable[[Topic], None], now: float) -> None:

@@ -21,6 +21,7 @@ __all__ = [
     "SPEED_LIMITS",
     "Profile",
     "SpeedLimits",
+    "advise_release",
     "choose_profile",
 ]
 
@@ -82,6 +83,57 @@ LENIENCY: Final = Leniency(
     },
 )
 """Names and shapes that are accepted in addition to the wire's own."""
+
+
+_ONLY_IN: Final[Mapping[str, frozenset[str]]] = {
+    "22.R2": frozenset(
+        {
+            *("SyncModeAddObj", "SyncModeRemoveObj"),
+        }
+    ),
+    "26.R1": frozenset(
+        {
+            *("CMDConveyor", "Conveyor", "DillyCmd", "DillyCmdResponse", "EgoVehicleStatusExtended"),
+            *("ExternalForce", "FaultInjectionCtrlSrv", "FaultInjectionSensorSrv", "FaultInjectionTireSrv"),
+            *("FaultInjection_Controller", "FaultInjection_Response", "FaultInjection_Sensor"),
+            *("FaultInjection_Tire", "FaultStatusInfo", "FaultStatusInfo_Overall", "FaultStatusInfo_Sensor"),
+            *("FaultStatusInfo_Vehicle", "GVDirectCmd", "GVStateCmd", "GeoVector3Message", "ManipulatorControl"),
+            *("MoraiSyncModeAddObjectSrv", "MoraiSyncModeRemoveObjectSrv", "MultiPlayEventRequest"),
+            *("MultiPlayEventResponse", "MultiPlayEventSrv", "ObjectStatusExtended", "ObjectStatusListExtended"),
+            *("Obstacle", "Obstacles", "RobotOutput", "RobotState", "SVADC", "ShipCtrlCmd", "ShipState"),
+            *("SkateboardCtrlCmd", "SkateboardStatus", "SkidSteer6wUGVCtrlCmd", "SkidSteer6wUGVStatus"),
+            *("SyncModeAddObject", "SyncModeRemoveObject", "TOF", "Transforms", "UGVServeSkidCtrlCmd"),
+            *("VelocityCmd", "WheelControl", "WoowaDillyEventCmdSrv", "WoowaDillyStatus"),
+        }
+    ),
+}
+"""Types of `morai_msgs` that only one release has."""
+
+_RENAMED: Final[Mapping[str, tuple[str, str]]] = {
+    "/SyncModeAddObj": ("22.R2", "the service /SyncModeAddObject"),
+    "/SyncModeRemoveObj": ("22.R2", "the service /SyncModeRemoveObject"),
+    "/SyncModeAddObject": ("26.R1", "the topic /SyncModeAddObj"),
+    "/SyncModeRemoveObject": ("26.R1", "the topic /SyncModeRemoveObj"),
+}
+"""Topic or service that only one release has -> that release, and what the others have instead."""
+
+
+def advise_release(name: str) -> str:
+    """Return which release has a name that the chosen release lacks, for the end of an error.
+
+    Args:
+        name: a topic or a service, such as `/SyncModeAddObject`, or a type, such as `morai_msgs/SyncModeAddObject`.
+
+    Returns:
+        The end of a sentence; empty for a name that no release has.
+    """
+    if name in _RENAMED:
+        release, instead = _RENAMED[name]
+        return f"; only release {release} has it (serve --release {release}), here it is {instead}"
+    package, _, kind = name.partition("/")
+    kind = kind.removeprefix("msg/").removeprefix("srv/")
+    release = next((each for each, kinds in _ONLY_IN.items() if package == "morai_msgs" and kind in kinds), "")
+    return f"; only release {release} has it (serve --release {release})" if release else ""
 
 
 # Units

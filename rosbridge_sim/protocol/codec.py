@@ -25,9 +25,10 @@ import orjson
 from rosbridge_sim.errors import FrameError, Reason
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.printable import printable
+from rosbridge_sim.protocol.long_lists import has_more_values, put_in_lists, take_out_lists
 from rosbridge_sim.protocol.ops import ABSENT, OPS, Id, Op, OpBody
 from rosbridge_sim.suggestions import hint, listing
-from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly
+from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly, weigh_in_slices
 
 __all__ = [
     "HEAVY",
@@ -54,6 +55,12 @@ most 20 ms in all encodings together."""
 LONG = 16 * 1024
 """A frame of at least this length is weighed before it is decoded [bytes]. Decoding a shorter one takes at most 5 ms,
 or 40 ms if it holds only numbers at the edge of float64."""
+
+LONG_NUMBERS, FEW_VALUES = 2 * 2**20, 50_000
+"""A frame of this size with so many values is decoded in parts, if nearly all of it is long lists of numbers."""
+
+MANY_VALUES = 1_000_000
+"""A frame with more values is refused if it cannot be decoded in parts: as many take one call 30 ms."""
 
 MAX_OPS = 10_000
 """Largest number of ops in one frame. Each op is done by itself, and clients that put ops together send only a few."""
@@ -187,6 +194,8 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
         claim(len(frame))
         if len(frame) >= HEAVY:
             yield None
+        if len(frame) >= LONG_NUMBERS and frame.count(b",") >= FEW_VALUES and (yield from _decode_in_parts(frame)):
+            return
     op = decode_quickly(frame)
     if op is not None:
         if len(frame) >= HEAVY:  # the op itself is another long step
@@ -200,15 +209,50 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
 
 def _too_heavy(frame: bytes) -> Generator[None, None, str | None]:
     """Return why a long frame is too heavy to be decoded in one call; None if it is not."""
-    too_much = FULL.excess(weigh(frame))
-    if too_much is None:
-        return None
+    if len(frame) < HEAVY:
+        if FULL.excess(weigh(frame)) is None:
+            return None
+    else:
+        for weight in weigh_in_slices(frame):
+            if FULL.excess(weight) is not None:
+                break
+            yield
+        else:
+            return None
     for weight in weigh_exactly(frame):
         too_much = FULL.excess(weight)
         if too_much is not None:
             return too_much
         yield
     return None
+
+
+def _decode_in_parts(frame: bytes) -> Generator[Op | FrameError | None, None, bool]:
+    """Read the only op of a frame with many values or long numbers, most of them in long lists.
+
+    Returns:
+        False if nothing was read, because one call of a decoder can read it.
+    """
+    try:
+        short, lists = yield from take_out_lists(frame)
+        too_much = LIGHT.excess(weigh(short))
+        if too_much is None:
+            yield None
+            op = _decode(short)
+            yield None
+            for name in op.bodies:
+                body = getattr(op, name)
+                if not is_absent(body):
+                    op = msgspec.structs.replace(op, **{name: put_in_lists(msgspec.json.decode(body), lists)})
+            yield op
+            return True
+        why = f"beside long lists of numbers {too_much}"
+    except (msgspec.MsgspecError, ValueError, OverflowError, RecursionError) as error:
+        why = f"as more than {MANY_VALUES:,} values it must be one plain op in JSON; {error}"
+    if not (yield from has_more_values(frame, MANY_VALUES)):
+        return False
+    yield _name(FrameError(f"Received a frame that is too heavy: {why}"), _ends(frame))
+    return True
 
 
 def _decode_slowly(frame: bytes) -> Iterator[Op | FrameError | None]:
@@ -323,7 +367,7 @@ def _outline(part: memoryview) -> dict[str, Any]:
     return outline
 
 
-def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameError]:
+def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameError | None]:
     """Read the rest of a frame with Python's JSON reader, which accepts NaN and Infinity."""
     rest = frame[start:]
     too_much = LIGHT.excess(weigh(rest))
@@ -333,6 +377,8 @@ def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameEr
     text = rest.decode()
     position = 0
     while position < len(text):
+        if len(rest) >= LONG:
+            yield None
         try:
             value, position = _scanner.raw_decode(text, position)
         except RecursionError:
@@ -342,6 +388,8 @@ def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameEr
             problem = FrameError(f"Received a frame that is not valid JSON: {error}. The frame: {_shorten(text)}")
             yield _name(problem, _ends(text[position:]))
             return
+        if len(rest) >= LONG:  # the op itself is another long step
+            yield None
         yield _op_or_error(value)
         position = _end_of(_SPACE.match(text, position))
         num_ops += 1

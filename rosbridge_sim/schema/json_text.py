@@ -7,11 +7,12 @@ import math
 import re
 
 import msgspec
+import orjson
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.weight import LIGHT, weigh
 
-__all__ = ["parse_json"]
+__all__ = ["parse_by_position", "parse_json"]
 
 _WEIGHED = 4 * 1024
 """From this size on, a text is weighed before Python's own decoder reads it [bytes]; a smaller one is always light."""
@@ -48,6 +49,26 @@ def parse_json(name: str, body: bytes | msgspec.Raw, refusal: Exception) -> obje
         raise FieldError(f"{name}: the body is no JSON: {error}") from None
     except RecursionError:
         raise FieldError(f"{name}: the body is nested too deeply") from None
+
+
+def parse_by_position(name: str, body: bytes | msgspec.Raw) -> list[object]:
+    """Return the values of a body that is a JSON list; they are checked one by one, so there may not be many.
+
+    Args:
+        name: name of the type, for error texts.
+        body: the text.
+
+    Raises:
+        FieldError: it is no JSON, or heavy.
+    """
+    too_much = LIGHT.excess(weigh(memoryview(body))) if len(body) >= _WEIGHED else None
+    if too_much is not None:
+        raise FieldError(f"{name}: name the fields of a message of this size; by position {too_much}")
+    try:
+        values: list[object] = orjson.loads(bytes(body))
+    except orjson.JSONDecodeError as error:
+        raise FieldError(f"{name}: {error}") from None
+    return values
 
 
 def _parse_float(text: str) -> float:

@@ -1,25 +1,19 @@
-"""The standard packages as definition texts, from rosbags, which has those of both ROS generations.
+"""The standard packages as definition texts of both ROS generations.
 
-rosbags is imported at the first need, because that takes about 80 ms; a server that uses only the types in `schemas/`
-never imports it. A type that only the other generation has is found too (such as `rcl_interfaces/Log` under ROS 1),
-because its clients connect as well.
+The texts are those of rosbags (`standard_texts.py`). rosbags itself is not imported, because that takes 160 ms of a
+client's first request. A type that only the other generation has is found too (such as `rcl_interfaces/Log` under ROS
+1), because its clients connect as well.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
-from typing import Any, Final, TypeAlias
+from typing import Final
 
 from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.standard_texts import OF_BOTH, OF_ROS1, OF_ROS2
 
 __all__ = ["PACKAGES", "WITHOUT_SERVICES", "ros2_text", "standard_names", "standard_text"]
-
-_Fielddefs: TypeAlias = tuple[list[Any], list[Any]]
-"""A message in rosbags: constants and fields."""
-
-_FieldDesc: TypeAlias = tuple[Any, Any]
-"""The type of a field in rosbags: the kind of node, and its details."""
 
 _SHARED: Final = frozenset(
     {"actionlib_msgs", "diagnostic_msgs", "geometry_msgs", "nav_msgs", "rosgraph_msgs", "sensor_msgs", "shape_msgs"}
@@ -32,8 +26,7 @@ PACKAGES: Final[Mapping[Generation, frozenset[str]]] = {
     | {"action_msgs", "builtin_interfaces", "lifecycle_msgs", "rcl_interfaces", "rmw_dds_common", "rosbag2_interfaces"}
     | {"service_msgs", "statistics_msgs", "tf2_msgs", "type_description_interfaces", "unique_identifier_msgs"},
 }
-"""The packages of each generation. They are listed here so that an unknown name does not cost an import; a test
-compares the list with rosbags."""
+"""The packages of each generation. A test compares them with rosbags."""
 
 WITHOUT_SERVICES: Final = frozenset({"rosbag2_interfaces"})
 """Packages whose services exist but are not in `schemas/`; they count as unknown."""
@@ -113,57 +106,18 @@ def ros2_text(package: str, name: str) -> str | None:
 
 def standard_names(ros: Generation) -> list[str]:
     """Return the names, `pkg/Type`, of all standard messages of a generation."""
-    found = [f"{package}/{name}" for package, names in _packages(ros).items() for name in names]
-    return found + [f"{_EXAMPLES}/{name}" for name in _packages(ros)["std_msgs"] if name not in _NOT_EXAMPLES]
+    found = [name for texts in (OF_BOTH, _OWN[ros]) for name in texts]
+    copied = [name.removeprefix("std_msgs/") for name in found if name.startswith("std_msgs/")]
+    return found + [f"{_EXAMPLES}/{name}" for name in copied if name not in _NOT_EXAMPLES]
 
 
 _OTHER: Final[Mapping[Generation, Generation]] = {1: 2, 2: 1}
-
-
-@cache
-def _packages(ros: Generation) -> Mapping[str, Mapping[str, _Fielddefs]]:
-    """Return the standard definitions of a generation: package -> name -> fields."""
-    from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - see the head of this file
-
-    return _by_package(ros, get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_JAZZY).fielddefs)
-
-
-def _by_package(ros: Generation, found: Mapping[str, _Fielddefs]) -> Mapping[str, Mapping[str, _Fielddefs]]:
-    packages: dict[str, dict[str, _Fielddefs]] = {}
-    for full, definition in found.items():
-        package, _, name = full.split("/")
-        if package in PACKAGES[ros]:  # ROS 1's `time` and `duration` have package names of ROS 2 there
-            packages.setdefault(package, {})[name] = definition
-    return packages
+_OWN: Final[Mapping[Generation, Mapping[str, str]]] = {1: OF_ROS1, 2: OF_ROS2}
 
 
 def _text(ros: Generation, package: str, name: str) -> str | None:
     if package == _EXAMPLES and name not in _NOT_EXAMPLES:
         text = _text(ros, "std_msgs", name)
         return text and text.replace("std_msgs/", f"{_EXAMPLES}/")
-    definition = _packages(ros).get(package, {}).get(name)
-    if definition is None:
-        return None
-    constants, fields = definition
-    lines = [f"{kind} {constant}={value}" for constant, kind, value in constants]
-    # rosbags gives empty messages a byte, as DDS does; their definitions have no field.
-    lines += [f"{_type(desc)} {f}" for f, desc in fields if f != "structure_needs_at_least_one_member"]
-    return "".join(f"{line}\n" for line in lines)
-
-
-def _type(desc: _FieldDesc) -> str:
-    """Return a field's type as a definition text writes it; rosbags has (node type, ...) tuples."""
-    kind, detail = desc
-    if kind in {_ARRAY, _SEQUENCE}:
-        element, count = detail
-        bound = "<=" if kind == _SEQUENCE and count else ""
-        return f"{_type(element)}[{bound}{count or ''}]"
-    if kind == _NAME:
-        package, _, name = detail.split("/")
-        return name.lower() if package == "builtin_interfaces" else f"{package}/{name}"
-    base, most = detail
-    return f"{base}<={most}" if most else str(base)
-
-
-_NAME, _ARRAY, _SEQUENCE = 2, 3, 4
-"""Values of `rosbags.interfaces.Nodetype`, which is not imported here to save time at start."""
+    full = f"{package}/{name}"
+    return _OWN[ros].get(full, OF_BOTH.get(full))

@@ -1,7 +1,7 @@
 """The store of all types by name: definition texts in, compiled types out, each made at its first use.
 
-A store gets definition texts (those in `schemas/` and in the user's folders). Further standard packages come from
-rosbags, which is imported when a type is asked for that the texts lack. The text of an action also defines the seven
+A store gets definition texts (those in `schemas/` and in the user's folders). Further standard packages come
+from `standard.py`. The text of an action also defines the seven
 messages of actionlib. Both `pkg/Type` and `pkg/msg/Type` are accepted everywhere. `pkg/Type` is the name of a type
 inside; `spelled` returns the one that the ROS generation writes.
 """
@@ -315,7 +315,7 @@ class Store:
         is_standard = package in PACKAGES[1] or package in PACKAGES[2]
         if package in self._packages or (is_standard and not (kind == "srv" and package in WITHOUT_SERVICES)):
             names = [short for one, k, short in self._texts if (one, k) == (package, kind)]
-            if is_standard and kind == "msg":  # for no other package is rosbags imported, which takes 0.3 s
+            if is_standard and kind == "msg":
                 found = (full.partition("/") for full in standard_names(self.ros))
                 names += [short for one, _, short in found if one == package]
             near = hint(name.rpartition("/")[2], names)

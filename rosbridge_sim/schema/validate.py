@@ -124,7 +124,9 @@ def _advise(name: str, spec: MessageSpec, given: Mapping[object, object], owner:
         known = inner.fields.keys() | inner.aliases.keys()
         if any(key in known for key in islice(given, _LOOKED_AT)):  # the inner message, without the field around it
             return f'; wrap it in `{field_name}`: {{"{field_name}": {{...}}}}'
-    return f"{hint(name, [*spec.fields, *spec.aliases])}; {owner} has {listing(spec.fields)}"
+    # An alias is accepted, but the field's own name is what a program should have.
+    near = hint(name, spec.fields) or hint(name, spec.aliases)
+    return f"{near}; {owner} has {listing(spec.fields)}"
 
 
 _LOOKED_AT = 100

@@ -14,72 +14,63 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from ssl import SSLContext
 from types import TracebackType
 from typing import TYPE_CHECKING, Self, TypeVar, Unpack
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
-from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
-from rosbridge_sim.morai.interfaces.registry import ListedInterface
-from rosbridge_sim.morai.node_factory import make_node
-from rosbridge_sim.morai.reading import Reader
-from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
-from rosbridge_sim.morai.replays.recording_builder import Recordings
-from rosbridge_sim.morai.sim_services.road_services import RoadServices
-from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
-from rosbridge_sim.morai.ways import SimulatorWays
-from rosbridge_sim.protocol.outbox import OutboxLimits
+from rosbridge_sim.link.loop_thread import LoopStoppedError, LoopThread
+from rosbridge_sim.link.urls import shown_url
+from rosbridge_sim.morai.releases import LENIENCY, RELEASES
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.assembly import (
+    check_sense,
+    choose_stamps,
+    complete_policy,
+    limits_of,
+    make_simulator_node,
+    mistakes_of_items,
+    outbox_limits,
+    start_recorder,
+)
 from rosbridge_sim.shell.bags.recordings import DiskRecordings
 from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
-from rosbridge_sim.shell.config.value_types import URLS, SettingError
 from rosbridge_sim.shell.files.access_rights import is_writable, why_not_writable
-from rosbridge_sim.shell.files.definitions import Texts, read_definitions
-from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.shell.files.network_files import DiskNetworks
-from rosbridge_sim.shell.files.noise_file import read_sensor_noise
+from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.files.quota import DataQuota, in_thread
-from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
-from rosbridge_sim.shell.loop_thread import LoopStoppedError, LoopThread
 from rosbridge_sim.shell.map_page import MapPage
 from rosbridge_sim.shell.monitoring.descriptors import DescriptorWatch
 from rosbridge_sim.shell.monitoring.log_limits import LineLimiter
 from rosbridge_sim.shell.monitoring.masking import mask_of
 from rosbridge_sim.shell.monitoring.metrics import Metrics
-from rosbridge_sim.shell.monitoring.refusals import RefusalLog
-from rosbridge_sim.shell.monitoring.server_topics import TOPICS, WHO_IS_CONNECTED, ServerTopics
+from rosbridge_sim.shell.monitoring.refusal_log import RefusalLog
+from rosbridge_sim.shell.monitoring.server_topics import ServerTopics
 from rosbridge_sim.shell.page.page_address import open_browser, page_urls
 from rosbridge_sim.shell.page.web_page import WebPage
 from rosbridge_sim.shell.port_file import PortFile
-from rosbridge_sim.shell.scenario_shelf import DiskShelf
 from rosbridge_sim.shell.scheduler import Clock, Scheduler
-from rosbridge_sim.shell.wall_clock import WallClock
-from rosbridge_sim.shell.websocket.access import Access, load_certificate
+from rosbridge_sim.shell.websocket.access import load_certificate
 from rosbridge_sim.shell.websocket.limits import ServerLimits
-from rosbridge_sim.shell.websocket.memory_budget import default_budget
-from rosbridge_sim.shell.websocket.origins import OriginRules
 from rosbridge_sim.shell.websocket.server import Server
-from rosbridge_sim.shell.websocket.urls import shown_url
+from rosbridge_sim.simulator.plain.reading import Reader
+from rosbridge_sim.simulator.sim_services.road_services import RoadServices
+from rosbridge_sim.simulator.simulator_node import SimulatorNode
 from rosbridge_sim.suggestions import listing
-from rosbridge_sim.world.state import Dynamics, World
-from rosbridge_sim.world.turn_shares import TurnShares
 
 if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.attach import Attachment
-    from rosbridge_sim.shell.bags.recording import Recorder
+    from rosbridge_sim.shell.bags.bag_recorder import Recorder
 
-__all__ = ["AddressError", "Simulator", "list_items", "mistakes_of_items"]
+__all__ = ["AddressError", "Simulator"]
 
 T = TypeVar("T")
 
@@ -137,6 +128,7 @@ class Simulator:
         self._stopping: asyncio.Task[None] | None = None
         self._thread: LoopThread | None = None
         self._is_stopped = False
+        self._wrong_release: asyncio.Future[None] | None = None
 
     def __repr__(self) -> str:
         """Return the address, the world and the state."""
@@ -262,7 +254,7 @@ class Simulator:
             AddressError: the server cannot listen there, or `attach` names the server itself.
         """
         settings = self.settings
-        _check_sense(settings)
+        check_sense(settings)
         certificate = load_certificate(settings.certfile, settings.keyfile)
         texts = read_definitions(settings.release, settings.schema_path)
         store = Store(texts, leniency=LENIENCY, ros=settings.ros)
@@ -273,7 +265,7 @@ class Simulator:
             service_timeout=settings.service_timeout,
             max_calls=settings.max_calls,
         )
-        limits = _limits(settings)
+        limits = limits_of(settings)
         Rosapi(bus, limits.policy)
         loop = asyncio.get_running_loop()
         recordings = DiskRecordings(settings.data_dir, texts, loop)
@@ -284,9 +276,9 @@ class Simulator:
             self._quota = DataQuota(
                 settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
             )
-            node = _make_node(bus, settings, recordings, reader, self._quota)
-        _complete_policy(limits.policy, node, is_attaching=bool(settings.attach))
-        stamps = None if node is None else _choose_stamps(settings, node)
+            node = make_simulator_node(bus, settings, recordings, reader, self._quota)
+        complete_policy(limits.policy, node, is_attaching=bool(settings.attach))
+        stamps = None if node is None else choose_stamps(settings, node)
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
         scheduler = Scheduler(loop, bus, clocks, self._give_up)
         recordings.on_done = reader.on_done = scheduler.look
@@ -298,7 +290,7 @@ class Simulator:
             await _check_bridges(settings.attach, server)
             if settings.port_file is not None:
                 self._port_file = PortFile(settings.port_file, server.port)
-            self._recorder = _start_recording(settings, bus, node, texts)
+            self._recorder = start_recorder(settings, bus, node, texts)
         except DocumentError:
             self._remove_port_file()
             await server.stop()
@@ -309,7 +301,9 @@ class Simulator:
         frame = (lambda: -1) if node is None else (lambda: node.world.frame)
         refusals = RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token))
         self._reports = ServerTopics(bus, server, loop, refusals, limits.policy)
-        server.render_metrics = Metrics(loop, server, node, refusals, lambda: self.num_bugs).render
+        server.render_metrics = Metrics(
+            loop, server, node, refusals, lambda: self.num_bugs, ages=self._bridge_ages
+        ).render
         self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._scheduler = bus, node, server, scheduler
         self._warn(server, limits)
@@ -368,7 +362,7 @@ class Simulator:
             max_frame_size=settings.max_frame_size,
             ping_interval=settings.ping_interval,
             ping_timeout=settings.ping_timeout,
-            outbox=_outbox_limits(settings),
+            outbox=outbox_limits(settings),
         )
         self.attachments = tuple(
             Attachment(bus, node.participant, url, limits, scheduler.look, scene=node.scene_topics)
@@ -377,8 +371,29 @@ class Simulator:
         for attachment in self.attachments:
             attachment.mirror.stamps = stamps
             attachment.mirror.why_gone = node.why_gone
+            attachment.mirror.is_synchronous = lambda: not node.sync.is_free
+            self._watch_release(attachment)
             scheduler.add(attachment.mirror)
             attachment.start()
+
+    def _bridge_ages(self, now: float) -> dict[str, float]:
+        """Return how old topic messages are when each bridge handles them [s], by its URL."""
+        return {attachment.url: attachment.mirror.age(now) for attachment in self.attachments}
+
+    def _watch_release(self, attachment: Attachment) -> None:
+        """Give a bridge's comparison of `morai_msgs` the releases; a mismatch ends `wait` if the setting says so."""
+        settings, check = self.settings, attachment.mirror.release_check
+        check.releases = lambda: {
+            release: Store(read_definitions(release, settings.schema_path), ros=settings.ros) for release in RELEASES
+        }
+        if settings.strict_release:
+            self._wrong_release = self._wrong_release or asyncio.get_running_loop().create_future()
+            check.on_mismatch = lambda text: self._refuse_release(f"{attachment.url}: {text}")
+
+    def _refuse_release(self, text: str) -> None:
+        if self._wrong_release is not None and not self._wrong_release.done():
+            self._wrong_release.set_exception(SettingError(f"strict-release: {text}"))
+            self._wrong_release.exception()  # it is logged already
 
     async def stop(self) -> None:
         """Close every connection (code 1001) and stop the world, within two seconds. A second call does nothing."""
@@ -418,117 +433,17 @@ class Simulator:
 
         Raises:
             WorldFailedError: the world has failed.
+            SettingError: with `strict_release`: a bridge has other fields in `morai_msgs`.
         """
         assert self._scheduler is not None, "start it first"
-        await asyncio.shield(self._scheduler.failure)
+        ends = (self._scheduler.failure, self._wrong_release)
+        done, _ = await asyncio.wait([end for end in ends if end is not None], return_when=asyncio.FIRST_COMPLETED)
+        for end in done:
+            end.result()
 
     def _give_up(self) -> None:
         """Stop, because the world has failed; the connections of clients are closed."""
         self._stopping = asyncio.get_running_loop().create_task(self.stop())
-
-
-def list_items(settings: Settings) -> list[ListedInterface]:
-    """Return the topics and services of a simulator with these settings. It is built in the built-in scene for that.
-
-    Args:
-        settings: the settings.
-
-    Raises:
-        DocumentError: a file cannot be used, or network settings are not valid.
-    """
-    bus = Bus(Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros))
-    Rosapi(bus)
-    WebRepublisher(bus)
-    built_in = replace(
-        settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None, sensor_noise="none"
-    )
-    return list(_make_node(bus, built_in, None, None).interfaces.listing())
-
-
-def mistakes_of_items(settings: Settings) -> list[str]:
-    """Return the mistakes in the choices about topics and services, one line each.
-
-    The readers of settings use it when there are other mistakes, to show all of them together. Otherwise the simulator
-    finds these mistakes itself at its start.
-
-    Args:
-        settings: the settings.
-    """
-    if not (settings.publishers or settings.subscribers or settings.services):
-        return []
-    try:
-        list_items(settings)
-    except DocumentError as error:
-        return str(error).splitlines()
-    return []
-
-
-def _make_node(
-    bus: Bus,
-    settings: Settings,
-    recordings: Recordings | None,
-    reader: Reader | None,
-    quota: DataQuota | None = None,
-) -> SimulatorNode:
-    library = DiskLibrary(settings.scenario_path, settings.map, settings.catalogue)
-    profile = choose_profile(
-        settings.profile,
-        settings.release,
-        wheel_angle_unit=settings.wheel_angle_unit,
-        object_size_order=settings.object_size_order,
-        object_limit=settings.object_limit,
-        object_range=settings.object_range,
-        object_velocity_unit=settings.object_velocity_unit,
-    )
-    choices = NodeSettings(
-        profile=profile,
-        start=settings.start,
-        start_mode=settings.start_mode,
-        speed_limits=SPEED_LIMITS.get(settings.release),
-        network=NetworkSettings(settings.publishers, settings.subscribers, settings.services),
-        sync_frames=settings.sync_frames,
-        sync_lease=settings.sync_lease,
-        sync_on_loss=settings.sync_on_loss,
-        anyone_may_stop=settings.anyone_may_stop,
-        catalogue=library.catalogue,
-        real_time_factor=settings.real_time_factor,
-        replay_info=settings.replay_info,
-        score=settings.score,
-        traffic=settings.traffic,
-        traffic_wander=settings.traffic_wander,
-        sensor_noise=read_sensor_noise(settings.sensor_noise),
-        on_world_failure=settings.on_world_failure,
-    )
-    turn_shares = TurnShares(*map(float, settings.turn_shares.split(","))) if settings.turn_shares else None
-    scenario = library.opening_scenario(settings.scenario)
-    mistakes = _taken_names(settings)
-    try:
-        node = make_node(
-            bus,
-            World(
-                settings.seed,
-                Dynamics[settings.dynamics.upper().replace("-", "_")],
-                is_creeping=settings.creep,
-                has_impacts=settings.on_collision == "impact",
-                turn_shares=turn_shares,
-            ),
-            library,
-            scenario,
-            choices,
-            archive=DiskArchive(settings.data_dir, quota),
-            recordings=recordings,
-            networks=DiskNetworks(settings.data_dir),
-            reader=reader,
-            shelf=DiskShelf(library, settings.data_dir),
-        )
-    except DocumentError as error:
-        if not mistakes:
-            raise
-        raise DocumentError("\n".join([*mistakes, str(error)])) from None
-    if mistakes:
-        raise DocumentError("\n".join(mistakes))
-    node.limit_turns(time.perf_counter)
-    return node
 
 
 def _tell_of_world(server: Server, node: SimulatorNode | None, reader: Reader) -> None:
@@ -545,120 +460,6 @@ def _describe(node: SimulatorNode | None) -> dict[str, object]:
         return {"frame": None, "mode": "gateway", "paused": False}
     mode = "synchronous" if node.sync.is_on else "real_time"
     return {"frame": node.world.frame, "mode": mode, "paused": node.sync.is_paused}
-
-
-def _choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
-    """Choose the clock for stamps."""
-    clock = WallClock()
-    choice = settings.stamps or ("sim" if settings.listen else "auto")
-    if choice == "auto" and not settings.attach:
-        _log.info("--stamps auto follows a bridge, but no --attach is given: stamps are simulated time")
-    return Stamps(choice, lambda now: node.use_wall_time(clock.read_ns, now))
-
-
-def _taken_names(settings: Settings) -> list[str]:
-    """Return a mistake for each name that belongs to one of the server's own topics."""
-    return [
-        f"{choice.where}: expected another name than {choice.name}, which the server has"
-        for choice in [*settings.publishers.values(), *settings.subscribers.values()]
-        if choice.name in TOPICS
-    ]
-
-
-def _start_recording(settings: Settings, bus: Bus, node: SimulatorNode | None, texts: Texts) -> Recorder | None:
-    """Start to record, if `--record` is set.
-
-    Raises:
-        DocumentError: the file cannot be created.
-    """
-    if settings.record is None:
-        return None
-    from rosbridge_sim.shell.bags.bag import open_bag  # noqa: PLC0415 - the import of rosbags' writers takes a tenth of a second
-    from rosbridge_sim.shell.bags.message_writer import BagMessageWriter  # noqa: PLC0415
-    from rosbridge_sim.shell.bags.recording import Recorder  # noqa: PLC0415
-
-    path = Path(settings.record)
-    if path.resolve().is_relative_to(Path(settings.data_dir).resolve()):  # the data folder is created when it is needed
-        with suppress(OSError):  # opening the bag reports the error
-            path.parent.mkdir(parents=True, exist_ok=True)
-    bag = open_bag(path)
-    store = bus.store if bag.ros == bus.store.ros else Store(texts, leniency=LENIENCY, ros=bag.ros)
-    loop = asyncio.get_running_loop()
-    owner = None if node is None else node.participant
-    return Recorder(
-        bus, BagMessageWriter(bag, store, bus.store), path, simulator=owner, patterns=settings.record_topics, loop=loop
-    )
-
-
-def _limits(settings: Settings) -> ServerLimits:
-    return ServerLimits(
-        max_frame_size=settings.max_frame_size,
-        ping_interval=settings.ping_interval,
-        ping_timeout=settings.ping_timeout,
-        is_compressing=settings.compression,
-        is_direct=settings.websocket_io == "direct",
-        is_talkative=settings.status,
-        client_memory=settings.client_memory,
-        memory_budget=settings.memory_budget or default_budget(),
-        outbox=_outbox_limits(settings),
-        access=Access(
-            token=settings.token,
-            origins=OriginRules(settings.allow_origin, settings.allow_host),
-            max_clients=settings.max_clients,
-            max_strangers=settings.max_strangers,
-            max_rate=settings.max_rate,
-        ),
-        policy=Policy(
-            publish=Rule(settings.allow_publish, settings.deny_publish),
-            subscribe=Rule(settings.allow_subscribe, settings.deny_subscribe),
-            service=Rule(settings.allow_service, settings.deny_service),
-            parameter=Rule(settings.allow_param, settings.deny_param),
-            max_held=settings.max_held,
-        ),
-    )
-
-
-def _complete_policy(policy: Policy, node: SimulatorNode | None, *, is_attaching: bool) -> None:
-    """Apply patterns to all names of the simulator's things, and log ways that they leave open."""
-    ways = SimulatorWays(None if node is None else node.interfaces)
-    policy.ways.add(ways.effects, ways.others)
-    policy.ways.add(lambda: (WHO_IS_CONNECTED,))
-    if node is not None:
-        node.interfaces.on_change = policy.ways.change
-    for line in policy.left_open():
-        _log.warning("%s", line)
-    if is_attaching and not policy.is_open:
-        _log.warning(
-            "--allow and --deny patterns apply only to clients of this server, not to programs behind a bridge;"
-            " set rules at the bridge"
-        )
-
-
-def _outbox_limits(settings: Settings) -> OutboxLimits:
-    return OutboxLimits(settings.outbox_burst, settings.outbox_size, settings.outbox_limit)
-
-
-def _check_sense(settings: Settings) -> None:
-    """Refuse settings that leave nothing to do.
-
-    Raises:
-        DocumentError: the text says what is missing.
-    """
-    if settings.attach and not settings.world:
-        raise DocumentError("attach: expected a world; without one there is nothing to advertise at a bridge")
-    if settings.stamps == "wall" and settings.real_time_factor != 1.0:
-        raise DocumentError(
-            f"real-time-factor: expected 1 with --stamps wall; got {settings.real_time_factor:g};"
-            " --stamps sim allows any factor"
-        )
-    if settings.open and not (settings.listen and settings.page):
-        raise DocumentError("open: expected a server that listens and has its page; got --no-listen or --no-page")
-    if settings.port_file is not None and not settings.listen:
-        raise DocumentError("port-file: expected a server that listens; one that only attaches has no port")
-    if settings.scene and not settings.attach:
-        raise DocumentError("scene: expected with --attach; clients of this server can subscribe to the scene anyway")
-    if not settings.attach and not settings.listen:
-        raise DocumentError(f"attach: expected {URLS.expects}; got none, and --no-listen accepts no clients")
 
 
 async def _check_bridges(urls: Sequence[str], server: Server) -> None:

@@ -27,11 +27,11 @@ from rosbridge_sim.graph.attach.connection import PROBE, BridgeConnection, Value
 from rosbridge_sim.graph.attach.mirror import Mirror
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.link.client_connection import DialedConnection, why_gone, why_not
+from rosbridge_sim.link.library_log import quiet
+from rosbridge_sim.link.urls import port_of, shown_url
 from rosbridge_sim.protocol.outbox import OutboxLimits
-from rosbridge_sim.shell.websocket.client_connection import DialedConnection, why_gone, why_not
 from rosbridge_sim.shell.websocket.dns import HostLookup
-from rosbridge_sim.shell.websocket.library_log import quiet
-from rosbridge_sim.shell.websocket.urls import port_of, shown_url
 
 __all__ = ["AttachLimits", "Attachment", "is_own_address"]
 

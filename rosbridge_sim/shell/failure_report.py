@@ -13,15 +13,15 @@ from typing import Final
 
 from rosbridge_sim.errors import DocumentError, RosbridgeSimError
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.morai.catalogue import Model
-from rosbridge_sim.morai.maps.mgeo import RoadMap
-from rosbridge_sim.morai.scenarios.reader import Spawn
+from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.scenarios.catalogue import Model
+from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.config.settings import FIELDS, Settings, flag_of
 from rosbridge_sim.shell.config.value_types import SECRET, SWITCH, URLS
-from rosbridge_sim.shell.terminal_text import safe
-from rosbridge_sim.world.state import Kind, World
+from rosbridge_sim.world.state.world import Kind, World
 
 __all__ = ["FailureReport", "command_of"]
 

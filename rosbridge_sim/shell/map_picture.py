@@ -18,11 +18,13 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.maps.mgeo import RoadMap
-from rosbridge_sim.morai.scenarios.reader import Spawn
-from rosbridge_sim.world.geometry import FloatArray
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.state import Kind
+from rosbridge_sim.maps.extent import find_bulk, find_far_lanes
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.scenarios.scenario import Spawn
+from rosbridge_sim.suggestions import listing
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import Kind
 
 __all__ = ["draw_map", "draw_thumbnail"]
 
@@ -107,7 +109,7 @@ class _View:
         return list(zip(x.tolist(), y.tolist(), strict=True))
 
 
-def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> None:
+def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> str:
     """Write a picture of a map. The suffix of the file's name selects the format: `.png`, `.jpg` or `.jpeg`.
 
     Args:
@@ -115,17 +117,23 @@ def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> Non
         path: the file.
         agents: entities to draw; each must have a position.
 
+    Returns:
+        What it leaves out because it lies far from the rest, for the user; empty for nothing. The picture says so, too.
+
     Raises:
         DocumentError: it cannot be written.
     """
     form = FORMATS.get(path.suffix.lower())
     if form is None:
         raise DocumentError(f"--picture: expected a file such as MAP.png or MAP.jpg; got {str(path)!r}")
-    image = _draw(road_map, [agent for agent in agents if agent.is_placed])
+    agents = [agent for agent in agents if agent.is_placed]
+    image = _draw(road_map, agents)
     try:
         image.save(path, form, quality=QUALITY)  # PNG ignores the quality
     except OSError as error:
         raise DocumentError(f"{path}: cannot be written: {error.strerror or error}") from None
+    left_out = [name for names in _left_out(road_map.roads, agents) for name in names]
+    return f"{path} leaves out what lies far from the rest: {listing(left_out)}" if left_out else ""
 
 
 def draw_thumbnail(road_map: RoadMap, width: int, height: int, agents: Sequence[Spawn] = ()) -> bytes:
@@ -175,6 +183,7 @@ def _draw(road_map: RoadMap, agents: Sequence[Spawn]) -> Image.Image:
     for agent in agents:
         _draw_agent(pen, view, agent)
     _draw_frame(pen, image.size, road_map)
+    _draw_left_out(pen, road_map.roads, agents)
     top = height - 60 * FINE if num_lines > 1 else height - 34 * FINE
     _draw_scale(pen, view, top)
     _draw_legend(pen, legend, places, top)
@@ -200,15 +209,33 @@ def _draw_ground(pen: ImageDraw.ImageDraw, view: _View, road_map: RoadMap, kinds
 
 
 def _extent(roads: Roads, agents: Sequence[Spawn]) -> tuple[FloatArray, FloatArray]:
-    """Return the south-west and the north-east corner of the picture: the roads, and entities near them [m]."""
-    places = np.array([(agent.x, agent.y) for agent in agents]).reshape(-1, 2)
-    if len(roads):
-        points = roads.points[:, :2]
-        is_near = ((places >= points.min(axis=0) - NEAR) & (places <= points.max(axis=0) + NEAR)).all(axis=1)
-        places = np.concatenate([points, places[is_near]])
-    elif not agents:
+    """Return the south-west and the north-east corner of the picture: the bulk of the roads, and what is near [m]."""
+    points, places = _shown(roads, agents)
+    places = np.concatenate([points, places[_are_shown(points, places)]])
+    if not len(places):
         places = np.zeros((1, 2))
     return places.min(axis=0) - 10.0, places.max(axis=0) + 10.0
+
+
+def _shown(roads: Roads, agents: Sequence[Spawn]) -> tuple[FloatArray, FloatArray]:
+    """Return the points of the roads that are shown, (k, 2), and the places of all entities, (a, 2) [m]."""
+    is_shown = np.repeat(~find_far_lanes(roads), np.diff(roads.first))
+    places = np.array([(agent.x, agent.y) for agent in agents]).reshape(-1, 2)
+    return roads.points[is_shown, :2], places
+
+
+def _are_shown(points: FloatArray, places: FloatArray) -> BoolArray:
+    """Return which entities are shown: those near the roads, or the bulk of them where there are no roads."""
+    if not len(points):
+        return find_bulk(places, places, np.ones(len(places)))
+    return np.asarray(((places >= points.min(axis=0) - NEAR) & (places <= points.max(axis=0) + NEAR)).all(axis=1))
+
+
+def _left_out(roads: Roads, agents: Sequence[Spawn]) -> tuple[list[str], list[str]]:
+    """Return the lanes and the entities that lie too far away to be shown: ids, and places in the document."""
+    lanes = [f"lane {roads.ids[lane]}" for lane in np.flatnonzero(find_far_lanes(roads)).tolist()]
+    is_shown = _are_shown(*_shown(roads, agents)).tolist()
+    return lanes, [agent.where or agent.name for agent, is_in in zip(agents, is_shown, strict=True) if not is_in]
 
 
 def _kinds(road_map: RoadMap) -> _Kinds:
@@ -362,6 +389,19 @@ def _draw_frame(pen: ImageDraw.ImageDraw, size: tuple[int, int], road_map: RoadM
     x, y = float(size[0] - PICTURE_MARGIN * FINE // 2), 16.0 * FINE
     pen.polygon([(x, y), (x - 11 * FINE, y + 34 * FINE), (x, y + 26 * FINE), (x + 11 * FINE, y + 34 * FINE)], fill=INK)
     pen.text((x, y + 38 * FINE), "N", fill=INK, font=font, anchor="ma")
+
+
+def _draw_left_out(pen: ImageDraw.ImageDraw, roads: Roads, agents: Sequence[Spawn]) -> None:
+    """Write below the name how much lies too far away to be shown."""
+    lanes, entities = _left_out(roads, agents)
+    parts = [
+        f"{len(names):,} of {num:,} {what}"
+        for names, num, what in ((lanes, len(roads), "lanes"), (entities, len(agents), "objects"))
+        if names
+    ]
+    if parts:
+        text = f"not shown, far away: {', '.join(parts)}"
+        pen.text((PICTURE_MARGIN * FINE // 2, 56 * FINE), text, fill=STOP, font=_legend_font())
 
 
 def _scale_text(view: _View) -> tuple[float, str]:

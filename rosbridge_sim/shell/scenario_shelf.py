@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.scenarios.reader import place_on_roads
-from rosbridge_sim.morai.scene import DEFAULT_MAP
-from rosbridge_sim.morai.sim_services.scenarios import ListedRecording, ListedScenario, Listing
+from rosbridge_sim.scenarios.scenario_reader import place_on_roads
 from rosbridge_sim.shell.bags.recordings import list_recordings
 from rosbridge_sim.shell.files.document_cache import DocumentCache
 from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.simulator.scene.scene import DEFAULT_MAP
+from rosbridge_sim.simulator.sim_services.scenario_services import ListedRecording, ListedScenario, Listing
 
 __all__ = ["DiskShelf"]
 

@@ -10,10 +10,10 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray
-from rosbridge_sim.world.lane_conflicts import COMFORT, LaneConflicts
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.state import Body, World
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.roads.lane_conflicts import COMFORT, LaneConflicts
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import Body, World
 
 __all__ = ["LaneSlots", "has_room", "keep_clear", "safe_speed_at"]
 

@@ -13,17 +13,18 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 
-from rosbridge_sim.world.entity_arrays import BOOLS, FLOATS, INTS, LANE_CHANGE_COLUMNS, NO_BODY, NUM_CORE
-from rosbridge_sim.world.entity_types import MAX_COORDINATE, Body, Dynamics, Gear, Kind, Mode
-from rosbridge_sim.world.geometry import FloatArray, IntArray
-from rosbridge_sim.world.lane_change_model import MAX_REASON
-from rosbridge_sim.world.lane_position import MAX_WANDER
-from rosbridge_sim.world.paths import END, NUM_COLUMNS, PathsSnapshot
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.signal_plan import SignalPlan
-from rosbridge_sim.world.signals import FREE, SignalsSnapshot
-from rosbridge_sim.world.state import MAX_UID, Snapshot, label_of
-from rosbridge_sim.world.turn_shares import TurnShares
+from rosbridge_sim.world.drivers.lane_position import MAX_WANDER
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.lane_changes.lane_change_model import MAX_REASON
+from rosbridge_sim.world.roads.paths import END, NUM_COLUMNS, PathsSnapshot
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
+from rosbridge_sim.world.roads.signals import FREE, SignalsSnapshot
+from rosbridge_sim.world.roads.turn_shares import TurnShares
+from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, LANE_CHANGE_COLUMNS, NO_BODY, NUM_CORE
+from rosbridge_sim.world.state.entity_types import MAX_COORDINATE, Body, Dynamics, Gear, Kind, Mode
+from rosbridge_sim.world.state.labels import label_of
+from rosbridge_sim.world.state.world import MAX_UID, Snapshot
 
 __all__ = ["LAYOUT", "from_plain", "to_plain"]
 
@@ -54,8 +55,6 @@ _LANE_CHANGE_CODES: Final = {"signal": 2, "leaving": 2, "keeps_lane": 1, "change
 _OFFSETS: Final = tuple(name for name in LANE_CHANGE_COLUMNS if name not in {*_LANE_CHANGE_CODES, "change_since"})
 MAX_OFFSET: Final = 1e4
 """Bound of offsets from a lane [m], and of their rates and slopes: far beyond any lane beside, but still on the map."""
-
-_PCG64: Final = "PCG64"
 
 T = TypeVar("T")
 
@@ -90,11 +89,11 @@ def to_plain(saved: Snapshot) -> Plain:
         "is_scoring": int(saved.is_scoring),
         "dynamics": int(saved.dynamics),
         "is_creeping": int(saved.is_creeping),
+        "has_stability_control": int(saved.has_stability_control),
         "has_impacts": int(saved.has_impacts),
         "passing": saved.passing,
         "placed_uids": np.array(saved.placed_uids, dtype=np.int64),
         "turn_shares": np.array([] if saved.turn_shares is None else astuple(saved.turn_shares), dtype=np.float64),
-        "rng": _plain_rng(saved.rng_state),
     }
 
 
@@ -117,17 +116,6 @@ def _index(values: tuple[T, ...]) -> tuple[list[T], IntArray]:
     places: dict[T, int] = {}
     index = [places.setdefault(value, len(places)) for value in values]
     return list(places), np.array(index, dtype=np.int64)
-
-
-def _plain_rng(state: dict[str, Any]) -> Plain:
-    inner = state["state"]
-    return {
-        "kind": state["bit_generator"],
-        "state": int(inner["state"]),
-        "inc": int(inner["inc"]),
-        "has_uint32": int(state["has_uint32"]),
-        "uinteger": int(state["uinteger"]),
-    }
 
 
 class _Reader:
@@ -191,9 +179,9 @@ class _Reader:
             roads=self._roads,
             signals=self._signals(frame),
             routes=routes,
-            rng_state=self._rng(),
             dynamics=Dynamics(self._int("dynamics", min(Dynamics), max(Dynamics))),
             is_creeping=self._int("is_creeping", 0, 1) == 1,
+            has_stability_control=self._int("has_stability_control", 0, 1) == 1,
             has_impacts=has_impacts,
             passing=passing,
             placed_uids=tuple(placed.tolist()),
@@ -358,20 +346,6 @@ class _Reader:
             return None
         _expect(len(shares) == len(fields(TurnShares)), "turn_shares", "three shares, or none")
         return TurnShares(*shares)  # it checks its figures
-
-    def _rng(self) -> dict[str, Any]:
-        data = self._data.get("rng")
-        _expect(isinstance(data, dict) and data.get("kind") == _PCG64, "rng", f"a state of {_PCG64}")
-        assert isinstance(data, dict)
-        for name, bits in (("state", 128), ("inc", 128), ("has_uint32", 1), ("uinteger", 32)):
-            value = data.get(name)
-            _expect(type(value) is int and 0 <= value < 2**bits, f"rng.{name}", f"a number of {bits} bits")
-        return {
-            "bit_generator": _PCG64,
-            "state": {"state": data["state"], "inc": data["inc"]},
-            "has_uint32": data["has_uint32"],
-            "uinteger": data["uinteger"],
-        }
 
     # Values
 

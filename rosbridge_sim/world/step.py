@@ -28,15 +28,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rosbridge_sim.world import collisions, impacts, score
-from rosbridge_sim.world.careful_driving import mind_the_path
-from rosbridge_sim.world.dynamics import drive
-from rosbridge_sim.world.lane_following import drive_lanes
-from rosbridge_sim.world.path_following import follow_paths
-from rosbridge_sim.world.people import walk
-from rosbridge_sim.world.standing import stand
-from rosbridge_sim.world.state import DT, World
-from rosbridge_sim.world.waiting import start
+from rosbridge_sim.world import scoring as score
+from rosbridge_sim.world.contacts import collisions, impacts
+from rosbridge_sim.world.followers.careful_driving import mind_the_path
+from rosbridge_sim.world.followers.lane_following import drive_lanes
+from rosbridge_sim.world.followers.path_following import follow_paths
+from rosbridge_sim.world.followers.waiting import start
+from rosbridge_sim.world.people.people import walk
+from rosbridge_sim.world.state.standing import stand
+from rosbridge_sim.world.state.world import DT, World
+from rosbridge_sim.world.vehicle.dynamics import drive
 
 __all__ = ["step"]
 

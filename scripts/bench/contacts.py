@@ -23,12 +23,12 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from rosbridge_sim.world.commands import command
-from rosbridge_sim.world.dynamics import drive
-from rosbridge_sim.world.lane_following import drive_lanes
-from rosbridge_sim.world.path_following import follow_paths
-from rosbridge_sim.world.state import DT, Body, Kind, Mode, World
+from rosbridge_sim.world.followers.lane_following import drive_lanes
+from rosbridge_sim.world.followers.path_following import follow_paths
+from rosbridge_sim.world.state.commands import command
+from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
+from rosbridge_sim.world.vehicle.dynamics import drive
 
 CAR = Body()
 

@@ -26,15 +26,15 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.peer import Peer
-from rosbridge_sim.morai.node_factory import make_node
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.morai.simulator_node import NodeSettings
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.state import Dynamics, Kind, World
+from rosbridge_sim.simulator.node_factory import make_node
+from rosbridge_sim.simulator.simulator_node import NodeSettings
+from rosbridge_sim.world.state.world import Dynamics, Kind, World
 from scripts.bench.program import machine
 
 __all__ = ["PATHS", "Core"]

@@ -28,10 +28,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from rosbridge_sim.morai.catalogue import DEFAULT_EGO
-from rosbridge_sim.world.commands import command
-from rosbridge_sim.world.entity_types import ROAD_FRICTION
-from rosbridge_sim.world.state import DT, Body, Dynamics, Kind, Mode, World
+from rosbridge_sim.scenarios.catalogue import DEFAULT_EGO
+from rosbridge_sim.world.state.commands import command
+from rosbridge_sim.world.state.entity_types import ROAD_FRICTION
+from rosbridge_sim.world.state.world import DT, Body, Dynamics, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -138,7 +138,8 @@ def vehicle_2() -> tuple[Any, Body]:
         max_accel=p.longitudinal.a_max,
         max_decel=p.longitudinal.a_max,
         rolling=0.0,
-        drag=0.0,
+        air_drag=0.0,
+        engine_drag=0.0,
         mass=p.m,
         front_load=p.b / wheelbase,
         cg_height=p.h_s,
@@ -158,7 +159,7 @@ def drive_ours(body: Body, drive: Manoeuvre) -> dict[str, list[float]]:
         body: the car.
         drive: the manoeuvre.
     """
-    world = World(0, Dynamics.SINGLE_TRACK)
+    world = World(0, Dynamics.SINGLE_TRACK, has_stability_control=False)  # as the references
     world.spawn(Kind.EGO, body, name="ego", x=0.0, y=0.0, speed=drive.speed)
     to_rear = body.front_load * body.wheelbase
     names = ("t", "x", "y", "v", "yaw", "yaw_rate", "slip", "lateral_accel", "steer", "accel", "roll", "pitch")

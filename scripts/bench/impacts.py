@@ -19,11 +19,11 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from rosbridge_sim.morai.catalogue import DEFAULT_EGO
-from rosbridge_sim.world.commands import command
-from rosbridge_sim.world.lane_position import keep_lane
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.state import DT, Dynamics, Kind, Mode, World
+from rosbridge_sim.scenarios.catalogue import DEFAULT_EGO
+from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.commands import command
+from rosbridge_sim.world.state.world import DT, Dynamics, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import orjson
 
-from rosbridge_sim.shell.websocket.websocket_internals import apply_mask
+from rosbridge_sim.link.websocket_internals import apply_mask
 
 __all__ = [
     "LoadError",

@@ -29,13 +29,13 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from playwright.sync_api import sync_playwright
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.morai.node_factory import make_node
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.state import Body, Kind, World
+from rosbridge_sim.simulator.node_factory import make_node
+from rosbridge_sim.world.state.world import Body, Kind, World
 from scripts.bench.load import Socket
 from scripts.bench.page import FLAGS
 from scripts.bench.program import SERVER, Program, machine, running

@@ -30,14 +30,14 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.commands import command
-from rosbridge_sim.world.geometry import FloatArray
-from rosbridge_sim.world.lane_conflicts import LaneConflicts
-from rosbridge_sim.world.lane_following import DECISION
-from rosbridge_sim.world.lane_position import keep_lane
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.signal_plan import SignalPlan
-from rosbridge_sim.world.state import DT, Body, Dynamics, Kind, Mode, World
+from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.followers.lane_following import DECISION
+from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
+from rosbridge_sim.world.state.commands import command
+from rosbridge_sim.world.state.world import DT, Body, Dynamics, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
 CAR = Body()

@@ -14,11 +14,11 @@ from html import escape
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray
-from rosbridge_sim.world.lane_conflicts import DEFAULT_SPEED_LIMIT, LaneConflicts
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.signal_plan import Lamp, SignalPlan
-from rosbridge_sim.world.state import DT
+from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.roads.lane_conflicts import DEFAULT_SPEED_LIMIT, LaneConflicts
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import Lamp, SignalPlan
+from rosbridge_sim.world.state.world import DT
 
 __all__ = ["Connection", "Edge", "Network", "convert"]
 

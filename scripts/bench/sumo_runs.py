@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray
+from rosbridge_sim.world.geometry.planar import FloatArray
 from scripts.bench.sumo_network import Network
 from scripts.bench.traffic_cases import CAR, QUEUE_LINE, Demand, Flow
 

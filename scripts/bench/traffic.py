@@ -36,8 +36,8 @@ if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
 from rosbridge_sim.shell.files.library import DiskLibrary  # noqa: E402
-from rosbridge_sim.world.lane_following import DECISION  # noqa: E402
-from rosbridge_sim.world.state import DT  # noqa: E402
+from rosbridge_sim.world.followers.lane_following import DECISION  # noqa: E402
+from rosbridge_sim.world.state.world import DT  # noqa: E402
 from rosbridge_sim.world.step import step  # noqa: E402
 from scripts.bench import sumo_runs  # noqa: E402
 from scripts.bench.step import towns  # noqa: E402

@@ -12,12 +12,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray
-from rosbridge_sim.world.lane_position import LaneStart, keep_lanes
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.route_choice import RouteChoice
-from rosbridge_sim.world.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
-from rosbridge_sim.world.state import DT, Body, Kind, World
+from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.drivers.route_choice import RouteChoice
+from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
+from rosbridge_sim.world.state.world import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
 from scripts.bench.sumo_network import Network
 

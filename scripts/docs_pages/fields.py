@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind
-from rosbridge_sim.morai.interfaces.registry import ListedInterface
-from rosbridge_sim.morai.node_factory import make_node
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.state import World
+from rosbridge_sim.simulator.bus.interface_registry import ListedInterface
+from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
+from rosbridge_sim.simulator.node_factory import make_node
+from rosbridge_sim.world.state.world import World
 
 __all__ = ["FieldRow", "read_fields", "write_fields"]
 

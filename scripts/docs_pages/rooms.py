@@ -1,87 +1,165 @@
-"""The picture of the rooms of the package and of the arrows between them, from the imports in the sources."""
+"""Pictures of the rooms of the package and of the arrows between them, from the imports in the sources."""
 
 from __future__ import annotations
 
 import ast
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from scripts.docs_pages.svg import Point, arrow, box, document, text
 
-__all__ = ["draw_rooms", "read_arrows"]
+__all__ = ["PACKAGE_ROOMS", "SIMULATOR_ROOMS", "WORLD_ROOMS", "Picture", "draw_rooms", "read_arrows"]
 
 PACKAGE: Final = "rosbridge_sim"
 
-ROOMS: Final[dict[str, tuple[Point, Point, str]]] = {
-    "cli": ((40, 30), (800, 92), "commands of the command line, and the tools behind them"),
-    "client": ((40, 160), (800, 92), "client for programs and tests, blocking and asynchronous; used by the tools"),
-    "shell": ((40, 290), (800, 92), "sockets, tasks, clock, disk, signals"),
-    "morai": ((40, 436), (800, 92), "MORAI's services, units, scenarios and maps; synchronous mode"),
-    "graph": ((40, 566), (480, 92), "participants, topics, services, parameters, actions, rosapi"),
-    "protocol": ((40, 696), (230, 92), "the wire of one client"),
-    "schema": ((290, 696), (230, 92), "message definitions, compiled"),
-    "world": ((560, 566), (280, 92), "motion, lanes, lights, traffic: numpy"),
-}
-"""Upper left corner, size [px] and meaning of each room, the highest first."""
 
-OUTSIDE_FLOOR: Final = 410.0
-"""Height of the line between rooms that do I/O and pure rooms [px]."""
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A picture of the rooms in one folder.
+
+    Attributes:
+        folder: the folder within the package; empty for the package.
+        rooms: upper left corner, size [px] and meaning of each room, the highest first. "." is the files beside them.
+        size: of the picture [px].
+        title: for people who cannot see it.
+        floor: height of the line between rooms that do I/O and pure rooms [px]; 0 for none.
+    """
+
+    folder: str
+    rooms: Mapping[str, tuple[Point, Point, str]]
+    size: Point
+    title: str
+    floor: float = 0.0
 
 
-def read_arrows(root: Path) -> set[tuple[str, str]]:
-    """Return the pairs of rooms of which the first imports something from the second.
+PACKAGE_ROOMS: Final = Picture(
+    "",
+    {
+        "cli": ((40, 30), (800, 80), "commands of the command line, and the tools behind them"),
+        "client": ((40, 140), (290, 80), "client for programs and tests"),
+        "shell": ((350, 140), (490, 80), "sockets, tasks, clock, disk, signals"),
+        "link": ((40, 250), (400, 80), "a client's connection; texts for terminals"),
+        "simulator": ((250, 390), (590, 96), "kernel, scene, synchronous mode, topics and services"),
+        "graph": ((140, 526), (270, 96), "participants, topics, services, actions"),
+        "morai": ((430, 526), (410, 96), "MORAI's messages, commands, releases"),
+        "protocol": ((40, 662), (180, 80), "the wire of one client"),
+        "schema": ((240, 662), (210, 80), "message definitions, compiled"),
+        "scenarios": ((470, 662), (370, 80), "scenario files, catalogue of models"),
+        "maps": ((470, 772), (370, 80), "maps without a format, and their readers"),
+        "world": ((470, 882), (370, 96), "motion, lanes, lights, traffic: numpy"),
+    },
+    (880, 1010),
+    "Rooms of the package; an arrow leads from a room to a room that it imports",
+    floor=360.0,
+)
+
+SIMULATOR_ROOMS: Final = Picture(
+    "simulator",
+    {
+        ".": ((40, 30), (920, 80), "node_factory makes all; simulator_node is what the shell sees"),
+        "morai_services": ((40, 150), (290, 80), "MORAI's topics and services"),
+        "sim_services": ((350, 150), (300, 80), "our topics and services under /sim/"),
+        "snapshots": ((670, 150), (290, 80), "the whole state as bytes, and back"),
+        "sensors": ((40, 270), (290, 80), "a file and a row of a table for each sensor"),
+        "replays": ((670, 270), (290, 80), "recorded drives"),
+        "kernel": ((40, 390), (920, 80), "context, hooks, egos, the steps of frames"),
+        "scene": ((40, 510), (600, 80), "population of the world, and its map"),
+        "sync": ((670, 510), (290, 80), "synchronous mode, barrier"),
+        "bus": ((40, 630), (450, 80), "publishers, subscribers, services, names, rates"),
+        "plain": ((510, 630), (450, 80), "values as plain data and bytes"),
+    },
+    (1000, 740),
+    "Rooms of the simulator; an arrow leads from a room to a room that it imports",
+)
+
+WORLD_ROOMS: Final = Picture(
+    "world",
+    {
+        ".": ((40, 30), (930, 80), "one step in a fixed order; scores; demand; saved worlds"),
+        "followers": ((40, 150), (490, 80), "entities on lanes and paths, self-driving egos"),
+        "lane_changes": ((40, 260), (270, 80), "reasons, gaps, safety, motion"),
+        "drivers": ((40, 370), (270, 80), "what a driver sees, wants, yields to"),
+        "people": ((330, 370), (200, 80), "people on foot"),
+        "vehicle": ((550, 370), (200, 80), "tyres, actuators, sensors"),
+        "contacts": ((770, 370), (200, 80), "collisions and impacts"),
+        "state": ((40, 490), (930, 80), "arrays with a row for each entity"),
+        "roads": ((40, 610), (930, 80), "lanes, paths, stop lines, traffic lights"),
+        "geometry": ((40, 730), (930, 80), "angles, polylines, grids, near pairs"),
+    },
+    (1010, 840),
+    "Rooms of the world; an arrow leads from a room to a room that it imports",
+)
+
+
+def read_arrows(root: Path, picture: Picture = PACKAGE_ROOMS) -> set[tuple[str, str]]:
+    """Return the pairs of rooms of a picture of which the first imports something from the second.
 
     Args:
         root: folder of the package.
+        picture: the rooms.
     """
+    folder = root / picture.folder
+    base = ".".join([PACKAGE, *filter(None, [picture.folder])])
     arrows = set()
-    for path in sorted(root.rglob("*.py")):
-        room = path.relative_to(root).parts[0]
-        if room not in ROOMS:
-            continue
-        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            for name in names:
-                parts = name.split(".")
-                if parts[0] == PACKAGE and len(parts) > 1 and parts[1] in ROOMS and parts[1] != room:
-                    arrows.add((room, parts[1]))
+    for path in sorted(folder.rglob("*.py")):
+        parts = path.relative_to(folder).parts
+        room = parts[0] if len(parts) > 1 else "."
+        for name in _imports(path):
+            target = name.removeprefix(base + ".").partition(".")[0]
+            if name.startswith(base + ".") and {room, target} <= picture.rooms.keys() and room != target:
+                arrows.add((room, target))
     return arrows
 
 
-def draw_rooms(root: Path) -> str:
+def _imports(path: Path) -> Iterator[str]:
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom):
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+
+
+def draw_rooms(root: Path, picture: Picture = PACKAGE_ROOMS) -> str:
     """Return the rooms and their arrows as SVG; arrows that follow from two others are left out.
 
     Args:
         root: folder of the package.
+        picture: the rooms.
     """
-    arrows = read_arrows(root)
-    order = list(ROOMS)
+    arrows = read_arrows(root, picture)
+    order = list(picture.rooms)
     parts = [
-        arrow(*_ends(first, second))
+        arrow(*_ends(picture, first, second))
         for first, second in sorted(arrows, key=lambda pair: (order.index(pair[0]), order.index(pair[1])))
-        if not any((first, other) in arrows and (other, second) in arrows for other in ROOMS)
+        if not any((first, other) in arrows and (other, second) in arrows for other in order)
     ]
-    parts.append(
-        f'<line x1="20" y1="{OUTSIDE_FLOOR:g}" x2="860" y2="{OUTSIDE_FLOOR:g}" stroke="#b0481e" stroke-width="1.4"'
-        ' stroke-dasharray="7 5"/>'
-    )
-    parts.append(text((860, OUTSIDE_FLOOR - 8), "above: sockets, tasks, clocks, files", size=12, anchor="end"))
-    parts.append(text((860, OUTSIDE_FLOOR + 18), "below: the same calls give the same values", size=12, anchor="end"))
-    for name, (at, size, meaning) in ROOMS.items():
-        inner = sorted(one.name for one in (root / name).iterdir() if (one / "__init__.py").is_file())
-        lines = [f"{name}/", meaning]
-        if inner:
-            lines.append("rooms within: " + ", ".join(inner))
+    width, height = picture.size
+    if picture.floor:
+        floor, right = picture.floor, width - 20
+        parts.append(
+            f'<line x1="20" y1="{floor:g}" x2="{right:g}" y2="{floor:g}" stroke="#b0481e" stroke-width="1.4"'
+            ' stroke-dasharray="7 5"/>'
+        )
+        parts.append(text((right, floor - 8), "above: sockets, tasks, clocks, files", size=12, anchor="end"))
+        parts.append(text((right, floor + 18), "below: the same calls give the same values", size=12, anchor="end"))
+    for name, (at, size, meaning) in picture.rooms.items():
         imported = [other for other in order if (name, other) in arrows]
-        lines.append("imports: " + (", ".join(imported) or "no other room"))
+        lines = [f"{name}/" if name != "." else "files beside the rooms", meaning]
+        is_brief = len(imported) > MAX_NAMED or (name == "." and len(imported) == len(order) - 1)
+        lines.append("imports: " + ("all rooms below" if is_brief else ", ".join(imported) or "no other room"))
         parts.append(box(at, size, lines))
-    return document(880, 820, "Rooms of the package; an arrow leads from a room to a room that it imports", parts)
+    return document(int(width), int(height), picture.title, parts)
 
 
-def _ends(first: str, second: str) -> tuple[Point, Point]:
+MAX_NAMED: Final = 7
+"""Imported rooms that a box names; a longer list would not fit."""
+
+
+def _ends(picture: Picture, first: str, second: str) -> tuple[Point, Point]:
     """Return where the arrow between two rooms starts and ends: straight down, in the middle of what both share."""
-    (x1, y1), (width1, height1), _ = ROOMS[first]
-    (x2, y2), (width2, _), _ = ROOMS[second]
+    (x1, y1), (width1, height1), _ = picture.rooms[first]
+    (x2, y2), (width2, _), _ = picture.rooms[second]
     x = (max(x1, x2) + min(x1 + width1, x2 + width2)) / 2
     return (x, y1 + height1), (x, y2)

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rosbridge_sim.morai.catalogue import find_model
+from rosbridge_sim.scenarios.catalogue import find_model
 from scripts.drawing.mgeo import LANE, MapFiles, init, json_lines
 from scripts.drawing.section import Section, bend, chain, straight
 

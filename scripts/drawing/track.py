@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rosbridge_sim.morai.catalogue import find_model
+from rosbridge_sim.scenarios.catalogue import find_model
 from scripts.drawing.mgeo import LANE, MapFiles, engine_waypoints, init, json_lines, pose
 from scripts.drawing.section import Section, bend, lay, straight
 

@@ -177,7 +177,7 @@ class WatchedServer:
             raise self._ending()
         fields = self._status()
         times = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
-        tasks, objects = self._count(b"!" if is_collected else b"?")
+        tasks, objects = self._ask(b"!" if is_collected else b"?")
         return Figures(
             memory=int(fields["VmRSS"].split()[0]) / 1024,
             descriptors=len(list(Path(f"/proc/{self.pid}/fd").iterdir())),
@@ -186,6 +186,18 @@ class WatchedServer:
             objects=objects,
             cpu=(int(times[11]) + int(times[12])) / os.sysconf("SC_CLK_TCK"),  # proc(5): utime and stime
         )
+
+    def longest_pass(self) -> float:
+        """Return the longest CPU time of one pass of its event loop since the last call; the first call starts that.
+
+        Returns:
+            CPU time of the loop's thread between two heartbeats, which are 2 ms apart in an idle loop [ms].
+
+        Raises:
+            SoakError: it has ended.
+        """
+        (longest_ns,) = self._ask(b"~")
+        return longest_ns / 1e6
 
     def address_space(self) -> int:
         """Return the size that RLIMIT_AS limits.
@@ -250,16 +262,19 @@ class WatchedServer:
         lines = Path(f"/proc/{self.pid}/status").read_text().splitlines()
         return dict(line.split(":", 1) for line in lines)
 
-    def _count(self, question: bytes) -> tuple[int, int]:
+    def _ask(self, question: bytes) -> tuple[int, ...]:
+        """Return the answer to a question of `counting_tasks.py`."""
         self._counts.settimeout(PATIENCE)
         try:
             self._counts.send(question)
-            tasks, objects = map(int, self._counts.recv(100).split())
+            answer = tuple(map(int, self._counts.recv(100).split()))
         except TimeoutError:
             raise SoakError(f"the server's loop has not turned for {PATIENCE:.0f} s") from None
-        except (OSError, ValueError):  # the other end is closed
+        except OSError:
             raise self._ending() from None
-        return tasks, objects
+        if not answer:  # the other end is closed
+            raise self._ending()
+        return answer
 
     def _ending(self) -> SoakError:
         with suppress(subprocess.TimeoutExpired):

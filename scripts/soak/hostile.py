@@ -1,11 +1,13 @@
 #!/usr/bin/env python3
-"""Single hostile frames: the wait that they cause for an innocent client, and the memory that they cost.
+"""Single hostile frames: the wait that they cause for an innocent client, and the CPU time and memory that they cost.
 
     python scripts/soak/hostile.py [--rows PATTERN]... [--runs 3] [--repeats 20]
 
 Each row is an attack on a new server. A bystander in its own process measures its round trips before (idle) and during
 the attack. Then the attack is repeated, and the memory is measured again. The exit code is 1 if a bound fails:
 
+    the loop's longest pass         at most 50 ms of CPU time of its thread between two heartbeats (2 ms apart). Trust
+                                    it on a busy machine, because the wait includes the work of other processes
     the bystander's longest wait    at most the idle one and 50 ms (150 ms more for an honest message of 16 MB)
     memory at its peak              at most that of the idle server and 7 times the largest frame
     memory ten seconds later        at most that of the idle server and 1.5 times the largest frame; after repeats, too
@@ -35,6 +37,7 @@ from websockets.exceptions import ConnectionClosed
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from scripts.soak import crowds
 from scripts.soak.harness import (
     Bystander,
     GoneError,
@@ -51,6 +54,9 @@ LARGEST = 16 * MB
 PAUSE_MS, HONEST_MS = 50.0, 150.0
 """Longest wait of the bystander above idle; and the addition for an honest message of 16 MB [ms].
 A frame of the world is 20 ms, and a loss of two does no harm."""
+
+MAX_PASS_MS = 50.0
+"""Longest pass of the server's loop [ms of CPU time]; for all messages, also honest ones: others have their turn."""
 
 PEAK, SETTLED = 7.0, 1.5
 """Memory above idle, in sizes of the largest frame: a frame, its text, its values and three encodings; then what an
@@ -195,6 +201,7 @@ class Row:
         is_compressing: messages of the attacker and of the listeners are compressed.
         allowed_ms: longest wait of the bystander above idle.
         kept_mb: memory that the server keeps for good reason [MB].
+        is_over_bounds: a known fault: the row exceeds a bound, so the tests leave it out until it is mended.
     """
 
     name: str
@@ -205,6 +212,7 @@ class Row:
     is_compressing: bool = False
     allowed_ms: float = PAUSE_MS
     kept_mb: float = 0.0
+    is_over_bounds: bool = False
 
 
 def glued(op: bytes, size: int = LARGEST) -> bytes:
@@ -282,17 +290,6 @@ def cbor_floats() -> bytes:
     return masked(cbor2.dumps({"op": "publish", "topic": "/mine", "type": "mine/Mine", "msg": msg}), 0x82)
 
 
-def ghosts() -> bytes:
-    """Return 19,000 vehicles at one place.
-
-    Returns:
-        A frame.
-    """
-    one = {"unique_id": 0, "name": "2016_Hyundai_Ioniq", "position": {"x": 30.0, "y": 30.0, "z": 0.0}}
-    cars = [{**one, "unique_id": 100 + i} for i in range(19_000)]
-    return masked(op(op="publish", topic="/NpcGhost_Cmd", type="morai_msgs/NpcGhostCmd", msg={"npc_list": cars}))
-
-
 ZZZ = b'{"op":"zzz"}'
 TIME = b'{"op":"call_service","service":"/rosapi/get_time"}'
 STRING = {"op": "advertise", "topic": "/s", "type": "std_msgs/String"}
@@ -362,6 +359,20 @@ def floats(number: bytes) -> bytes:
     return masked(head + (number + b",") * ((LARGEST - 1_000) // (len(number) + 1)) + b"1]}}")
 
 
+def numbers(number: bytes, num: int) -> bytes:
+    """Return a list that repeats one number.
+
+    Args:
+        number: JSON text.
+        num: how often.
+
+    Returns:
+        A frame.
+    """
+    head = b'{"op":"publish","topic":"/f","type":"std_msgs/Float64MultiArray","msg":{"data":['
+    return masked(head + (number + b",") * (num - 1) + number + b"]}}")
+
+
 def noise() -> bytes:
     """Return a String of 14 MB that hardly compresses.
 
@@ -403,6 +414,16 @@ ROWS: tuple[Row, ...] = (
         lambda: [masked(glued(ZZZ))],
         flags=("--compression",),
         is_compressing=True,
+    ),
+    Row("130,000 pings behind 10,000 glued calls", lambda: [masked(TIME * 10_000), masked(b"", 0x89) * 130_000]),
+    Row("4.4 M plain numbers as Float64MultiArray", lambda: [numbers(b"1", 4_400_000)], is_over_bounds=True),
+    Row("300,000 NaN", lambda: [numbers(b"NaN", 300_000)], is_over_bounds=True),
+    Row("500,000 integers of 30 digits", lambda: [numbers(b"1" * 30, 500_000)]),
+    Row(
+        "4.4 M values by position",
+        lambda: [
+            masked(b'{"op":"call_service","service":"/rosapi/topic_type","args":[' + b"1," * 4_400_000 + b'{"a":1}]}')
+        ],
     ),
     Row("10,000 glued captures", lambda: [calls("/SaveSensorData", 10_000, SAVE)]),
     Row("2,000 glued resets", lambda: [calls("/sim/reset", 2_000)]),
@@ -487,7 +508,23 @@ ROWS: tuple[Row, ...] = (
         lambda: [many_topics(), calls("/rosapi/topics_and_raw_types", 3)],
         kept_mb=10.0 * 8.0,  # an answer has `rosapi.MAX_RAW_CHARS`; three are held as values, text and frame
     ),
-    Row("19,000 ghosts in one place", lambda: [ghosts()]),
+    Row("19,000 ghosts in one place", lambda: [masked(op(**crowds.ghosts(19_000)))]),
+    Row("first load of rush_hour", lambda: crowds.loads("rush_hour"), kept_mb=30.0),  # a map
+    Row("forty loads of five scenarios", crowds.load_flood, kept_mb=30.0),  # five maps
+    Row(
+        "forty loads of five scenarios with --traffic 300",
+        crowds.load_flood,
+        flags=("--traffic", "300"),
+        kept_mb=30.0,  # five maps, and the conflicts of their lanes
+    ),
+    Row("30 egos in one spawn", lambda: crowds.egos(30), kept_mb=10.0),  # their topics
+    Row("8,000 pedestrians", lambda: crowds.people(8_000), kept_mb=30.0),
+    Row(
+        "snapshot of 8,000 cars, and back",
+        crowds.snapshots,
+        before=[crowds.ghosts(8_000, 12.0)],
+        kept_mb=30.0,  # one snapshot is kept
+    ),
     Row(
         "20 glued ticks of 50 frames, and three listeners",
         lambda: [calls("/SyncModeWaitForTick", 20, {"request": {"user_id": "m"}})],
@@ -554,10 +591,19 @@ async def scene(row: Row, folder: Path) -> AsyncIterator[Scene]:
 
 @dataclass(slots=True)
 class Seen:
-    """Result of a row: waits of the bystander [ms], memory above idle [MB], duration of the attack [s]."""
+    """Result of a row.
+
+    Attributes:
+        idle_ms, longest_ms: waits of the bystander.
+        pass_ms: longest pass of the loop [ms of CPU time].
+        seconds: duration of the attack.
+        peak_mb, settled_mb, repeated_mb: memory above idle.
+        faults: a line for each bound that is exceeded.
+    """
 
     idle_ms: float
     longest_ms: float
+    pass_ms: float
     seconds: float
     peak_mb: float
     settled_mb: float
@@ -589,6 +635,7 @@ async def play(row: Row, folder: Path, repeats: int, settling: float, *, idle: f
         idle_ms = (await there.bystander.waits()).longest
         idle_mb = server.figures().memory
         _forget_peak(server.pid)
+        server.longest_pass()
         begun = loop.time()
         await _attack(there, frames)
         seconds = loop.time() - begun
@@ -615,9 +662,12 @@ async def play(row: Row, folder: Path, repeats: int, settling: float, *, idle: f
         for name, grown in (("settled", settled_mb), ("repeated", repeated_mb)):
             if grown > SETTLED * largest + spare_mb:
                 faults.append(f"memory {name} at {grown:.0f} MB above idle, for a frame of {largest:.1f} MB")
+        pass_ms = server.longest_pass()  # with the repeats, and with giving memory back
+        if pass_ms > MAX_PASS_MS:
+            faults.append(f"a pass of the loop took {pass_ms:.0f} ms of CPU time")
         if "Traceback" in server.log:
             faults.append("a traceback in the log: " + server.log[server.log.index("Traceback") :][-300:])
-        return Seen(idle_ms, longest_ms, seconds, peak_mb, settled_mb, repeated_mb, faults)
+        return Seen(idle_ms, longest_ms, pass_ms, seconds, peak_mb, settled_mb, repeated_mb, faults)
 
 
 async def _attack(there: Scene, frames: Sequence[bytes]) -> None:
@@ -653,8 +703,8 @@ async def run(patterns: Sequence[str], runs: int, repeats: int, settling: float,
         Number of failed rows.
     """
     failed = 0
-    out(f"{'row':50}{'idle':>7}{'longest':>9}{'took':>8}{'peak':>8}{'later':>8}{'again':>8}")
-    out(f"{'':50}{'ms':>7}{'ms':>9}{'s':>8}{'MB':>8}{'MB':>8}{'MB':>8}")
+    out(f"{'row':50}{'idle':>7}{'longest':>9}{'pass':>8}{'took':>8}{'peak':>8}{'later':>8}{'again':>8}")
+    out(f"{'':50}{'ms':>7}{'ms':>9}{'ms':>8}{'s':>8}{'MB':>8}{'MB':>8}{'MB':>8}")
     with tempfile.TemporaryDirectory() as name:
         for row in ROWS:
             if patterns and not any(fnmatchcase(row.name, pattern) for pattern in patterns):
@@ -667,7 +717,7 @@ async def run(patterns: Sequence[str], runs: int, repeats: int, settling: float,
                     failed += 1
                     continue
                 out(
-                    f"{row.name:50}{seen.idle_ms:7.1f}{seen.longest_ms:9.1f}{seen.seconds:8.2f}"
+                    f"{row.name:50}{seen.idle_ms:7.1f}{seen.longest_ms:9.1f}{seen.pass_ms:8.1f}{seen.seconds:8.2f}"
                     f"{seen.peak_mb:8.0f}{seen.settled_mb:8.1f}{seen.repeated_mb:8.1f}"
                 )
                 for fault in seen.faults:

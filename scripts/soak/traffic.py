@@ -41,10 +41,10 @@ ROOT = Path(__file__).resolve().parents[2]
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
-from rosbridge_sim.world.geometry import IntArray  # noqa: E402
-from rosbridge_sim.world.lane_following import view_driver  # noqa: E402
-from rosbridge_sim.world.signal_plan import Lamp  # noqa: E402
-from rosbridge_sim.world.state import DT, Kind, World  # noqa: E402
+from rosbridge_sim.world.followers.lane_following import view_driver  # noqa: E402
+from rosbridge_sim.world.geometry.planar import IntArray  # noqa: E402
+from rosbridge_sim.world.roads.signal_plan import Lamp  # noqa: E402
+from rosbridge_sim.world.state.world import DT, Kind, World  # noqa: E402
 from rosbridge_sim.world.step import step  # noqa: E402
 from scripts.soak.traffic_cells import CELLS, MINUTES, Cell, cells_of, world_of  # noqa: E402
 

@@ -8,16 +8,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rosbridge_sim.morai.catalogue import BUILT_IN, default_model
-from rosbridge_sim.morai.scene import FIRST_EGO, Scene
+from rosbridge_sim.scenarios.catalogue import BUILT_IN, default_model
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.geometry import IntArray
-from rosbridge_sim.world.lane_conflicts import LaneConflicts
-from rosbridge_sim.world.lane_position import LaneStart, keep_lanes
-from rosbridge_sim.world.lane_wander import USUAL_WANDER
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.signal_plan import SignalPlan
-from rosbridge_sim.world.state import Body, Gear, Kind, World
+from rosbridge_sim.simulator.scene.scene import Scene
+from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
+from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
+from rosbridge_sim.world.drivers.lane_wander import USUAL_WANDER
+from rosbridge_sim.world.geometry.planar import IntArray
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
+from rosbridge_sim.world.state.world import Body, Gear, Kind, World
 
 __all__ = ["CELLS", "MINUTES", "Cell", "cells_of", "populate", "world_of"]
 

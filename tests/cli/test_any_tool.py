@@ -13,12 +13,12 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.shell.files.library import DATA
 from tests.cli.tool_fixture import run
-from tests.morai.small_maps import KOREAN, ROADRUNNER
 from tests.mutations import Edit, edits, examples, spoil
+from tests.simulator.small_maps import KOREAN, ROADRUNNER
 
 SCENARIOS: dict[str, Any] = {
     **{path.stem: json.loads(path.read_bytes()) for path in sorted((DATA / "scenarios").glob("*.json"))},
-    "saved": json.loads((Path(__file__).parents[1] / "morai" / "fixtures" / "saved.json").read_bytes()),
+    "saved": json.loads((Path(__file__).parents[1] / "scenarios" / "fixtures" / "saved.json").read_bytes()),
 }
 MAPS = {"korean": KOREAN, "roadrunner": ROADRUNNER}
 FORMS = st.sampled_from([(), ("--json",)])

@@ -111,7 +111,7 @@ def test_failed_start_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_failed_world_ends_the_program_with_a_traceback_and_exit_code_1() -> None:
-    broken = "import sys; from rosbridge_sim.morai import frame_stepper; frame_stepper.step = None; "
+    broken = "import sys; from rosbridge_sim.simulator import node_factory; node_factory.step = None; "
     done = run("--port", "0", code=broken + "from rosbridge_sim.__main__ import main; sys.exit(main())")
     assert done.returncode == 1
     assert "Traceback" in done.stderr
@@ -131,7 +131,7 @@ def test_first_stdout_line_has_the_url_and_healthz_answers(serve: Serve) -> None
 
 @pytest.mark.slow
 def test_server_with_a_failed_world_is_unhealthy_and_stops_with_exit_code_0(tmp_path: Path) -> None:
-    code = "import sys; from rosbridge_sim.morai import frame_stepper; frame_stepper.step = None; "
+    code = "import sys; from rosbridge_sim.simulator import node_factory; node_factory.step = None; "
     code += "from rosbridge_sim.__main__ import main; sys.exit(main())"
     words = ["serve", "--port", "0", "--on-world-failure", "serve"]
     with (tmp_path / "log.txt").open("wb") as log:

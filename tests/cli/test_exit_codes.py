@@ -17,7 +17,7 @@ import pytest
 from tests.support import PATIENCE, ROOT
 
 BROKEN_WORLD = (
-    "import sys; from rosbridge_sim.morai import frame_stepper; frame_stepper.step = None; "
+    "import sys; from rosbridge_sim.simulator import node_factory; node_factory.step = None; "
     "from rosbridge_sim.__main__ import main; sys.exit(main())"
 )
 

@@ -22,6 +22,7 @@ from rosbridge_sim.client import (
     ConnectionLostError,
     OpRefusedError,
     ServiceRefusedError,
+    asynchronous,
 )
 from tests.cli.tool_fixture import Frame, answering, other_server, talking_server
 from tests.support import PATIENCE
@@ -75,6 +76,31 @@ async def test_answers_that_do_not_come_are_a_time_out() -> None:
                 await client.call("/slow", timeout=timeout)
         with pytest.raises(TimeoutError):
             await client.ask("/slow", timeout=NO_TIME)
+
+
+@pytest.mark.parametrize("wait", ["call", "wait_for"])
+async def test_time_out_includes_the_sending_to_a_server_that_does_not_read(
+    monkeypatch: pytest.MonkeyPatch, wait: str
+) -> None:
+    monkeypatch.setattr(asynchronous, "CLOSE_TIMEOUT", NO_TIME)
+    deaf, over = asyncio.Event(), asyncio.Event()
+
+    async def stop_reading(connection: ServerConnection) -> None:
+        connection.transport.pause_reading()
+        deaf.set()
+        await over.wait()
+        connection.transport.abort()
+
+    async with talking_server(stop_reading) as url, asyncio.timeout(PATIENCE):
+        client = await AsyncClient(url, timeout=math.inf, status_level=None).open()
+        await deaf.wait()
+        with pytest.raises(AnswerTimeoutError, match=r"no answer within 0\.01 s"):
+            await client.call("/large", {"data": "x" * 20_000_000}, timeout=NO_TIME)
+        with pytest.raises(AnswerTimeoutError, match=r"no answer within 0\.01 s"):
+            await getattr(client, wait)("/large", timeout=NO_TIME)
+        await client.close()
+        assert not client.is_connected
+        over.set()
 
 
 async def test_late_answer_disturbs_nobody() -> None:
@@ -471,3 +497,14 @@ async def test_world_as_fast_as_possible_serves_clients_and_stops() -> None:
             assert (await client.real_time_factor()).factor == 0.0
         later = await client.wait_for("/clock", timeout=PATIENCE)
         assert later["clock"]["secs"] >= first["clock"]["secs"]
+
+
+async def test_map_of_another_server_is_a_clear_error() -> None:
+    async def handle(socket: ServerConnection) -> None:
+        async for data in socket:
+            answer = {"op": "service_response", "id": json.loads(data).get("id"), "values": {"result": True}}
+            await socket.send(json.dumps({**answer, "result": True}))
+
+    async with talking_server(handle) as url, AsyncClient(url, timeout=PATIENCE) as client:
+        with pytest.raises(ServiceRefusedError, match="expected a page of a map with page, num_pages, digest; is this"):
+            await client.map()

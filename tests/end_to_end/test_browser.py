@@ -100,10 +100,14 @@ async def page_at(url: str, folder: Path) -> AsyncIterator[Page]:
             await browser.close()
 
 
+DATA = ("/map.json", "/metrics", "/version")
+"""Paths of our server with data."""
+
+
 def is_website(url: str) -> bool:
     """Whether the page's text comes from the test and not from a server."""
     parts = urlsplit(url)
-    return parts.scheme == "http" and parts.hostname != "127.0.0.1"
+    return parts.scheme == "http" and parts.hostname != "127.0.0.1" and parts.path not in {*DATA, "/healthz"}
 
 
 async def show_website(route: Route) -> None:
@@ -181,6 +185,19 @@ async def test_website_with_dns_rebinding_is_refused(serve: Serve, tmp_path: Pat
         place = f"rebound.example:{serve('--allow-host', 'rebound.example').port}"
         await page.goto(at(f"http://{place}", f"ws://{place}"))
         await drive(page)
+
+
+async def test_website_with_dns_rebinding_reads_no_data_over_http(serve: Serve, tmp_path: Path) -> None:
+    read = "async (path) => { const answer = await fetch(path); return [answer.status, await answer.text()]; }"
+    place = f"http://rebound.example:{serve().port}"
+    async with page_at(f"{place}/", tmp_path) as page:
+        for path in DATA:
+            status, text = await page.evaluate(read, path)
+            assert (status, "--allow-host rebound.example " in text) == (403, True), path
+        assert await page.evaluate(read, "/healthz") == [200, '{"status": "ok"}\n']
+        await page.goto(f"http://rebound.example:{serve('--allow-host', 'rebound.example').port}/")
+        for path in DATA:
+            assert (await page.evaluate(read, path))[0] == 200, path
 
 
 async def test_page_opened_from_disk_needs_the_origin_flag(serve: Serve, tmp_path: Path) -> None:

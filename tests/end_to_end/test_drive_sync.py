@@ -96,9 +96,9 @@ async def test_interrupted_script_ends_synchronous_mode(simulate: Simulate, conn
     place = simulate()
     client = await connect(place.url)
     await client.subscribe("/SyncModeInfo", type="morai_msgs/SyncModeInfo")
-    path = write([(0.0, 0.0), (100_000.0, 0.0)], tmp_path / "path.txt")
+    path = write([(0.0, 0.0), (10_000.0, 0.0)], tmp_path / "path.txt")
     with start(place, "--path", str(path), "--from-car") as example:
-        assert read_line(example).startswith("path of 100000.0 m")
+        assert read_line(example).startswith("path of 10000.0 m")
         await client.message_where("/SyncModeInfo", lambda info: info["master_id"] == "drive_sync")
         example.send_signal(signal.SIGINT)
         _, err = example.communicate(timeout=PATIENCE)
@@ -123,7 +123,7 @@ def test_script_reports_a_refused_time_step(simulate: Simulate, tmp_path: Path) 
 
 def test_script_reports_a_lost_server(serve: Serve, tmp_path: Path) -> None:
     process = serve()
-    path = write([(0.0, 0.0), (100_000.0, 0.0)], tmp_path / "path.txt")
+    path = write([(0.0, 0.0), (10_000.0, 0.0)], tmp_path / "path.txt")
     with start(process, "--path", str(path), "--from-car") as example:
         read_line(example)
         assert process.stop() == 0

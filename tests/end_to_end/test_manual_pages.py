@@ -16,7 +16,7 @@ from tests.conftest import Connect
 from tests.deployment import Bridges, Place
 from tests.end_to_end import rows_ego, rows_lights, rows_replay, rows_scene, rows_sensors, rows_synchronous
 from tests.end_to_end.table_rows import Row, SceneClient, write_scenes
-from tests.morai.pages import INTERFACES, RELEASES, REPLACED, Interface
+from tests.simulator.pages import INTERFACES, RELEASES, REPLACED, Interface
 from tests.support import Client
 
 pytestmark = pytest.mark.slow

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from pyproj import Proj
 
-from rosbridge_sim.world.geometry import rotate
+from rosbridge_sim.world.geometry.planar import rotate
 from tests.conftest import Connect, Serve, Simulate
 from tests.end_to_end.programs import finish, start
 

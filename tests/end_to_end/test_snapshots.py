@@ -9,8 +9,8 @@ import tracemalloc
 
 import pytest
 
-from tests.morai.sim_harness import SimHarness
-from tests.morai.sim_services.snapshot_fixture import call, hash_of, restore, snapshot
+from tests.simulator.sim_harness import SimHarness
+from tests.simulator.sim_services.snapshot_fixture import call, hash_of, restore, snapshot
 from tests.support import ROOT
 
 pytestmark = pytest.mark.slow
@@ -19,8 +19,8 @@ NUM_FRAMES = 1_000
 
 GO_ON = f"""
 import sys
-from tests.morai.sim_harness import SimHarness
-from tests.morai.sim_services.snapshot_fixture import hash_of, restore
+from tests.simulator.sim_harness import SimHarness
+from tests.simulator.sim_services.snapshot_fixture import hash_of, restore
 harness = SimHarness("parked", start="sync")
 client = harness.client()
 client.start()

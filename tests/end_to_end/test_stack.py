@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.geometry import nearest_on_polyline
+from rosbridge_sim.world.geometry.planar import nearest_on_polyline
 from tests.conftest import Connect, Simulate
-from tests.morai.pages import RELEASES
+from tests.simulator.pages import RELEASES
 from tests.support import PATIENCE, ROOT, Client
 from tests.world.road_factory import built_in
 
@@ -163,7 +163,7 @@ async def objects_of(client: Client) -> dict[str, Any]:
     return objects
 
 
-@pytest.mark.parametrize("release", RELEASES)
+@pytest.mark.parametrize("release", ["22.R2", pytest.param("26.R1", marks=pytest.mark.long)])
 async def test_driving_stack_drives_brakes_and_resumes_in_real_time(
     simulate: Simulate, connect: Connect, tmp_path: Path, planner: Plan, release: str
 ) -> None:

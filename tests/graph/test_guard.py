@@ -574,6 +574,13 @@ def test_republisher_failure_on_a_message_affects_only_its_sender() -> None:
     assert any(subscription.owner is republisher for subscription in bus.topics["/tf"].subscriptions)
 
 
+def have_listed(mirror: Mirror) -> None:
+    """Have the bridge list all topics of ours, so that they are published there."""
+    for item in list(mirror._registry.items.values()):
+        if item.kind == "topic":
+            mirror._announcer._confirm(item)
+
+
 def test_bridge_gets_all_latched_messages_except_the_unencodable_one(caplog: pytest.LogCaptureFixture) -> None:
     bus = make_bus()
     source = ServerComponent(bus)
@@ -584,6 +591,7 @@ def test_bridge_gets_all_latched_messages_except_the_unencodable_one(caplog: pyt
     mirror = Mirror(bus, source, "ws://far")
     (connection,) = mirror.connections.values()
     mirror.connected(connection, lambda: None, lambda: None, 0.0)
+    have_listed(mirror)
     said = [json.loads(frame) for frame in connection.outbox.take(2**30)]
     assert [frame["topic"] for frame in said if frame["op"] == "advertise"] == ["/plate", "/state"]
     assert [frame["msg"]["data"] for frame in said if frame["op"] == "publish"] == ["12 GA 3456"]
@@ -598,9 +606,10 @@ def test_failure_of_a_bridge_is_reported_to_its_connection_keeper() -> None:
     mirror.on_failure = failures.append
     (connection,) = mirror.connections.values()
     mirror.connected(connection, lambda: None, lambda: None, 0.0)
+    have_listed(mirror)
     connection.has_services = True
     bus.subscribe(last, "/state", last.hear)
-    connection.outbox = None  # type: ignore[assignment] # as good a bug as any
+    connection.fresh = None  # type: ignore[assignment] # as good a bug as any
     bus.publish(source, topic, text(bus, "x"), 0.0)
     assert (len(failures), last.heard) == (1, ["x"])
     release = mirror.hold()

@@ -40,6 +40,19 @@ def test_call_with_a_time_out_ends_and_its_late_answer_is_not_an_error() -> None
     assert got(answers) == []
 
 
+def test_many_values_by_position_are_refused_by_their_weight() -> None:
+    bus = make_bus()
+    (provider, calls), (caller, answers) = make_peer(bus), make_peer(bus)
+    do(provider, op="advertise_service", service="/add", type="rospy_tutorials/AddTwoInts")
+    do(caller, op="call_service", service="/add", args=[3, 4])
+    assert got(calls)[0]["args"] == {"a": 3, "b": 4}
+    do(caller, op="call_service", service="/add", args=[1] * 400_000)
+    (answer,) = got(answers)
+    assert answer["result"] is False
+    assert "name the fields" in answer["values"]
+    assert "at most 320,000 values" in answer["values"]
+
+
 def test_call_without_a_time_out_never_expires() -> None:
     bus = make_bus()
     (provider, _), (caller, answers) = make_peer(bus), make_peer(bus)

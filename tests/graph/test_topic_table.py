@@ -102,6 +102,17 @@ def test_latched_message_outlives_its_publisher_as_long_as_the_type() -> None:
     assert bus.find_topic("t") is topic
 
 
+def test_only_latched_messages_of_publishers_that_are_gone_are_forgotten_for_memory() -> None:
+    bus, first, second = make_bus(), Somebody(), Somebody()
+    for owner, name in ((first, "/gone"), (second, "/stays")):
+        topic = bus.advertise(owner, name, STRING, depth=1)
+        bus.publish(owner, topic, text(bus, "x"), 0.0)
+    bus.leave(first, 0.0)
+    bus.forget_orphans()
+    latched = {name: len(topic.latched) for name, topic in bus.topics.items()}
+    assert (latched["/gone"], latched["/stays"]) == (0, 1)
+
+
 def test_publishers_do_not_push_out_each_others_latched_messages() -> None:
     bus, first, second, third = make_bus(), Somebody(), Somebody(), Somebody()
     topic = bus.advertise(first, "/t", STRING, depth=1)

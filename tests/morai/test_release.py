@@ -7,11 +7,12 @@ from typing import Any
 
 import pytest
 
-from rosbridge_sim.morai.convert import Converter
-from rosbridge_sim.morai.releases import FIELD, MANUAL, RELEASES, SPEED_LIMITS, choose_profile
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.state import Body, Dynamics, Kind, World
-from tests.morai.sim_harness import ALL, Client, SimHarness, make_store
+from rosbridge_sim.morai.messages.convert import Converter
+from rosbridge_sim.morai.releases import FIELD, MANUAL, RELEASES, SPEED_LIMITS, advise_release, choose_profile
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import Body, Dynamics, Kind, World
+from tests.graph.bus_fixture import Wire
+from tests.simulator.sim_harness import ALL, Client, SimHarness, make_store
 
 NEWER = "26.R1"
 WHEELS = ("fl", "fr", "rl", "rr")
@@ -183,3 +184,34 @@ def test_speed_mode_limits_hold_for_all_egos_and_after_a_load() -> None:
     keep = ALL | {"delete_all": False}
     assert client.ask("/Service_MoraiSL", file_name="crowd", **keep)["result"]
     assert changes(90.0)[0] == pytest.approx(1.0)
+
+
+def test_names_of_another_release_are_refused_with_that_release() -> None:
+    older, newer = Wire(SimHarness().bus), Wire(SimHarness(release=NEWER).bus)
+    (answer,) = older.says(op="call_service", service="/SyncModeAddObject", args={})
+    assert answer["values"] == (
+        "Service /SyncModeAddObject does not exist; only release 26.R1 has it (serve --release 26.R1),"
+        " here it is the topic /SyncModeAddObj"
+    )
+    (status,) = newer.says(op="publish", topic="/SyncModeAddObj", msg={})
+    assert status["msg"].endswith(
+        "; only release 22.R2 has it (serve --release 22.R2), here it is the service /SyncModeAddObject"
+    )
+    for name in ("morai_msgs/SyncModeAddObject", "morai_msgs/msg/SyncModeAddObject"):
+        (status,) = older.says(op="advertise", topic="/x", type=name)
+        assert status["msg"].endswith("; only release 26.R1 has it (serve --release 26.R1)")
+    (answer,) = older.says(op="call_service", service="/SyncModeAddObjekt", args={})
+    assert "release" not in answer["values"]
+
+
+def test_item_of_this_release_under_another_name_is_not_sent_to_another_release() -> None:
+    bus = SimHarness(release=NEWER, network={"services": {"/SyncModeAddObject": {"name": "/add"}}}).bus
+    (answer,) = Wire(bus).says(op="call_service", service="/SyncModeAddObject", args={})
+    assert "release" not in answer["values"]
+
+
+def test_types_of_one_release_alone_are_listed() -> None:
+    older, newer = (set(make_store(release).names("msg") + make_store(release).names("srv")) for release in RELEASES)
+    for name in older | newer:
+        only = "22.R2" if name not in newer else "26.R1" if name not in older else ""
+        assert advise_release(name) == (f"; only release {only} has it (serve --release {only})" if only else "")

@@ -13,11 +13,13 @@ from urllib.parse import urlsplit
 
 import pytest
 import pytest_asyncio
-from playwright.async_api import Browser, ConsoleMessage, Page, Playwright, async_playwright
+from playwright.async_api import Browser, ConsoleMessage, Page, Playwright, async_playwright, expect
 
 from rosbridge_sim.shell.page.page_address import page_urls
 from tests.conftest import Connect
 from tests.support import PATIENCE, Client, ServerProcess, require_tool
+
+expect.set_options(timeout=PATIENCE * 1e3)  # its own 5 s are too few for a flood on a busy machine
 
 FLAGS = (
     "--no-sandbox",  # it has none for root, and the page is ours
@@ -86,7 +88,7 @@ class Chromiums:
         """The one with WebGL, or the one without it."""
         if has_webgl not in self._kept:
             profile = self._folder / ("webgl" if has_webgl else "plain")
-            profile.mkdir()
+            profile.mkdir(exist_ok=True)  # a start that failed is tried again by the next test
             url = self._processes.enter_context(_chromium(profile, WEBGL_FLAGS if has_webgl else PLAIN_FLAGS))
             self._kept[has_webgl] = await self._playwright.chromium.connect_over_cdp(url)
         return self._kept[has_webgl]

@@ -320,10 +320,10 @@ async def test_names_and_texts_of_the_wire_never_become_html(
     assert await page.title() == "rosbridge-sim"
 
 
-async def test_flood_of_log_lines_leaves_the_latest_ones(serve: Serve, open_page: OpenPage) -> None:
+@pytest.mark.parametrize("num_lines", [2_000, pytest.param(10_000, marks=pytest.mark.long)])
+async def test_flood_of_log_lines_leaves_the_latest_ones(serve: Serve, open_page: OpenPage, num_lines: int) -> None:
     server = serve()
     page = await open_page("about:blank", state=None)
-    num_lines = 10_000
 
     def flood(frame: Frame) -> None:
         if frame.get("topic") == "/sim/refusals":

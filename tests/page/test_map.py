@@ -231,6 +231,8 @@ async def test_help_lists_keys_and_colours(serve: Serve, open_page: OpenPage) ->
     dialog = page.get_by_role("dialog", name="Map: keys and colours")
     await expect(dialog).to_contain_text("Measure a distance between two clicks")
     await expect(dialog).to_contain_text("within an intersection")
+    link = dialog.get_by_role("link")
+    assert (await link.get_attribute("target"), await link.get_attribute("href")) == ("_blank", "docs/guides/page")
     await page.keyboard.press("Escape")
     await expect(dialog).to_be_hidden()
 

@@ -12,7 +12,6 @@ from tests.support import PATIENCE
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
-expect.set_options(timeout=PATIENCE * 1e3)
 
 HIDE = """() => {
     Object.defineProperty(document, "hidden", { configurable: true, get: () => true });

@@ -115,6 +115,11 @@ def test_rubbish_gets_one_readable_error(frame: bytes) -> None:
     assert msgspec.json.decode(status_frame("error", str(error), error.op_id))["op"] == "status"
 
 
+def test_status_has_no_character_that_changes_the_direction_of_its_text() -> None:
+    frame = status_frame("error", "Unknown operation: \u202eevas\u2066", None)
+    assert msgspec.json.decode(frame)["msg"] == "Unknown operation: \\u202eevas\\u2066"
+
+
 def test_number_beyond_float64_is_refused_for_a_float() -> None:
     call = {"op": "call_service", "service": "/s", "id": "c", "timeout": 10**400}
     error = only_op(json.dumps(call).encode())

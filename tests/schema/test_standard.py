@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.standard import PACKAGES, ros2_text, standard_names, standard_text
 from rosbridge_sim.schema.store import Store
+from scripts.write_standard_texts import TARGET, write
 
 BOTH: list[Generation] = [1, 2]
 
@@ -19,6 +23,23 @@ def test_packages_equal_those_of_rosbags() -> None:
     packages = {ros: {name.split("/")[0] for name in names} for ros, names in theirs.items()}
     assert PACKAGES[1] == packages[1] - {"builtin_interfaces"} | ours
     assert PACKAGES[2] == packages[2] | ours
+
+
+def test_texts_are_those_of_rosbags() -> None:
+    assert TARGET.read_text(encoding="utf-8") == write(), "run python scripts/write_standard_texts.py"
+
+
+def test_the_first_use_of_a_type_does_not_import_rosbags() -> None:
+    code = """
+import sys
+from rosbridge_sim.schema.store import Store
+store = Store({})
+store.message("std_msgs/Float64MultiArray").default()
+store.message("rcl_interfaces/Log").default()
+assert "sensor_msgs/Image" in store.names("msg")
+sys.exit("rosbags" in sys.modules)
+"""
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 @pytest.mark.parametrize("ros", BOTH)

@@ -20,12 +20,13 @@ from websockets.exceptions import ConnectionClosed
 import rosbridge_sim
 from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.client import Client, ServiceRefusedError
-from rosbridge_sim.shell.app import AddressError, list_items
+from rosbridge_sim.errors import SettingError
+from rosbridge_sim.shell.app import AddressError
+from rosbridge_sim.shell.assembly import list_items
 from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.toml_output import format_config
-from rosbridge_sim.shell.config.value_types import SettingError
 from rosbridge_sim.shell.scheduler import WorldFailedError
 from tests.conftest import Connect
 from tests.graph.bus_fixture import Wire
@@ -52,6 +53,21 @@ async def test_client_reaches_the_simulator_by_its_url(connect: Connect) -> None
         assert "/SyncModeWaitForTick" in services
         assert sim.port != 0
         assert sim.url == f"ws://127.0.0.1:{sim.port}"
+
+
+async def test_reason_of_a_refused_start_is_told_from_level_warning_on(connect: Connect) -> None:
+    async with Simulator(port=0) as sim:
+        client = await connect(sim.url)
+        wanted = {"user_id": "me", "start_sync_mode": True, "time_step": 30}
+        assert not (await client.ask("/SyncModeCmd", **wanted))["result"]
+        assert (
+            await client.settle() == []
+        )  # the level of a new client is `error`, and the answer says that it is refused
+        await client.send("set_level", level="warning")
+        assert not (await client.ask("/SyncModeCmd", **wanted))["result"]
+        (status,) = await client.settle()
+        assert (status["op"], status["level"]) == ("status", "warning")
+        assert status["msg"].startswith("/SyncModeCmd: time_step must be a multiple of 20 ms and at most 1000")
 
 
 def test_url_puts_an_ipv6_address_in_brackets() -> None:
@@ -383,7 +399,7 @@ async def get(port: int, path: str) -> tuple[int, str]:
     """The status and the body of a page."""
     async with asyncio.timeout(PATIENCE):
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
-        writer.write(f"GET {path} HTTP/1.1\r\nHost: x\r\n\r\n".encode())
+        writer.write(f"GET {path} HTTP/1.1\r\nHost: localhost\r\n\r\n".encode())
         answer = (await reader.read()).decode()
         writer.close()
         await writer.wait_closed()

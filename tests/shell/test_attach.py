@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import logging
 import time
@@ -14,17 +15,17 @@ from typing import Any, Literal, NoReturn, Unpack
 import pytest
 from websockets.asyncio.server import ServerConnection, serve
 
-from rosbridge_sim import DocumentError, Simulator
+from rosbridge_sim import DocumentError, Simulator, serving
 from rosbridge_sim.graph.attach import announcing, rosapi_watch, survey
-from rosbridge_sim.morai.loads import Loads
 from rosbridge_sim.shell import attach
 from rosbridge_sim.shell.app import AddressError
 from rosbridge_sim.shell.attach import is_own_address
 from rosbridge_sim.shell.config.options import SimulatorOptions
+from rosbridge_sim.simulator.morai_services.loads import Loads
 from tests.conftest import Connect
 from tests.far_side import graph as far_graph
 from tests.far_side.server import FarSide
-from tests.morai.sim_harness import ManualReader, put_egos
+from tests.simulator.sim_harness import ManualReader, put_egos
 from tests.support import PATIENCE, Client
 
 TOKEN = "sesame"  # noqa: S105 - opens nothing
@@ -456,13 +457,26 @@ async def test_stalled_bridge_is_not_flooded() -> None:
         assert sim.node is not None
         far_side.may_work.clear()
         line = sim.attachments[0].mirror.connections[""]
-        await until(lambda: line.flow_control.is_blocked)
+        await until(lambda: not line.flow_control.has_room)
         num_waiting = far_side.most_waiting
         frame = sim.node.world.frame
         await until(lambda: sim.node is not None and sim.node.world.frame > frame + 10)
         assert far_side.most_waiting <= num_waiting + 100  # what was on its way
         far_side.may_work.set()
-        await until(lambda: not line.flow_control.is_blocked)
+        await until(lambda: line.flow_control.has_room)
+
+
+@pytest.mark.slow
+async def test_few_messages_wait_at_a_slow_bridge() -> None:
+    async with FarSide(work=0.01) as far_side, attached(far_side.url, start="run") as sim:
+        line = sim.attachments[0].mirror.connections[""]
+        await until(lambda: line.fresh.is_behind)
+        before = far_side.num_handled
+        await until(lambda: far_side.num_handled > before + 60)
+        far_side.most_waiting = 0
+        await until(lambda: far_side.num_handled > before + 120)
+        assert far_side.most_waiting <= 40  # 0.1 s of work are ten, and the window was 170 messages
+        assert line.num_dropped
 
 
 @pytest.mark.slow
@@ -506,6 +520,49 @@ async def test_missing_package_is_one_log_line_and_the_rest_works(
         await until(lambda: any("package" in line for line in lines()))
         (line,) = [line for line in lines() if "does not know the package" in line]
         assert "tf2_msgs, so it lacks /tf, /tf_static" in line
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sockets", ["one", "per-topic"])
+async def test_nothing_is_published_of_a_package_that_the_bridge_lacks(sockets: Literal["one", "per-topic"]) -> None:
+    async with (
+        FarSide(without=["rosbridge_sim_msgs"]) as far_side,
+        attached(far_side.url, start="run", attach_sockets=sockets) as sim,
+    ):
+        assert sim.node is not None
+        frame = sim.node.world.frame
+        await until(lambda: sim.node is not None and sim.node.world.frame > frame + 20)
+        assert not [line for line in far_side.log if "not yet advertised" in line]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("ours", "theirs"), [("22.R2", "26.R1"), ("26.R1", "22.R2")])
+async def test_other_release_at_the_bridge_is_one_log_line_that_names_the_right_one(
+    ours: Literal["22.R2", "26.R1"], theirs: str, lines: Callable[[], list[str]]
+) -> None:
+    async with FarSide(release=theirs) as far_side, attached(far_side.url, release=ours):
+        await until(lambda: any("has other fields" in line for line in lines()))
+        (line,) = [line for line in lines() if "has other fields" in line]
+        assert line.endswith(f"use --release {theirs}")
+
+
+@pytest.mark.slow
+async def test_same_release_at_the_bridge_is_no_log_line(lines: Callable[[], list[str]]) -> None:
+    async with FarSide() as far_side, attached(far_side.url, strict_release=True) as sim:
+        line = sim.attachments[0].mirror.connections[""]
+        await until(lambda: sim.attachments[0].mirror.diagnostics._listed >= {"/Ego_topic"} and not line._questions)
+        assert not [line for line in lines() if "other fields" in line]
+
+
+@pytest.mark.slow
+async def test_other_release_at_the_bridge_ends_a_strict_simulator_with_an_exit_code() -> None:
+    async with FarSide(release="26.R1") as far_side:
+        sim = Simulator(attach=far_side.url, listen=False, strict_release=True)
+        try:
+            async with asyncio.timeout(PATIENCE):
+                assert await serving._run(sim) == 2
+        finally:
+            gc.unfreeze()
 
 
 @pytest.mark.slow

@@ -31,7 +31,7 @@ class Page(NamedTuple):
 async def get(sim: Simulator, *headers: str) -> Page:
     async with asyncio.timeout(PATIENCE):
         reader, writer = await asyncio.open_connection("127.0.0.1", sim.port)
-        writer.write("\r\n".join(["GET /map.json?x=1 HTTP/1.1", "Host: x", *headers, "", ""]).encode())
+        writer.write("\r\n".join(["GET /map.json?x=1 HTTP/1.1", "Host: localhost", *headers, "", ""]).encode())
         head, _, body = (await reader.read()).partition(b"\r\n\r\n")
         writer.close()
         await writer.wait_closed()
@@ -74,6 +74,8 @@ async def test_page_follows_the_patterns_and_the_switch_of_the_service() -> None
     async with Simulator(port=0, deny_service=("/sim/map",)) as sim:
         page = await get(sim)
         assert (page.status, page.body) == (403, b"Not allowed to call /sim/map, which tells the same\n")
+    async with Simulator(port=0, deny_subscribe=("/sim/scene/map",)) as sim:
+        assert (await get(sim)).status == 403, "the topic has the same map as markers"
     async with Simulator(port=0, services={"/sim/map": {"on": False}}) as sim:
         assert (await get(sim)).status == 404
     async with Simulator(port=0, world=False) as sim:
@@ -91,7 +93,7 @@ async def test_map_that_is_too_long_is_refused_with_the_way_to_read_it(monkeypat
 async def test_server_stops_while_the_text_is_being_written() -> None:
     async with Simulator(port=0, scenario="town") as sim:
         _, writer = await asyncio.open_connection("127.0.0.1", sim.port)
-        writer.write(b"GET /map.json HTTP/1.1\r\nHost: x\r\n\r\n")
+        writer.write(b"GET /map.json HTTP/1.1\r\nHost: localhost\r\n\r\n")
         await writer.drain()
         async with AsyncClient(sim.url, timeout=PATIENCE) as client:
             await client.confirm()

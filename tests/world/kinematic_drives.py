@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from rosbridge_sim.world.commands import command, shift, turn_wheels
-from rosbridge_sim.world.placement import place_ghost, teleport
-from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World
+from rosbridge_sim.world.state.commands import command, shift, turn_wheels
+from rosbridge_sim.world.state.placement import place_ghost, teleport
+from rosbridge_sim.world.state.world import Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
 __all__ = ["DRIVES"]

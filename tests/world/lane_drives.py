@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.signal_plan import SignalPlan
-from rosbridge_sim.world.state import DT, Body, World
+from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
+from rosbridge_sim.world.state.world import DT, Body, World
 from rosbridge_sim.world.step import step
 from tests.world.road_factory import CAR
 

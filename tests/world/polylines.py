@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.world.geometry import FloatArray
+from rosbridge_sim.world.geometry.planar import FloatArray
 
 __all__ = ["left_of", "point_at"]
 

@@ -6,12 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
-from rosbridge_sim.morai.maps.mgeo import MAP_FILES, RoadMap, read_map
-from rosbridge_sim.world.geometry import FloatArray
-from rosbridge_sim.world.lane_position import keep_lane
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
-from rosbridge_sim.world.state import Body, Gear, Kind, World
+from rosbridge_sim.maps.map_formats import MAP_FILES, read_map
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
+from rosbridge_sim.world.state.world import Body, Gear, Kind, World
 
 __all__ = ["CAR", "MAPS", "arc", "built_in", "car", "crossing", "ego", "line", "make", "road", "signalled"]
 

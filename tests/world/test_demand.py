@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.demand import LaneSlots, has_room, keep_clear, safe_speed_at
-from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.roads.roads import Roads
 from tests.world.lane_drives import world_of
 from tests.world.road_factory import CAR, built_in, car, crossing, ego, line, make, road
 

@@ -7,9 +7,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.commands import command, shift
-from rosbridge_sim.world.placement import place_ghost, teleport
-from rosbridge_sim.world.state import Body, Gear, Kind, Mode, World
+from rosbridge_sim.world.state.commands import command, shift
+from rosbridge_sim.world.state.placement import place_ghost, teleport
+from rosbridge_sim.world.state.world import Body, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.road_factory import signalled
 

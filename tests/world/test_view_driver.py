@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from rosbridge_sim.world.driver_model import STOP_GAP
-from rosbridge_sim.world.lane_following import DriverView, Stop, view_driver
-from rosbridge_sim.world.state import Body, Kind, World
+from rosbridge_sim.world.drivers.driver_model import STOP_GAP
+from rosbridge_sim.world.followers.lane_following import DriverView, Stop, view_driver
+from rosbridge_sim.world.state.world import Body, Kind, World
 from tests.world.lane_drives import NOSE, lane_of, run, to_line, world_of
 from tests.world.road_factory import CAR, car, crossing, ego, line, make, road, signalled
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import IntArray
-from rosbridge_sim.world.signal_plan import Lamp
-from rosbridge_sim.world.state import DT, World
+from rosbridge_sim.world.geometry.planar import IntArray
+from rosbridge_sim.world.roads.signal_plan import Lamp
+from rosbridge_sim.world.state.world import DT, World
 
 __all__ = ["RedRuns", "Waits"]
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray
-from rosbridge_sim.world.roads import Roads
+from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.roads.roads import Roads
 from tests.world.road_factory import arc, line
 
 __all__ = ["wide_ring", "wide_road"]

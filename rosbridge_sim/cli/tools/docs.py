@@ -7,59 +7,18 @@ is ten times as large. In a checkout it can be opened after `mkdocs build`.
 from __future__ import annotations
 
 import webbrowser
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.page.doc_files import find_doc_pages, find_docs_folder
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["Page", "find_pages", "list_pages", "open_site", "show_page"]
+__all__ = ["list_pages", "open_site", "show_page"]
 
-_PACKAGE: Final = Path(__file__).resolve().parents[2]
-
-FOLDERS: Final = (_PACKAGE / "docs", _PACKAGE.parent / "docs")
-"""Folders of the pages: inside the wheel, or beside the package in a checkout."""
-
-SITE: Final = _PACKAGE.parent / "build" / "site" / "index.html"
+SITE: Final = Path(__file__).resolve().parents[3] / "build" / "site" / "index.html"
 """First page of a site that `mkdocs build` has made in a checkout."""
-
-
-@dataclass(frozen=True, slots=True)
-class Page:
-    """One page.
-
-    Attributes:
-        name: path below the folder of the pages, without suffix, such as `guides/ci`.
-        title: its first heading.
-        path: path of its file.
-    """
-
-    name: str
-    title: str
-    path: Path
-
-
-def find_pages() -> list[Page]:
-    """Return all pages, sorted by name.
-
-    Raises:
-        DocumentError: this installation has no pages.
-    """
-    folder = _folder()
-    pages = []
-    for path in sorted(folder.rglob("*.md")):
-        first = path.read_text("utf-8").partition("\n")[0]
-        pages.append(Page(path.relative_to(folder).with_suffix("").as_posix(), first.lstrip("# "), path))
-    return pages
-
-
-def _folder() -> Path:
-    folder = next((one for one in FOLDERS if (one / "index.md").is_file()), None)
-    if folder is None:
-        raise DocumentError(f"docs: expected pages in {FOLDERS[0]}; there are none: install the package again")
-    return folder
 
 
 def list_pages(*, is_json: bool) -> int:
@@ -74,12 +33,13 @@ def list_pages(*, is_json: bool) -> int:
     Raises:
         DocumentError: this installation has no pages.
     """
-    pages = find_pages()
+    folder = find_docs_folder()
+    pages = find_doc_pages(folder)
     if is_json:
         put_json([{"name": page.name, "title": page.title, "path": str(page.path)} for page in pages])
         return 0
     put_table(["PAGE", "TITLE"], [[page.name, page.title] for page in pages])
-    put(f"\nrosbridge-sim docs PAGE prints one of them. The files are in {_folder()}")
+    put(f"\nrosbridge-sim docs PAGE prints one of them. The files are in {folder}")
     return 0
 
 
@@ -96,7 +56,7 @@ def show_page(name: str, *, is_json: bool) -> int:
     Raises:
         DocumentError: no page has that name, or several have.
     """
-    pages = find_pages()
+    pages = find_doc_pages(find_docs_folder())
     wanted = name.strip("/").removesuffix(".md").lower().replace("-", "_")
     found = [page for page in pages if page.name == wanted] or [
         page for page in pages if page.name.rpartition("/")[2] == wanted

@@ -9,10 +9,10 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Self
 
-from rosbridge_sim.cli.tools.client import Bridge, absolute
-from rosbridge_sim.cli.tools.subscription import Listener
-from rosbridge_sim.cli.tools.sync import why_silent
+from rosbridge_sim.cli.tools.sync_commands import why_silent
 from rosbridge_sim.cli.tools.text import put, put_json
+from rosbridge_sim.cli.tools.tool_client import Bridge, absolute
+from rosbridge_sim.cli.tools.tool_subscription import Listener
 
 __all__ = ["Rate", "Rates", "show_rate"]
 

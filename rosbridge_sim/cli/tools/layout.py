@@ -7,8 +7,8 @@ from typing import Any, Final
 
 import orjson
 
-from rosbridge_sim.cli.tools.client import Bridge, words
 from rosbridge_sim.cli.tools.text import note, put
+from rosbridge_sim.cli.tools.tool_client import Bridge, words
 
 __all__ = ["VIEWERS", "choose_names", "lichtblick", "print_layout", "rviz", "seen_names"]
 

@@ -11,14 +11,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rosbridge_sim.cli.tools.text import put, put_json, put_table
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
 from rosbridge_sim.cli.tools.verdicts import Verdicts, exit_code, put_verdict
-from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.maps.check import describe_map, list_files
-from rosbridge_sim.morai.maps.mgeo import FILES, RoadMap, find_map_mistakes, read_map
-from rosbridge_sim.shell.config.value_types import SettingError
-from rosbridge_sim.shell.files.library import DiskLibrary, map_names, read_folder
-from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.maps.map_check import describe_map, list_files
+from rosbridge_sim.maps.map_formats import find_map_mistakes, is_map, read_map
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.shell.files.library import DiskLibrary, map_names, read_folder, refuse_map_file
+from rosbridge_sim.shell.files.other_formats import MAP_IS, find_other_formats
 
 __all__ = ["show_maps"]
 
@@ -54,7 +55,11 @@ def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_st
         if picture is not None and road_map is not None:
             from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
 
-            draw_map(road_map, Path(picture))
+            left_out = draw_map(road_map, Path(picture))
+            if left_out:
+                note(left_out)
+        elif picture is not None:
+            note("--picture: nothing is drawn, because the map has mistakes")
         if is_json:
             put_json(account)
         else:
@@ -80,12 +85,23 @@ def _find_folders(name: str) -> list[Path]:
     try:
         folder = DiskLibrary(own_map=name).map_folder(name)
     except DocumentError:
+        refuse_map_file(Path(name))
         known = ", ".join(map_names())
         raise DocumentError(f"{name}: expected a folder of MGeo files, or one of {known}; there is none") from None
-    if any((folder / file).exists() for file in FILES):
+    if is_map(_names_in(folder)):
         return [folder]
-    inner = [at for at in sorted(folder.glob("*")) if any((at / file).exists() for file in FILES)]
+    inner = [at for at in sorted(folder.glob("*")) if at.is_dir() and is_map(_names_in(at))]
+    if not inner and (other := find_other_formats(folder)):
+        raise DocumentError(f"{name}: {other}; {MAP_IS}")
     return inner or [folder]
+
+
+def _names_in(folder: Path) -> set[str]:
+    """Return the names of the files in a folder; none if it cannot be read."""
+    try:
+        return {at.name for at in folder.iterdir()}
+    except OSError:
+        return set()
 
 
 def _account(folder: Path) -> tuple[_Report, RoadMap | None]:
@@ -147,8 +163,11 @@ def _show_figures(account: _Report) -> None:
     put("")
     if account["version"]:
         put(f"version: {safe(account['version'])}")
-    put(f"projection: {projection['kind']}, {safe(projection['ellipse'])} ({safe(projection['text'])})")
-    put(f"origin: {east:,.3f} east, {north:,.3f} north, {up:,.3f} up")
+    if projection["kind"] is None:
+        put("projection: none")
+    else:
+        put(f"projection: {projection['kind']}, {safe(projection['ellipse'])} ({safe(projection['text'])})")
+        put(f"origin: {east:,.3f} east, {north:,.3f} north, {up:,.3f} up")
     put(
         f"extent: {to_east - west:,.0f} m from west to east, {to_north - south:,.0f} m from south to north "
         f"(x {west:,.1f} to {to_east:,.1f}, y {south:,.1f} to {to_north:,.1f}, z {low:,.1f} to {high:,.1f})"

@@ -2,7 +2,9 @@
 
 Stamps are the time of `/clock`, or of a clock with another name, if the server has one, as with `use_sim_time`;
 otherwise the time of day. The server decides what that clock shows (`--stamps`). Messages before the first clock
-message wait for it. New topics are searched once a second, and the bag is flushed as often.
+message wait for it, but not longer than to the next flush: then they have time 0, the time that `use_sim_time` gives
+before the first clock message. Otherwise a recording of a world that stands would be in memory alone, and lost with
+a killed recorder. New topics are searched once a second, and the bag is flushed as often.
 """
 
 from __future__ import annotations
@@ -17,18 +19,18 @@ from pathlib import Path
 
 import orjson
 
-from rosbridge_sim.cli.tools.client import Bridge, Frame, absolute, words
 from rosbridge_sim.cli.tools.schema import DefinitionSources, open_store
-from rosbridge_sim.cli.tools.sync import why_standing
+from rosbridge_sim.cli.tools.sync_commands import why_standing
 from rosbridge_sim.cli.tools.text import note, put_json
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, words
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.policy import Rule
-from rosbridge_sim.shell.bags.bag import BagGoneError, generation_of, open_bag
+from rosbridge_sim.link.bridge_errors import RefusedError
+from rosbridge_sim.link.stop_signals import on_stop_signals
+from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.shell.bags.bag import generation_of, open_bag
+from rosbridge_sim.shell.bags.bag_recorder import FLUSH_PERIOD
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
-from rosbridge_sim.shell.bags.recording import FLUSH_PERIOD
-from rosbridge_sim.shell.signals import on_stop_signals
-from rosbridge_sim.shell.terminal_text import safe
-from rosbridge_sim.shell.websocket.bridge_errors import RefusedError
 
 __all__ = ["record"]
 
@@ -38,7 +40,7 @@ CLOCK_TYPES = {"rosgraph_msgs/Clock", "rosgraph_msgs/msg/Clock"}
 """Types of a clock topic, which may have another name."""
 
 MAX_WAITING_MESSAGES = 10_000
-"""Messages that wait for a first clock message; if there are more, they are stamped with time 0."""
+"""Messages that wait for a first clock message until the next flush; if there are more, all get time 0."""
 
 
 async def record(
@@ -114,9 +116,9 @@ class _RecordingSession:
         num_before = 0
         while count is None or self._scribe.num_messages + len(self._waiting) < count:
             if self._bridge.now() >= look_at:
-                await self._look()
-                self._flush()
+                self._flush()  # before the question, because a server that hangs leaves that without an answer
                 self._show()
+                await self._look()
                 look_at = self._bridge.now() + FLUSH_PERIOD
             frame = await self._bridge.receive(min(look_at, give_up_at))
             if frame is not None:
@@ -131,11 +133,9 @@ class _RecordingSession:
                 raise RefusedError(f"{text}{await why_standing(self._bridge)}")
 
     def _flush(self) -> None:
-        try:
-            self._scribe.flush()
-        except BagGoneError:
-            self._waiting.clear()  # they cannot be written any more
-            raise
+        """Write everything that has come to the disk."""
+        self._release(0)
+        self._scribe.flush()
 
     def finish(self) -> None:
         """Write the waiting messages, and the bag's end."""

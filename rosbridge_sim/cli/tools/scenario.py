@@ -13,35 +13,39 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rosbridge_sim.cli.tools.text import put, put_json, put_table
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
 from rosbridge_sim.cli.tools.verdicts import Verdicts, exit_code, put_verdict
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.link.arguments import PREFIX
+from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.morai.catalogue import Catalogue, default_model
-from rosbridge_sim.morai.maps.check import UNREAD_FILES
-from rosbridge_sim.morai.maps.mgeo import MAP_FILES, Projection, RoadMap
-from rosbridge_sim.morai.scenarios.check import find_oddities, keys_near, place_draft, read_draft
-from rosbridge_sim.morai.scenarios.reader import PhaseStart, Scenario, Spawn, sort_phases
-from rosbridge_sim.morai.scene import DEFAULT_MAP
-from rosbridge_sim.morai.units import MPS_TO_KMH
-from rosbridge_sim.shell.config.keys import PREFIX
+from rosbridge_sim.maps.map_check import UNREAD_FILES
+from rosbridge_sim.maps.map_formats import MAP_FILES
+from rosbridge_sim.maps.road_map import Projection, RoadMap
+from rosbridge_sim.scenarios.catalogue import Catalogue, default_model
+from rosbridge_sim.scenarios.scenario import PhaseStart, Scenario, Spawn
+from rosbridge_sim.scenarios.scenario_check import (
+    find_misspelt_key,
+    find_misspelt_keys,
+    find_oddities,
+    place_draft,
+    read_draft,
+)
+from rosbridge_sim.scenarios.scenario_reader import sort_phases
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.config.settings_file import looks_like_path
-from rosbridge_sim.shell.config.value_types import SettingError
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.shell.terminal_text import safe
-from rosbridge_sim.suggestions import hint
-from rosbridge_sim.world.geometry import arc_lengths
-from rosbridge_sim.world.roads import Roads
-from rosbridge_sim.world.state import Kind
+from rosbridge_sim.shell.files.other_formats import find_other_formats
+from rosbridge_sim.simulator.scene.scene import DEFAULT_MAP
+from rosbridge_sim.units import MPS_TO_KMH
+from rosbridge_sim.world.geometry.planar import arc_lengths
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import Kind
 
-__all__ = ["check_scenarios", "hint_at", "open_library", "show_keys"]
+__all__ = ["check_scenarios", "open_library", "show_keys"]
 
 _VARIABLES: Final = frozenset(PREFIX + name for name in ("CONFIG", "MAP", "SCENARIO_PATH", "CATALOGUE"))
 """Environment variables about scenarios and maps. Mistakes in others do not matter to this command."""
-
-SURE: Final = 0.9
-"""A key with this similarity to a known key is a typing mistake; MORAI's own keys are less similar to each other."""
 
 WIDTH: Final = 110
 """Width of lines with many keys, as in the help texts."""
@@ -104,6 +108,8 @@ def check_scenarios(
         account, scenario, road_map = _account(*library.opening_file(files[0]), library, own_map)
         if picture is not None and scenario is not None:
             _draw(scenario, road_map, Path(picture))
+        elif picture is not None:
+            note("--picture: nothing is drawn, because the file has mistakes")
         if is_json:
             put_json(account)
         else:
@@ -137,7 +143,9 @@ def _expand(name: str, library: DiskLibrary) -> list[str]:
     of_maps = {*MAP_FILES, *UNREAD_FILES}
     found = [path for path in sorted([*folder.glob("*.json"), *folder.glob("*/*.json")]) if path.name not in of_maps]
     if not found:
-        raise DocumentError(f"{name}: expected a folder with scenarios (*.json or */*.json); there is none")
+        other = find_other_formats(folder)
+        aside = f"; {other}" if other else ""
+        raise DocumentError(f"{name}: expected a folder with scenarios (*.json or */*.json); there is none{aside}")
     return [str(path) for path in found]
 
 
@@ -145,7 +153,9 @@ def _draw(scenario: Scenario, road_map: RoadMap | None, path: Path) -> None:
     from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
 
     ground = road_map or RoadMap(scenario.map_name or "", Projection(is_tm=False), (0.0, 0.0, 0.0), Roads())
-    draw_map(ground, path, (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles))
+    left_out = draw_map(ground, path, (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles))
+    if left_out:
+        note(left_out)
 
 
 # The report
@@ -156,7 +166,7 @@ def _account(
 ) -> tuple[_Report, Scenario | None, RoadMap | None]:
     """Return the report, the scenario as far as it can be read, and its map if that is known."""
     draft = read_draft(text, source, library.catalogue)
-    mistakes, remarks = list(draft.mistakes), []
+    mistakes, remarks = list(draft.mistakes), find_misspelt_keys(draft.keys)
     scenario = draft.scenario
     map_account: _Report = {"name": None, "is_known": False}
     road_map: RoadMap | None = None
@@ -167,7 +177,7 @@ def _account(
         else:
             scenario, more = place_draft(scenario, road_map)
             mistakes += more
-        remarks = [*scenario.notes, *find_oddities(scenario, None if road_map is None else road_map.roads)]
+        remarks += [*scenario.notes, *find_oddities(scenario, None if road_map is None else road_map.roads)]
     prefixes = (f"{source}: ", "" if scenario is None else f"{scenario.name}: ")
     account = {
         "file": source,
@@ -262,7 +272,8 @@ def _is_replaced(item: Mapping[str, Any], kind: Kind, catalogue: Catalogue) -> b
 def _way(spawn: Spawn) -> str:
     """Describe the path of an item in a few words."""
     way = _way_once_it_goes(spawn)
-    return f"{way}, when an ego is within {spawn.start_within:g} m" if spawn.start_within and spawn.speed else way
+    waits = spawn.start_within > 0.0 and (spawn.speed != 0.0 or spawn.driver is not None)
+    return f"{way}, when an ego is within {spawn.start_within:g} m" if waits else way
 
 
 def _way_once_it_goes(spawn: Spawn) -> str:
@@ -307,17 +318,13 @@ def _show(account: _Report) -> None:
     is_inner = {key: any(other.startswith((f"{key}.", f"{key}[]")) for other in read) for key in read}
     show_keys("read", {key: key for key in read if not is_inner[key]})
     show_keys("known, but without effect", {key: f"{key} ({n:,})" for key, n in account["without_effect"].items()})
-    show_keys("ignored", {key: f"{key} ({n:,}){hint_at(key, keys_near(key))}" for key, n in passed_over.items()})
+    show_keys("ignored", {key: f"{key} ({n:,}){_hint_at(key)}" for key, n in passed_over.items()})
 
 
-def hint_at(path: str, known: Sequence[str]) -> str:
-    """Return a suggestion for an unknown key: the known key that was probably meant.
-
-    Args:
-        path: path of the unknown key.
-        known: similar known keys.
-    """
-    return hint(path.rpartition(".")[2].removesuffix("[]"), known, SURE)
+def _hint_at(path: str) -> str:
+    """Return a suggestion for an unknown key: the known key that was probably meant."""
+    meant = find_misspelt_key(path)
+    return f" (did you mean {meant}?)" if meant else ""
 
 
 def show_keys(title: str, keys: Mapping[str, str]) -> None:

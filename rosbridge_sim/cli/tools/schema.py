@@ -10,14 +10,14 @@ from typing import Literal
 
 from rosbridge_sim.cli.tools.text import put, put_json, put_table
 from rosbridge_sim.errors import TypeNameError
+from rosbridge_sim.link.arguments import PREFIX
+from rosbridge_sim.link.bridge_errors import RefusedError
+from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.parse import Definition
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.shell.config.keys import PREFIX
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.files.definitions import read_definitions
-from rosbridge_sim.shell.terminal_text import safe
-from rosbridge_sim.shell.websocket.bridge_errors import RefusedError
 from rosbridge_sim.suggestions import hint
 
 __all__ = ["DefinitionSources", "list_types", "open_store", "show_type"]

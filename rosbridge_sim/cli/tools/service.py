@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
-from rosbridge_sim.cli.tools.client import Bridge, ToolAnswer, absolute, words
 from rosbridge_sim.cli.tools.text import note, put, put_json, put_table, render
+from rosbridge_sim.cli.tools.tool_client import Bridge, ToolAnswer, absolute, words
 from rosbridge_sim.errors import RosbridgeSimError
-from rosbridge_sim.shell.terminal_text import safe
-from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
+from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
+from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
 __all__ = ["call", "list_services", "show_service"]

@@ -7,11 +7,11 @@ import binascii
 from collections.abc import Sequence
 from pathlib import Path
 
-from rosbridge_sim.cli.tools.client import Bridge, Frame
 from rosbridge_sim.cli.tools.text import put, put_json, put_table
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.terminal_text import safe
-from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
+from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
+from rosbridge_sim.link.terminal_text import safe
 
 __all__ = ["list_snapshots", "restore", "take_snapshot"]
 

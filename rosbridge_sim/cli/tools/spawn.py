@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rosbridge_sim.cli.tools.client import Bridge, Frame
 from rosbridge_sim.cli.tools.text import put, put_json
-from rosbridge_sim.shell.terminal_text import safe
-from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame
+from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
+from rosbridge_sim.link.terminal_text import safe
 
 __all__ = ["spawn"]
 
@@ -35,7 +35,10 @@ async def spawn(bridge: Bridge, request: Mapping[str, object], *, is_json: bool)
     values: Frame = answer.values
     ids = values.get("unique_ids")
     if values.get("result") is not True or not isinstance(ids, list):
-        raise RefusedError(safe(str(values.get("message", "")).removeprefix("objects[0].")))
+        text = str(values.get("message", "")).removeprefix("objects[0].")
+        raise RefusedError(
+            safe(text.replace("; /sim/catalogue lists", "; rosbridge-sim service call /sim/catalogue lists"))
+        )
     if is_json:
         put_json(values)
     else:

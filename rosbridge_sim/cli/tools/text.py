@@ -16,7 +16,7 @@ from typing import cast
 import orjson
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.link.terminal_text import safe
 
 __all__ = ["note", "put", "put_json", "put_record", "put_table", "read_body", "render"]
 

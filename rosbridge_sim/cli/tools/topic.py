@@ -6,11 +6,11 @@ import asyncio
 import re
 from collections.abc import Mapping, Sequence
 
-from rosbridge_sim.cli.tools.client import Bridge, Frame, absolute, words
-from rosbridge_sim.cli.tools.subscription import Listener, no_topic
 from rosbridge_sim.cli.tools.text import note, put, put_json, put_record, put_table
-from rosbridge_sim.shell.terminal_text import safe
-from rosbridge_sim.shell.websocket.bridge_errors import RefusedError
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, words
+from rosbridge_sim.cli.tools.tool_subscription import Listener, no_topic
+from rosbridge_sim.link.bridge_errors import RefusedError
+from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
 
 __all__ = ["FieldPath", "echo", "list_topics", "publish", "show_topic"]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from rosbridge_sim.cli.tools.text import put, put_json
-from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.link.terminal_text import safe
 
 __all__ = ["Verdicts", "exit_code", "put_verdict"]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 
-from rosbridge_sim.cli.tools.client import open_bridge
+from rosbridge_sim.cli.tools.tool_client import open_bridge
 from rosbridge_sim.errors import ConnectError
-from rosbridge_sim.shell.websocket.bridge_errors import BridgeError, RefusedError
+from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 
 __all__ = ["wait_until_ready"]
 

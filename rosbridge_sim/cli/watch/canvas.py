@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry import FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 
 __all__ = ["DOTS_X", "DOTS_Y", "Canvas", "Ink", "fit"]
 

@@ -9,9 +9,9 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.cli.watch.canvas import DOTS_X, DOTS_Y, Canvas, Ink, columns, fit, paint
-from rosbridge_sim.cli.watch.scene import Scene, Thing, lamp_word, number_of, speed_of, text_of
-from rosbridge_sim.shell.terminal_text import safe
-from rosbridge_sim.world.geometry import FloatArray
+from rosbridge_sim.cli.watch.watched_scene import Scene, Thing, lamp_word, number_of, speed_of, text_of
+from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.world.geometry.planar import FloatArray
 
 __all__ = ["View", "draw", "pan", "show_whole_map", "zoom"]
 

@@ -10,10 +10,10 @@ import asyncio
 import math
 from typing import Final
 
-from rosbridge_sim.cli.tools.client import Bridge, Frame, absolute, open_bridge
-from rosbridge_sim.cli.watch.scene import MapLines, Scene
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, open_bridge
+from rosbridge_sim.cli.watch.watched_scene import MapLines, Scene
 from rosbridge_sim.errors import ClientError, DocumentError
-from rosbridge_sim.shell.websocket.bridge_errors import RefusedError
+from rosbridge_sim.link.bridge_errors import RefusedError
 
 __all__ = ["Source"]
 

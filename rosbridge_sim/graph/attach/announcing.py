@@ -1,7 +1,9 @@
 """Announcements of the simulator to a remote bridge (the far side), in order.
 
 A new connection begins with topics and their latched messages; then subscriptions; then services. A final question
-follows: its answer shows that everything was handled. Services come last, because clients wait for them. Before the
+follows: its answer shows that everything was handled. Services come last, because clients wait for them. A topic is
+published only if the far side lists it: a bridge that does not know its type refuses it without an answer, and then
+logs an error for each message. A far side that cannot tell (no rosapi) is sent everything. Before the
 first announcement of all, the far side is asked which services it already has. If our stamps depend on its
 `/use_sim_time`, it is asked for that even earlier.
 When an ego leaves, its services stay announced, and calls of them are refused with the reason. rosbridge_suite takes a
@@ -18,9 +20,9 @@ from typing import Final
 
 from rosbridge_sim.errors import EncodingError
 from rosbridge_sim.graph.attach.connection import PROBE, BridgeConnection, Values
-from rosbridge_sim.graph.attach.diagnostics import names_of
+from rosbridge_sim.graph.attach.diagnostics import is_list_of_topics, names_of, plain_type, types_of
 from rosbridge_sim.graph.attach.far_side import FarSide
-from rosbridge_sim.graph.attach.registry import MirroredItem, MirrorRegistry
+from rosbridge_sim.graph.attach.mirror_registry import MirroredItem, MirrorRegistry, depth_of
 from rosbridge_sim.graph.stamps import PARAMETER, says_simulated
 from rosbridge_sim.protocol.codec import publish_head
 
@@ -41,6 +43,7 @@ class Announcer:
         on_ready: called with monotonic time [s] when a connection has announced everything and the far side has handled
             it.
         on_attached: called with monotonic time [s] after that, for the last connection.
+        on_topics_missing: called with monotonic time [s] when the far side does not list a topic that is new here.
     """
 
     def __init__(self, far_side: FarSide, registry: MirrorRegistry) -> None:
@@ -50,11 +53,13 @@ class Announcer:
             far_side: the remote bridge.
             registry: the items to announce.
         """
+        self._known_types: set[str] = set()  # of the topics that the far side has had since it was attached
         self.is_attached = False
         self.is_time_known = False
         self.return_at: float | None = None
         self.on_ready: Callable[[float], None] = lambda _now: None
         self.on_attached: Callable[[float], None] = lambda _now: None
+        self.on_topics_missing: Callable[[float], None] = lambda _now: None
         self._far_side = far_side
         self._registry = registry
         registry.on_added = self._announce_added
@@ -66,6 +71,8 @@ class Announcer:
         """Announce a new item, unless its connection announces it later anyway."""
         if item.connection.is_open and (item.kind != "service" or item.connection.has_services):
             self._announce(item)
+            if item.kind == "topic":
+                self._ask_for_topic(item, self._far_side.now, self.on_topics_missing)
 
     def _announce(self, item: MirroredItem) -> None:
         connection = item.connection
@@ -76,16 +83,72 @@ class Announcer:
             connection.say("subscribe", id=f"subscribe:{item.name}", topic=item.name, type=item.type)
         else:
             assert item.topic is not None
-            depth = max(item.topic.publishers.get(self._far_side.source, {}).values(), default=0)
-            connection.say("advertise", id=f"advertise:{item.name}", topic=item.name, type=item.type, latch=depth > 0)
-            item.is_announced = True
-            head = publish_head(item.name)
-            held = item.topic.kept.get(self._far_side.source)
-            for message in held.messages() if held is not None else ():
-                try:
-                    connection.offer(item.name, message.framed(head))
-                except EncodingError as error:  # only that message is lost; all others are announced
-                    self._far_side.bus.guard.note_encoding(item.name, error)
+            is_latched = depth_of(item.topic, self._far_side.source) > 0
+            connection.say("advertise", id=f"advertise:{item.name}", topic=item.name, type=item.type, latch=is_latched)
+            item.is_confirmed = False
+            if item.type in self._known_types:
+                self._confirm(item)  # at once: a topic that begins within a tick loses none of its messages
+
+    def _ask_for_topic(self, item: MirroredItem, now: float, on_missing: Callable[[float], None]) -> None:
+        """Ask if the far side has one topic of ours."""
+
+        def on_answer(values: Values | None, now: float) -> None:
+            told = None if values is None else values.get("type")
+            if self._far_side.is_gone or self._registry.items.get((item.kind, item.name, item.type)) is not item:
+                return
+            if not isinstance(told, str) or plain_type(told) == plain_type(item.type):
+                self._confirm(item)
+            else:
+                on_missing(now)
+
+        item.connection.ask("/rosapi/topic_type", on_answer, now, topic=item.name)
+
+    def _confirm(self, item: MirroredItem) -> None:
+        """Publish a topic from now on, with its latched messages."""
+        if item.is_confirmed:
+            return
+        item.is_confirmed = True
+        self._known_types.add(item.type)
+        assert item.topic is not None
+        head = publish_head(item.name)
+        held = item.topic.kept.get(self._far_side.source)
+        for message in held.messages() if held is not None else ():
+            try:
+                item.connection.offer(item.name, message.framed(head), self._far_side.now, is_ordered=True)
+            except EncodingError as error:  # only that message is lost; all others are announced
+                self._far_side.bus.guard.note_encoding(item.name, error)
+
+    def note_topics(self, topics: Values | None, connection: BridgeConnection | None = None) -> None:
+        """Publish the topics that the far side lists, and no others.
+
+        Args:
+            topics: the values of `/rosapi/topics`; None if it cannot tell: then all are published.
+            connection: the connection of these topics; None for all.
+        """
+        types = types_of(topics) if is_list_of_topics(topics) else None
+        for item in self._registry.items.values():
+            if item.kind != "topic" or not item.connection.is_open or connection not in (None, item.connection):
+                continue
+            if types is None or plain_type(types.get(item.name, "")) == plain_type(item.type):
+                if not item.is_silent:
+                    self._confirm(item)
+            else:
+                self._suppress(item)
+
+    def note_missing_package(self, package: str) -> None:
+        """Publish no topic of a package that the far side does not know.
+
+        Args:
+            package: name of the package.
+        """
+        self._known_types = {name for name in self._known_types if name.partition("/")[0] != package}
+        for item in self._registry.items.values():
+            if item.kind == "topic" and item.type.partition("/")[0] == package:
+                self._suppress(item)
+
+    def _suppress(self, item: MirroredItem) -> None:
+        item.is_confirmed = False
+        item.connection.forget(item.name)
 
     def withdraw(self, item: MirroredItem) -> None:
         """Tell the far side that an item ends; without that, rosbridge_suite keeps a service whose provider has gone.
@@ -101,6 +164,7 @@ class Announcer:
             elif item.kind == "input":
                 connection.say("unsubscribe", id=f"subscribe:{item.name}", topic=item.name)
             else:
+                connection.forget(item.name)
                 connection.say("unadvertise", id=f"advertise:{item.name}", topic=item.name)
 
     # A connection
@@ -129,8 +193,9 @@ class Announcer:
             connection: the connection.
         """
         self.is_attached = False
+        self._known_types.clear()
         for item in self._registry.items_of(connection):
-            item.is_silent = item.is_announced = False
+            item.is_silent = item.is_confirmed = False
             if item.subscription is not None:
                 item.subscription.is_idle = True
 
@@ -165,9 +230,15 @@ class Announcer:
 
     def _announce_all(self, connection: BridgeConnection, now: float) -> None:
         """Announce all items of a connection; services only when the far side has told which ones it has."""
-        for item in self._registry.items_of(connection):
+        ours = self._registry.items_of(connection)
+        topics = [item for item in ours if item.kind == "topic"]
+        for item in ours:
             if item.kind != "service":
                 self._announce(item)
+        if len(topics) == 1:
+            self._ask_for_topic(topics[0], now, lambda _now: None)
+        elif topics:
+            connection.ask("/rosapi/topics", lambda values, _now: self.note_topics(values, connection), now)
         if any(item.kind == "service" and not item.is_known for item in self._registry.items_of(connection)):
             connection.ask(
                 "/rosapi/services", lambda values, now: self._announce_services(connection, values, now), now

@@ -6,7 +6,7 @@ An op from the far side may take longer than its turn, for example to read a sce
 *held*: ops that arrive meanwhile wait in it. Answers to our own questions do not wait, because they show the far side's
 progress.
 The far side may be any rosbridge. So no status frame is ever sent (rosbridge_suite has no such op), every answer is
-checked, and the frames to send have a limit (`Outbox`) and flow control (`FlowControl`).
+checked, and the frames to send have limits (`Outbox`, `FreshMessages`) and flow control (`FlowControl`).
 """
 
 from __future__ import annotations
@@ -14,13 +14,16 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Final
 
 import msgspec
 import orjson
 
 from rosbridge_sim.errors import FrameError
-from rosbridge_sim.graph.attach.flow_control import FlowControl
+from rosbridge_sim.graph.attach.flow_control import MAX_PATIENCE, FlowControl
+from rosbridge_sim.graph.attach.fresh_messages import FreshMessages, WaitingMessage
+from rosbridge_sim.graph.attach.patience import PROBE_PATIENCE, Patience
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
@@ -32,8 +35,8 @@ PROBE = "/rosapi/get_time"
 
 In ROS 1 a service that does not exist would do. In ROS 2, rosbridge_suite searches a second for a missing service."""
 
-PROBE_PATIENCE = 2.0
-"""Longest wait for an answer to a question [s]; rosbridge_suite in ROS 2 searches one second for a missing service."""
+MAX_OVERDUE: Final = 64
+"""Questions after their waiting time whose late answers are still measured."""
 
 MAX_WAITING_BYTES = 2**20
 """If more frames wait in a held connection, its socket is not read until they are done [bytes]. This is far more than
@@ -56,6 +59,29 @@ def _nothing() -> None:
     """Do nothing, because there is no socket."""
 
 
+ROUND_TRIPS: Final = 4.0
+"""Age of the data there, times this: how long a question may take at a bridge that answers, because it has to come to
+what was sent before the question."""
+
+
+@dataclass(slots=True)
+class _Question:
+    """A call of ours without an answer.
+
+    Attributes:
+        on_answer: gets the answer.
+        service: name of the service.
+        asked_at, until: time of the call, and when it is given up [s].
+        num_frames: number of frames that were before it, itself included.
+    """
+
+    on_answer: OnReply
+    service: str
+    asked_at: float
+    until: float
+    num_frames: float
+
+
 class BridgeConnection:
     """A connection to the remote bridge; it may be without a socket.
 
@@ -65,9 +91,11 @@ class BridgeConnection:
         is_ready: the far side has handled the first announcements.
         has_services: services were announced on this socket.
         session: reads and writes the frames of this socket.
-        outbox: frames that wait for the socket.
+        outbox: frames that wait for the socket in their order, never replaced by newer ones.
+        fresh: topic messages that wait for the socket and are replaced by newer ones.
         flow_control: decides how much may be sent.
-        num_sent: topic messages put into the outbox since the start.
+        num_offered: topic messages that were given to this connection since the start.
+        patience: the round trips of our calls over this socket.
         waiting: received ops that are not done yet, oldest first.
         on_released: called when the last hold has ended.
         on_probe: called when a call of PROBE was answered (True) or refused (False), with monotonic time [s]; not
@@ -89,7 +117,7 @@ class BridgeConnection:
         self.is_open = False
         self.is_ready = False
         self.has_services = False
-        self.num_sent = 0
+        self.num_offered = 0
         self.on_released: Callable[[], None] = _nothing
         self.on_probe: Callable[[bool, float], None] = lambda _is_answered, _now: None
         self._limits = limits
@@ -108,11 +136,14 @@ class BridgeConnection:
             is_talkative=False,
             on_refused=self._on_refused,
         )
+        self.fresh = FreshMessages(self._limits.topic_bytes // 2)
         self.flow_control = FlowControl()
+        self.patience = Patience()
+        self._overdue: dict[str, _Question] = {}
         self.waiting: deque[ops.Op] = deque()
         self._num_waiting_bytes = 0
         self._holds: set[object] = set()  # a new set for each socket, so that a late release does not affect it
-        self._questions: dict[str, tuple[OnReply, float, str]] = {}
+        self._questions: dict[str, _Question] = {}
 
     def open(self, schedule_flush: Callable[[], None], flush: Callable[[], None]) -> None:
         """Begin with a new socket.
@@ -140,33 +171,84 @@ class BridgeConnection:
         """
         self.session.say(op, {}, None, **fields)
 
-    def offer(self, topic: str, frame: bytes) -> None:
-        """Send a topic message, which may be dropped if the far side is too slow.
+    def offer(self, topic: str, frame: bytes, now: float, *, is_ordered: bool = False) -> None:
+        """Send a topic message, which may be left out if the far side is too slow.
 
         Args:
             topic: name of the topic.
             frame: the message.
+            now: monotonic time [s].
+            is_ordered: it must not be replaced by a newer one, and leaves before all later ordered frames.
         """
-        self.num_sent += 1
-        self.outbox.offer(topic, frame)
+        self.num_offered += 1
+        if is_ordered:
+            self.fresh.forget(topic)  # older ones must not come after it
+            self.outbox.offer(topic, frame)
+            return
+        if not self.fresh and not self.outbox:
+            self._schedule_flush()
+        self.fresh.offer(WaitingMessage(topic, frame, now))
+
+    def forget(self, topic: str) -> None:
+        """Drop the messages of a topic that wait, because it is not advertised any more.
+
+        Args:
+            topic: name of the topic.
+        """
+        self.fresh.forget(topic)
+
+    @property
+    def num_dropped(self) -> int:
+        """Topic messages that were left out since the socket was opened."""
+        return self.outbox.dropped.total() + self.fresh.dropped.total()
+
+    @property
+    def is_behind(self) -> bool:
+        """True if the far side does not handle all that it could be sent."""
+        return self.fresh.is_behind or self.flow_control.is_late
 
     def take(self, max_bytes: int, now: float) -> list[bytes]:
-        """Remove and return the oldest frames; none while the far side is behind.
+        """Remove and return the next frames, ordered ones first; none while the far side is behind.
 
         Args:
             max_bytes: about how much to return [bytes].
             now: monotonic time [s].
         """
         flow_control = self.flow_control
-        if flow_control.wants_probe:  # the last answer did not cover what was sent since
-            return [self._make_probe(now)]
-        if flow_control.is_blocked:
-            return []
-        frames = self.outbox.take(max_bytes)
-        flow_control.note_sent(frames)
+        frames: list[bytes] = []
+        num_bytes = 0
+        while num_bytes < max_bytes:
+            if flow_control.wants_probe:
+                frames.append(self._make_probe(now))
+            taken = self._take_some(now)
+            if not taken:
+                break
+            frames += taken
+            num_bytes += sum(map(len, taken))
         if flow_control.wants_probe:
             frames.append(self._make_probe(now))
         return frames
+
+    def _take_some(self, now: float) -> list[bytes]:
+        """Remove and return the next frame, or the next pieces of a long one; none if nothing may be sent."""
+        flow_control = self.flow_control
+        while self.outbox and not flow_control.is_full:
+            taken = self.outbox.take(1)  # one frame, because each counts
+            for frame in taken:
+                flow_control.note_sent(len(frame))
+            if taken:
+                return taken
+        if self.outbox:
+            return []
+        if not flow_control.has_room:
+            if self.fresh:
+                flow_control.note_waiting()
+            return []
+        message = self.fresh.take(now)
+        if message is None:
+            return []
+        flow_control.note_sent(len(message.frame), wait=max(now - message.since, 0.0))
+        return [message.frame]
 
     def _make_probe(self, now: float) -> bytes:
         probe = f"{_PROBE}{self.flow_control.probe(now)}"
@@ -183,7 +265,9 @@ class BridgeConnection:
         """
         self._num_asked += 1
         question = f"{_QUESTION}{self._num_asked}"
-        self._questions[question] = (on_answer, now + PROBE_PATIENCE, service)
+        num_frames = self.flow_control.num_in_flight + len(self.outbox) + 1
+        wait = max(self.flow_control.patience, self.patience.wait(num_frames))
+        self._questions[question] = _Question(on_answer, service, now, now + wait, num_frames)
         self.say("call_service", id=question, service=service, args=args)
 
     # In
@@ -249,24 +333,30 @@ class BridgeConnection:
             if not op.result:
                 self.flow_control.note_refusal(now)
             elif _NUMBER.fullmatch(number):
-                self.flow_control.note_answer(int(number))
+                self.patience.has_answer = True
+                self.flow_control.note_answer(int(number), now)
             self._schedule_flush()
             self.on_probe(bool(op.result), now)
             return True
         question = self._questions.pop(op.id, None)
         if question is not None:
-            on_answer, _, service = question
-            if service == PROBE:
+            self._measure(question, op, now)
+            if question.service == PROBE:
                 self.on_probe(bool(op.result), now)
-            on_answer(_values_of(op), now)
+            question.on_answer(_values_of(op), now)
+        elif (overdue := self._overdue.pop(op.id, None)) is not None:
+            self._measure(overdue, op, now)
         return question is not None or op.id.startswith(_QUESTION)  # perhaps an answer after the time-out
+
+    def _measure(self, question: _Question, op: ops.ServiceResponse, now: float) -> None:
+        self.patience.note(max(now - question.asked_at, 0.0), question.num_frames, is_ok=bool(op.result))
 
     # Time
 
     @property
     def due(self) -> float | None:
         """Return when `expire` has something to do [s]."""
-        dues = [until for _, until, _ in self._questions.values()]
+        dues = [question.until for question in self._questions.values()]
         if self.flow_control.due is not None:
             dues.append(self.flow_control.due)
         return min(dues, default=None)
@@ -277,11 +367,28 @@ class BridgeConnection:
         Args:
             now: monotonic time [s].
         """
-        for question, (on_answer, until, _) in list(self._questions.items()):
-            if now >= until and self._questions.pop(question, None) is not None:
-                on_answer(None, now)
+        for name, question in list(self._questions.items()):
+            if now < question.until:
+                continue
+            if self._is_only_slow(question, now):
+                question.until = now + PROBE_PATIENCE
+            elif self._questions.pop(name, None) is not None:
+                self._note_overdue(name, question)
+                question.on_answer(None, now)
         if self.flow_control.expire(now):
             self._schedule_flush()
+
+    def _note_overdue(self, name: str, question: _Question) -> None:
+        """Remember a question that is given up, because a late answer shows how slow the far side is."""
+        if len(self._overdue) >= MAX_OVERDUE:
+            del self._overdue[next(iter(self._overdue))]
+        self._overdue[name] = question
+
+    def _is_only_slow(self, question: _Question, now: float) -> bool:
+        """Return True if the far side answers calls, but has not come to what was sent before a question."""
+        if not self.patience.has_answer or now - question.asked_at >= MAX_PATIENCE:
+            return False
+        return now - question.asked_at < ROUND_TRIPS * self.flow_control.age(now)
 
 
 def _values_of(op: ops.ServiceResponse) -> Values | None:

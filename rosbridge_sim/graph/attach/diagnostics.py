@@ -16,7 +16,16 @@ from typing import Final, Literal
 from rosbridge_sim.graph.attach.connection import Values
 from rosbridge_sim.protocol.ops import Status
 
-__all__ = ["MAX_LINES", "PERIOD", "Diagnostics", "ItemKey", "names_of"]
+__all__ = [
+    "MAX_LINES",
+    "PERIOD",
+    "Diagnostics",
+    "ItemKey",
+    "is_list_of_topics",
+    "names_of",
+    "plain_type",
+    "types_of",
+]
 
 MAX_LINES, PERIOD = 10, 10.0
 """At most so many lines about the remote bridge's messages in so many seconds."""
@@ -110,19 +119,23 @@ class Diagnostics:
 
     # Findings
 
-    def note_status(self, op: Status, ours: Collection[ItemKey], now: float) -> None:
+    def note_status(self, op: Status, ours: Collection[ItemKey], now: float) -> str:
         """Log a status message of the bridge.
 
         Args:
             op: the status op.
             ours: the announced items.
             now: monotonic time [s].
+
+        Returns:
+            The package that it does not know; empty if it says something else.
         """
         text = op.msg or ""
         unknown, owned = _UNKNOWN.match(text), _OWNED.match(text)
         if unknown is not None and any(_package(key) == unknown[1] for key in ours):
             self._report_missing_package(unknown[1], ours)
-        elif owned is not None:
+            return unknown[1]
+        if owned is not None:
             self.taken_services.clear()
             self.log_once(
                 f"it runs its own simulator ({owned[1]}), which owns these names, so ours is not visible there;"
@@ -131,10 +144,17 @@ class Diagnostics:
         else:
             about = f" of {op.id}" if op.id else ""
             self.log_limited(logging.WARNING, f"it says{about}: [{op.level}] {text}", now)
+        return ""
 
-    def report_no_rosapi(self) -> None:
-        """Log that rosapi there does not answer, though it had time to start."""
-        self.log_once("rosapi does not answer there, so its delay and the items that it lacks cannot be seen")
+    def report_no_rosapi(self, seconds: float, *, is_refused: bool) -> None:
+        """Log that rosapi there does not answer, though it had time to start.
+
+        Args:
+            seconds: time since the first question [s].
+            is_refused: the bridge has refused calls, so rosapi is not there; otherwise there was no word at all.
+        """
+        said = "rosapi does not answer there" if is_refused else f"rosapi there has not answered for {seconds:.0f} s"
+        self.log_once(f"{said}, so its delay and the items that it lacks cannot be seen")
 
     def check_generation(self, values: Values) -> None:
         """Compare the ROS generation of the bridge with ours, by the spelling of a time that it sent.
@@ -200,7 +220,7 @@ class Diagnostics:
         Returns:
             True if nothing is missing.
         """
-        types = dict(zip(names_of(topics, "topics"), names_of(topics, "types"), strict=False))
+        types = types_of(topics)
         there = {("topic", name) for name in types} | {("service", name) for name in names_of(services, "services")}
         announced = [key for key in ours if key[0] != "input"]
         missing = [key for key in announced if key[:2] not in there]
@@ -210,7 +230,7 @@ class Diagnostics:
             self._report_missing(missing, announced, ours)
         for kind, name, type_name in announced:
             told = types.get(name)
-            if kind == "topic" and told and _plain(told) != _plain(type_name):
+            if kind == "topic" and told and plain_type(told) != plain_type(type_name):
                 self.log_once(f"{name} has type {told} there, not {type_name}: ours was refused")
         return not missing
 
@@ -250,7 +270,30 @@ def _package(key: ItemKey) -> str:
     return key[2].partition("/")[0]
 
 
-def _plain(type_name: str) -> str:
+def is_list_of_topics(values: Values | None) -> bool:
+    """Return True if an answer of `/rosapi/topics` has its list.
+
+    Args:
+        values: values of the answer.
+    """
+    return values is not None and isinstance(values.get("topics"), list)
+
+
+def types_of(values: Values | None) -> dict[str, str]:
+    """Return the types of all topics in an answer of `/rosapi/topics`, by name.
+
+    Args:
+        values: values of the answer.
+    """
+    return dict(zip(names_of(values, "topics"), names_of(values, "types"), strict=False))
+
+
+def plain_type(type_name: str) -> str:
+    """Return the name of a message type as ROS 1 spells it.
+
+    Args:
+        type_name: the name, as ROS 1 or ROS 2 spells it.
+    """
     return type_name.replace("/msg/", "/")
 
 

@@ -3,7 +3,7 @@
 The programs there cannot receive notices of our bus, so these go to our log. Input that cannot be used is a mistake of
 the bridge. As for any client, it gives a line in our log, with a reason, and an entry on `/sim/refusals`. It has no
 other consequence.
-The parts of a `Mirror` (`registry.py`, `announcing.py`, `survey.py`) share this class.
+The parts of a `Mirror` (`mirror_registry.py`, `announcing.py`, `survey.py`) share this class.
 """
 
 from __future__ import annotations
@@ -40,6 +40,8 @@ class FarSide:
         stamps: decides which clock our stamps use; None if the far side is not asked.
         why_gone: called with the name of a removed service; returns the reason if the service may come back, else an
             empty text.
+        is_synchronous: returns True if only calls move the world now: then the topics of a call are sent before its
+            answer, all of them.
         now: monotonic time of the current event [s].
         op: the current op; None between two ops.
         is_gone: it has left the bus for ever.
@@ -64,6 +66,7 @@ class FarSide:
         self.on_failure: Callable[[Exception], None] = _raise
         self.stamps: Stamps | None = None
         self.why_gone: Callable[[str], str] = lambda _name: ""
+        self.is_synchronous: Callable[[], bool] = lambda: True
         self.now = 0.0
         self.op: ops.Op | None = None
         self.is_gone = False

@@ -4,7 +4,7 @@ MORAI SIM is a client of a rosbridge: it advertises its topics and services ther
 `Mirror` does the same for an owner on our bus. It is a `Participant` itself and represents all programs on the far
 side: their messages on input topics are published here in its name, and so are their calls. It stays on the bus while
 the connection is lost and opened again, because a restarted bridge is not a client that has left.
-This file handles the frames from the far side and connects the parts: the mirrored items (`registry.py`), their
+This file handles the frames from the far side and connects the parts: the mirrored items (`mirror_registry.py`), their
 announcement (`announcing.py`), the check that they arrived (`survey.py`), and the state of its rosapi
 (`rosapi_watch.py`).
 Many callers share a connection and cannot be told apart. If one of them must wait (`hold`), all later ops on the same
@@ -21,7 +21,8 @@ from rosbridge_sim.errors import FrameError, PeerError
 from rosbridge_sim.graph.attach.announcing import Announcer
 from rosbridge_sim.graph.attach.connection import PROBE, BridgeConnection
 from rosbridge_sim.graph.attach.far_side import FarSide
-from rosbridge_sim.graph.attach.registry import MirrorRegistry
+from rosbridge_sim.graph.attach.mirror_registry import MirrorRegistry
+from rosbridge_sim.graph.attach.release_check import ReleaseCheck
 from rosbridge_sim.graph.attach.rosapi_watch import RosapiChange, RosapiWatch
 from rosbridge_sim.graph.attach.survey import Survey
 from rosbridge_sim.graph.bus import Bus
@@ -42,6 +43,7 @@ class Mirror(FarSide):
 
     Attributes:
         connections: the wanted connections by name; the name of the first is empty.
+        release_check: compares the fields of the types there with ours.
     """
 
     def __init__(
@@ -84,8 +86,11 @@ class Mirror(FarSide):
             has_extras=has_extras,
         )
         self.connections = registry.connections
+        self.release_check = ReleaseCheck(self.diagnostics, registry, bus.store)
         self._survey = Survey(self.diagnostics, registry)
         self._announcer = Announcer(self, registry)
+        self._survey.on_topics = self._announcer.note_topics
+        self._announcer.on_topics_missing = self._begin_survey
         self._survey.on_topics_lost = self._announcer.take_back
         self._announcer.on_ready = self._rosapi.start
         self._announcer.on_attached = self._note_attached
@@ -155,9 +160,18 @@ class Mirror(FarSide):
     def _note_attached(self, now: float) -> None:
         self.on_attached()
         self._survey.begin(now)
+        self.release_check.ask(now)
 
     def _is_any_late(self) -> bool:
-        return any(each.flow_control.is_late for each in self.connections.values())
+        return any(each.is_behind for each in self.connections.values())
+
+    def age(self, now: float) -> float:
+        """Return how old topic messages are when the slowest connection's far side handles them [s].
+
+        Args:
+            now: monotonic time [s].
+        """
+        return max(each.flow_control.age(now) for each in self.connections.values())
 
     # From the far side
 
@@ -222,7 +236,9 @@ class Mirror(FarSide):
         elif isinstance(op, ops.CallService):
             self._call(connection, op, now)
         elif isinstance(op, ops.Status):
-            self.diagnostics.note_status(op, self._registry.items, now)
+            package = self.diagnostics.note_status(op, self._registry.items, now)
+            if package:
+                self._announcer.note_missing_package(package)
         else:
             self.note_now(logging.WARNING, f"it sent an op that this side does not support: {type(op).__name__}")
 
@@ -320,12 +336,13 @@ class Mirror(FarSide):
         is_behind = self._is_any_late()
         if is_behind != self._is_behind:
             self._is_behind = is_behind
+            age = f"data is up to {self.age(now):.2f} s old there"
             if is_behind:
-                text = "it is too slow: topic messages wait, and only the newest are kept"
+                text = f"it is too slow: {age}, and only the newest message of each topic is sent"
             else:
-                num_dropped = sum(each.outbox.dropped.total() for each in self.connections.values())
-                text = f"it is fast enough again; {num_dropped:,} topic messages were dropped since it connected"
-            self.diagnostics.log(logging.WARNING, text)
+                num_dropped = sum(each.num_dropped for each in self.connections.values())
+                text = f"it is fast enough again: {age}; {num_dropped:,} topic messages were dropped since it connected"
+            self.note(logging.WARNING, text, now)
         if self._rosapi.due is not None and now >= self._rosapi.due:
             self._check_rosapi(now)
         if self._announcer.return_at is not None and now >= self._announcer.return_at:

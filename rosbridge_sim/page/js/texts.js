@@ -49,6 +49,7 @@ export const TEXTS = {
     close: "Close",
     keys: "Keys",
     colours: "Colours",
+    documentation: "Documentation of this page and all others",
     rows: [
       ["C", "Camera above the map or behind the car"],
       ["F", "Follow the selected object or the ego, or stop"],

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.replays.object_list_decoder import LAYOUT, decode_object_lists
-from rosbridge_sim.morai.replays.recording import Recording, digest_of
-from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import Texts
+from rosbridge_sim.simulator.replays.object_list_decoder import LAYOUT, decode_object_lists
+from rosbridge_sim.simulator.replays.recorded_drive import Recording, digest_of
+from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 
 if TYPE_CHECKING:  # an import of a tenth of a second that only a replay needs
     from rosbags.interfaces import Connection

@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.replays.recording import Recording
-from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder, Then
 from rosbridge_sim.shell.bags.bag_reader import read_recording
 from rosbridge_sim.shell.files.definitions import Texts
 from rosbridge_sim.shell.files.sensor_data_store import OWN_NAME
+from rosbridge_sim.simulator.replays.recorded_drive import Recording
+from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Then
 
 __all__ = ["REPLAY_FOLDER", "DiskRecordings", "find_recording", "list_recordings"]
 

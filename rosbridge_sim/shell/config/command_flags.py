@@ -4,55 +4,16 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
-import shutil
 from collections.abc import Sequence
-from typing import NoReturn
 
+from rosbridge_sim.errors import SettingError
+from rosbridge_sim.link.arguments import Parser, layout
 from rosbridge_sim.shell.config.keys import flags_and_variables, read_value, show_value
 from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, flag_of
-from rosbridge_sim.shell.config.value_types import SWITCH, SettingError, show_size
-from rosbridge_sim.shell.websocket.urls import hide_in_words
+from rosbridge_sim.shell.config.value_types import SWITCH, show_size
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["Parser", "layout", "read_flags"]
-
-
-class Parser(argparse.ArgumentParser):
-    """A parser that raises an error; the library's own would print its usage and exit."""
-
-    def error(self, message: str) -> NoReturn:
-        """Report a mistake. The library calls this.
-
-        Args:
-            message: the library's error text.
-
-        Raises:
-            SettingError: always.
-        """
-        message = _without_values(message.removeprefix("argument "))
-        if unknown := _UNKNOWN_COMMAND.fullmatch(message):
-            known = re.findall(r"[\w-]+", unknown["known"])
-            message = f"no such command: {unknown['name']}{hint(unknown['name'], known)}; expected {', '.join(known)}"
-        elif message.startswith((_STRANGE_WORDS, _MISSING_WORDS)):
-            message += f"; see {self.prog} --help"
-        raise SettingError(message)
-
-
-_UNKNOWN_COMMAND = re.compile(r"COMMAND: invalid choice: '?(?P<name>.*?)'? \(choose from (?P<known>.+)\)", re.DOTALL)
-"""Text of the library for a word that is no command; its quotes differ between releases of Python."""
-
-_STRANGE_WORDS = "unrecognized arguments: "
-_MISSING_WORDS = "the following arguments are required: "
-
-
-def _without_values(message: str) -> str:
-    """Return a message of the library without values that may be secrets; of unknown words, only the flags."""
-    if message.startswith(_STRANGE_WORDS):
-        words = message.removeprefix(_STRANGE_WORDS).split()
-        flags = [word.partition("=")[0] for word in words if word.startswith("-")]
-        message = _STRANGE_WORDS + " ".join(flags or words)
-    return hide_in_words(message)
+__all__ = ["read_flags"]
 
 
 def read_flags(argv: Sequence[str], *, is_attaching: bool = False) -> dict[str, object]:
@@ -143,15 +104,6 @@ _ASIDES = {
     "version": "print the version and exit",
 }
 """Flags that are not settings: the command line handles them itself."""
-
-
-def layout(prog: str) -> argparse.HelpFormatter:
-    """Return the formatter of all help texts.
-
-    Args:
-        prog: name of the program.
-    """
-    return argparse.HelpFormatter(prog, max_help_position=28, width=min(shutil.get_terminal_size().columns, 110))
 
 
 def _show_default(key: str) -> str:

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.link.arguments import PREFIX
+from rosbridge_sim.link.urls import hide_in_words
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, flag_of
-from rosbridge_sim.shell.config.value_types import SECRET, SWITCH, SettingError
-from rosbridge_sim.shell.websocket.urls import hide_in_words
+from rosbridge_sim.shell.config.value_types import SECRET, SWITCH
 
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
-    from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice
+    from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
 
 __all__ = [
-    "PREFIX",
     "add_value",
     "flags_and_variables",
     "keys",
@@ -24,9 +24,6 @@ __all__ = [
     "tables",
     "variable",
 ]
-
-PREFIX = "ROSBRIDGE_SIM_"
-"""Prefix of all environment variables of this package."""
 
 
 def tables() -> list[str]:
@@ -76,7 +73,7 @@ def read_value(key: str, value: object, where: str) -> object:
 
 def _as_choices(rates: JsonValue, where: str) -> dict[str, InterfaceChoice]:
     """Return the choices about publishers from a flag."""
-    from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice  # noqa: PLC0415 - see above
+    from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice  # noqa: PLC0415 - see above
 
     return {name: InterfaceChoice(rate=rate, where=f"{where} {name}={rate:g}") for name, rate in rates.items()}
 

@@ -13,24 +13,18 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.shell.config.command_flags import read_flags
-from rosbridge_sim.shell.config.keys import (
-    PREFIX,
-    add_value,
-    flags_and_variables,
-    read_switchable,
-    read_value,
-    variable,
-)
+from rosbridge_sim.shell.config.keys import add_value, flags_and_variables, read_switchable, read_value, variable
 from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, Settings, flag_of
 from rosbridge_sim.shell.config.settings_file import read_file
-from rosbridge_sim.shell.config.value_types import SWITCH, SettingError, show_size
+from rosbridge_sim.shell.config.value_types import SWITCH, show_size
 from rosbridge_sim.suggestions import hint
 
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
-    from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice
+    from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
 
 __all__ = ["FindMistakes", "check_options", "read_settings", "strange_variables"]
 
@@ -146,7 +140,7 @@ def _all_at_once(config: object, mistakes: Sequence[str]) -> SettingError:
 
 def _with_rates(publishers: JsonValue, rates: JsonValue) -> dict[str, InterfaceChoice]:
     """Return the choices about publishers, changed by the given rates."""
-    from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings  # noqa: PLC0415 - only a setting with rates needs it
+    from rosbridge_sim.simulator.bus.network_settings import NetworkSettings  # noqa: PLC0415 - only a setting with rates needs it
 
     return dict(NetworkSettings(publishers=rates).over(NetworkSettings(publishers=publishers)).publishers)
 

@@ -27,6 +27,7 @@ class SimulatorOptions(TypedDict, total=False):
     attach: Sequence[str] | str
     attach_sockets: Literal["one", "per-topic"]
     scene: bool
+    strict_release: bool
     attach_retry: float
     token: str | None
     allow_origin: Sequence[str] | str
@@ -57,6 +58,7 @@ class SimulatorOptions(TypedDict, total=False):
     seed: int
     dynamics: Literal["single-track", "kinematic"]
     creep: bool
+    stability_control: bool
     on_collision: Literal["report", "impact"]
     sensor_noise: str
     traffic: int

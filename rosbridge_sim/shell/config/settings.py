@@ -38,7 +38,7 @@ from rosbridge_sim.shell.config.value_types import (
 )
 
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
-    from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice
+    from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
 
 __all__ = ["FIELDS", "SHORT_FORMS", "Flag", "Settings", "flag_of"]
 
@@ -143,6 +143,12 @@ class Settings:
         kind=SWITCH,
         text="publish the scene there, too, for RViz: /sim/scene/map and /sim/scene/objects",
     )
+    strict_release: bool = _flag(
+        default=False,
+        group=_ATTACH,
+        kind=SWITCH,
+        text="stop with exit code 2 if morai_msgs there has other fields than --release, not only log it",
+    )
     attach_retry: float = _flag(
         10.0, _ATTACH, period(0.1, 3_600.0), "longest wait between two attempts to connect to a bridge"
     )
@@ -165,8 +171,8 @@ class Settings:
         (),
         _ACCESS,
         HOSTS,
-        "host names by which web pages may address the server, in addition to localhost, IP addresses and its own name;"
-        " repeatable",
+        "host names by which web pages may address the server, and by which /metrics, /map.json and /version are told"
+        " without a token, in addition to localhost, IP addresses and its own name; repeatable",
     )
     allow_publish: tuple[str, ...] = _flag(
         (), _ACCESS, PATTERNS, "topics that clients may publish, such as /a/*; without it all; repeatable"
@@ -281,6 +287,13 @@ class Settings:
         group=_WORLD,
         kind=SWITCH,
         text="without pedals, egos creep in D and R and roll on slopes; only with --dynamics single-track",
+    )
+    stability_control: bool = _flag(
+        default=True,
+        group=_WORLD,
+        kind=SWITCH,
+        text="egos keep grip for the bend while they brake, and are braked against a spin; only with --dynamics"
+        " single-track",
     )
     on_collision: Literal["report", "impact"] = _flag(
         "report",

@@ -1,4 +1,4 @@
-"""Settings from a TOML file. Each mistake names the file and the line."""
+"""Settings from a TOML file, or from a network file of MORAI. Each mistake names the file and the line."""
 
 from __future__ import annotations
 
@@ -6,20 +6,28 @@ import logging
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
-from rosbridge_sim.errors import DocumentError
+import orjson
+
+from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.shell.config.keys import add_value, keys, read_switchable, tables
 from rosbridge_sim.shell.config.settings import SHORT_FORMS, flag_of
-from rosbridge_sim.shell.config.toml_text import Lines, lines_of, place_of, read_toml
-from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS, SettingError
+from rosbridge_sim.shell.config.toml_text import Lines, lines_of, place_of, read_text, read_toml
+from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS
 from rosbridge_sim.suggestions import hint
 
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
-    from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
+    from rosbridge_sim.simulator.bus.network_settings import NetworkSettings
 
 __all__ = ["looks_like_path", "read_file", "read_network"]
+
+JSON_SUFFIX: Final = ".json"
+"""End of the name of a network file of MORAI."""
+
+MAX_UNUSED: Final = 20
+"""Unused parts of such a file that are listed; the rest is counted."""
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
@@ -30,12 +38,15 @@ def read_file(path: Path) -> tuple[dict[str, object], list[tuple[str, DocumentEr
     Args:
         path: path of the file.
     """
-    from rosbridge_sim.morai.interfaces.network_settings import path_text  # noqa: PLC0415 - see above
+    from rosbridge_sim.simulator.bus.network_settings import path_text  # noqa: PLC0415 - see above
 
-    text, document = read_toml(path)
-    lines = lines_of(text)
     values: dict[str, object] = {}
     mistakes: list[tuple[str, DocumentError]] = []
+    if path.suffix.lower() == JSON_SUFFIX:
+        network = _read_morai(path)
+        return {key: dict(getattr(network, key)) for key in tables() if getattr(network, key)}, mistakes
+    text, document = read_toml(path)
+    lines = lines_of(text)
     for name, value in document.items():
         key = name.replace("_", "-")
 
@@ -69,8 +80,34 @@ def _check_key(key: str, where: str) -> None:
         raise SettingError(f"{where}: no such setting{hint(key, keys())}")
 
 
+def _read_morai(path: Path) -> NetworkSettings:
+    """Return the settings of a network file of MORAI; log what in it is not used.
+
+    Raises:
+        SettingError: it is not such a file, or has a mistake.
+    """
+    from rosbridge_sim.simulator.bus.morai_network import is_morai_network, read_morai_network  # noqa: PLC0415 - see above
+
+    try:
+        document = orjson.loads(read_text(path))
+    except orjson.JSONDecodeError as error:
+        raise SettingError(f"{path}:{error.lineno}:{error.colno}: not valid JSON: {error.msg}") from None
+    if not is_morai_network(document):
+        raise SettingError(f"{path}: expected a network file of MORAI with a list egoNetworkData, or a TOML file")
+    try:
+        network, unused = read_morai_network(document, str(path))
+    except DocumentError as error:
+        raise SettingError(str(error)) from None
+    if unused:
+        more = f" and {len(unused) - MAX_UNUSED} more" if len(unused) > MAX_UNUSED else ""
+        _log.warning("%s: not used here: %s%s", path, ", ".join(unused[:MAX_UNUSED]), more)
+    return network
+
+
 def read_network(path: Path) -> NetworkSettings:
-    """Return the network settings in a file. In a complete settings file, other keys are ignored and logged.
+    """Return the network settings in a file of ours or of MORAI.
+
+    In a complete settings file, other keys are ignored and logged.
 
     Args:
         path: path of the file.
@@ -78,8 +115,10 @@ def read_network(path: Path) -> NetworkSettings:
     Raises:
         SettingError: the first mistake.
     """
-    from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings, path_text  # noqa: PLC0415 - see above
+    from rosbridge_sim.simulator.bus.network_settings import NetworkSettings, path_text  # noqa: PLC0415 - see above
 
+    if path.suffix.lower() == JSON_SUFFIX:
+        return _read_morai(path)
     text, document = read_toml(path)
     lines = lines_of(text)
     choices: dict[str, JsonValue] = {}
@@ -113,7 +152,7 @@ def _read_table(
     Raises:
         SettingError: the first mistake, unless `on_mistake` takes the mistakes.
     """
-    from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind, path_text, read_choices  # noqa: PLC0415 - see above
+    from rosbridge_sim.simulator.bus.network_settings import InterfaceKind, path_text, read_choices  # noqa: PLC0415 - see above
 
     def place(keys: tuple[str, ...]) -> str:
         at = (name, *keys[1:])

@@ -6,13 +6,13 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from rosbridge_sim.link.urls import shown_url
 from rosbridge_sim.shell.config.keys import tables, variable
 from rosbridge_sim.shell.config.settings import FIELDS, Settings, flag_of
 from rosbridge_sim.shell.config.value_types import FOLDERS, SECRET, SWITCH, URLS, show_size
-from rosbridge_sim.shell.websocket.urls import shown_url
 
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports
-    from rosbridge_sim.morai.interfaces.registry import ListedInterface
+    from rosbridge_sim.simulator.bus.interface_registry import ListedInterface
 
 __all__ = ["format_config"]
 

@@ -9,9 +9,10 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from rosbridge_sim.shell.config.value_types import SettingError, show_size
+from rosbridge_sim.errors import SettingError
+from rosbridge_sim.shell.config.value_types import show_size
 
-__all__ = ["Lines", "lines_of", "place_of", "read_toml"]
+__all__ = ["Lines", "lines_of", "place_of", "read_text", "read_toml"]
 
 MAX_CONFIG_SIZE = 2**20
 """A longer file is not a settings file [bytes]."""
@@ -26,7 +27,7 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     Raises:
         SettingError: it cannot be read, or is not valid TOML.
     """
-    text = _read_text(path)
+    text = read_text(path)
     try:
         return text, tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -38,7 +39,15 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
         raise SettingError(f"{path}: expected numbers of at most {sys.get_int_max_str_digits()} digits") from None
 
 
-def _read_text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Return the text of a settings file.
+
+    Args:
+        path: path of the file.
+
+    Raises:
+        SettingError: it cannot be read, is too long, or is not UTF-8.
+    """
     try:
         with path.open("rb") as file:
             content = file.read(MAX_CONFIG_SIZE + 1)

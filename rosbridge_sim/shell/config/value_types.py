@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
-from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.websocket.urls import DEFAULT_PORT, check_url
+from rosbridge_sim.link.urls import DEFAULT_PORT, check_url
 
 __all__ = [
     "FILE",
@@ -29,7 +28,6 @@ __all__ = [
     "SECRET",
     "SWITCH",
     "URLS",
-    "SettingError",
     "ValueType",
     "choice_of",
     "factor",
@@ -44,10 +42,6 @@ __all__ = [
     "text_of",
     "whole_number",
 ]
-
-
-class SettingError(DocumentError):
-    """A flag, variable, key or option that cannot be used."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -399,7 +393,7 @@ def item_choices(name: str) -> ValueType:
 
     def read(value: object) -> object:
         # Imported here because only a setting with such a table needs it.
-        from rosbridge_sim.morai.interfaces.network_settings import InterfaceKind, read_choices  # noqa: PLC0415
+        from rosbridge_sim.simulator.bus.network_settings import InterfaceKind, read_choices  # noqa: PLC0415
 
         return read_choices(InterfaceKind(name), value)
 

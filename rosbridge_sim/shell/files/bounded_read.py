@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
@@ -15,15 +17,19 @@ _FIRST_READ = 2**15
 def read_bounded(path: Path, max_bytes: int) -> bytes:
     """Return a file's content.
 
+    A pipe is refused, because a read of it waits for as long as nothing writes.
+
     Args:
         path: path of the file.
         max_bytes: longest content.
 
     Raises:
-        DocumentError: it cannot be read, or it is longer than `max_bytes`.
+        DocumentError: it is no regular file, it cannot be read, or it is longer than `max_bytes`.
     """
     try:
-        with path.open("rb") as file:
+        with open(path, "rb", opener=_open_at_once) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise DocumentError(f"{path}: expected a file, got a pipe or a device; write its content to a file")
             content = file.read(_FIRST_READ)
             if len(content) == _FIRST_READ:
                 content += file.read(max_bytes + 1 - _FIRST_READ)
@@ -32,3 +38,8 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
     if len(content) > max_bytes:
         raise DocumentError(f"{path}: expected at most {max_bytes:,} bytes; it is longer")
     return content
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    """Open a file; a pipe that nothing writes to is opened without waiting."""
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))

@@ -22,11 +22,11 @@ from pathlib import Path
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.catalogue import Catalogue, Model, class_of_data_id, default_model, key_of_name
+from rosbridge_sim.scenarios.catalogue import Catalogue, Model, class_of_data_id, default_model, key_of_name
 from rosbridge_sim.shell.config.value_types import show_size
 from rosbridge_sim.suggestions import hint
-from rosbridge_sim.world.entity_types import CG_SHARE
-from rosbridge_sim.world.state import Body, Kind
+from rosbridge_sim.world.state.entity_types import CG_SHARE
+from rosbridge_sim.world.state.world import Body, Kind
 
 __all__ = ["COLUMNS", "read_catalogue"]
 

@@ -8,19 +8,23 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from contextlib import suppress
 from glob import escape
 from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.catalogue import BUILT_IN
-from rosbridge_sim.morai.maps.mgeo import MAP_FILES, RoadMap, read_map
-from rosbridge_sim.morai.scenarios.reader import Scenario, read_scenario
+from rosbridge_sim.maps.map_formats import MAP_FILES, read_map
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.scenarios.catalogue import BUILT_IN
+from rosbridge_sim.scenarios.scenario import Scenario
+from rosbridge_sim.scenarios.scenario_reader import read_scenario
 from rosbridge_sim.shell.config.settings_file import looks_like_path
 from rosbridge_sim.shell.files.bounded_read import read_bounded
 from rosbridge_sim.shell.files.document_cache import DocumentCache
-from rosbridge_sim.shell.files.names import is_file_name, safe_parts
+from rosbridge_sim.shell.files.file_names import is_file_name, safe_parts
+from rosbridge_sim.shell.files.other_formats import LOOKED_AT, MAP_IS, SCENARIO_IS, find_other_format
 
-__all__ = ["DiskLibrary", "map_names", "read_folder"]
+__all__ = ["DiskLibrary", "map_names", "read_folder", "refuse_map_file"]
 
 _log = logging.getLogger("rosbridge_sim.storage")
 
@@ -141,6 +145,9 @@ class DiskLibrary:
         path = _find_scenario(DATA / "scenarios", parts)
         if path is not None:
             return path
+        form = find_other_format(name)
+        if form:
+            raise DocumentError(f"{name!r}: {form} is not read; {SCENARIO_IS}")
         known = ", ".join(self.scenario_names())
         raise DocumentError(f"no scenario {name!r}; known are {known}, and --scenario-path takes a folder")
 
@@ -149,7 +156,11 @@ class DiskLibrary:
         return read_scenario(text, source, catalogue=self.catalogue)
 
     def _read_scenario(self, path: Path) -> tuple[bytes, str]:
-        return read_bounded(path, MAX_DOCUMENT_SIZE), str(path)
+        text = read_bounded(path, MAX_DOCUMENT_SIZE)
+        form = find_other_format(path.name, text)
+        if form:
+            raise DocumentError(f"{path}: {form} is not read; {SCENARIO_IS}")
+        return text, str(path)
 
     def scenario_names(self) -> list[str]:
         """Return some of the names that `scenario` accepts, in order of search, for error texts."""
@@ -209,9 +220,34 @@ class DiskLibrary:
         if self._own_map is not None and (looks_like_path(self._own_map) or not folder.is_dir()):
             folder = Path(self._own_map)
         if (self._own_map is None and not is_file_name(name)) or not folder.is_dir():
+            if self._own_map is not None:
+                refuse_map_file(folder)
+            elif form := find_other_format(name):
+                raise DocumentError(f"map {name!r}: {form} is not read; {MAP_IS}, or one of {', '.join(map_names())}")
             known = ", ".join(map_names())
             raise DocumentError(f"no map {self._own_map or name!r}; known are {known}, and --map takes a folder")
         return folder
+
+
+def refuse_map_file(path: Path) -> None:
+    """Raise the error for a map of the user that is a file, or is named like one of another format.
+
+    Args:
+        path: where no folder is.
+
+    Raises:
+        DocumentError: it is one.
+    """
+    is_file = path.is_file()
+    content = b""
+    if is_file:
+        with suppress(OSError), path.open("rb") as file:
+            content = file.read(LOOKED_AT)
+    form = find_other_format(path.name, content)
+    if form:
+        raise DocumentError(f"{path}: {form} is not read; {MAP_IS}, or one of {', '.join(map_names())}")
+    if is_file:
+        raise DocumentError(f"{path}: {MAP_IS}, or one of {', '.join(map_names())}; got a file")
 
 
 def map_names() -> list[str]:

@@ -1,18 +1,26 @@
-"""Network settings of scenarios on the disk: `Network/NAME.toml` in the folder of `--data-dir`."""
+"""Network settings of scenarios on the disk: `Network/NAME.toml` in the folder of `--data-dir`.
+
+Without it, MORAI's own file is read: `Network/NAME_MN.json`, or `Network/NAME.json`.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Final
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.interfaces.network_settings import NetworkSettings
 from rosbridge_sim.shell.config.settings_file import read_network
-from rosbridge_sim.shell.files.names import safe_parts
+from rosbridge_sim.shell.files.file_names import safe_parts
+from rosbridge_sim.simulator.bus.network_settings import NetworkSettings
 
 __all__ = ["DiskNetworks"]
 
 NETWORK_FOLDER = "Network"
 """Folder for network settings within the data folder, with MORAI's name."""
+
+
+ENDINGS: Final = (".toml", "_MN.json", ".json")
+"""Ends of the names of the files, the preferred one first."""
 
 
 class DiskNetworks:
@@ -35,8 +43,10 @@ class DiskNetworks:
         Raises:
             DocumentError: the name is not valid or leads out of the folder, or the file cannot be used.
         """
-        path = self._folder / (safe_parts(scenario)[-1].removesuffix(".json") + ".toml")
-        if not path.is_file():
+        name = safe_parts(scenario)[-1].removesuffix(".json")
+        candidates = (self._folder / (name + ending) for ending in ENDINGS)
+        path = next((one for one in candidates if one.is_file()), None)
+        if path is None:
             return None
         if not path.resolve().is_relative_to(self._folder.resolve()):
             raise DocumentError(f"{path.name!r} leads out of {self._folder}")

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.sensor_noise import MAX_NOISE_BYTES, TYPICAL, SensorNoise, read_noise
 from rosbridge_sim.shell.files.bounded_read import read_bounded
+from rosbridge_sim.simulator.sensors.sensor_noise import MAX_NOISE_BYTES, TYPICAL, SensorNoise, read_noise
 
 __all__ = ["read_sensor_noise"]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.files.access_rights import why_not_writable
-from rosbridge_sim.shell.files.names import MAX_NAME, is_plain_name
+from rosbridge_sim.shell.files.file_names import MAX_NAME, is_plain_name
 from rosbridge_sim.shell.files.quota import DataQuota
 
 __all__ = ["OWN_NAME", "DiskArchive"]

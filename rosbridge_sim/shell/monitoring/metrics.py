@@ -13,13 +13,13 @@ import asyncio
 import importlib
 import time
 from bisect import bisect_left
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import accumulate
 from typing import TYPE_CHECKING, Final
 
-from rosbridge_sim.morai.simulator_node import SimulatorNode
-from rosbridge_sim.shell.monitoring.refusals import RefusalLog
+from rosbridge_sim.shell.monitoring.refusal_log import RefusalLog
 from rosbridge_sim.shell.websocket.server import Server
+from rosbridge_sim.simulator.simulator_node import SimulatorNode
 from rosbridge_sim.version import __version__
 
 if TYPE_CHECKING:
@@ -79,6 +79,8 @@ class Metrics:
         node: SimulatorNode | None,
         refusals: RefusalLog,
         num_bugs: Callable[[], int],
+        *,
+        ages: Callable[[float], Mapping[str, float]] = lambda _now: {},
     ) -> None:
         """Prepare the metrics; the first scrape starts them.
 
@@ -88,6 +90,7 @@ class Metrics:
             node: the simulator's node; None without a world.
             refusals: counts the refused requests of clients.
             num_bugs: returns the number of internal errors.
+            ages: returns, at a monotonic time [s], how old the topic messages at each bridge are [s], by its URL.
         """
         self.frames = FrameHistogram()
         self._loop = loop
@@ -95,6 +98,7 @@ class Metrics:
         self._node = node
         self._refusals = refusals
         self._num_bugs = num_bugs
+        self._ages = ages
         self._registry: CollectorRegistry | None = None
 
     async def render(self, accept: str) -> tuple[bytes, str]:
@@ -138,6 +142,7 @@ class Metrics:
 
         yield InfoMetricFamily("rosbridge_sim_build", "Version of the server.", {"version": __version__})
         yield from self._of_clients()
+        yield from self._of_bridges()
         yield _counter("faults", "Internal errors of the server, each with a traceback in its log.", self._num_bugs())
         if self._node is not None:
             yield from self._of_world(self._node)
@@ -174,6 +179,18 @@ class Metrics:
         for reason, count in self._refusals.counts.items():
             refusals.add_metric([reason.value], count)
         yield refusals
+
+    def _of_bridges(self) -> Iterator[Metric]:
+        from prometheus_client.metrics_core import GaugeMetricFamily  # noqa: PLC0415 - as above
+
+        gauge = GaugeMetricFamily(
+            "rosbridge_sim_bridge_age_seconds",
+            "How old topic messages are when a bridge handles them.",
+            labels=["bridge"],
+        )
+        for bridge, age in self._ages(self._loop.time()).items():
+            gauge.add_metric([bridge], age)
+        yield gauge
 
     def _of_world(self, node: SimulatorNode) -> Iterator[Metric]:
         from prometheus_client.metrics_core import HistogramMetricFamily  # noqa: PLC0415 - as above

@@ -24,9 +24,9 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.graph.ways import PolicyEffect, Use, Way
 from rosbridge_sim.loose_types import JsonValue, Struct
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.shell.monitoring.refusals import RefusalLog, escape
+from rosbridge_sim.shell.monitoring.refusal_log import RefusalLog, escape
 from rosbridge_sim.shell.monitoring.topic_report import TopicReport
-from rosbridge_sim.shell.websocket.client import Client
+from rosbridge_sim.shell.websocket.connected_client import Client
 from rosbridge_sim.shell.websocket.server import Server
 
 __all__ = ["TOPICS", "WHO_IS_CONNECTED", "ServerTopics"]

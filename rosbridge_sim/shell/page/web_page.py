@@ -7,52 +7,35 @@ package do not change.
 from __future__ import annotations
 
 import asyncio
-import gzip
-import hashlib
-import threading
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from typing import Final
 
+from rosbridge_sim.shell.page.doc_site import DocSite
 from rosbridge_sim.shell.page.joining import join_modules
+from rosbridge_sim.shell.page.made_once import MadeOnce
+from rosbridge_sim.shell.page.page_file import PageFile, make_page_file
 
-__all__ = ["PATHS", "PageFile", "WebPage", "page_files", "page_source"]
+__all__ = ["PATHS", "WebPage", "page_files", "page_source"]
 
 _FOLDER: Final = files("rosbridge_sim") / "page"
 
 PATHS: Final = {
     "/": ("index.html", "text/html; charset=utf-8"),
     "/page.css": ("page.css", "text/css; charset=utf-8"),
+    "/docs.css": ("docs.css", "text/css; charset=utf-8"),
     "/page.js": ("js/main.js", "text/javascript; charset=utf-8"),
     "/icon.svg": ("icon.svg", "image/svg+xml"),
 }
 """Source file and content type by path. No other file of the folder is served."""
 
 
-@dataclass(frozen=True, slots=True)
-class PageFile:
-    """A file of the page.
-
-    Attributes:
-        kind: its content type.
-        body: its bytes.
-        gzipped: the same, compressed.
-        etag: stands for the body, with its quotes.
-    """
-
-    kind: str
-    body: bytes
-    gzipped: bytes
-    etag: str
-
-
 class WebPage:
     """The page of one server.
 
     Attributes:
+        docs: the documentation, which is served beside it.
         headers: rules for the browser, in the answer to each request.
     """
 
@@ -63,8 +46,8 @@ class WebPage:
             loop: where requests are answered.
             frame_ancestors: origins whose pages may show this one in a frame.
         """
-        self._loop = loop
-        self._files: asyncio.Future[Mapping[str, PageFile]] | None = None
+        self.docs = DocSite(loop)
+        self._files: MadeOnce[Mapping[str, PageFile]] = MadeOnce(loop)
         self.headers: Mapping[str, str] = {
             "Content-Security-Policy": f"{_POLICY}; frame-ancestors {' '.join(frame_ancestors) or _NOBODY}",
             "X-Content-Type-Options": "nosniff",
@@ -75,30 +58,7 @@ class WebPage:
 
     def ask(self) -> asyncio.Future[Mapping[str, PageFile]]:
         """Return all files by path, once they are read; after a failure the next request tries again."""
-        files = self._files
-        if files is None or (files.done() and (files.cancelled() or files.exception() is not None)):
-            files = self._files = self._loop.create_future()
-            threading.Thread(target=self._read, args=(files,), name="page", daemon=True).start()
-        return files
-
-    def _read(self, future: asyncio.Future[Mapping[str, PageFile]]) -> None:
-        """Read all files, in the thread."""
-        found: Mapping[str, PageFile] | Exception
-        try:
-            found = page_files()
-        except Exception as error:  # noqa: BLE001 - an internal error: the server logs it
-            found = error
-        with suppress(RuntimeError):  # the loop is closed
-            self._loop.call_soon_threadsafe(_settle, future, found)
-
-
-def _settle(future: asyncio.Future[Mapping[str, PageFile]], found: Mapping[str, PageFile] | Exception) -> None:
-    if future.done():
-        return
-    if isinstance(found, Exception):
-        future.set_exception(found)
-    else:
-        future.set_result(found)
+        return self._files.ask("", page_files)
 
 
 _NOBODY: Final = "'none'"
@@ -117,7 +77,7 @@ def page_files() -> Mapping[str, PageFile]:
     Raises:
         JoinError: a module cannot be joined.
     """
-    return {path: _make(kind, page_source(name)) for path, (name, kind) in PATHS.items()}
+    return {path: make_page_file(kind, page_source(name)) for path, (name, kind) in PATHS.items()}
 
 
 def page_source(name: str) -> bytes:
@@ -132,8 +92,3 @@ def page_source(name: str) -> bytes:
     if name.endswith(".js"):
         return join_modules(name, lambda path: (_FOLDER / path).read_text(encoding="utf-8")).encode()
     return (_FOLDER / name).read_bytes()
-
-
-def _make(kind: str, body: bytes) -> PageFile:
-    etag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
-    return PageFile(kind, body, gzip.compress(body, mtime=0), etag)

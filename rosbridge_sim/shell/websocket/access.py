@@ -105,6 +105,23 @@ class Access:
             return Refusal(HTTPStatus.SERVICE_UNAVAILABLE, text)
         return None
 
+    def judge_data(self, request: Request, own_names: frozenset[str]) -> Refusal | None:
+        """Return why a plain HTTP request gets no data; None if it may have them.
+
+        Args:
+            request: the HTTP request.
+            own_names: names of this machine.
+        """
+        if not self.is_shown(request):
+            return Refusal(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
+        if self.token is not None:
+            return None
+        hosts = request.headers.get_all("Host")
+        why = self.origins.judge_host(hosts, own_names)
+        if why is None:
+            return None
+        return Refusal(HTTPStatus.FORBIDDEN, f"{why}\n", f"http://{hosts[0]}" if hosts else None)
+
     def is_full(self, num_clients: int) -> bool:
         """Return True if there is no room for another client.
 

@@ -9,13 +9,14 @@ from http import HTTPStatus
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from rosbridge_sim.shell.page.web_page import PageFile
+from rosbridge_sim.shell.page.page_file import PageFile
 from rosbridge_sim.version import __version__
 
 __all__ = [
     "JSON_KIND",
     "accepts",
     "answer_file",
+    "answer_moved",
     "answer_with",
     "is_known",
     "is_upgrade",
@@ -74,6 +75,18 @@ def answer_file(connection: ServerConnection, request: Request, file: PageFile, 
     return response
 
 
+def answer_moved(connection: ServerConnection, path: str) -> Response:
+    """Return an answer that leads from a path without its last slash to the one with it.
+
+    Args:
+        connection: the connection of the request.
+        path: a path of one name, such as `/docs`.
+    """
+    response = connection.respond(HTTPStatus.PERMANENT_REDIRECT, f"It is at {path}/\n")
+    response.headers["Location"] = f"{path[1:]}/"  # relative, because a proxy may put the server below a folder
+    return response
+
+
 def links_of(paths: Sequence[str], *, has_version: bool) -> bytes:
     """Return a description of the server for programs: its name, and links relative to its URL.
 
@@ -84,8 +97,7 @@ def links_of(paths: Sequence[str], *, has_version: bool) -> bytes:
     facts: dict[str, object] = {"name": "rosbridge-sim"}
     if has_version:
         facts |= {"version": __version__, "protocol": PROTOCOL}
-    links = {"socket": "./"} | {path.partition(".")[0] or "page": path or "./" for path in paths}
-    links["docs"] = "https://pypi.org/project/rosbridge-sim/"
+    links = {"socket": "./"} | {path.partition(".")[0].rstrip("/") or "page": path or "./" for path in paths}
     return f"{json.dumps(facts | {'links': links})}\n".encode()
 
 

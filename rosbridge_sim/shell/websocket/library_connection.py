@@ -8,6 +8,7 @@ Some things differ, because the library reads ahead:
 - about 16 more messages wait for their turn, and no account counts them;
 - a client that closes is answered at once, before its last messages are handled; it does not get those answers;
 - a message of more than 16 KiB that comes together with the token closes the connection (1009), without a status frame;
+- a frame that is too long closes the connection with the library's own reason, without a status frame;
 - a compressed message is decompressed in one call.
 """
 

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Protocol
 
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.shell.websocket.connections import ServedConnection, address_of
 
-__all__ = ["Holder", "MemoryBudget", "default_budget"]
+__all__ = ["Holder", "HttpReader", "MemoryBudget", "default_budget"]
 
 BUDGET_PERIOD = 0.5
 """Time between two checks [s]: a server receives about 100 MB in this time."""
@@ -49,6 +50,36 @@ class Holder(Protocol):
         """
 
 
+class HttpReader:
+    """A connection that is no client (yet), as a `Holder`: the rest of an HTTP answer waits in its socket."""
+
+    def __init__(self, socket: ServedConnection) -> None:
+        self._socket = socket
+
+    @property
+    def name(self) -> str:
+        """Address of the other side."""
+        return address_of(self._socket)
+
+    @property
+    def num_bytes_held(self) -> int:
+        """Bytes that wait in its socket, and bytes that were not read yet."""
+        return self._socket.num_bytes_unsent + self._socket.num_bytes_held
+
+    def shared(self) -> Iterator[tuple[int, int]]:
+        """Yield nothing: each socket has its own copy of an answer."""
+        return iter(())
+
+    def evict(self, reason: str) -> None:
+        """Cut the connection: HTTP has no close frame for the reason.
+
+        Args:
+            reason: text for the log.
+        """
+        _log.debug("%s is cut off: %s", self.name, reason)
+        self._socket.transport.abort()
+
+
 class MemoryBudget:
     """Checks the memory of all clients, and closes the largest ones while it is too much.
 
@@ -57,21 +88,28 @@ class MemoryBudget:
     """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, bus: Bus, clients: Callable[[], Iterable[Holder]], budget: int
+        self,
+        loop: asyncio.AbstractEventLoop,
+        bus: Bus,
+        clients: Callable[[], Iterable[Holder]],
+        budget: int | None,
+        on_look: Callable[[int], None] = lambda _: None,
     ) -> None:
         """Start the checks; `stop` ends them.
 
         Args:
             loop: runs the timer.
             bus: the bus; its owners' accounts are part of the memory.
-            clients: returns the connected clients.
-            budget: largest memory of all of them [bytes].
+            clients: returns the connected clients, and other connections that may hold much.
+            budget: largest memory of all of them [bytes]; None means no limit.
+            on_look: called at each check with the memory of all of them [bytes].
         """
         self.num_evicted = 0
         self._loop = loop
         self._bus = bus
         self._clients = clients
         self._budget = budget
+        self._on_look = on_look
         self._timer = loop.call_later(BUDGET_PERIOD, self._tick)
 
     def stop(self) -> None:
@@ -86,7 +124,8 @@ class MemoryBudget:
         """Close clients, the largest first, until the rest is within the budget."""
         holders = [(client.num_bytes_held, client) for client in self._clients()]
         held = sum(size for size, _ in holders) + self._leftovers(holders)
-        if held <= self._budget:
+        self._on_look(held)
+        if self._budget is None or held <= self._budget:
             return
         held -= _num_shared(client for _, client in holders)
         if held > self._budget:

@@ -1,4 +1,4 @@
-"""Rules for web pages that connect, based on the headers Origin and Host of a handshake.
+"""Rules for web pages that connect or read, based on the headers Origin and Host of a request.
 
 A browser names the page that opens a WebSocket in the header Origin, and no page can change that. Without a rule, any
 website that the user visits could drive the car and write files. The rules, in this order:
@@ -20,6 +20,10 @@ The Host is checked because of DNS rebinding: a website lets its own name point 
 server by that name; Origin and Host are then equal. So a Host must be an IP address, localhost, a name under
 .localhost, one of the machine's own names, or one that `--allow-host` names. DNS is not used to find the machine's
 names, because it takes time and an attacker may control its answers.
+
+Plain HTTP has no rule for the Origin: no header lets other pages read an answer, so browsers keep it from them. But a
+page reads its own server, without an Origin, and after DNS rebinding that is this one. So the Host is always checked
+where an answer has data. It cannot be known that a request comes from a program: programs send a Host, too.
 """
 
 from __future__ import annotations
@@ -88,7 +92,7 @@ class OriginRules:
             return None
         try:
             page = _read_origin(origins)
-            place = _read_host(hosts)
+            place = _read_host(hosts, " beside an Origin")
         except ValueError as error:
             return str(error)
         origin = origins[0].lower()
@@ -100,6 +104,24 @@ class OriginRules:
                 f" --allow-host {quote(place.host)} would let them; a program can also leave the Origin out"
             )
         return None
+
+    def judge_host(self, hosts: Sequence[str], own_names: frozenset[str]) -> str | None:
+        """Return why a plain request gets no data, with the flag that would allow it; None if it may have them.
+
+        Args:
+            hosts: values of the header Host.
+            own_names: names of this machine, from `own_names`.
+        """
+        try:
+            place = _read_host(hosts)
+        except ValueError as error:
+            return str(error)
+        if self._is_known(place, own_names):
+            return None
+        return (
+            f"Callers of {place.host} get no data without a token, because it might be a website's name for this"
+            f" server; --allow-host {quote(place.host)} would let them; or call localhost or an IP address"
+        )
 
     def open_flags(self) -> list[str]:
         """Return the flags that let in any website, such as `--allow-origin '*'`."""
@@ -230,17 +252,21 @@ def _read_origin(origins: Sequence[str]) -> _Page:
     raise ValueError(f"Expected an Origin such as https://app.example.org, or none; got {_show(origins[0])}")
 
 
-def _read_host(hosts: Sequence[str]) -> _Place:
+def _read_host(hosts: Sequence[str], where: str = "") -> _Place:
     """Return host and port in the header Host.
+
+    Args:
+        hosts: values of the header.
+        where: for the texts, such as " beside an Origin".
 
     Raises:
         ValueError: it is missing, given twice, or malformed.
     """
     if len(hosts) != 1:
-        raise ValueError(f"Expected one Host header beside an Origin; got {len(hosts)}")
+        raise ValueError(f"Expected one Host header{where}; got {len(hosts)}")
     place = _read_place(hosts[0].lower())
     if place is None:
-        raise ValueError(f"Expected a Host such as localhost:9090 beside an Origin; got {_show(hosts[0])}")
+        raise ValueError(f"Expected a Host such as localhost:9090{where}; got {_show(hosts[0])}")
     return place
 
 

@@ -14,9 +14,9 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 from websockets.protocol import State
 
+from rosbridge_sim.link.websocket_internals import MessageConnection
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.protocol.outbox import BinaryFrame
-from rosbridge_sim.shell.websocket.websocket_internals import MessageConnection
 
 __all__ = ["Receiver", "ReceivingConnection"]
 
@@ -35,7 +35,7 @@ _TOO_LONG = (
 )
 
 
-def _ignore() -> None:
+def _ignore(_size: int) -> None:
     """Do nothing: no receiver listens yet."""
 
 
@@ -60,7 +60,7 @@ class Receiver(Protocol):
         """
 
     def wait(self, *, had_turn: bool) -> None:
-        """Call the connection's `go_on` later, because messages are left or the end is.
+        """Call the connection's `go_on` later, because messages are left or the end is; see also `has_pings`.
 
         Args:
             had_turn: this connection had a turn in this round.
@@ -71,22 +71,25 @@ class ReceivingConnection(MessageConnection, ServerConnection):
     """A connection that gives each message to a receiver, after `listen` was called. Other code must not call `recv`.
 
     Attributes:
-        on_too_long: called before a frame is refused because it is too long or not masked.
+        on_too_long: called with the size of a frame [bytes] before it is refused because it is too long; less than 0 if
+            it is not masked. Without another end of the connection, the library closes it.
         is_trusted: set before `listen`, and never reset. While it is False, fewer received bytes are kept.
         num_early: bytes received after the HTTP request while the connection was not trusted.
         num_bytes_received: all bytes received, the HTTP request included.
         is_held: received data is kept for later.
+        has_pings: `go_on_with_pings` must be called in a later turn, even while the receiver accepts no message.
         unsent: messages that `send_more` must still compress and send.
         is_text: the message that the receiver gets now was sent as text. Read it only during `receive`.
     """
 
     def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
-        self.on_too_long: Callable[[], None] = _ignore
+        self.on_too_long: Callable[[int], None] = _ignore
         self.is_trusted = False
         self.num_early = 0
         self.num_bytes_received = 0
         self.is_held = True
+        self.has_pings = False
         self.unsent: deque[bytes] = deque()
         self.is_text = True
         self._receiver: Receiver | None = None
@@ -131,6 +134,13 @@ class ReceivingConnection(MessageConnection, ServerConnection):
             True if messages, or the end, are left.
         """
         raise NotImplementedError
+
+    def go_on_with_pings(self, until: float) -> None:
+        """Handle pings and pongs among the frames that wait; by default none do.
+
+        Args:
+            until: end of the turn, by `perf_counter` [s].
+        """
 
     def forget(self) -> None:
         """Ignore all messages from now on, including those held back, because the connection is closing."""

@@ -21,6 +21,7 @@ from functools import partial
 from http import HTTPStatus
 from ipaddress import ip_address
 from socket import gethostname
+from time import monotonic
 
 from websockets.asyncio.server import Server as WebSocketServer
 from websockets.asyncio.server import ServerConnection, serve
@@ -31,10 +32,13 @@ from websockets.http11 import Request, Response
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.shell.map_page import MapText
+from rosbridge_sim.shell.page.doc_site import DOCS_PATH
 from rosbridge_sim.shell.page.web_page import PATHS, WebPage
 from rosbridge_sim.shell.websocket.access import Refusal
-from rosbridge_sim.shell.websocket.client import Client
+from rosbridge_sim.shell.websocket.byte_totals import Traffic
+from rosbridge_sim.shell.websocket.connected_client import Client
 from rosbridge_sim.shell.websocket.connections import (
     ConnectionTables,
     DirectServedConnection,
@@ -47,6 +51,7 @@ from rosbridge_sim.shell.websocket.http_answers import (
     JSON_KIND,
     accepts,
     answer_file,
+    answer_moved,
     answer_with,
     is_upgrade,
     links_of,
@@ -57,13 +62,11 @@ from rosbridge_sim.shell.websocket.inflate import (
     LateDeflateFactory,
     library_deflate,
 )
-from rosbridge_sim.shell.websocket.library_log import quiet
 from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
-from rosbridge_sim.shell.websocket.memory import MemoryReturn
-from rosbridge_sim.shell.websocket.memory_budget import MemoryBudget
+from rosbridge_sim.shell.websocket.memory import MemoryReturn, resident_bytes, trim_memory
+from rosbridge_sim.shell.websocket.memory_budget import Holder, HttpReader, MemoryBudget
 from rosbridge_sim.shell.websocket.origins import MAX_REFUSED_ORIGINS, RefusedOrigins, own_names
 from rosbridge_sim.shell.websocket.tls_handshake import TlsRules
-from rosbridge_sim.shell.websocket.traffic import Traffic
 from rosbridge_sim.shell.websocket.turns import Turns
 from rosbridge_sim.shell.websocket.unauthenticated import MAX_UNPROVEN_SIZE, WRONG_TOKEN, UnauthenticatedConnection
 from rosbridge_sim.version import __version__
@@ -127,6 +130,7 @@ class Server:
         self._bus = bus
         self._limits = limits
         self._on_change = on_change
+        self._clock = monotonic
         self._turns: Turns | None = None
         self._memory: MemoryReturn | None = None
         self._budget: MemoryBudget | None = None
@@ -166,9 +170,13 @@ class Server:
         """
         limits = self._limits
         loop = asyncio.get_running_loop()
-        self._turns, self._memory = Turns(loop, self._on_change), MemoryReturn(loop)
-        if limits.memory_budget is not None:
-            self._budget = MemoryBudget(loop, self._bus, lambda: list(self.clients), limits.memory_budget)
+        memory = self._memory = MemoryReturn(trim_memory, resident_bytes)
+        self._turns, self._clock = Turns(loop, self._on_change), loop.time
+
+        def look(num_bytes_held: int) -> None:
+            memory.look(num_bytes_held, loop.time())
+
+        self._budget = MemoryBudget(loop, self._bus, self._holders, limits.memory_budget, look)
         kind = DirectServedConnection if limits.is_direct else LibraryServedConnection
         rules = None if tls is None else TlsRules(tls, limits.tls_timeout, CLOSE_TIMEOUT)
         self._server = await serve(
@@ -196,9 +204,8 @@ class Server:
     async def stop(self) -> None:
         """Close every connection with code 1001 and stop listening; it takes at most a second and a half."""
         self._is_stopping = True
-        for part in (self._memory, self._budget):
-            if part is not None:
-                part.stop()
+        if self._budget is not None:
+            self._budget.stop()
         if self._server is not None:
             self._server.close()
             for handshake in list(self._tables.handshakes):
@@ -295,6 +302,11 @@ class Server:
             self._on_change()
             _log.info("%s left; %d connected now", peer.address, len(self.clients))
 
+    def _holders(self) -> list[Holder]:
+        """Return everything for which the server holds memory: the clients, and the readers of HTTP answers."""
+        sockets = {client.socket for client in self.clients}
+        return [*self.clients, *(HttpReader(socket) for socket in self._tables.sockets if socket not in sockets)]
+
     def _try(self, act: Callable[[], None]) -> None:
         """Call a function; log its failure, because the rest must still be done."""
         try:
@@ -310,7 +322,7 @@ class Server:
     def note_large_frame(self) -> None:
         """Note that a large frame was received or sent; see `ClientWatch`."""
         assert self._memory is not None, "it listens"
-        self._memory.note_large_frame()
+        self._memory.note_large_frame(self._clock())
 
     def _process_request(
         self, connection: ServerConnection, request: Request
@@ -352,6 +364,10 @@ class Server:
             return refusal or self._tell_links(connection, request)
         if self.page is not None and (path or "/") in PATHS:
             return refusal or self._answer_page(connection, request, self.page, path or "/")
+        if self.page is not None and path.startswith(DOCS_PATH):
+            return refusal or self._answer_docs(connection, request, self.page, path)
+        if self.page is not None and path == DOCS_PATH.rstrip("/"):
+            return answer_moved(connection, path)
         return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
 
     async def _answer_page(self, connection: ServerConnection, request: Request, page: WebPage, path: str) -> Response:
@@ -362,12 +378,22 @@ class Server:
             return self._regret_request(connection)
         return answer_file(connection, request, file, page.headers)
 
+    async def _answer_docs(self, connection: ServerConnection, request: Request, page: WebPage, path: str) -> Response:
+        """Answer with a page of the documentation or one of its pictures, for which nothing needs to be shown."""
+        try:
+            file = await page.docs.read(path)
+        except Exception:  # noqa: BLE001 - an internal error; see `_process_request`
+            return self._regret_request(connection)
+        if file is None:
+            return connection.respond(HTTPStatus.NOT_FOUND, f"There is no page at {path}; {DOCS_PATH} lists all\n")
+        return answer_file(connection, request, file, page.headers)
+
     def _tell_links(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
         """Answer a program that wants no HTML: name and links, and the version for those who may know it."""
-        pages = {"": self.page, "map.json": self.ask_map, "metrics": self.render_metrics}
+        pages = {"": self.page, "docs/": self.page, "map.json": self.ask_map, "metrics": self.render_metrics}
         paths = [*(path for path, part in pages.items() if part is not None), "healthz", "version"]
         access = self._limits.access
-        body = links_of(paths, has_version=access.is_shown(request))
+        body = links_of(paths, has_version=access.judge_data(request, self.own_names) is None)
         response = answer_with(connection, HTTPStatus.OK, body, JSON_KIND)
         response.headers["Vary"] = "Accept"
         if method_of(request) == "HEAD":
@@ -425,13 +451,13 @@ class Server:
             )
 
     def _tell_health(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
-        """Answer the state of the server as JSON. Requests without the token get only status and reason."""
+        """Answer the state of the server as JSON. Requests that get no data get only status and reason."""
         why = self.why_unhealthy() or (STOPPING if self._is_stopping else None)
         health: dict[str, object] = {"status": "ok"}
         if why is not None:
             health = {"status": "stopping" if why == STOPPING else "failed", "reason": why}
         access = self._limits.access
-        if access.is_shown(request):
+        if access.judge_data(request, self.own_names) is None:
             health |= {"version": __version__, **self.describe(), "clients": len(self.clients)}
         code = HTTPStatus.OK if why is None else HTTPStatus.SERVICE_UNAVAILABLE
         response = answer_with(connection, code, f"{json.dumps(health)}\n".encode(), JSON_KIND)
@@ -442,21 +468,19 @@ class Server:
         return _answer_late(connection, response, access.delay)
 
     def _tell_version(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
-        """Answer name, version and protocol; with a token set, only to requests that have it."""
-        if not self._limits.access.is_shown(request):
-            return self._want_token(connection, "/version")
-        return answer_with(connection, HTTPStatus.OK, f"{_VERSION}\n".encode(), JSON_KIND)
+        """Answer name, version and protocol, to those who may have data."""
+        refusal = self._refuse_data(connection, request, "/version")
+        return refusal or answer_with(connection, HTTPStatus.OK, f"{_VERSION}\n".encode(), JSON_KIND)
 
     def _tell_metrics(
         self,
         connection: ServerConnection,
         request: Request,
         render: Callable[[str], Awaitable[tuple[bytes, str]]],
-    ) -> Awaitable[Response]:
-        """Answer all counters in Prometheus's format; with a token set, only to requests that have it."""
-        if not self._limits.access.is_shown(request):
-            return self._want_token(connection, "/metrics")
-        return self._answer_metrics(connection, render(", ".join(request.headers.get_all("Accept"))))
+    ) -> Response | Awaitable[Response]:
+        """Answer all counters in Prometheus's format, to those who may have data."""
+        refusal = self._refuse_data(connection, request, "/metrics")
+        return refusal or self._answer_metrics(connection, render(", ".join(request.headers.get_all("Accept"))))
 
     async def _answer_metrics(self, connection: ServerConnection, rendered: Awaitable[tuple[bytes, str]]) -> Response:
         try:
@@ -471,9 +495,10 @@ class Server:
         request: Request,
         ask: Callable[[str], asyncio.Future[MapText] | None],
     ) -> Response | Awaitable[Response]:
-        """Answer the map as JSON; with a token set, only to those who show it. Patterns for `/sim/map` hold for it."""
-        if not self._limits.access.is_shown(request):
-            return self._want_token(connection, "/map.json")
+        """Answer the map as JSON, to those who may have data. Patterns for `/sim/map` hold for it."""
+        refusal = self._refuse_data(connection, request, "/map.json")
+        if refusal is not None:
+            return refusal
         if not self._limits.policy.may_call(MAP_SERVICE):
             return connection.respond(
                 HTTPStatus.FORBIDDEN, f"Not allowed to call {MAP_SERVICE}, which tells the same\n"
@@ -502,11 +527,19 @@ class Server:
         response.headers["Cache-Control"] = "no-cache"  # ask again each time: another scenario may bring another map
         return response
 
-    def _want_token(self, connection: ServerConnection, page: str) -> Awaitable[Response]:
-        """Refuse a page to requests without the token."""
+    def _refuse_data(
+        self, connection: ServerConnection, request: Request, path: str
+    ) -> Response | Awaitable[Response] | None:
+        """Refuse a path with data to requests without the token, or with an unknown Host; None if it may be told."""
+        refusal = self._limits.access.judge_data(request, self.own_names)
+        if refusal is None:
+            return None
+        response = connection.respond(refusal.status, refusal.text)
+        if refusal.status is not HTTPStatus.UNAUTHORIZED:
+            self._log_refusal(address_of(connection), refusal)
+            return response
         assert isinstance(connection, ServedConnection)
-        self._note_refused_token(connection, Reason.NO_TOKEN, "", f"{page} needs the token")
-        response = connection.respond(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
+        self._note_refused_token(connection, Reason.NO_TOKEN, "", f"{path} needs the token")
         return self._delay(connection, response)
 
 

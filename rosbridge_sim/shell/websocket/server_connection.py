@@ -17,19 +17,18 @@ Rejected design: a separate class beside `ServerConnection` would repeat its clo
 from __future__ import annotations
 
 from collections.abc import Sequence
-from struct import pack
 from time import perf_counter
 
 from websockets.protocol import State
 
+from rosbridge_sim.link.frame_heads import BINARY, TEXT, head_of
+from rosbridge_sim.link.websocket_internals import apply_mask
 from rosbridge_sim.loose_types import LibraryArgument
-from rosbridge_sim.protocol.outbox import BinaryFrame
 from rosbridge_sim.shell.websocket.inflate import Deflated, DeflatedText
 from rosbridge_sim.shell.websocket.receiving_connection import MAX_EARLY, Receiver, ReceivingConnection
 from rosbridge_sim.shell.websocket.text_check import TextCheck
-from rosbridge_sim.shell.websocket.websocket_internals import apply_mask
 
-__all__ = ["DirectConnection", "head_of"]
+__all__ = ["DirectConnection"]
 
 MAX_HELD = 64 * 2**10
 """Received bytes that may wait for their turn before the transport stops reading."""
@@ -48,24 +47,7 @@ _CONTROL = 0x08
 _CLOSE = 0x88
 _PING = 0x89
 _PONG = 0x8A
-_WHOLE = _TEXT, _BINARY = 0x81, 0x82
-"""First byte of a frame with a complete message (RFC 6455 section 5.2: FIN and the opcode, no extension bits)."""
-
-
-def head_of(message: bytes, mask_bit: int = 0) -> bytes:
-    """Return the head of a frame with a complete message: `BinaryFrame` is binary, other messages are text.
-
-    Args:
-        message: the message before masking.
-        mask_bit: 0x80 if the masking key follows, as in frames of clients.
-    """
-    size = len(message)
-    first = _BINARY if type(message) is BinaryFrame else _TEXT
-    if size < 126:  # noqa: PLR2004 - RFC 6455 section 5.2, three forms of the length
-        return pack("!BB", first, mask_bit | size)
-    if size < 2**16:
-        return pack("!BBH", first, mask_bit | 126, size)
-    return pack("!BBQ", first, mask_bit | 127, size)
+_WHOLE = (TEXT, BINARY)
 
 
 class DirectConnection(ReceivingConnection):
@@ -116,7 +98,7 @@ class DirectConnection(ReceivingConnection):
         """
         frame = head_of(message, mask_bit=0x80) + bytes(4) + message  # a masking key of zeros changes nothing
         self._kept[:0] = frame
-        self._num_scanned = 0
+        self._num_scanned += len(frame)
 
     def go_on(self, until: float) -> bool:
         """Handle data that was held back.
@@ -200,8 +182,8 @@ class DirectConnection(ReceivingConnection):
             kept = self._kept
             kept += data
             if self.is_held:
-                if not self._takes_more:
-                    self._take_out_pings()
+                if not self._takes_more and self._receiver is not None:
+                    self._take_out_pings(self._receiver.begin())
                 if len(kept) > (MAX_HELD if self.is_trusted else MAX_EARLY):
                     self.pause()
                 return
@@ -352,7 +334,7 @@ class DirectConnection(ReceivingConnection):
                 if not self._takes_more:  # a later receiver may accept longer ones
                     break
                 need = 2
-                self.on_too_long()
+                self.on_too_long(size)
                 self.feed(bytes(view[position:]))
                 position = end
                 break
@@ -367,7 +349,7 @@ class DirectConnection(ReceivingConnection):
                 pass  # closing: only the other side's close frame is still needed
             elif first in _WHOLE and not self.is_in_fragments:
                 message = apply_mask(view[start:stop], data[start - 4 : start])
-                if first == _BINARY:
+                if first == BINARY:
                     self.is_text = False
                     self._takes_more = on_message(message)
                     self.is_text = True
@@ -377,38 +359,79 @@ class DirectConnection(ReceivingConnection):
                 self._hand_over(bytes(view[position:stop]))
             position = stop
             need = 2
+        self._num_scanned = max(0, self._num_scanned - position)
         if position < end:
             self._kept += view[position:]
             self._need = need
-            self._num_scanned = 0
         if not self._takes_more:
             self.is_held = True
-            self._take_out_pings()
+            self._take_out_pings(until)
         return has_worked
 
-    def _take_out_pings(self) -> None:
-        """Handle the pings and pongs among the frames that wait for the receiver.
+    def go_on_with_pings(self, until: float) -> None:
+        """Handle pings and pongs among the frames that wait; see `has_pings`.
+
+        Args:
+            until: end of the turn, by `perf_counter` [s].
+        """
+        self.has_pings = False
+        if self.is_held and not self._takes_more:
+            self._take_out_pings(until)
+        if self._is_paused and len(self._kept) <= MAX_HELD and not self.transport.is_closing():
+            self._is_paused = False
+            self.transport.resume_reading()
+
+    def _take_out_pings(self, until: float) -> None:
+        """Handle the pings and pongs among the frames that wait for the receiver, until the given time.
 
         RFC 6455 section 5.5 has them come between any other frames. A receiver may accept no next message for a minute.
-        The connection would be taken for dead meanwhile, here and on the other side.
+        The connection would be taken for dead meanwhile, here and on the other side. Of several pings only the newest
+        is answered, which section 5.5.3 allows. The time is checked after each frame, because 0.8 MB may hold 130,000
+        pings.
         """
         kept = self._kept
-        position = self._num_scanned
-        while self.is_trusted and self.core.state is _OPEN and position + 6 <= len(kept):
-            first, size = kept[position], kept[position + 1] - 0x80
-            start = position + 6
-            if size >= 126:  # noqa: PLR2004 - a longer length, as in `_read`
-                start += 2 if size == 126 else 8  # noqa: PLR2004 - the same
-                if start > len(kept):
-                    break
-                size = int.from_bytes(kept[position + 2 : start - 4], "big")
-            stop = start + size
-            if size < 0 or stop > len(kept) or first == _CLOSE:
-                break
-            if first in {_PING, _PONG} and size < 126:  # noqa: PLR2004 - the library refuses a longer one in its turn
-                frame = bytes(kept[position:stop])
-                del kept[position:stop]
-                self._hand_over(frame)
+        start = position = self._num_scanned
+        others = bytearray()
+        ping = b""
+        while self.is_trusted and self.core.state is _OPEN and (stop := _end_of_frame(kept, position)):
+            if kept[position] == _PING:
+                ping = bytes(kept[position:stop])
+            elif kept[position] == _PONG:
+                self.feed(bytes(kept[position:stop]))
             else:
-                position = stop
-        self._num_scanned = position
+                others += memoryview(kept)[position:stop]
+            position = stop
+            if perf_counter() >= until:
+                self._wait_with_pings()
+                break
+        kept[start:position] = others
+        self._num_scanned = start + len(others)
+        if ping:
+            self._hand_over(ping)
+
+    def _wait_with_pings(self) -> None:
+        """Continue to search for pings in a later turn."""
+        assert self._receiver is not None, "before that, what comes is kept"
+        if not self.has_pings:
+            self.has_pings = True
+            self._receiver.wait(had_turn=True)
+
+
+def _end_of_frame(data: bytearray, position: int) -> int:
+    """Return the end of the frame at a position; 0 if it is incomplete, wrong or a close frame.
+
+    Args:
+        data: received frames.
+        position: start of a frame, or the end of the data.
+    """
+    start = position + 6  # RFC 6455 section 5.2, as in `DirectConnection._read`
+    if start > len(data) or data[position] == _CLOSE:
+        return 0
+    size = data[position + 1] - 0x80
+    if size >= 126:  # noqa: PLR2004 - the same
+        start += 2 if size == 126 else 8  # noqa: PLR2004 - the same
+        if start > len(data) or data[position] & _CONTROL:  # the library refuses a long ping in its turn
+            return 0
+        size = int.from_bytes(data[position + 2 : start - 4], "big")
+    stop = start + size
+    return stop if size >= 0 and stop <= len(data) else 0

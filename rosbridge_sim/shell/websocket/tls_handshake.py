@@ -11,9 +11,11 @@ loops use `start_tls`.
 from __future__ import annotations
 
 import asyncio
+import logging
 import socket
 import ssl
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import cast
 
@@ -21,8 +23,13 @@ from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
 
 __all__ = ["TlsHandshake", "TlsRules"]
 
+_log = logging.getLogger("rosbridge_sim.server")
 
-@dataclass(frozen=True, slots=True)
+_PLAIN = "HTTP_REQUEST"
+"""OpenSSL's reason for a handshake that begins like an HTTP request."""
+
+
+@dataclass(slots=True)
 class TlsRules:
     """TLS settings of connections.
 
@@ -30,11 +37,28 @@ class TlsRules:
         context: the certificate and its key.
         handshake_timeout: longest handshake [s].
         shutdown_timeout: longest wait for the other side to confirm the end [s].
+        has_warned: the log has the warning about requests without TLS. Once is enough: a page may try each second.
     """
 
     context: ssl.SSLContext
     handshake_timeout: float
     shutdown_timeout: float
+    has_warned: bool = False
+
+    @contextmanager
+    def expecting_faults(self) -> Iterator[None]:
+        """End a handshake quietly if it fails: TLS errors, time-outs and lost connections need no log line.
+
+        A request without TLS is a mistake that users make, so the first one is a warning.
+        """
+        try:
+            yield
+        except ssl.SSLError as error:
+            if error.reason == _PLAIN and not self.has_warned:
+                self.has_warned = True
+                _log.warning("a client sent ws:// or http:// to this port, which speaks TLS: it must use wss://")
+        except OSError:
+            pass
 
 
 class TlsHandshake(asyncio.Protocol):
@@ -104,7 +128,7 @@ class TlsHandshake(asyncio.Protocol):
     async def _accept_again(self, connected: socket.socket) -> None:
         """Let the loop accept the duplicated socket with TLS, for uvloop."""
         rules = self._rules
-        with suppress(OSError):  # TLS errors, time-outs and lost connections; none of them needs a log line
+        with rules.expecting_faults():
             try:
                 await asyncio.get_running_loop().connect_accepted_socket(
                     self._take_over,
@@ -121,7 +145,7 @@ class TlsHandshake(asyncio.Protocol):
         rules = self._rules
         encrypted: asyncio.Transport | None = None
         try:
-            with suppress(OSError):  # as above
+            with rules.expecting_faults():
                 encrypted = await asyncio.get_running_loop().start_tls(
                     transport,
                     self,

@@ -215,7 +215,7 @@ class UnauthenticatedConnection:
             is_word = op is not None and len(op.op) <= MAX_OP and op.op.isascii() and op.op.isidentifier()
             self._on_refusal(Reason.NO_TOKEN, op.op if op is not None and is_word else "", NO_TOKEN)
 
-    def _refuse_unread(self) -> None:
+    def _refuse_unread(self, _size: int) -> None:
         """Send the reason before the library closes the connection because of a frame's length."""
         if not self.settled.done():
             self._contain(self._say, refusal_frame(None, NO_TOKEN))
@@ -261,5 +261,5 @@ class UnauthenticatedConnection:
 _STATUS = b'{"op":"status"'
 
 
-def _ignore() -> None:
+def _ignore(_size: int) -> None:
     """Do nothing: the connection is lost or has become a client."""

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.cli.tools import docs
+from rosbridge_sim.shell.page import doc_files
 from tests.cli.tool_fixture import run
 from tests.support import ROOT
 
@@ -50,7 +51,7 @@ def test_page_that_cannot_be_shown_is_one_line(words: tuple[str, ...], why: str)
 
 
 def test_installation_without_pages_is_one_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(docs, "FOLDERS", (tmp_path,))
+    monkeypatch.setattr(doc_files, "FOLDERS", (tmp_path,))
     done = run("docs")
     assert (done.code, done.out) == (2, "")
     assert "install the package again" in done.complaint

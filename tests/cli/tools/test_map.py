@@ -10,8 +10,10 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from rosbridge_sim.morai.maps.mgeo import RoadMap, read_map
-from rosbridge_sim.morai.scenarios.reader import Spawn, read_scenario
+from rosbridge_sim.maps.map_formats import read_map
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.scenarios.scenario import Spawn
+from rosbridge_sim.scenarios.scenario_reader import read_scenario
 from rosbridge_sim.shell.map_picture import (
     AGENTS,
     CAR_LIGHT,
@@ -26,8 +28,9 @@ from rosbridge_sim.shell.map_picture import (
     _legend_font,
     draw_map,
 )
+from rosbridge_sim.world.roads.roads import Roads
 from tests.cli.tool_fixture import run
-from tests.morai.small_maps import KOREAN, ROADRUNNER
+from tests.simulator.small_maps import KOREAN, ROADRUNNER
 
 MAP_NAMES = "hills, loop, motorway, parking, roundabout, town, track"
 
@@ -79,12 +82,12 @@ def test_json_output_holds_the_same_facts(folder: Path) -> None:
 
 def test_map_with_errors_gives_exit_code_1(folder: Path) -> None:
     (folder / "node_set.json").write_text('[{"idx": null}, {}]')
-    (folder / "global_info.json").unlink()
+    (folder / "link_set.json").unlink()
     done = run("map", "info", str(folder))
     assert (done.code, done.err) == (1, "")
     assert done.lines[0] == f"{folder}: 1 mistake"
-    assert done.lines[1:4] == ["", "mistakes:", f"  {folder}: global_info.json is missing"]
-    (folder / "global_info.json").write_text(json.dumps(ROADRUNNER["global_info.json"]))
+    assert done.lines[1:4] == ["", "mistakes:", f"  {folder}: link_set.json is missing"]
+    (folder / "link_set.json").write_text(json.dumps(ROADRUNNER["link_set.json"]))
     done = run("map", "info", str(folder), "--json")
     assert done.code == 1
     account = json.loads(done.out)
@@ -93,6 +96,15 @@ def test_map_with_errors_gives_exit_code_1(folder: Path) -> None:
         "[0].idx: expected a text, got null",
         "[1].idx: missing",
     ]
+
+
+def test_map_without_georeference_is_explained(folder: Path) -> None:
+    (folder / "global_info.json").unlink()
+    done = run("map", "info", str(folder))
+    assert (done.code, done.err) == (0, "")
+    assert "  global_info.json is missing: no georeference, so /gps has no fix" in done.lines
+    assert "projection: none" in done.lines
+    assert not any(line.startswith("origin") for line in done.lines)
 
 
 @pytest.mark.parametrize("name", ["track", "town", "loop", "motorway", "roundabout", "parking"])
@@ -185,6 +197,52 @@ def test_unwritable_picture_gives_one_error_line() -> None:
     done = run("map", "info", "track", "--picture", "/nowhere/x.png")
     assert (done.code, done.out) == (2, "")
     assert done.complaint.startswith("/nowhere/x.png: cannot be written: No such file")
+
+
+def test_map_in_another_format_is_refused_by_its_name(tmp_path: Path) -> None:
+    (tmp_path / "Town01.xodr").write_text("<OpenDRIVE/>")
+    names = f"or one of {MAP_NAMES}"
+    for name, line in (
+        ("Town01.xodr", f"OpenDRIVE is not read; expected a folder of MGeo files, {names}"),
+        ("gone.net.xml", f"SUMO net is not read; expected a folder of MGeo files, {names}"),
+        ("", "OpenDRIVE is not read (Town01.xodr); expected a folder of MGeo files"),
+    ):
+        done = run("map", "info", str(tmp_path / name))
+        assert (done.code, done.complaint) == (2, f"{tmp_path / name}: {line}")
+
+
+# What lies kilometres away
+
+
+@pytest.mark.slow
+def test_picture_fits_to_the_map_and_names_what_lies_kilometres_away(tmp_path: Path) -> None:
+    files = json.loads(json.dumps(ROADRUNNER))
+    stray = {**files["link_set.json"][0], "idx": "STRAY", "points": [[9e5, 0, 0], [9e5 + 50, 0, 0]]}
+    (tmp_path / "torn").mkdir()
+    for name, content in {**files, "link_set.json": [*files["link_set.json"], stray]}.items():
+        (tmp_path / "torn" / name).write_text(json.dumps(content))
+    path = tmp_path / "x.png"
+    done = run("map", "info", str(tmp_path / "torn"), "--picture", str(path))
+    assert done.code == 0
+    assert done.err == f"rosbridge-sim: {path} leaves out what lies far from the rest: lane STRAY\n"
+    assert "  1 lanes that lie kilometres away from all others: STRAY" in done.lines
+    with Image.open(path) as image:
+        lanes = sum(n for n, colour in image.getcolors(2**20) or [] if colour == tuple(bytes.fromhex(LANE[1:])))
+        shown = sum(n for n, colour in image.getcolors(2**20) or [] if colour == tuple(bytes.fromhex(STOP[1:])))
+    assert lanes > 1000, "the map is no dot"
+    assert shown > 100, "it says so"
+
+
+@pytest.mark.slow
+def test_picture_of_a_scenario_fits_to_the_map_or_to_its_bulk(tmp_path: Path) -> None:
+    places = [{"pos": {"x": x, "y": 3 * x / 100}} for x in (0, 40, 90, 5e6)]
+    roads = narrow_map()
+    scenario = read_scenario(json.dumps({"objectList": places}).encode(), "x.json")
+    bare = RoadMap("bare", roads.projection, (0.0, 0.0, 0.0), Roads())
+    for ground in (roads, bare):
+        said = draw_map(ground, tmp_path / "x.png", scenario.obstacles)
+        assert said == f"{tmp_path}/x.png leaves out what lies far from the rest: objectList[3]"
+        assert draw_map(ground, tmp_path / "x.png", scenario.obstacles[:3]) == ""
 
 
 # The legend

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim import Simulator
+from rosbridge_sim.cli.tools import record
+from rosbridge_sim.shell.bags.repair import repair
 from tests.cli.tool_fixture import Frame, answering, in_the_background, other_server, run, start
 from tests.conftest import Connect
 from tests.shell.bags.bag_reading import read_bag
@@ -90,6 +92,34 @@ async def test_lost_server_leaves_a_complete_bag(tmp_path: Path) -> None:
     assert done.code == 1
     assert "the server has closed the connection" in done.err
     assert [message.data for _, _, message in read_bag(tmp_path / "a.bag")] == [7, 7]
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a"])
+async def test_messages_are_on_the_disk_before_each_question_even_without_a_clock_message(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(record, "FLUSH_PERIOD", 0.0)
+    types = {"/a": "std_msgs/Int32", "/clock": "rosgraph_msgs/Clock"}  # the world stands: nothing is on the clock
+    rosapi = answering(topics={"topics": list(types), "types": list(types.values())})
+    recovered: list[int] = []
+
+    def reply(frame: Frame) -> list[str | bytes]:
+        answers = list(rosapi(frame))
+        if frame["op"] != "call_service":
+            return answers
+        if asked:  # this is the state of the disk if the recorder is killed now
+            copy = tmp_path / f"copy{len(asked)}{Path(name).suffix}"
+            recovered.append(repair(tmp_path / name, copy).num_messages if len(asked) > 1 else 0)
+        asked.append(frame)
+        if len(asked) > 4:
+            raise ConnectionError
+        return [json.dumps({"op": "publish", "topic": "/a", "msg": {"data": 7}}), *answers] if asked[1:] else answers
+
+    asked: list[Frame] = []
+    async with other_server(reply) as url:
+        await in_the_background("record", str(tmp_path / name), url=url)
+    assert recovered == [0, 1, 2, 3]
+    assert [stamp_ns for _, stamp_ns, _ in read_bag(tmp_path / name)] == [0, 0, 0]
 
 
 @pytest.mark.slow

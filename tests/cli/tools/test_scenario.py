@@ -12,10 +12,11 @@ from PIL import Image
 
 from rosbridge_sim.cli.tools.verdicts import Verdicts
 from tests.cli.tool_fixture import run
-from tests.morai.small_maps import ROADRUNNER
+from tests.simulator.small_maps import ROADRUNNER
 from tests.support import ROOT
 
-CAR = {"UNIQUEID": 7, "DataID": 30200001, "initPosition": {"pos": {"x": 50, "y": 0}}, "velocityTyp": 1}
+BUS = " (did you mean Bus?); /sim/catalogue lists all"
+CAR = {"UNIQUEID": 7, "DataID": 30200001, "initPosition": {"pos": {"x": 50, "y": 0}}}
 SCENE = {
     "version": "1.0",
     "mapInfo": {"mapName": "R_KR_Somewhere"},
@@ -52,7 +53,31 @@ def test_scenario_check_describes_a_good_file(folder: Path) -> None:
         ["vehicleList[0]", "Vehicle_30200001 (size by class)", "7", "50.00", "0.00", "0.0", "0", "stands"],
     ]
     assert "path of 2 waypoints, 10 m, repeated" in done.out
-    assert "  vehicleList[]: velocityTyp (1) (did you mean velocityType?)" in done.lines
+    assert "  version (1)" in done.lines
+
+
+def test_misspelt_keys_are_the_first_remarks(folder: Path) -> None:
+    car = {**CAR, "velocityTyp": 2, "initPositon": 0, "activeDistance": 9}
+    (folder / "typo.json").write_text(json.dumps({**SCENE, "vehicleList": [car, car], "pedestrianlist": []}))
+    words = ("scenario", "check", str(folder / "typo.json"), "--map", str(folder / "tiny"))
+    done = run(*words, "--strict")
+    assert (done.code, done.err, run(*words).code) == (1, "", 0)
+    assert done.lines[3:6] == [
+        "  vehicleList[].velocityTyp (2 times) is no known key and is ignored; did you mean velocityType?",
+        "  vehicleList[].initPositon (2 times) is no known key and is ignored; did you mean initPosition?",
+        "  pedestrianlist is no known key and is ignored; did you mean pedestrianList?",
+    ]
+    assert done.lines[6].startswith("  DataID 30200001")
+    assert "  pedestrianlist (1) (did you mean pedestrianList?)" in "\n".join(done.lines).replace("version (1), ", "")
+
+
+def test_file_whose_only_key_is_misspelt_has_a_mistake_and_the_hint(folder: Path) -> None:
+    (folder / "typo.json").write_text(json.dumps({"vehiclelist": [CAR]}))
+    done = run("scenario", "check", str(folder / "typo.json"))
+    assert done.code == 1
+    assert done.lines[0].endswith("typo.json: 1 mistake, 1 remark")
+    assert done.lines[3].startswith("  expected a scenario with at least one of mapInfo, egoVehicle, vehicleList,")
+    assert done.lines[6] == "  vehiclelist is no known key and is ignored; did you mean vehicleList?"
 
 
 def test_json_output_holds_the_same_facts(folder: Path) -> None:
@@ -69,7 +94,7 @@ def test_json_output_holds_the_same_facts(folder: Path) -> None:
     car = account["items"][1]
     assert (car["at"], car["is_replaced"], car["x"], car["way"]) == ("vehicleList[0]", True, 50.0, "stands")
     assert account["phases"] == [{"intersection": "IntTL13", "phase": 1, "elapsed": 2.5}]
-    assert account["passed_over"] == {"version": 1, "vehicleList[].velocityTyp": 1}
+    assert account["passed_over"] == {"version": 1}
     assert account["read"]["egoVehicle.gear"] == 1
 
 
@@ -201,6 +226,73 @@ def test_picture_shows_all_entities(folder: Path) -> None:
             shown = {colour for _, colour in image.getcolors(2**20) or []}
         for colour in ("#e0007a", "#6a3fb5", "#e06c00"):
             assert tuple(bytes.fromhex(colour[1:])) in shown, colour
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (b"", "expected a JSON document, got nothing"),
+        (b" \n", "expected a JSON document, got nothing"),
+        (b"\x7fELF\x02\x00\x00", "expected a JSON document, got a binary file"),
+        (json.dumps(SCENE).encode("utf-16"), "expected UTF-8, got UTF-16; save the file as UTF-8"),
+        (
+            '{"mapInfo": {"mapName": "caf\xe9"}}'.encode("latin-1"),
+            "{}:1:29: not UTF-8: byte 0xe9; save the file as UTF-8",
+        ),
+        (b"[1, 2]", "expected an object, got a list of 2"),
+        (b'"hi"', "expected an object, got 'hi'"),
+        (b"[" * 100_000, "{}:1:202: not JSON: recursion limit exceeded"),
+        (b'{"egoVehicle": [1]}', "egoVehicle: expected an object, got a list of 1"),
+        (b'{"vehicleList": {"a": 1}}', "vehicleList: expected a list, got an object"),
+        (
+            b'{"egoVehicle": {"initPosition": {"pos": {"x": "one", "y": "2.5"}}}}',
+            "egoVehicle.initPosition.pos.x: expected a number, got 'one'",
+        ),
+        (
+            b'{"egoVehicle": {"initPosition": {"pos": {"x": 1, "y": 2}, "initPositionMode": "Absolut"}}}',
+            "egoVehicle.initPosition.initPositionMode: expected Absolute or Link, got 'Absolut'",
+        ),
+        (
+            b'{"egoVehicle": {"initPosition": {"pos": {"x": 1, "y": 2}}, "modelName": "Buss"}}',
+            f"egoVehicle.modelName: expected one of the catalogue's vehicles, got 'Buss'{BUS}",
+        ),
+    ],
+)
+def test_silly_file_gives_one_readable_line(content: bytes, line: str, tmp_path: Path) -> None:
+    path = tmp_path / "silly.json"
+    path.write_bytes(content)
+    done = run("scenario", "check", str(path))
+    assert (done.code, done.err) == (1, "")
+    assert done.lines[0] == f"{path}: 1 mistake"
+    assert done.lines[3] == f"  {line.format(path)}"
+
+
+def test_file_that_is_too_long_is_not_parsed(tmp_path: Path) -> None:
+    path = tmp_path / "huge.json"
+    path.write_bytes(b'{"vehicleList": [' + b" " * 2**25 + b"]}")
+    account = run("scenario", "check", str(path), "--json")
+    assert account.code == 1
+    report = json.loads(account.out)
+    assert (report["mistakes"], report["holds"]) == (["expected at most 33,554,432 bytes, got 33,554,451"], {})
+
+
+def test_picture_that_cannot_be_drawn_is_told(tmp_path: Path) -> None:
+    (tmp_path / "bad.json").write_text("{")
+    done = run("scenario", "check", str(tmp_path / "bad.json"), "--picture", str(tmp_path / "x.png"))
+    assert (done.code, done.complaint) == (1, "--picture: nothing is drawn, because the file has mistakes")
+    (tmp_path / "node_set.json").write_text("1")
+    done = run("map", "info", str(tmp_path), "--picture", str(tmp_path / "x.png"))
+    assert (done.code, done.complaint) == (1, "--picture: nothing is drawn, because the map has mistakes")
+
+
+def test_scenario_in_another_format_is_refused_by_its_name(tmp_path: Path) -> None:
+    (tmp_path / "cut-in.xosc").write_text("<OpenSCENARIO/>")
+    done = run("scenario", "check", str(tmp_path / "cut-in.xosc"))
+    assert (done.code, done.out) == (2, "")
+    assert done.complaint.startswith(f"{tmp_path}/cut-in.xosc: OpenSCENARIO is not read; expected a scenario of MORAI")
+    done = run("scenario", "check", str(tmp_path))
+    assert (done.code, done.out) == (2, "")
+    assert done.complaint.endswith("; there is none; OpenSCENARIO is not read (cut-in.xosc)")
 
 
 def test_truncated_file_is_reported_with_line_and_column(folder: Path) -> None:

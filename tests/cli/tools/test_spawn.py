@@ -28,7 +28,11 @@ async def test_refusal_is_one_line_with_the_reason() -> None:
     async with Simulator(port=0) as sim:
         done = await in_the_background("spawn", "Buss", "--at", "0,0", url=sim.url)
         assert done.code == 1
-        assert done.complaint == ("model: the catalogue has no model 'Buss' (did you mean Bus?)")
+        command = "rosbridge-sim service call /sim/catalogue lists all"
+        assert done.complaint == f"model: the catalogue has no model 'Buss' (did you mean Bus?); {command}"
+        done = await in_the_background("spawn", "Tesla", "--at", "0,0", url=sim.url)
+        assert done.complaint.startswith("model: the catalogue has no model 'Tesla'; it has 2016_Hyundai_Ioniq, ")
+        assert done.complaint.endswith(f", ...; {command}")
     async with Simulator(port=0, world=False) as sim:
         done = await in_the_background("spawn", "Box", "--at", "0,0", url=sim.url)
         assert (done.code, done.complaint) == (1, "Service /sim/spawn does not exist; is a simulator there?")

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 
 from rosbridge_sim.cli.tools.text import note, put_table, read_body, render
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.terminal_text import safe
+from rosbridge_sim.link.terminal_text import safe
 
 KEYS = st.text(st.characters(codec="ascii", categories=["Ll", "Lu", "Nd"]), min_size=1, max_size=8)
 VALUES = st.recursive(

@@ -9,8 +9,9 @@ from typing import Any, Literal
 import pytest
 
 from rosbridge_sim.graph.attach.announcing import UNREGISTER_TIME
-from rosbridge_sim.graph.attach.connection import PROBE, PROBE_PATIENCE
+from rosbridge_sim.graph.attach.connection import PROBE
 from rosbridge_sim.graph.attach.mirror import Mirror
+from rosbridge_sim.graph.attach.patience import PROBE_PATIENCE
 from rosbridge_sim.graph.attach.rosapi_watch import LOOK_PERIOD
 from rosbridge_sim.graph.attach.survey import SURVEY_DELAYS
 from rosbridge_sim.graph.bus import Bus
@@ -24,23 +25,61 @@ from tests.graph.bus_fixture import make_peer, make_store
 
 def test_everything_is_announced_with_services_last(harness: SimHarness) -> None:
     told = [(frame["op"], frame.get("topic") or frame.get("service")) for frame in harness.far.frames]
-    assert (
-        told[:8]
-        == [
-            ("advertise", "/state"),
-            ("advertise", "/plate"),
-            ("publish", "/plate"),
-            ("subscribe", "/pedal"),
-            ("call_service", "/rosapi/services"),
-            ("advertise_service", "/honk"),
-            ("call_service", PROBE),
-            ("call_service", "/rosapi/topics"),
-        ][:7]
-        + told[7:8]
-    )
+    assert told[:8] == [
+        ("advertise", "/state"),
+        ("advertise", "/plate"),
+        ("subscribe", "/pedal"),
+        ("call_service", "/rosapi/topics"),
+        ("call_service", "/rosapi/services"),
+        ("publish", "/plate"),
+        ("advertise_service", "/honk"),
+        ("call_service", PROBE),
+    ]
     assert harness.num_attached == 1
     assert [frame["latch"] for frame in harness.far.ops("advertise")] == [False, True]
     assert {frame["type"] for frame in harness.far.ops("advertise_service")} == {"std_srvs/SetBool"}
+
+
+@pytest.mark.parametrize("has_connection_each", [False, True])
+def test_topic_that_the_far_side_refused_is_never_published(*, has_connection_each: bool) -> None:
+    harness = SimHarness(has_connection_each=has_connection_each)
+    make_deaf(harness, "/plate")
+    harness.attach()
+    harness.bus.advertise(harness.car, "/late", "std_msgs/Int32", is_exclusive=True)
+    harness.bus.advertise(harness.car, "/good", "std_msgs/Int32", is_exclusive=True)
+    make_deaf(harness, "/late")
+    for connection in harness.mirror.connections.values():
+        if not connection.is_open:
+            harness.far.connect(harness.mirror, connection)
+    for until in (0.0, sum(SURVEY_DELAYS) + 1.0):
+        harness.run(until=until)
+        harness.car.show("/plate", data="new")
+        harness.car.show("/late", data=1)
+        harness.car.show("/state", data=2)
+        harness.car.show("/good", data=2)
+        harness.pump()
+    assert {frame["topic"] for frame in harness.far.ops("publish")} == {"/state", "/good"}
+
+
+def test_topic_that_the_far_side_lists_late_is_published_from_then_on() -> None:
+    harness = SimHarness()
+    receive = harness.far._receive
+    make_deaf(harness, "/plate")
+    harness.attach()
+    assert not harness.far.ops("publish")
+    harness.far._receive = receive  # type: ignore[method-assign]
+    Program(harness.far).send("advertise", topic="/plate", type="std_msgs/String")
+    harness.run(until=sum(SURVEY_DELAYS))
+    assert [frame["msg"] for frame in harness.far.ops("publish")] == [{"data": "12 GA 3456"}], "what is latched"
+
+
+def test_topic_of_a_package_that_a_status_calls_unknown_is_published_no_more(harness: SimHarness) -> None:
+    text = "Unable to import std_msgs.msg from package std_msgs. Caused by: no module"
+    harness.receive({"op": "status", "level": "error", "msg": text, "id": "advertise:/state"})
+    harness.far.frames.clear()
+    harness.car.show("/state", data=1)
+    harness.pump()
+    assert not harness.far.ops("publish")
 
 
 def test_types_are_spelled_as_in_the_ros_version() -> None:

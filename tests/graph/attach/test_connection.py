@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import FrameError
-from rosbridge_sim.graph.attach.connection import PROBE, PROBE_PATIENCE, BridgeConnection, Values
+from rosbridge_sim.graph.attach.connection import PROBE, BridgeConnection, Values
 from rosbridge_sim.graph.attach.flow_control import MAX_IN_FLIGHT
+from rosbridge_sim.graph.attach.patience import PROBE_PATIENCE
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.outbox import OutboxLimits
 
@@ -97,7 +98,7 @@ def test_question_of_a_lost_socket_is_never_answered() -> None:
 
 def test_waiting_frames_do_not_outlive_their_socket() -> None:
     wire = Wire()
-    wire.connection.offer("/t", b"{}")
+    wire.connection.offer("/t", b"{}", 0.0)
     wire.connection.say("unsubscribe", topic="/t")
     wire.connection.shut()
     wire.open()
@@ -121,11 +122,11 @@ def test_malformed_frame_is_reported_here_and_not_to_the_far_bridge() -> None:
 
 def test_probe_is_sent_after_half_a_window_and_its_answer_continues_sending() -> None:
     wire = Wire()
-    wire.connection.offer("/t", FAT)
+    wire.connection.offer("/t", FAT, 0.0, is_ordered=True)
     (probe,) = wire.calls(5.0)
     assert probe["service"] == PROBE
     for _ in range(2):
-        wire.connection.offer("/t", FAT)
+        wire.connection.offer("/t", FAT, 0.0, is_ordered=True)
     assert len(wire.sent()) == 1
     assert wire.sent() == []  # a window is full
     woken = wire.num_woken
@@ -138,7 +139,7 @@ def test_probe_is_sent_after_half_a_window_and_its_answer_continues_sending() ->
 def test_answer_to_an_unknown_probe_is_ignored(number: str) -> None:
     wire = Wire()
     for _ in range(4):
-        wire.connection.offer("/t", FAT)
+        wire.connection.offer("/t", FAT, 0.0, is_ordered=True)
     wire.sent()
     wire.answer(f"mark:{number}")
     assert wire.connection.flow_control.is_on
@@ -148,7 +149,7 @@ def test_answer_to_an_unknown_probe_is_ignored(number: str) -> None:
 def test_silence_allows_more_frames_and_continues_sending() -> None:
     wire = Wire()
     for _ in range(4):
-        wire.connection.offer("/t", FAT)
+        wire.connection.offer("/t", FAT, 0.0, is_ordered=True)
     wire.sent()
     woken, due = wire.num_woken, wire.connection.due
     assert due is not None
@@ -161,14 +162,14 @@ def test_silence_allows_more_frames_and_continues_sending() -> None:
 def test_refused_or_odd_probe_stops_probing_for_a_while(probe: str) -> None:
     wire = Wire()
     for _ in range(4):
-        wire.connection.offer("/t", FAT)
+        wire.connection.offer("/t", FAT, 0.0, is_ordered=True)
     wire.sent()
     wire.answer(probe, "there is no such service", is_ok=False)
     assert len(wire.sent()) >= 1
     for _ in range(10):
-        wire.connection.offer("/t", FAT)
+        wire.connection.offer("/t", FAT, 0.0, is_ordered=True)
         assert wire.sent() == [FAT]
     assert wire.connection.due is not None
     wire.connection.expire(wire.connection.due)  # they are tried again
-    wire.connection.offer("/t", FAT)
+    wire.connection.offer("/t", FAT, 0.0, is_ordered=True)
     assert len(wire.calls()) == 1

@@ -6,8 +6,8 @@ import pytest
 
 from rosbridge_sim.graph.attach.flow_control import FRAME_COST, MAX_IN_FLIGHT, MAX_PATIENCE, PATIENCE, FlowControl
 
-HALF = [b"x" * (MAX_IN_FLIGHT // 2 - FRAME_COST)]
-"""A frame that costs half a window."""
+HALF = MAX_IN_FLIGHT // 2 - FRAME_COST
+"""Size of a frame that costs half a window [bytes]."""
 
 
 def spend(credit: FlowControl, num_halves: int) -> None:
@@ -22,15 +22,16 @@ def test_probe_is_due_after_half_a_window_and_sending_stops_after_a_whole_window
     assert credit.wants_probe
     credit.probe(0.0)
     assert not credit.wants_probe
-    assert not credit.is_blocked
+    assert not credit.is_full
     spend(credit, 1)
-    assert credit.is_blocked
+    assert credit.is_full
 
 
 def test_small_frames_count_more_than_their_bytes() -> None:
     credit = FlowControl()
-    credit.note_sent([b"{}"] * (MAX_IN_FLIGHT // (FRAME_COST + 2) + 1))
-    assert credit.is_blocked
+    for _ in range(MAX_IN_FLIGHT // (FRAME_COST + 2) + 1):
+        credit.note_sent(2)
+    assert credit.is_full
 
 
 def test_answer_confirms_all_bytes_sent_before_its_probe() -> None:
@@ -38,11 +39,11 @@ def test_answer_confirms_all_bytes_sent_before_its_probe() -> None:
     spend(credit, 1)
     number = credit.probe(0.0)
     spend(credit, 1)
-    credit.note_answer(number)
-    assert not credit.is_blocked
+    credit.note_answer(number, 1.0)
+    assert not credit.is_full
     assert credit.wants_probe  # half a window has gone out since
     spend(credit, 1)
-    assert credit.is_blocked
+    assert credit.is_full
 
 
 def test_refused_probes_allow_all_sending_and_are_retried_with_back_off() -> None:
@@ -55,7 +56,7 @@ def test_refused_probes_allow_all_sending_and_are_retried_with_back_off() -> Non
         number = credit.probe(now)
         credit.note_refusal(now)
         spend(credit, 10)
-        assert not credit.is_blocked
+        assert not credit.is_full
         assert not credit.wants_probe
         assert credit.due is not None
         assert not credit.expire(credit.due - 0.1)
@@ -66,10 +67,10 @@ def test_refused_probes_allow_all_sending_and_are_retried_with_back_off() -> Non
     assert waits == sorted(waits)
     assert (waits[0], waits[-1]) == (PATIENCE, MAX_PATIENCE)
     spend(credit, 1)
-    credit.note_answer(credit.probe(now))  # there is somebody after all
-    credit.note_answer(number)
+    credit.note_answer(credit.probe(now), now)  # there is somebody after all
+    credit.note_answer(number, now)
     spend(credit, 2)
-    assert credit.is_blocked
+    assert credit.is_full
 
 
 def test_silence_allows_half_a_window_with_growing_delays() -> None:
@@ -85,9 +86,9 @@ def test_silence_allows_half_a_window_with_growing_delays() -> None:
         assert credit.is_late
         waits.append(due - now)
         now = due
-        assert not credit.is_blocked
+        assert not credit.is_full
         spend(credit, 1)
-        assert credit.is_blocked
+        assert credit.is_full
     assert waits[:3] == [PATIENCE, 2 * PATIENCE, 4 * PATIENCE]
     assert waits[-1] == MAX_PATIENCE
 
@@ -99,13 +100,13 @@ def test_a_late_answer_counts_like_any_other() -> None:
     spend(credit, 1)
     credit.expire(PATIENCE)
     second = credit.probe(PATIENCE)
-    credit.note_answer(first)
+    credit.note_answer(first, 1.0)
     assert not credit.is_late
     assert credit.due is not None  # of the second
-    credit.note_answer(second)
+    credit.note_answer(second, 1.0)
     assert credit.due is None
-    credit.note_answer(first)  # twice, and out of order, is no harm
-    assert not credit.is_blocked
+    credit.note_answer(first, 1.0)  # twice, and out of order, is no harm
+    assert not credit.is_full
 
 
 @pytest.mark.parametrize("number", [0, 7, 10**9])
@@ -113,8 +114,8 @@ def test_answer_to_an_unknown_probe_confirms_nothing(number: int) -> None:
     credit = FlowControl()
     spend(credit, 2)
     credit.probe(0.0)
-    credit.note_answer(number)
-    assert credit.is_blocked
+    credit.note_answer(number, 1.0)
+    assert credit.is_full
 
 
 def test_unanswered_probes_are_bounded() -> None:
@@ -125,5 +126,5 @@ def test_unanswered_probes_are_bounded() -> None:
         now += MAX_PATIENCE
         credit.expire(now)
     spend(credit, 1_000)
-    credit.note_answer(1)  # long forgotten
+    credit.note_answer(1, now)  # long forgotten
     assert credit.is_late

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import pytest
+
 from rosbridge_sim.graph.attach.connection import PROBE
 from rosbridge_sim.graph.attach.survey import SURVEY_DELAYS
+from rosbridge_sim.graph.peer import Peer
 from tests.graph.attach.mirror_harness import Car, Program, SimHarness, make_deaf
 
 # What it lacks
@@ -95,3 +98,35 @@ def test_far_bridge_of_the_other_ros_version_is_reported(lines: Callable[[], lis
         {"op": "service_response", "service": PROBE, "id": question["id"], "values": values, "result": True}
     )
     assert any("it runs ROS 2" in line and "--ros 2" in line for line in lines())
+
+
+def run_late(harness: SimHarness, delay: float, *, until: float) -> None:
+    """Attach to a far side that handles each frame so much later [s]."""
+    receive = harness.far._receive
+    late: list[tuple[float, Peer, bytes]] = []
+    harness.far._receive = lambda peer, frame, now: late.append((now + delay, peer, frame))  # type: ignore[method-assign]
+    harness.attach()
+    for step in range(round(until / 0.1)):
+        now = step * 0.1
+        while late and late[0][0] <= now:
+            _, peer, frame = late.pop(0)
+            receive(peer, frame, now)
+        harness.mirror.advance(now)
+        harness.pump(now)
+
+
+@pytest.mark.parametrize("delay", [2.5, 6.0, 14.0])
+def test_slow_rosapi_is_not_said_to_be_missing(delay: float, lines: Callable[[], list[str]]) -> None:
+    harness = SimHarness()
+    make_deaf(harness, "/honk")
+    run_late(harness, delay, until=120.0)
+    said = lines()
+    assert not [line for line in said if "does not answer" in line]
+    assert any("does not know the package std_srvs" in line for line in said) or delay > 10.0
+    assert any("has not answered for" in line for line in said) == (delay > 10.0)
+
+
+def test_silent_bridge_is_said_to_be_silent_and_for_how_long(lines: Callable[[], list[str]]) -> None:
+    run_late(SimHarness(), 1_000.0, until=60.0)
+    (line,) = [line for line in lines() if "rosapi" in line]
+    assert "rosapi there has not answered for 10 s" in line

@@ -15,12 +15,9 @@ from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 
-from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.convert import Converter
+from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.morai.messages.convert import Converter
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.morai.replays.object_list_decoder import decode_object_lists
-from rosbridge_sim.morai.replays.recording import Recording
-from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import open_bag
@@ -29,8 +26,10 @@ from rosbridge_sim.shell.bags.repair import repair
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.config.settings_file import read_network
 from rosbridge_sim.shell.config.toml_text import lines_of
-from rosbridge_sim.shell.config.value_types import SettingError
 from rosbridge_sim.shell.files.definitions import read_definitions
+from rosbridge_sim.simulator.replays.object_list_decoder import decode_object_lists
+from rosbridge_sim.simulator.replays.recorded_drive import Recording
+from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 from tests.mutations import Flip, damage, examples, flips
 
 STEP_NS = 20_000_000

@@ -15,15 +15,15 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from rosbridge_sim import DocumentError
-from rosbridge_sim.morai.convert import Converter
+from rosbridge_sim.morai.messages.convert import Converter
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.morai.replays.recording import EGO_COLUMNS, Recording
-from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import open_bag
 from rosbridge_sim.shell.bags.bag_reader import read_recording
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 from rosbridge_sim.shell.files.definitions import read_definitions
+from rosbridge_sim.simulator.replays.recorded_drive import EGO_COLUMNS, Recording
+from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 
 FRAME_NS = 20_000_000
 STATUS = "/sim/process/state/msg/MoraiSimProcStatus"

@@ -10,13 +10,13 @@ from typing import Any
 import pytest
 
 from rosbridge_sim import DocumentError, Simulator
-from rosbridge_sim.morai.convert import Converter
+from rosbridge_sim.morai.messages.convert import Converter
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.morai.replays.recording import Recording
-from rosbridge_sim.morai.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.recordings import DiskRecordings, find_recording
 from rosbridge_sim.shell.files.definitions import read_definitions
+from rosbridge_sim.simulator.replays.recorded_drive import Recording
+from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 from tests.conftest import Connect
 from tests.shell.bags.test_bag_reader import ways, write
 from tests.support import PATIENCE, Client

@@ -15,9 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Reader as Reader1
-from rosbags.typesys import Stores, get_typestore
 
 from rosbridge_sim.shell.bags import rosbags_internals as internals
 from tests.shell.bags.bag_reading import read_bag
@@ -140,17 +138,6 @@ def test_empty_ros_2_bag_has_zero_times(tmp_path: Path) -> None:
     writer.close()
     assert "nanoseconds_since_epoch: 0\n" in (path / "metadata.yaml").read_text()
     assert read_bag(path) == []
-
-
-def test_definition_tuples_give_the_standard_texts() -> None:
-    found = get_typestore(Stores.ROS2_JAZZY).fielddefs
-    assert found["std_msgs/msg/String"] == ([], [("data", (Nodetype.BASE, ("string", 0)))])
-    assert found["geometry_msgs/msg/Polygon"] == (
-        [],
-        [("points", (Nodetype.SEQUENCE, ((Nodetype.NAME, "geometry_msgs/msg/Point32"), 0)))],
-    )
-    assert found["shape_msgs/msg/SolidPrimitive"][0][0] == ("BOX", "uint8", 1)
-    assert (Nodetype.NAME, Nodetype.ARRAY, Nodetype.SEQUENCE) == (2, 3, 4)
 
 
 OTHER = """

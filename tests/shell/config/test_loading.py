@@ -7,15 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice, InterfaceKind, NetworkSettings
-from rosbridge_sim.morai.interfaces.registry import ListedInterface
-from rosbridge_sim.shell.app import mistakes_of_items
-from rosbridge_sim.shell.config.keys import PREFIX
+from rosbridge_sim.errors import SettingError
+from rosbridge_sim.link.arguments import PREFIX
+from rosbridge_sim.shell.assembly import mistakes_of_items
 from rosbridge_sim.shell.config.loading import check_options, read_settings, strange_variables
 from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, Settings, flag_of
 from rosbridge_sim.shell.config.settings_file import looks_like_path, read_network
 from rosbridge_sim.shell.config.toml_output import format_config
-from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS, SWITCH, SettingError
+from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS, SWITCH
+from rosbridge_sim.simulator.bus.interface_registry import ListedInterface
+from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice, InterfaceKind, NetworkSettings
 
 OTHER: dict[str, object] = {
     "host": "::1",
@@ -67,6 +68,7 @@ OTHER: dict[str, object] = {
     "replay_info": True,
     "dynamics": "kinematic",
     "creep": True,
+    "stability_control": False,
     "on_collision": "impact",
     "sensor_noise": "typical",
     "traffic": 50,
@@ -84,6 +86,7 @@ OTHER: dict[str, object] = {
     "attach": ("ws://a:9090", "wss://b/?token=abc"),
     "attach_sockets": "per-topic",
     "scene": True,
+    "strict_release": True,
     "attach_retry": 2.5,
     "service_timeout": 3.0,
     "max_frame_size": 2**20,

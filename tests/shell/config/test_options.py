@@ -13,9 +13,9 @@ from typing import Literal, Union, get_args, get_origin, get_type_hints
 
 import pytest
 
-from rosbridge_sim.morai.interfaces.network_settings import InterfaceChoice
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import SHORT_FORMS, Settings
+from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
 from tests.support import PATIENCE, ROOT, miss
 
 OPTIONS = get_type_hints(SimulatorOptions)

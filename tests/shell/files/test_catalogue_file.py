@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.catalogue import BUILT_IN, Catalogue, find_model
+from rosbridge_sim.scenarios.catalogue import BUILT_IN, Catalogue, find_model
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
-from rosbridge_sim.world.state import Kind
+from rosbridge_sim.world.state.world import Kind
 
 TOML = """
 # ours

@@ -162,5 +162,5 @@ def test_user_map_replaces_every_map(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 
 def test_map_folder_without_its_files_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(DocumentError, match=r"global_info\.json is missing"):
+    with pytest.raises(DocumentError, match=r"node_set\.json is missing"):
         DiskLibrary(own_map=str(tmp_path)).map("track")

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.morai.sensor_noise import TYPICAL
 from rosbridge_sim.shell.files.noise_file import read_sensor_noise
+from rosbridge_sim.simulator.sensors.sensor_noise import TYPICAL
 
 
 def test_words_choose_none_and_typical_noise() -> None:

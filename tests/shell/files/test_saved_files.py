@@ -14,13 +14,13 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.morai.node_factory import make_node
-from rosbridge_sim.morai.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.world.state import Kind, World
+from rosbridge_sim.simulator.node_factory import make_node
+from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
+from rosbridge_sim.world.state.world import Kind, World
 from tests.cli.tool_fixture import run
-from tests.morai.saved_files import CONTROLLERS, MAP, MAP_NAME, edited_scenario, saved_scenario
-from tests.morai.sim_harness import ALL, Client, make_store
+from tests.simulator.saved_files import CONTROLLERS, MAP, MAP_NAME, edited_scenario, saved_scenario
+from tests.simulator.sim_harness import ALL, Client, make_store
 
 FORMS: dict[str, Callable[[], dict[str, Any]]] = {"saved": saved_scenario, "edited": edited_scenario}
 

@@ -37,7 +37,7 @@ class Page:
 async def scrape(sim: Simulator, *headers: str) -> Page:
     async with asyncio.timeout(PATIENCE):
         reader, writer = await asyncio.open_connection("127.0.0.1", sim.port)
-        writer.write("\r\n".join(["GET /metrics HTTP/1.1", "Host: x", *headers, "", ""]).encode())
+        writer.write("\r\n".join(["GET /metrics HTTP/1.1", "Host: localhost", *headers, "", ""]).encode())
         head, _, body = (await reader.read()).decode().partition("\r\n\r\n")
         writer.close()
         await writer.wait_closed()
@@ -119,6 +119,17 @@ async def test_every_reason_of_a_refusal_is_there_from_the_start() -> None:
         values = (await scrape(sim)).values
     for reason in Reason:
         assert values[f'rosbridge_sim_refusals_total{{reason="{reason.value}"}}'] == 0.0
+
+
+async def test_age_of_data_at_each_bridge_is_a_metric() -> None:
+    async with (
+        Simulator(port=0, world=False) as bridge,
+        Simulator(port=0, start="sync", attach=[bridge.url]) as sim,
+    ):
+        await asyncio.wait_for(sim.attachments[0].attached, PATIENCE)
+        name = f'rosbridge_sim_bridge_age_seconds{{bridge="{bridge.url}"}}'
+        assert (await scrape(sim)).values[name] >= 0.0
+        assert "rosbridge_sim_bridge_age_seconds" not in "".join((await scrape(bridge)).values)
 
 
 async def test_a_gateway_has_no_metrics_of_a_world() -> None:

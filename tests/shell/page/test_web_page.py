@@ -37,7 +37,7 @@ class Answer(NamedTuple):
 async def get(sim: Simulator, path: str, *headers: str, method: str = "GET") -> Answer:
     async with asyncio.timeout(PATIENCE):
         reader, writer = await asyncio.open_connection("127.0.0.1", sim.port)
-        writer.write("\r\n".join([f"{method} {path} HTTP/1.1", "Host: x", *headers, "", ""]).encode())
+        writer.write("\r\n".join([f"{method} {path} HTTP/1.1", "Host: localhost", *headers, "", ""]).encode())
         head, _, body = (await reader.read()).partition(b"\r\n\r\n")
         writer.close()
         await writer.wait_closed()
@@ -134,14 +134,14 @@ async def test_program_that_wants_no_html_gets_name_version_and_links(sim: Simul
         "links": {
             "socket": "./",
             "page": "./",
+            "docs": "docs/",
             "map": "map.json",
             "metrics": "metrics",
             "healthz": "healthz",
             "version": "version",
-            "docs": "https://pypi.org/project/rosbridge-sim/",
         },
     }
-    for link in ("map", "metrics", "healthz", "version"):
+    for link in ("docs", "map", "metrics", "healthz", "version"):
         assert (await get(sim, f"/{answer.json['links'][link]}")).status == 200
 
 
@@ -155,8 +155,9 @@ async def test_files_need_no_token_and_the_version_does() -> None:
 
 async def test_without_the_page_everybody_gets_the_links() -> None:
     async with Simulator(port=0, page=False) as sim:
-        assert "page" not in (await get(sim, "/", BROWSER)).json["links"]
-        assert (await get(sim, "/page.js")).status == 404
+        assert not {"page", "docs"} & (await get(sim, "/", BROWSER)).json["links"].keys()
+        for path in ("/page.js", "/docs/"):
+            assert (await get(sim, path)).status == 404
         assert sim.page_url == ""
 
 

@@ -307,13 +307,55 @@ async def test_duplicate_or_missing_header_is_reported(listen: Listen) -> None:
         assert await shake_hands(server.port, *lines) == (101, "")
 
 
-async def test_healthz_answers_under_any_host_name(listen: Listen) -> None:
-    _, server = await listen()
-    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
-    writer.write(b"GET /healthz HTTP/1.1\r\nHost: sim\r\nOrigin: http://sim\r\n\r\n")
+async def get(port: int, path: str, *lines: str) -> tuple[int, str]:
+    """Status and body of the answer to a plain request with these lines."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    writer.write("\r\n".join([f"GET {path} HTTP/1.1", *lines, "", ""]).encode())
     async with asyncio.timeout(PATIENCE):
-        assert b'{"status": "ok"' in await reader.read()
+        head, _, body = (await reader.read()).decode().partition("\r\n\r\n")
     writer.close()
+    return int(head.split()[1]), body
+
+
+DATA = ("/map.json", "/metrics", "/version")
+"""Paths with data."""
+
+
+async def test_data_over_http_need_a_known_host_with_and_without_an_origin(caplog: pytest.LogCaptureFixture) -> None:
+    rebound = "Host: rebound.example:9090"
+    async with Simulator(port=0) as sim:
+        for path in DATA:
+            for lines in ((rebound,), (rebound, "Origin: http://rebound.example:9090"), (rebound, "Origin: null")):
+                status, text = await get(sim.port, path, *lines)
+                assert (status, "--allow-host rebound.example " in text) == (403, True), (path, lines)
+            for host in ("localhost", f"127.0.0.1:{sim.port}", "[::1]", gethostname(), "sim.localhost"):
+                assert (await get(sim.port, path, f"Host: {host}"))[0] == 200, (path, host)
+            assert await get(sim.port, path) == (403, "Expected one Host header; got 0\n")
+    warnings = [record.getMessage() for record in caplog.records if "refused: " in record.getMessage()]
+    assert len(warnings) == 1, "one for each host"
+    assert "--allow-host rebound.example " in warnings[0]
+
+
+async def test_data_over_http_are_told_to_a_host_of_the_flag_and_to_those_with_the_token() -> None:
+    host = "Host: simulator:9090"
+    async with Simulator(port=0, allow_host="simulator") as sim:
+        for path in DATA:
+            assert (await get(sim.port, path, host))[0] == 200
+            assert (await get(sim.port, path, "Host: other"))[0] == 403
+    async with Simulator(port=0, token=TOKEN) as sim:
+        for path in DATA:
+            assert (await get(sim.port, path, host, f"Authorization: Bearer {TOKEN}"))[0] == 200
+            assert (await get(sim.port, path, "Host: localhost"))[0] == 401
+
+
+async def test_healthz_and_links_answer_under_any_host_and_keep_details_from_unknown_ones() -> None:
+    async with Simulator(port=0) as sim:
+        for lines in (("Host: sim", "Origin: http://sim"), ("Host: a.example",), ()):
+            assert await get(sim.port, "/healthz", *lines) == (200, '{"status": "ok"}\n')
+            assert "version" not in json.loads((await get(sim.port, "/", *lines))[1])
+        assert json.loads((await get(sim.port, "/healthz", "Host: localhost"))[1])["version"]
+        for path in ("/", "/page.js", "/page.css"):
+            assert (await get(sim.port, path, "Host: a.example", "Accept: text/html"))[0] == 200
 
 
 async def test_host_name_of_the_machine_is_accepted(listen: Listen) -> None:
@@ -590,14 +632,38 @@ async def test_plain_request_to_a_tls_port_affects_no_other_client(
 ) -> None:
     async with Simulator(port=0, world=False, certfile=certificate.certfile, keyfile=certificate.keyfile) as sim:
         async with await enter(sim.url, context=certificate.context) as client:
-            with pytest.raises((OSError, WebSocketException)):
-                await enter(sim.url.replace("wss", "ws"))
+            for _ in range(3):
+                with pytest.raises((OSError, WebSocketException)):
+                    await enter(sim.url.replace("wss", "ws"))
+            with pytest.raises(ConnectError, match=r"if it speaks TLS, use wss://$"):
+                await AsyncClient(sim.url.replace("wss", "ws")).open()
             assert await client.settle() == []
         _, silent = await asyncio.open_connection("127.0.0.1", sim.port)  # and a stop does not wait for this one
         async with asyncio.timeout(5):
             await sim.stop()
         silent.transport.abort()
-    assert not [record for record in caplog.records if record.levelno >= logging.WARNING]
+    (warning,) = [record.getMessage() for record in caplog.records if record.levelno >= logging.WARNING]
+    assert "must use wss://" in warning
+
+
+@EACH_LOOP
+def test_first_plain_request_to_a_tls_port_is_one_warning(
+    certificate: Certificate, make_loop: MakeLoop, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def check() -> None:
+        server = Server(Bus(make_store()), ServerLimits(), lambda: None)
+        await server.start("127.0.0.1", 0, load_certificate(certificate.certfile, certificate.keyfile))
+        for first in (b"no TLS and no HTTP\r\n\r\n", *[b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"] * 3):
+            reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+            writer.write(first)
+            with suppress(ConnectionError):
+                await reader.read()
+            writer.close()
+        await server.stop()
+
+    with asyncio.Runner(loop_factory=make_loop) as runner:
+        runner.run(check())
+    assert [record.levelname for record in caplog.records if "wss://" in record.getMessage()] == ["WARNING"]
 
 
 @pytest.mark.parametrize("is_tls", [True, False])

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.shell.websocket.client_connection import why_not
+from rosbridge_sim.link.client_connection import why_not
 from rosbridge_sim.shell.websocket.dns import HostLookup
 from tests.support import PATIENCE, Process
 

@@ -18,9 +18,10 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.frames import Frame, Opcode
 
+from rosbridge_sim.link import websocket_internals
 from rosbridge_sim.protocol.outbox import BinaryFrame
 from rosbridge_sim.shell.app import Simulator
-from rosbridge_sim.shell.websocket import library_connection, websocket_internals
+from rosbridge_sim.shell.websocket import library_connection
 from rosbridge_sim.shell.websocket.library_connection import LibraryConnection
 from rosbridge_sim.shell.websocket.receiving_connection import ReceivingConnection
 from rosbridge_sim.shell.websocket.server_connection import DirectConnection

@@ -14,10 +14,11 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
+from rosbridge_sim.shell.map_page import MapText
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.memory_budget import MemoryBudget, default_budget
 from rosbridge_sim.shell.websocket.server import Server
-from tests.support import Client
+from tests.support import PATIENCE, Client
 
 MB = 2**20
 TEXT = "x" * MB
@@ -184,3 +185,22 @@ async def test_shared_bytes_count_once() -> None:
 
 def test_default_budget_is_a_part_of_the_machines_memory() -> None:
     assert 64 * MB <= default_budget() < 2**50
+
+
+async def test_unread_http_answers_count_and_their_readers_are_cut_off(listen: Listen) -> None:
+    server, _ = await listen(ServerLimits(memory_budget=16 * MB))
+    text: asyncio.Future[MapText] = asyncio.get_running_loop().create_future()
+    text.set_result(MapText("etag", b"x" * 12 * MB))
+    server.ask_map = lambda _known: text
+    async with await Client.open(url_of(server)) as client:
+        readers = [await asyncio.open_connection("127.0.0.1", server.port, limit=1) for _ in range(4)]
+        for _, writer in readers:
+            writer.write(b"GET /map.json HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        assert server._budget is not None
+        async with asyncio.timeout(PATIENCE):
+            while not server._budget.num_evicted:
+                await asyncio.sleep(0)
+                server._budget.look()
+        assert await client.settle() == [], "the client stays"
+        for _, writer in readers:
+            writer.transport.abort()

@@ -278,6 +278,38 @@ def test_duplicate_host_beside_an_origin_is_refused(hosts: list[str]) -> None:
     assert why == f"Expected one Host header beside an Origin; got {len(hosts)}"
 
 
+# Plain HTTP
+
+
+@pytest.mark.parametrize(
+    "host",
+    ["localhost:9090", "LOCALHOST", "sim.localhost", "10.0.0.7:9090", "[fd00::1]:80", "robot:9090", "robot.local"],
+)
+def test_data_are_told_to_a_host_that_no_website_can_choose(host: str) -> None:
+    assert OriginRules().judge_host([host], NAMES) is None
+
+
+@pytest.mark.parametrize("host", [REBOUND, "sim:9090", "127.0.0.1.evil.example", "evillocalhost", "127.1:9090"])
+def test_data_are_not_told_to_another_host_until_the_flag_names_it(host: str) -> None:
+    name = host.partition(":")[0]
+    for rules in (OriginRules(), OriginRules(("*",), (f"{name}x",))):
+        assert f"; --allow-host {name} would let them" in (rules.judge_host([host], NAMES) or "")
+    for pattern in (name, f"{name[:2]}*", "*"):
+        assert OriginRules(hosts=(pattern,)).judge_host([host], NAMES) is None
+
+
+@pytest.mark.parametrize(
+    ("hosts", "why"),
+    [
+        ([], "Expected one Host header; got 0"),
+        (["localhost", "localhost"], "Expected one Host header; got 2"),
+        (["a b"], "Expected a Host such as localhost:9090; got 'a b'"),
+    ],
+)
+def test_data_need_one_host_that_is_well_formed(hosts: list[str], why: str) -> None:
+    assert OriginRules(hosts=("*",)).judge_host(hosts, NAMES) == why
+
+
 @pytest.mark.parametrize(
     ("hostname", "names"),
     [

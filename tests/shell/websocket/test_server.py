@@ -28,7 +28,7 @@ from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.monitoring.log_limits import PLACE_BURST, TRACEBACK_COST
 from rosbridge_sim.shell.websocket.access import Access
-from rosbridge_sim.shell.websocket.client import Client as Served
+from rosbridge_sim.shell.websocket.connected_client import Client as Served
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.server import STOPPING, Server
 from tests.shell.event_loops import EACH_LOOP, MakeLoop
@@ -131,10 +131,28 @@ async def test_a_frame_over_the_limit_closes_with_1009_and_one_at_the_limit_does
         await client.send_raw(fits)
         assert await client.settle() == []
         await client.send_raw(fits + " ")
+        assert (await client.read())["op"] == "status"
         with pytest.raises(ConnectionClosed):
             await client.read()
         assert client.socket.close_code == 1009
         assert await other.settle() == []
+
+
+async def test_frame_over_the_limit_is_refused_by_a_status_and_the_reason_names_the_flag(listen: Listen) -> None:
+    port = await listen(ServerLimits(max_frame_size=4096))
+    async with await Client.open(port.url) as client:
+        await client.send_raw('{"op":"call_service","service":"/rosapi/get_time","id":"before"}')
+        await client.send_raw("x" * 5_000)
+        assert (await client.read())["id"] == "before"
+        status = await client.read()
+        assert (status["op"], status["level"]) == ("status", "error")
+        assert "5,000 bytes in one frame, but --max-frame-size is 4,096" in status["msg"]
+        assert "CBOR" in status["msg"]
+        with pytest.raises(ConnectionClosed):
+            await client.read()
+        assert client.socket.close_code == 1009
+        reason = "5,000 bytes in one frame, but --max-frame-size is 4,096; send CBOR or a CompressedImage"
+        assert client.socket.close_reason == reason
 
 
 async def test_default_limits_are_the_documented_ones() -> None:
@@ -847,4 +865,4 @@ async def test_hundred_failing_clients_are_disconnected_with_a_short_log(
         assert await good.settle() == []
         assert sim.num_bugs == 100
     assert len(failures(caplog)) == PLACE_BURST / TRACEBACK_COST
-    assert any("80 more lines of client.py" in line for line in caplog.messages)
+    assert any("80 more lines of connected_client.py" in line for line in caplog.messages)

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import random
 import socket
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from itertools import pairwise
 from math import inf
@@ -19,10 +19,10 @@ from websockets.asyncio.client import connect
 from websockets.asyncio.server import ServerConnection, serve
 from websockets.frames import Frame, Opcode
 
+from rosbridge_sim.link import websocket_internals
 from rosbridge_sim.protocol.outbox import BinaryFrame
-from rosbridge_sim.shell.websocket import websocket_internals
 from rosbridge_sim.shell.websocket.receiving_connection import COMPRESSED_AT_ONCE, Receiver, ReceivingConnection
-from rosbridge_sim.shell.websocket.server_connection import DirectConnection
+from rosbridge_sim.shell.websocket.server_connection import MAX_HELD, DirectConnection
 from tests.support import PATIENCE
 
 MAX_SIZE = 70_000
@@ -309,8 +309,19 @@ async def test_bytes_one_by_one_give_the_same_messages_as_at_once(name: str) -> 
 def test_any_split_gives_the_same_messages_as_none(cuts: list[int], names: list[str]) -> None:
     data = b"".join(CONVERSATIONS[name] for name in names)
     pieces = [data[a:b] for a, b in zip([0, *cuts], [*cuts, len(data)], strict=True) if b > a]
-    heard, _ = asyncio.run(converse(pieces, is_direct=True))
-    assert (heard, _) == asyncio.run(converse([data], is_direct=False))
+    heard, said = asyncio.run(converse(pieces, is_direct=True))
+    all_heard, all_said = asyncio.run(converse([data], is_direct=False))
+    assert heard == all_heard
+    pongs = [Frame(Opcode.PONG, ping).serialize(mask=False) for ping in (b"1", b"?")]
+    assert without(pongs, said) == without(pongs, all_said), "of pings that wait the newest is answered"
+    assert said.count(b"\x8a") <= all_said.count(b"\x8a")
+    assert (b"\x8a" in said) == (b"\x8a" in all_said)
+
+
+def without(parts: list[bytes], data: bytes) -> bytes:
+    for part in parts:
+        data = data.replace(part, b"")
+    return data
 
 
 @pytest.mark.parametrize("cut", [len(REQUEST) - n for n in range(6)] + [len(REQUEST) + 3])
@@ -413,6 +424,148 @@ async def test_newest_ping_is_answered_when_there_is_room(num_pings: int) -> Non
         writer.write(frame(Opcode.CLOSE, b"\x03\xe8"))
         assert (await reader.read()).startswith(pong)
         writer.close()
+
+
+class HoldingReceiver(PausingReceiver):
+    """Accepts one message, and the next one when `go_on` is called; each turn has a given end."""
+
+    def __init__(self, socket: ReceivingConnection, heard: list[bytes], until: float) -> None:
+        super().__init__(socket, heard, 1)
+        self.until = until
+        self.num_waits = 0
+
+    def begin(self) -> float:
+        return self.until
+
+    def wait(self, *, had_turn: bool) -> None:
+        assert isinstance(had_turn, bool)
+        self.num_waits += 1
+
+
+class CountingConnection(DirectConnection):
+    """Counts the pieces that the transport delivers."""
+
+    num_pieces = 0
+
+    def data_received(self, data: bytes) -> None:
+        self.num_pieces += 1
+        super().data_received(data)
+
+
+@asynccontextmanager
+async def held_connection(
+    until: float, heard: list[bytes]
+) -> AsyncIterator[tuple[CountingConnection, HoldingReceiver, asyncio.StreamReader, asyncio.StreamWriter]]:
+    """A trusted connection whose receiver has had one message, and accepts no other one."""
+    served: asyncio.Future[tuple[CountingConnection, HoldingReceiver]] = asyncio.get_running_loop().create_future()
+
+    async def handler(socket: ServerConnection) -> None:
+        assert isinstance(socket, CountingConnection)
+        socket.is_trusted = True
+        receiver = HoldingReceiver(socket, heard, until)
+        socket.listen(receiver)
+        served.set_result((socket, receiver))
+        await socket.wait_closed()
+
+    async with serve(handler, "127.0.0.1", 0, create_connection=CountingConnection, compression=None) as server:
+        port = next(iter(server.sockets)).getsockname()[1]
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(REQUEST)
+        await reader.readuntil(b"\r\n\r\n")
+        socket, receiver = await served
+        writer.write(frame(Opcode.TEXT, b"first"))
+        await turns_until(lambda: socket.num_bytes_received > len(REQUEST))
+        while not heard:
+            socket.go_on(inf)
+        yield socket, receiver, reader, writer
+        socket.transport.abort()
+        writer.close()
+
+
+async def turns_until(question: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE):
+        while not question():  # noqa: ASYNC110 - what is waited for tells nobody
+            await asyncio.sleep(0)
+
+
+def pong_of(i: int) -> bytes:
+    return Frame(Opcode.PONG, b"%05d" % i).serialize(mask=False)
+
+
+async def test_pings_behind_a_held_client_collapse_to_the_newest() -> None:
+    heard: list[bytes] = []
+    async with held_connection(inf, heard) as (socket, _, reader, writer):
+        pings = [frame(Opcode.PING, b"%05d" % i) for i in range(5_000)]
+        writer.write(b"".join(pings[:2_500]) + frame(Opcode.TEXT, b"between") + b"".join(pings[2_500:]))
+        async with asyncio.timeout(PATIENCE):
+            said = await reader.readuntil(pong_of(4_999))
+        assert len(said) <= socket.num_pieces * len(pong_of(0)), "one answer to each piece of what came"
+        assert socket.num_bytes_held == len(frame(Opcode.TEXT, b"between"))
+        socket.go_on(inf)
+        assert heard == [b"first", b"between"]
+
+
+async def test_search_for_pings_ends_with_the_turn_and_goes_on_in_a_later_one() -> None:
+    heard: list[bytes] = []
+    async with held_connection(-inf, heard) as (socket, receiver, reader, writer):
+        texts, pings = ([frame(kind, b"%05d" % i) for i in range(100)] for kind in (Opcode.TEXT, Opcode.PING))
+        both = b"".join(text + ping for text, ping in zip(texts, pings, strict=True))
+        begun = socket.num_bytes_received
+        writer.write(both)
+        await turns_until(lambda: socket.num_bytes_received == begun + len(both))
+        assert socket.has_pings
+        assert receiver.num_waits
+        assert socket.num_bytes_held >= len(both) - len(pings[0]) * socket.num_pieces, "one frame of each piece at most"
+        for _ in range(5):
+            held = socket.num_bytes_held
+            socket.go_on_with_pings(-inf)
+            assert held - socket.num_bytes_held <= len(pings[0])
+            assert socket.has_pings
+        socket.go_on_with_pings(inf)
+        assert not socket.has_pings
+        assert socket.num_bytes_held == len(b"".join(texts))
+        async with asyncio.timeout(PATIENCE):
+            await reader.readuntil(pong_of(99))
+        while socket.num_bytes_held:
+            socket.go_on(inf)
+        assert heard == [b"first", *(b"%05d" % i for i in range(100))]
+
+
+async def test_connection_reads_again_once_its_pings_are_out_of_the_way() -> None:
+    heard: list[bytes] = []
+    async with held_connection(-inf, heard) as (socket, _, reader, writer):
+        pings = b"".join(frame(Opcode.PING, b"%05d" % i) for i in range(10_000))
+        begun = socket.num_bytes_received
+        writer.write(pings)
+        await turns_until(lambda: socket.num_bytes_held > MAX_HELD)
+        socket.go_on_with_pings(inf)
+        while socket.has_pings or socket.num_bytes_received < begun + len(pings):
+            await asyncio.sleep(0)
+            socket.go_on_with_pings(inf)
+        async with asyncio.timeout(PATIENCE):
+            await reader.readuntil(pong_of(9_999))
+
+
+async def test_lost_connection_holds_no_fragments() -> None:
+    connections: list[DirectConnection] = []
+
+    async def handler(socket: ServerConnection) -> None:
+        assert isinstance(socket, DirectConnection)
+        socket.is_trusted = True
+        connections.append(socket)
+        socket.listen(PausingReceiver(socket, [], 64))
+        await socket.wait_closed()
+
+    async with serve(handler, "127.0.0.1", 0, create_connection=DirectConnection, compression=None) as server:
+        port = next(iter(server.sockets)).getsockname()[1]
+        _, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(REQUEST)
+        await turns_until(lambda: bool(connections))
+        writer.write(frame(Opcode.TEXT, b"x" * 50_000, fin=False))
+        await turns_until(lambda: connections[0].num_bytes_held >= 50_000)
+        writer.transport.abort()
+        await connections[0].lost
+        assert connections[0].num_bytes_held == 0
 
 
 async def test_long_messages_are_compressed_slice_by_slice() -> None:

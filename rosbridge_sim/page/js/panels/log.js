@@ -57,9 +57,10 @@ export function makeLogPanel({ connection, texts: { log: texts } }) {
     setText(hold, isHeld ? texts.go : texts.hold);
     draw();
   });
+  const refusals = new RefusalReader(store, texts.statusSource);
   connection.onStatus(({ level: given, msg }) => {
     const known = LOG_LEVELS.find((name) => name === given) ?? (given === "none" ? "debug" : "info");
-    store.add(known, texts.statusSource, msg, Date.now() / 1000);
+    refusals.takeStatus(known, msg, Date.now() / 1000);
   });
 
   const panel = element(
@@ -70,12 +71,11 @@ export function makeLogPanel({ connection, texts: { log: texts } }) {
     note,
     list,
   );
-  const refusals = new RefusalReader(store);
   whileSeen(panel, () => {
     isSeen = true;
     draw();
     const takers = [
-      connection.subscribe("/rosout", "", (message) => store.add(...rosoutLine(message)), { queueLength: ROSOUT_QUEUE }),
+      connection.subscribe("/rosout", "", (message) => refusals.takeLine(...rosoutLine(message)), { queueLength: ROSOUT_QUEUE }),
       connection.subscribe("/sim/refusals", "rosbridge_sim_msgs/Refusals", (message) => refusals.take(message)),
     ];
     return () => {

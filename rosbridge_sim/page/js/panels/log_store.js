@@ -50,6 +50,15 @@ export class LogStore {
     this.onChange();
   }
 
+  /**
+   * Remove lines.
+   * @param {(line: LogLine) => boolean} which
+   */
+  remove(which) {
+    this.lines = this.lines.filter((line) => !which(line));
+    this.onChange();
+  }
+
   clear() {
     this.lines = [];
     this.onChange();
@@ -93,17 +102,67 @@ export function rosoutLevel(level, isRos2) {
   return level >= info ? "info" : "debug";
 }
 
-/** Refusals of `/sim/refusals`, which come again with each message: only the new ones are lines. */
+/** A line of the server's log about refused requests, which `/sim/refusals` tells, too. */
+const REFUSED = /^\S+: (refused: |[\d,]+ more refused \()/;
+
+/** Name of the logger that writes them. */
+const SERVER = "/rosbridge_sim/server";
+
+/** Time within which a status and a refusal with the same text are of one mistake [s]. */
+const SAME_MISTAKE = 10;
+
+/**
+ * Reader of all that tells of mistakes, so that each stands once in the log: refusals of `/sim/refusals`, which come again
+ * with each message; lines of the server's log about them; and the statuses of this page's own mistakes.
+ */
 export class RefusalReader {
-  /** @param {LogStore} store */
-  constructor(store) {
+  /**
+   * @param {LogStore} store
+   * @param {string} [statusSource] - source of lines about statuses
+   */
+  constructor(store, statusSource = "") {
     this.store = store;
+    this.statusSource = statusSource;
+    /** `/sim/refusals` has come at least once. */
+    this.isHere = false;
+    /** Texts of the latest refusals, with their times [s]. @type {Map<string, number>} */
+    this.latest = new Map();
     /** Count of each refusal of the last message. @type {Map<string, number>} */
     this.counts = new Map();
   }
 
+  /**
+   * Take a line of `/rosout`.
+   * @param {LogLevel} level
+   * @param {string} source
+   * @param {string} text
+   * @param {number} time - [s] since 1970
+   */
+  takeLine(level, source, text, time) {
+    if (!this.isHere || !isAboutRefusal(source, text)) {
+      this.store.add(level, source, text, time);
+    }
+  }
+
+  /**
+   * Take a status of the server.
+   * @param {LogLevel} level
+   * @param {string} text
+   * @param {number} time - [s] since 1970
+   */
+  takeStatus(level, text, time) {
+    const isKnown = [...this.latest].some(([told, at]) => time - at < SAME_MISTAKE && isSameText(text, told));
+    if (!isKnown) {
+      this.store.add(level, this.statusSource, text, time);
+    }
+  }
+
   /** @param {any} message */
   take(message) {
+    if (!this.isHere) {
+      this.isHere = true;
+      this.store.remove((line) => isAboutRefusal(line.source, line.text));
+    }
     /** @type {Map<string, number>} */
     const counts = new Map();
     for (const refusal of message.refusals) {
@@ -115,9 +174,37 @@ export class RefusalReader {
       counts.set(key, added);
       if (added > known) {
         const time = stampSeconds(refusal.stamp);
+        this.store.remove((line) => line.source === this.statusSource && isSameText(line.text, text));
+        this.latest.delete(text);
+        this.latest.set(text, time);
         this.store.add("warning", client, `${[op, subject].filter(Boolean).join(" ")}: ${text} (${reason})`, time, Math.min(count, added - known));
       }
     }
     this.counts = counts;
+    for (const text of [...this.latest.keys()].slice(0, -KEPT_REFUSALS)) {
+      this.latest.delete(text);
+    }
   }
+}
+
+/** Texts of refusals that are kept. */
+const KEPT_REFUSALS = 50;
+
+/**
+ * Return whether a line of the server's log tells what `/sim/refusals` tells.
+ * @param {string} source
+ * @param {string} text
+ */
+function isAboutRefusal(source, text) {
+  return source === SERVER && REFUSED.test(text);
+}
+
+/**
+ * Return whether a refusal has the text of a status; a long one is cut in its middle.
+ * @param {string} text
+ * @param {string} told
+ */
+function isSameText(text, told) {
+  const cut = told.indexOf(" ... ");
+  return text === told || (cut > 0 && text.startsWith(told.slice(0, cut)) && text.endsWith(told.slice(cut + 5)));
 }

@@ -46,6 +46,7 @@ export function showMapHelp({ mapHelp: texts }) {
         return legendEntry(texts.legend[name], palette.materials.subarray(at, at + 3));
       }),
     ),
+    element("p", {}, element("a", { href: "docs/guides/page", target: "_blank", rel: "noopener" }, texts.documentation)),
   );
   close.onclick = () => dialog.close();
   dialog.addEventListener("close", () => dialog.remove());

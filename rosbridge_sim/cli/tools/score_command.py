@@ -1,0 +1,124 @@
+"""`score`: what the driver of each ego is judged by, once or as it changes."""
+
+from __future__ import annotations
+
+from rosbridge_sim.cli.tools.text import note, put, put_json
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame
+from rosbridge_sim.cli.tools.tool_subscription import Listener
+from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
+from rosbridge_sim.link.terminal_text import safe
+
+__all__ = ["follow", "show"]
+
+SCORE = "/sim/score"
+"""Name of the service and of the topic."""
+
+FOLLOW_MS = 1_000
+"""Between two lines of an ego [ms]: as fast as a person reads them."""
+
+LINES = (
+    ("distance", "distance", "m"),
+    ("collisions", "collisions", ""),
+    ("red lights", "red_lights", ""),
+    ("stop lines", "stop_lines", ""),
+    ("lane invasions", "lane_invasions", ""),
+    ("off the road", "off_road_time", "s"),
+)
+"""Title, field and unit of the totals."""
+
+NOW_AND_MOST = (
+    ("time to collision", "time_to_collision", "min_time_to_collision", "", "s"),
+    ("from lane's middle", "lane_offset", "max_lane_offset", "mean_lane_offset", "m"),
+    ("jerk", "jerk", "max_jerk", "rms_jerk", "m/s^3"),
+    ("lateral acceleration", "lateral_accel", "max_lateral_accel", "rms_lateral_accel", "m/s^2"),
+)
+"""Title, field of now, of the extreme and of the mean, and unit."""
+
+
+async def show(bridge: Bridge, *, is_reset: bool, is_json: bool) -> int:
+    """Show the scores of all egos.
+
+    Args:
+        bridge: to the simulator.
+        is_reset: begin all counts anew afterwards.
+        is_json: show the answer as it is.
+
+    Raises:
+        RefusedError: the simulator says no, or there is none.
+        BridgeError: there is no answer.
+    """
+    answer = await bridge.call(SCORE, {"reset": is_reset}, bridge.patience)
+    if answer is None:
+        raise BridgeError(f"{SCORE}: no answer within {bridge.patience:g} s; --timeout waits longer")
+    if not answer.is_ok or not isinstance(answer.values, dict):
+        text = safe(str(answer.values))
+        raise RefusedError(f"{text}; does the rosbridge have a simulator?" if "not exist" in text else text)
+    values = answer.values
+    if is_json:
+        put_json(values)
+        return 0
+    if values.get("message"):
+        note(str(values["message"]))
+    for score in _scores(values):
+        _put_score(score)
+    return 0
+
+
+async def follow(bridge: Bridge, count: int | None, *, is_json: bool) -> int:
+    """Show the scores of all egos as they change, once a second at most.
+
+    Args:
+        bridge: to the simulator.
+        count: of messages; None for no end.
+        is_json: show messages as they are, one a line.
+
+    Raises:
+        RefusedError: there is no such topic.
+    """
+    listener = await Listener.open(bridge, SCORE, None, throttle_ms=FOLLOW_MS)
+    num_left = count
+    while num_left != 0:
+        msg = await listener.expect(None)
+        if is_json:
+            put_json(msg)
+        else:
+            for score in _scores(msg):
+                put(_line(score))
+        if num_left is not None:
+            num_left -= 1
+    return 0
+
+
+def _scores(values: Frame) -> list[Frame]:
+    """Return the scores in an answer or a message; a stranger's may hold anything."""
+    scores = values.get("scores")
+    return [one for one in scores if isinstance(one, dict)] if isinstance(scores, list) else []
+
+
+def _put_score(score: Frame) -> None:
+    put(f"ego {_text(score, 'unique_id')}, since frame {_text(score, 'since_frame')}")
+    for title, field, unit in LINES:
+        ids = score.get("collision_ids") if field == "collisions" else None
+        more = f"  the last with {safe(', '.join(map(str, ids)))}" if isinstance(ids, list) and ids else ""
+        put(f"  {title:20}  {_text(score, field)}{f' [{unit}]' if unit else ''}{more}")
+    for title, now, most, mean, unit in NOW_AND_MOST:
+        least = "least" if now == "time_to_collision" else "most"
+        parts = [f"now {_text(score, now)}", f"{least} {_text(score, most)}"]
+        if mean:
+            parts.append(f"{'rms' if mean.startswith('rms') else 'mean'} {_text(score, mean)}")
+        put(f"  {title:20}  {', '.join(parts)} [{unit}]")
+
+
+def _line(score: Frame) -> str:
+    """Return a line about one ego."""
+    counts = "  ".join(f"{title} {_text(score, field)}{f' {unit}' if unit else ''}" for title, field, unit in LINES)
+    ttc = _text(score, "time_to_collision")
+    return f"ego {_text(score, 'unique_id')}  {counts}  time to collision {ttc}{'' if ttc == 'none' else ' s'}"
+
+
+def _text(score: Frame, field: str) -> str:
+    """Return a figure for a person."""
+    value = score.get(field)
+    if isinstance(value, float):
+        return "none" if value < 0.0 and field.endswith("time_to_collision") else f"{value:.3f}"
+    return safe(str(value)) if isinstance(value, (int, str)) else "?"

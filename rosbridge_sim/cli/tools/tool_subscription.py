@@ -1,0 +1,140 @@
+"""The subscription of a tool: messages as they come, and a clear error if none can come."""
+
+from __future__ import annotations
+
+from rosbridge_sim.cli.tools.sync_commands import why_silent
+from rosbridge_sim.cli.tools.text import note
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, answer_of, words
+from rosbridge_sim.link.bridge_errors import RefusedError
+from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.suggestions import hint
+
+__all__ = ["Listener", "no_topic"]
+
+
+class Listener:
+    """The messages of a topic.
+
+    Without a given type, the topic must already exist, and a server that does not know it may not say so. So rosapi is
+    asked at the same time. Messages do not wait for that answer, which may never come.
+    """
+
+    def __init__(self, bridge: Bridge, topic: str) -> None:
+        """Prepare; `open` subscribes."""
+        self._bridge = bridge
+        self._topic = topic
+        self._question: str | None = None
+        self._question_ends: float | None = None
+        self._complaint = ""
+        self._num_messages = 0
+
+    @classmethod
+    async def open(cls, bridge: Bridge, topic: str, type_name: str | None, *, throttle_ms: int = 0) -> Listener:
+        """Subscribe to a topic.
+
+        Args:
+            bridge: the rosbridge.
+            topic: absolute name of the topic.
+            type_name: its type; None means that of an existing topic.
+            throttle_ms: least time between two messages [ms].
+
+        Returns:
+            The subscription.
+        """
+        listener = cls(bridge, topic)
+        rate = {"throttle_rate": throttle_ms} if throttle_ms else {}
+        if type_name is not None:
+            await bridge.send("subscribe", topic=topic, type=type_name, **rate)
+            return listener
+        await bridge.send("subscribe", topic=topic, **rate)
+        listener._question = await bridge.send("call_service", service="/rosapi/topic_type", args={"topic": topic})
+        listener._question_ends = bridge.now() + bridge.patience
+        return listener
+
+    async def expect(self, patience: float | None) -> Frame:
+        """Return the next message.
+
+        Args:
+            patience: longest wait [s]; None means no limit.
+
+        Raises:
+            RefusedError: the topic does not exist, or no message came in time; the text has the cause, if it is known.
+        """
+        until = None if patience is None else self._bridge.now() + patience
+        msg = await self.next(until)
+        if msg is None:
+            assert patience is not None, "only a wait with a limit ends without a message"
+            raise await why_silent(self._bridge, self._topic, patience)
+        return msg
+
+    async def next(self, until: float | None = None) -> Frame | None:
+        """Return the next message; None if none comes in time.
+
+        Args:
+            until: time of the event loop [s]; None means no limit.
+
+        Raises:
+            RefusedError: the topic does not exist.
+        """
+        while True:
+            deadlines = [at for at in (until, self._question_ends) if at is not None]
+            frame = await self._bridge.receive(min(deadlines, default=None))
+            if frame is not None:
+                msg = await self._judge(frame)
+                if msg is not None:
+                    return msg
+            elif until is not None and self._bridge.now() >= until:
+                return None
+            else:
+                self._give_up_asking()
+
+    async def _judge(self, frame: Frame) -> Frame | None:
+        """Return the message in a frame, if there is one."""
+        op = frame.get("op")
+        if op == "publish" and absolute(str(frame.get("topic"))) == self._topic:
+            self._num_messages += 1
+            msg = frame.get("msg")
+            return msg if isinstance(msg, dict) else {}
+        if op == "service_response" and frame.get("id") == self._question:
+            self._question = self._question_ends = None
+            values = answer_of(frame).values
+            if isinstance(values, dict) and values.get("type") == "" and not self._num_messages:
+                raise await no_topic(self._bridge, self._topic, "; --type PKG/TYPE waits for one")
+            self._complain()
+        if op == "status":
+            self._hear(str(frame.get("level")), str(frame.get("msg")))
+        return None
+
+    def _hear(self, level: str, text: str) -> None:
+        """Handle a status message.
+
+        An error before the first message is about this subscription, the only request so far.
+        """
+        if level != "error" or self._num_messages:
+            note(f"the server says: {text}")
+            return
+        self._complaint = text
+        if self._question is None:  # otherwise rosapi's answer may explain it better
+            self._complain()
+
+    def _give_up_asking(self) -> None:
+        self._question = self._question_ends = None
+        self._complain()
+        if not self._num_messages:
+            note(f"{self._bridge.silence} Waiting for messages")
+
+    def _complain(self) -> None:
+        if self._complaint:
+            raise RefusedError(safe(self._complaint))
+
+
+async def no_topic(bridge: Bridge, topic: str, advice: str = "") -> RefusedError:
+    """Return the error for a missing topic, with a suggestion.
+
+    Args:
+        bridge: the rosbridge.
+        topic: absolute name of the topic.
+        advice: further text for the end of the error.
+    """
+    names = words(await bridge.ask("topics"), "topics")
+    return RefusedError(f"no topic {safe(topic)} here{hint(topic, names)}{advice}")

@@ -1,0 +1,100 @@
+"""Topics that a client publishes and nothing subscribes to; the client is told once if the name looks misspelt.
+
+A topic without a subscriber is no mistake, and most programs have some. But a command to `/ctrl_cmdd` has no effect and
+gets no answer. So if nothing listens after some seconds, and the name is nearly that of a topic with a listener, the
+publisher is told at level `info`, which clients get only if they have asked for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from itertools import islice
+
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.topics_services import Topic
+from rosbridge_sim.suggestions import find_misspelt
+
+__all__ = ["UNHEARD_AFTER", "UnheardTopics", "find_meant"]
+
+UNHEARD_AFTER = 5.0
+"""Time without a subscriber after which a publisher is told [s]: most programs of a start script are running then."""
+
+MAX_WATCHED_PUBLISHERS = 1_000
+"""Publishers that are watched at once; further ones are not told."""
+
+MAX_TOLD_PUBLISHERS = 20
+"""Publishers that are judged in one turn, about 0.3 ms each; the others in the next turn."""
+
+_SEPARATORS = str.maketrans("", "", "_-/")
+
+
+class UnheardTopics:
+    """Advertisements that began without a subscriber, oldest first."""
+
+    def __init__(self) -> None:
+        self._watched: dict[tuple[Participant, Topic], tuple[float, Callable[[Topic], None]]] = {}
+
+    def watch(self, owner: Participant, topic: Topic, notify: Callable[[Topic], None], now: float) -> None:
+        """Judge a topic if it has no subscriber after `UNHEARD_AFTER`.
+
+        Args:
+            owner: the publisher.
+            topic: what it has advertised.
+            notify: called with the topic, at most once.
+            now: monotonic time [s].
+        """
+        if not is_heard(topic) and len(self._watched) < MAX_WATCHED_PUBLISHERS:
+            self._watched.setdefault((owner, topic), (now + UNHEARD_AFTER, notify))
+
+    def forget(self, owner: Participant, topic: Topic) -> None:
+        """Stop watching a publisher; an unknown one is not an error.
+
+        Args:
+            owner: the publisher.
+            topic: the topic.
+        """
+        self._watched.pop((owner, topic), None)
+
+    def next_due(self) -> float | None:
+        """Return when `take_due` has something to return next [s]; None if never."""
+        for due, _ in self._watched.values():  # all wait for the same time, so the first is the earliest
+            return due
+        return None
+
+    def take_due(self, now: float) -> list[tuple[Topic, Callable[[Topic], None]]]:
+        """Return the topics without a subscriber that should be judged now, with the function that tells the publisher.
+
+        Args:
+            now: monotonic time [s].
+        """
+        due = [each for each in islice(self._watched.items(), MAX_TOLD_PUBLISHERS) if each[1][0] <= now]
+        for key, _ in due:
+            del self._watched[key]
+        return [(topic, notify) for (_, topic), (_, notify) in due if not is_heard(topic)]
+
+
+def is_heard(topic: Topic) -> bool:
+    """Return whether something listens to a topic; a recording of all topics does not count."""
+    return any(not each.is_recording and not each.is_general for each in topic.subscriptions)
+
+
+def find_meant(topic: Topic, owner: Participant, topics: Iterable[Topic]) -> str:
+    """Return the name of the topic with a listener that a publisher probably means; an empty text for none.
+
+    Names that differ by a number are different things. So is a topic that the same client publishes, too.
+
+    Args:
+        topic: the topic without a listener.
+        owner: its publisher.
+        topics: the topics that the publisher may know.
+    """
+    heard = {each.name: each for each in topics if is_heard(each) and not _is_another_number(each.name, topic.name)}
+    meant = find_misspelt(topic.name, heard)
+    return "" if not meant or owner in heard[meant].publishers else meant
+
+
+def _is_another_number(one: str, other: str) -> bool:
+    """Return whether two names differ by numbers alone: `/ctrl_cmd_0` and `/ctrl_cmd_1`, or `/ctrl_cmd`."""
+    numbers = ["".join(filter(str.isdecimal, name)) for name in (one, other)]
+    words = ["".join(each for each in name.translate(_SEPARATORS) if not each.isdecimal()) for name in (one, other)]
+    return numbers[0] != numbers[1] and words[0] == words[1]

@@ -1,0 +1,1 @@
+"""Connection of a client program to a rosbridge server: URLs, the WebSocket client, texts for terminals."""

@@ -1,0 +1,32 @@
+"""Heads of WebSocket frames with a complete message, as server and client write them (RFC 6455 section 5.2)."""
+
+from __future__ import annotations
+
+from struct import pack
+from typing import Final
+
+from rosbridge_sim.protocol.outbox import BinaryFrame
+
+__all__ = ["BINARY", "TEXT", "head_of"]
+
+TEXT: Final = 0x81
+"""First byte of a frame with a complete text message: FIN and the opcode, no extension bits."""
+
+BINARY: Final = 0x82
+"""The same for a binary message."""
+
+
+def head_of(message: bytes, mask_bit: int = 0) -> bytes:
+    """Return the head of a frame with a complete message: `BinaryFrame` is binary, other messages are text.
+
+    Args:
+        message: the message before masking.
+        mask_bit: 0x80 if the masking key follows, as in frames of clients.
+    """
+    size = len(message)
+    first = BINARY if type(message) is BinaryFrame else TEXT
+    if size < 126:  # noqa: PLR2004 - RFC 6455 section 5.2, three forms of the length
+        return pack("!BB", first, mask_bit | size)
+    if size < 2**16:
+        return pack("!BBH", first, mask_bit | 126, size)
+    return pack("!BBQ", first, mask_bit | 127, size)

@@ -1,0 +1,69 @@
+"""The formats of maps, and the choice of the reader by the files of a map folder.
+
+A new format is a module beside this one and a row in `FORMATS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from rosbridge_sim.maps import mgeo
+from rosbridge_sim.maps.road_map import RoadMap
+
+__all__ = ["FORMATS", "MAP_FILES", "MapFormat", "choose_format", "find_map_mistakes", "is_map", "read_map"]
+
+
+@dataclass(frozen=True, slots=True)
+class MapFormat:
+    """A format of maps.
+
+    Attributes:
+        name: as people know it.
+        needed: names of the files that a map of this format needs.
+        files: names of all files that are read.
+        read: `(files, source)`: contents by file name -> the map. It raises DocumentError with one line.
+        find_mistakes: the same arguments -> a line for each mistake in files that `read` refuses.
+    """
+
+    name: str
+    needed: tuple[str, ...]
+    files: tuple[str, ...]
+    read: Callable[[Mapping[str, bytes], str], RoadMap]
+    find_mistakes: Callable[[Mapping[str, bytes], str], list[str]]
+
+
+FORMATS: Final = (MapFormat("MGeo", mgeo.FILES, mgeo.MAP_FILES, mgeo.read_mgeo, mgeo.find_mgeo_mistakes),)
+"""All formats. If a folder has files of several, the first one is taken."""
+
+MAP_FILES: Final = tuple(dict.fromkeys(file for each in FORMATS for file in each.files))
+"""Names of all files that some reader reads."""
+
+
+def is_map(names: Collection[str]) -> bool:
+    """Return True if a folder with these files is a map, perhaps an incomplete one."""
+    return any(file in names for each in FORMATS for file in each.needed)
+
+
+def choose_format(names: Collection[str]) -> MapFormat:
+    """Return the format of a folder with these files; the first format if they belong to none, for its error."""
+    return next((each for each in FORMATS if any(file in names for file in each.needed)), FORMATS[0])
+
+
+def read_map(files: Mapping[str, bytes], source: str) -> RoadMap:
+    """Read a map of any format.
+
+    Args:
+        files: contents by file name.
+        source: the map's folder, for errors; its last part is the map's name.
+
+    Raises:
+        DocumentError: one line: file, place in it, expected value, actual value.
+    """
+    return choose_format(files).read(files, source)
+
+
+def find_map_mistakes(files: Mapping[str, bytes], source: str) -> list[str]:
+    """Return a line for each mistake in a map that `read_map` refuses; see there."""
+    return choose_format(files).find_mistakes(files, source)

@@ -1,0 +1,494 @@
+"""Traffic lights of an MGeo map: lights, groups, controllers and schedules -> the world's signal plan.
+
+There are five kinds of documents, with more than five file names. A name does not always tell the kind: some maps have
+the schedule in `synced_traffic_light_set.json`. So the kind is found from the entries of each file. A reference to
+something that the map lacks is ignored with a note, because a map with half its lights is better than none.
+
+Schedules use seconds; the world uses frames.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Annotated, Any, Final
+
+from pydantic import Field, TypeAdapter, model_validator
+
+from rosbridge_sim.documents import (
+    Coordinate,
+    Document,
+    Mistake,
+    Number,
+    Whole,
+    find_mistakes,
+    read_document,
+)
+from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.maps.mgeo_links import MAX_LINKS, MAX_MAP_BYTES, Identifier, Lanes, read_line
+from rosbridge_sim.maps.road_map import Crosswalk
+from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan, Walk
+from rosbridge_sim.world.state.world import DT
+
+__all__ = [
+    "CROSSWALK_FILES",
+    "LIGHT_FILES",
+    "colour_of",
+    "find_light_mistakes",
+    "light_type",
+    "read_crosswalks",
+    "read_lights",
+    "sort_files",
+]
+
+LIGHT_FILES: Final = (
+    "traffic_light_set.json",
+    "synced_traffic_light_set.json",
+    "intersection_controller_set.json",
+    "intersection_controller_state.json",
+    "intersection_controller_data.json",
+    "synced_traffic_light_state.json",
+)
+"""Files with lights; all are optional. If several files hold one kind of entry, the first one that is not empty is
+used."""
+
+CROSSWALK_FILES: Final = ("singlecrosswalk_set.json", "crosswalk_set.json")
+
+DEFAULT_YELLOW: Final = 3.0
+"""Duration of yellow for a group whose schedule gives none [s]."""
+
+LEFT_TURN: Final = math.radians(40.0)
+"""Smallest turn of a lane that is a left or right turn, if the map names no movement [rad]."""
+
+Seconds = Annotated[Number, Field(ge=0.0, le=100_000.0)]
+Names = Annotated[list[Identifier], Field(max_length=MAX_LINKS)]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+
+
+class _Light(Document):
+    idx: Identifier
+    link_id_list: Names | None = None
+    type: Identifier | None = None
+    sub_type: Names | Identifier | None = None
+    point: Point | None = None
+    heading: Number | None = None
+
+
+class _Synced(Document):
+    idx: Identifier
+    signal_id_list: Names
+    intersection_controller_id: Identifier | None = None
+
+
+class _Controller(Document):
+    idx: Identifier
+    TL: Annotated[list[Names], Field(max_length=1_000)]
+
+
+class _Phase(Document):
+    """A phase. Colours are in the order of a controller's groups, or named by group (`groups`)."""
+
+    duration: Seconds
+    lightcolor: Names
+    groups: Names = []  # noqa: RUF012 - pydantic copies it
+
+    @model_validator(mode="before")
+    @classmethod
+    def _part_names(cls, value: JsonValue) -> JsonValue:
+        colours = value.get("lightcolor") if isinstance(value, dict) else None
+        if not isinstance(colours, dict):
+            return {**value, "groups": []} if isinstance(value, dict) else value
+        return {**value, "lightcolor": list(colours.values()), "groups": list(colours)}
+
+
+class _Schedule(Document):
+    idx: Identifier
+    TLState: Annotated[list[_Phase], Field(max_length=1_000)]
+    yelloduration: Annotated[list[Seconds], Field(max_length=1_000)] | None = None
+    PSState: Annotated[list[tuple[Whole, Identifier, Seconds, Seconds, Seconds]], Field(max_length=1_000)] | None = None
+
+
+class _Crosswalk(Document):
+    idx: Identifier
+    single_crosswalk_list: Names | None = None
+    ref_traffic_light_list: Names | None = None
+
+
+class _Stripe(Document):
+    idx: Identifier
+    points: list[tuple[float, float, float]]
+    ref_crosswalk_id: Identifier | None = None
+
+
+_LIGHTS: Final = TypeAdapter(Annotated[list[_Light], Field(max_length=MAX_LINKS)])
+_SYNCED: Final = TypeAdapter(Annotated[list[_Synced], Field(max_length=MAX_LINKS)])
+_CONTROLLERS: Final = TypeAdapter(Annotated[list[_Controller], Field(max_length=MAX_LINKS)])
+_SCHEDULES: Final = TypeAdapter(Annotated[list[_Schedule], Field(max_length=MAX_LINKS)])
+_CROSSWALKS: Final = TypeAdapter(Annotated[list[_Crosswalk], Field(max_length=MAX_LINKS)])
+_STRIPES: Final = TypeAdapter(Annotated[list[_Stripe], Field(max_length=MAX_LINKS)])
+
+
+# Colours and types
+
+_COLOURS: Final[dict[str, int]] = {
+    "": 0,
+    "none": 0,
+    "off": 0,
+    "r": Lamp.RED,
+    "red": Lamp.RED,
+    "y": Lamp.YELLOW,
+    "yellow": Lamp.YELLOW,
+    "g": Lamp.GREEN,
+    "sg": Lamp.GREEN,  # straight green
+    "green": Lamp.GREEN,
+    "gleft": Lamp.LEFT,
+    "lg": Lamp.LEFT,
+    "left": Lamp.LEFT,
+    "gright": Lamp.RIGHT,
+    "rg": Lamp.RIGHT,
+    "guturn": Lamp.U_TURN,
+    "ug": Lamp.U_TURN,
+    "uturn": Lamp.U_TURN,
+    "gupleft": Lamp.UP_LEFT,
+    "gupright": Lamp.UP_RIGHT,
+    "gdownleft": Lamp.DOWN_LEFT,
+    "gdownright": Lamp.DOWN_RIGHT,
+}
+
+
+def colour_of(name: str) -> int | None:
+    """Return the sum of lamps for a colour of a schedule.
+
+    Args:
+        name: `R`, `SG`, `R_with_GLeft` and the like, or the sum as a number.
+
+    Returns:
+        The sum of `Lamp`; None for an unknown name.
+    """
+    text = name.strip().casefold()
+    known = sum(int(lamp) for lamp in Lamp)
+    if text.isdecimal():
+        return int(text) if len(text) <= 4 and not int(text) & ~known else None  # noqa: PLR2004  # 4095 at most
+    lamps = [_COLOURS.get(part) for part in text.split("_with_")]
+    total = 0
+    for lamp in lamps:
+        if lamp is None:
+            return None
+        total |= lamp
+    return total
+
+
+def light_type(light: Light) -> int:
+    """Return the `trafficLightType` on the wire.
+
+    Args:
+        light: of the map.
+
+    Returns:
+        0 red, yellow, green; 1 a left arrow instead of green; 2 both; 100 only yellow.
+    """
+    if light.is_warning:
+        return 100
+    if not light.lamps & Lamp.LEFT:
+        return 0
+    return 2 if light.lamps & Lamp.GREEN else 1
+
+
+_SUB_TYPES: Final = {
+    "red": Lamp.RED,
+    "yellow": Lamp.YELLOW,
+    "straight": Lamp.GREEN,
+    "green": Lamp.GREEN,
+    "left": Lamp.LEFT,
+    "right": Lamp.RIGHT,
+    "uturn": Lamp.U_TURN,
+    "upperleft": Lamp.UP_LEFT,
+    "upperright": Lamp.UP_RIGHT,
+    "lowerleft": Lamp.DOWN_LEFT,
+    "lowerright": Lamp.DOWN_RIGHT,
+}
+
+
+def _lamps(light: _Light) -> int:
+    """Return the lamps of a light; red, yellow and green if the map does not name them."""
+    words = light.sub_type if isinstance(light.sub_type, list) else re.split(r"[,_\s]+", light.sub_type or "")
+    lamps = 0
+    for word in words:
+        lamps |= int(_SUB_TYPES.get(re.sub(r"[^a-z]", "", word.casefold()), 0))
+    return lamps or int(Lamp.RED | Lamp.YELLOW | Lamp.GREEN)
+
+
+# Files
+
+
+def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: list[str]) -> SignalPlan:
+    """Read the lights of a map.
+
+    Args:
+        files: content and name for errors, by file name; those of `LIGHT_FILES` that exist.
+        lanes: of the map.
+        notes: gets a line for each ignored entry.
+
+    Returns:
+        The plan.
+
+    Raises:
+        DocumentError: one line: file, place in it, expected value, actual value.
+    """
+    sorted_files = sort_files(files)
+    entries = read_document(_LIGHTS, *sorted_files["lights"], MAX_MAP_BYTES) if "lights" in sorted_files else []
+    rows: dict[str, int] = {}
+    lights: list[Light] = []
+    for entry in entries:
+        if entry.idx in rows:
+            notes.append(f"traffic light {entry.idx!r} is listed twice; the first one is used")
+            continue
+        rows[entry.idx] = len(lights)
+        lights.append(_light(entry, lanes))
+    synced = read_document(_SYNCED, *sorted_files["synced"], MAX_MAP_BYTES) if "synced" in sorted_files else []
+    groups = [_known(entry.signal_id_list, rows) for entry in synced]
+    plans = (
+        read_document(_CONTROLLERS, *sorted_files["controllers"], MAX_MAP_BYTES)
+        if "controllers" in sorted_files
+        else []
+    )
+    first_note = len(notes)
+    named = [(plan.idx, [_known(names, rows) for names in plan.TL]) for plan in plans]
+    controllers = named or list(_controllers_of(synced, groups))
+    schedules = (
+        read_document(_SCHEDULES, *sorted_files["schedules"], MAX_MAP_BYTES) if "schedules" in sorted_files else []
+    )
+    by_name = {schedule.idx: schedule for schedule in schedules}
+    synced_rows = {entry.idx: group for entry, group in zip(synced, groups, strict=True)}
+    laid = [_controller(name, members, by_name.pop(name, None), synced_rows, notes) for name, members in controllers]
+    for schedule in by_name.values():
+        found = _run_by_group(schedule, synced)
+        what = f"schedule {schedule.idx!r}: the map has no such intersection controller"
+        if found is None:
+            notes.append(f"{what} and no group of lights that the schedule names; it runs nothing")
+            continue
+        names, schedule = found  # noqa: PLW2901 - with its colours in the groups' order
+        notes.append(f"{what}; it runs the groups that it names, {', '.join(names)}")
+        laid.append(_controller(schedule.idx, [synced_rows[name] for name in names], schedule, synced_rows, notes))
+    if lights and not plans and "controllers" in sorted_files:
+        what = "no group and schedule runs a light instead"
+        if any(controller.phases for controller in laid):
+            what = "lights are run by their groups and schedules"
+        notes.insert(first_note, f"the set of intersection controllers is empty; {what}")
+    return SignalPlan(lanes.roads, lights, laid, together=groups, passes=list(_passes(lanes)))
+
+
+def sort_files(files: Mapping[str, tuple[bytes, str]]) -> dict[str, tuple[bytes, str]]:
+    """Find the files of `lights`, `synced` groups, `controllers` and `schedules`, by a key that only such entries have.
+
+    Args:
+        files: content and name for errors, by file name.
+
+    Returns:
+        Content and name for errors, by kind.
+    """
+    found: dict[str, tuple[bytes, str]] = {}
+    for name in LIGHT_FILES:
+        if name not in files:
+            continue
+        content = files[name][0]
+        # A file without entries gets its kind from its name; it must still be JSON.
+        kind = next((kind for key, kind in _MARKS if key in content), _BY_NAME.get(name, "schedules"))
+        if kind not in found or found[kind][0].strip() == b"[]":
+            found[kind] = files[name]
+    return found
+
+
+_MARKS: Final = (
+    (b'"TLState"', "schedules"),
+    (b'"TL"', "controllers"),
+    (b'"signal_id_list"', "synced"),
+    (b'"sub_type"', "lights"),
+)
+_BY_NAME: Final = {
+    "traffic_light_set.json": "lights",
+    "synced_traffic_light_set.json": "synced",
+    "intersection_controller_set.json": "controllers",
+}
+
+
+def find_light_mistakes(files: Mapping[str, tuple[bytes, str]]) -> list[Mistake]:
+    """Return all values in the files of lights and crosswalks that do not fit.
+
+    Args:
+        files: content and name for errors, by file name.
+
+    Returns:
+        The mistakes, file by file.
+    """
+    kinds: dict[str, TypeAdapter[Any]] = {
+        "lights": _LIGHTS,
+        "synced": _SYNCED,
+        "controllers": _CONTROLLERS,
+        "schedules": _SCHEDULES,
+    }
+    stripe_file, group_file = CROSSWALK_FILES
+    judged = [(kinds[kind], file) for kind, file in sort_files(files).items()]
+    judged += [
+        (kind, files[name]) for kind, name in ((_STRIPES, stripe_file), (_CROSSWALKS, group_file)) if name in files
+    ]
+    return [mistake for kind, (text, name) in judged for mistake in find_mistakes(kind, text, name, MAX_MAP_BYTES)]
+
+
+def _light(entry: _Light, lanes: Lanes) -> Light:
+    served = []
+    for name in entry.link_id_list or ():
+        try:
+            served.append(lanes.roads.row(name))
+        except KeyError:
+            continue  # a lane-change link, or a link that was cut out of the map
+    x, y, z = entry.point or (0.0, 0.0, 0.0)
+    is_pedestrian = (entry.type or "").strip().casefold() == "pedestrian"
+    yaw = math.radians(math.remainder(entry.heading or 0.0, 360.0))
+    return Light(entry.idx, _lamps(entry), is_pedestrian, tuple(served), x, y, z, yaw)
+
+
+def _known(names: Iterable[str], rows: Mapping[str, int]) -> tuple[int, ...]:
+    return tuple(rows[name] for name in names if name in rows)
+
+
+def _controllers_of(
+    synced: Sequence[_Synced], groups: Sequence[tuple[int, ...]]
+) -> Iterator[tuple[str, list[tuple[int, ...]]]]:
+    """Yield controllers made from the synced groups, for maps without controllers; groups in the file's order."""
+    of: dict[str, list[tuple[int, ...]]] = {}
+    for entry, group in zip(synced, groups, strict=True):
+        if entry.intersection_controller_id:
+            of.setdefault(entry.intersection_controller_id, []).append(group)
+    yield from of.items()
+
+
+def _run_by_group(schedule: _Schedule, synced: Sequence[_Synced]) -> tuple[list[str], _Schedule] | None:
+    """Return the groups that a schedule without a controller runs, and the schedule with its colours in their order.
+
+    Some maps have an empty set of controllers. Their groups are found, in this order of trust: by the controller that a
+    group names; by the group names beside the colours; by the schedule's own name, if it is a group's; by the group
+    names in `PSState`, if there are as many as colours, in the order of the set. Otherwise the result is None.
+    """
+    known = [entry.idx for entry in synced]
+    own = [entry.idx for entry in synced if entry.intersection_controller_id == schedule.idx]
+    beside = list(dict.fromkeys(name for state in schedule.TLState for name in state.groups if name in known))
+    if own and not beside:
+        return own, schedule
+    if beside:
+        phases = []
+        for state in schedule.TLState:
+            colours = dict(zip(state.groups, state.lightcolor, strict=False))
+            phases.append(state.model_copy(update={"lightcolor": [colours.get(name, "red") for name in beside]}))
+        return beside, schedule.model_copy(update={"TLState": phases})
+    if schedule.idx in known:
+        return [schedule.idx], schedule
+    walked = {target for _, target, *_ in schedule.PSState or ()}
+    named = [name for name in known if name in walked]
+    num_colours = max((len(state.lightcolor) for state in schedule.TLState), default=0)
+    return (named, schedule) if named and len(named) == num_colours else None
+
+
+def _controller(
+    name: str,
+    groups: Sequence[tuple[int, ...]],
+    schedule: _Schedule | None,
+    synced: Mapping[str, tuple[int, ...]],
+    notes: list[str],
+) -> Controller:
+    number = re.search(r"\d+$", name)
+    plain = Controller(name, int(number[0]) % 2**31 if number else 0, tuple(groups))
+    if schedule is None or not schedule.TLState:
+        notes.append(f"intersection controller {name!r} has no schedule; its lights are not lit")
+        return plain
+    phases = []
+    for i, state in enumerate(schedule.TLState):
+        colours = [colour_of(colour) for colour in state.lightcolor[: len(groups)]]
+        where = f"schedule {name!r}, phase {i}"
+        for colour, text in zip(colours, state.lightcolor, strict=False):
+            if colour is None:
+                notes.append(f"{where}: {text[:40]!r} is no colour that is known; it is read as red")
+        if len(colours) < len(groups):
+            notes.append(f"{where}: {len(colours)} colours for {len(groups)} groups; the others are red")
+        lit = [int(Lamp.RED) if colour is None else colour for colour in colours]
+        lit += [int(Lamp.RED)] * (len(groups) - len(lit))
+        phases.append(Phase(max(1, _frames(state.duration)), tuple(lit)))
+    given = [_frames(seconds) for seconds in (schedule.yelloduration or ())[: len(groups)]]
+    yellow = given + [_frames(DEFAULT_YELLOW)] * (len(groups) - len(given))
+    walks = []
+    for phase, target, *times in schedule.PSState or ():
+        group = _group_number(target, groups, synced)
+        if group is None or not 0 <= phase < len(phases):
+            notes.append(f"schedule {name!r}: PSState of phase {phase} and group {target!r}, which are not there")
+            continue
+        walks.append(Walk(phase, group, *map(_frames, times)))
+    return Controller(plain.name, plain.number, plain.groups, tuple(phases), tuple(yellow), tuple(walks))
+
+
+def _group_number(target: str, groups: Sequence[tuple[int, ...]], synced: Mapping[str, tuple[int, ...]]) -> int | None:
+    """Return the index of a controller's group from a number or from the name of a synced group."""
+    number = re.fullmatch(r"(\d{1,4})(\.0*)?", target)
+    if number:
+        return int(number[1]) if int(number[1]) < len(groups) else None
+    lights = set(synced.get(target, ()))
+    return next((i for i, group in enumerate(groups) if lights & set(group)), None)
+
+
+def _frames(seconds: float) -> int:
+    return round(seconds / DT)
+
+
+def _passes(lanes: Lanes) -> Iterator[int]:
+    """Yield for each lane the lamps of its light that allow to enter it.
+
+    A left turn needs the arrow, unless the map says that it is not protected.
+    """
+    for signal, turn in zip(lanes.related_signal, lanes.roads.turn.tolist(), strict=True):
+        movement = signal or ("left" if turn > LEFT_TURN else "right" if turn < -LEFT_TURN else "straight")
+        if movement.startswith("left"):
+            yield Lamp.LEFT | (Lamp.GREEN if movement != "left" else 0)
+        elif movement.startswith("right"):
+            yield Lamp.RIGHT | Lamp.GREEN
+        elif movement.startswith("uturn"):
+            yield Lamp.U_TURN | Lamp.LEFT
+        else:
+            yield Lamp.GREEN | Lamp.UP_LEFT | Lamp.UP_RIGHT
+
+
+# Crosswalks
+
+
+def read_crosswalks(files: Mapping[str, tuple[bytes, str]], plan: SignalPlan) -> tuple[Crosswalk, ...]:
+    """Read the crosswalks of a map.
+
+    Args:
+        files: content and name for errors, by file name; both of `CROSSWALK_FILES` are optional.
+        plan: of the map's lights.
+
+    Returns:
+        The crosswalks, in the order of the file.
+
+    Raises:
+        DocumentError: one line: file, place in it, expected value, actual value.
+    """
+    stripe_file, group_file = CROSSWALK_FILES
+    stripes = read_document(_STRIPES, *files[stripe_file], MAX_MAP_BYTES) if stripe_file in files else []
+    outlines: dict[str, FloatArray] = {}
+    for i, stripe in enumerate(stripes):
+        if len(stripe.points) > 2:  # noqa: PLR2004  # an area has three corners
+            outlines[stripe.idx] = read_line(stripe.points, f"{files[stripe_file][1]}: [{i}].points")
+    entries = read_document(_CROSSWALKS, *files[group_file], MAX_MAP_BYTES) if group_file in files else []
+    rows = {light.name: row for row, light in enumerate(plan.lights)}
+    crosswalks = []
+    taken: set[str] = set()
+    for entry in entries:
+        own = [stripe.idx for stripe in stripes if stripe.ref_crosswalk_id == entry.idx]
+        parts = [name for name in dict.fromkeys([*(entry.single_crosswalk_list or ()), *own]) if name in outlines]
+        taken.update(parts)
+        lights = _known(entry.ref_traffic_light_list or (), rows)
+        if parts:
+            crosswalks.append(Crosswalk(entry.idx, tuple(outlines[name] for name in parts), lights))
+    crosswalks += [Crosswalk(name, (outline,)) for name, outline in outlines.items() if name not in taken]
+    return tuple(crosswalks)

@@ -1,0 +1,117 @@
+"""A map in a form that knows no file format: projection, lanes, traffic lights, crosswalks and painted lines.
+
+Each reader of a format makes one of these (`map_formats` has the readers); everything else of the simulator uses this
+form alone. All places are in the map frame [m].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import blake2b
+
+from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
+
+__all__ = ["Border", "Crosswalk", "Projection", "RoadMap"]
+
+
+@dataclass(frozen=True, slots=True)
+class Projection:
+    """Position of the map's coordinates on the globe, as in `MapSpec`.
+
+    Attributes:
+        is_tm: a transverse Mercator with its own figures (`plane_coordinate_system` 1) instead of a UTM zone (0).
+        zone: UTM zone 1..60; 0 for a TM, and for `NO_PROJECTION`.
+        is_south: a UTM zone of the southern hemisphere (MapSpec has no field for it).
+        ellipse: e.g. "WGS84".
+        central_latitude, central_meridian: [deg]. A UTM zone is also a transverse Mercator and has all these figures.
+        scale_factor: on the central meridian.
+        false_easting, false_northing: [m].
+        text: as the map has it.
+    """
+
+    is_tm: bool
+    zone: int = 0
+    is_south: bool = False
+    ellipse: str = "WGS84"
+    central_latitude: float = 0.0
+    central_meridian: float = 0.0
+    scale_factor: float = 1.0
+    false_easting: float = 0.0
+    false_northing: float = 0.0
+    text: str = ""
+
+    @property
+    def is_known(self) -> bool:
+        """False for `NO_PROJECTION`."""
+        return self.is_tm or self.zone > 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Border:
+    """A line that is painted on the road, or a kerb: for drawings.
+
+    Attributes:
+        name: as the map has it.
+        line: (k, 3) its points, map frame [m].
+        type: MGeo's `lane_type`, such as 501 for a centre line and 530 for a stop line; 0 where the map has no number.
+        shape: MGeo's `lane_shape`: "Solid" or "Broken", of each of its lines.
+        colour: MGeo's `lane_color`.
+    """
+
+    name: str
+    line: FloatArray
+    type: int = 0
+    shape: tuple[str, ...] = ()
+    colour: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Crosswalk:
+    """A crosswalk.
+
+    Attributes:
+        name: as the map spells it.
+        outlines: corners of its parts, (k, 3) each [m].
+        lights: rows of the lights that belong to it.
+    """
+
+    name: str
+    outlines: tuple[FloatArray, ...]
+    lights: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)  # without slots, because the digest is kept
+class RoadMap:
+    """A map.
+
+    Attributes:
+        name: of its folder.
+        projection: of its plane coordinates; `NO_PROJECTION` if the map does not tell.
+        origin: east, north and up of the map's (0, 0, 0) in that projection [m].
+        roads: its lanes, in the order of the file.
+        plan: its traffic lights; None if it has none.
+        crosswalks: its crosswalks.
+        borders: painted lines and kerbs.
+        notes: remarks about ignored or reinterpreted entries: a line each, for the log.
+    """
+
+    name: str
+    projection: Projection
+    origin: tuple[float, float, float]
+    roads: Roads
+    plan: SignalPlan | None = None
+    crosswalks: tuple[Crosswalk, ...] = ()
+    notes: tuple[str, ...] = ()
+    borders: tuple[Border, ...] = ()
+
+    @cached_property
+    def digest(self) -> bytes:
+        """16 bytes that stand for all of the map that decides what a simulator does."""
+        state = blake2b(repr((self.name, self.projection, self.origin)).encode(), digest_size=16)
+        state.update(self.roads.digest)
+        if self.plan is not None:
+            state.update(self.plan.digest)
+        return state.digest()

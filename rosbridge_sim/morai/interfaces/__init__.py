@@ -1,1 +1,0 @@
-"""Topics and services of the simulator, by name, with their settings."""

@@ -1,0 +1,1 @@
+"""World state -> MORAI's messages, and MORAI's commands -> world state."""

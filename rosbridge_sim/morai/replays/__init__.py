@@ -1,1 +1,0 @@
-"""Replay of recorded drives: recordings are read and shown in the world."""

@@ -1,1 +1,0 @@
-"""Services under `/sim`, which MORAI SIM does not have: time as a tool, the population, the road."""

@@ -1,0 +1,419 @@
+"""The shape of scenario documents: the part of MORAI's scenario JSON that is read, key by key.
+
+Keys that these models name are read. All other keys that MORAI writes (physical state, editor state) are ignored. Of
+the read keys, the `idle_keys` have no effect yet: they are kept as they are written. Four keys are ours.
+Three are for users who write scenarios by hand and do not know MORAI's numbers and ids: `modelName`, a name of the
+catalogue instead of `DataID`; `pathName`, the name of a path instead of the item's `UNIQUEID`; `route`, the links that
+a vehicle follows. The fourth is `yields`: the item stops for what is ahead on its path.
+`schemas/scenario.schema.json` is generated from this module.
+"""
+
+# ruff: noqa: N815  # the document's own spelling
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, Final, TypeVar
+
+from pydantic import Field, TypeAdapter, model_validator
+
+from rosbridge_sim.documents import (
+    Coordinate,
+    Document,
+    KeptAsWritten,
+    LenientBool,
+    Mistake,
+    Number,
+    Ratio,
+    Whole,
+    find_mistakes,
+    read_document,
+)
+from rosbridge_sim.loose_types import JsonValue
+
+__all__ = [
+    "MAX_SCENARIO_BYTES",
+    "EgoVehicle",
+    "EnuPosition",
+    "Follower",
+    "InitPosition",
+    "LinkInfo",
+    "NpcVehicle",
+    "Obstacle",
+    "Pedestrian",
+    "PlacedItem",
+    "Rotation",
+    "Scale",
+    "ScenarioDocument",
+    "SpawnPointItem",
+    "WaypointPath",
+    "find_scenario_mistakes",
+    "read_scenario_document",
+    "scenario_schema",
+]
+
+MAX_SCENARIO_BYTES: Final = 1 << 25
+"""Largest size of a document: 32 MiB, a hundred times the size that MORAI saves for a full scene."""
+
+MAX_ITEMS: Final = 1_000
+"""Largest number of pedestrians, of obstacles and of spawn points."""
+
+MAX_VEHICLES: Final = 10_000
+"""Largest number of vehicles: what one step is made for. Beyond 1,000 the map must have room; see the reader."""
+
+MAX_PATHS: Final = 3 * MAX_ITEMS
+MAX_WAYPOINTS: Final = 100_000
+MAX_SCENARIO_TEXT: Final = 200
+
+T = TypeVar("T")
+
+ShortText = Annotated[str, Field(max_length=MAX_SCENARIO_TEXT)]
+Speed = Annotated[Number, Field(ge=-1_000.0, le=1_000.0)]
+BoundedList = Annotated[list[T], Field(max_length=MAX_ITEMS)]
+
+
+ActiveDistance = Annotated[
+    Coordinate | None, Field(description="stands until an ego is this near [m]; 0 or less: starts at once")
+]
+
+
+class EnuPosition(Document):
+    """A position on the map: metres east, north and up of its origin."""
+
+    other_keys: ClassVar[frozenset[str]] = frozenset({"_x", "_y", "_z"})
+
+    x: Coordinate
+    y: Coordinate
+    z: Coordinate = 0.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_texts(cls, value: JsonValue) -> JsonValue:
+        """Use the text `_x` where the number `x` is missing, because MORAI writes each number twice."""
+        if not isinstance(value, dict):
+            return value
+        texts = {key: value["_" + key] for key in "xyz" if value.get(key) is None and value.get("_" + key) is not None}
+        return {**value, **texts}
+
+
+class Rotation(Document):
+    """Heading, roll and pitch; MORAI's angles may be larger than a full turn."""
+
+    yaw: Annotated[Number, Field(description="degrees counter-clockwise from east")] = 0.0
+    roll: Annotated[Number, Field(description="degrees")] = 0.0
+    pitch: Annotated[Number, Field(description="degrees")] = 0.0
+
+
+class Scale(Document):
+    """Size of a thing relative to its model, in the engine's axes of the thing itself."""
+
+    x: Annotated[Number, Field(description="of its width")] = 1.0
+    y: Annotated[Number, Field(description="of its height")] = 1.0
+    z: Annotated[Number, Field(description="of its length")] = 1.0
+
+
+class InitPosition(Document):
+    """Start of a vehicle: a position, or a place along a link of the map."""
+
+    initPositionMode: Annotated[ShortText, Field(description='"Absolute": pos and rot; "Link": initLink')] = "Absolute"
+    pos: EnuPosition | None = None
+    rot: Rotation | None = None
+    initLink: Annotated[ShortText | None, Field(description="id of a link of the map")] = None
+    initLinkRatio: Annotated[Ratio | None, Field(description="0 at the link's start, 1 at its end")] = None
+    gear: Annotated[Whole | None, Field(description="of an ego; 1 P, 2 R, 3 N, 4 D")] = None
+
+
+class PlacedItem(Document):
+    """Keys of every agent."""
+
+    UNIQUEID: Annotated[Whole | None, Field(description="its id; without one it gets the next free one")] = None
+    DataID: Annotated[Whole | None, Field(description="MORAI's number of the model")] = None
+    modelName: Annotated[ShortText | None, Field(description="name of the model, used instead of DataID (ours)")] = None
+
+
+class EgoVehicle(PlacedItem):
+    """The car that clients drive. UNIQUEID -1, as in MORAI's files, is the first ego: 0 on the wire."""
+
+    initPosition: InitPosition
+    gear: Annotated[Whole | None, Field(description="used if initPosition has none; D if both are absent")] = None
+    currentVelocity: Annotated[Speed | None, Field(description="speed at the start [km/h]")] = None
+
+
+class Follower(PlacedItem):
+    """An agent that may follow a path of waypointDataList."""
+
+    isWaypointMode: Annotated[
+        LenientBool | None, Field(description="false: the path is not followed; true without waypoints: it stands")
+    ] = None
+    pathName: Annotated[
+        ShortText | None,
+        Field(description="name of its path (ours); without it, the path whose name ends in ' - UNIQUEID'"),
+    ] = None
+
+
+Yields = Annotated[
+    LenientBool | None,
+    Field(description="true: it stops for what is ahead on its path; a pedestrian crosses by light or gap (ours)"),
+]
+
+
+class NpcVehicle(Follower):
+    """A vehicle: on a path at constant speed; without a path, on the lanes as a driver; otherwise straight ahead.
+
+    It follows the lanes if it starts on a link. It also does so if it stands on a lane and `isWaypointMode` is false,
+    or is absent while `currentLinkInfo` or `startPointLinkInfo` holds a link.
+    """
+
+    idle_keys: ClassVar[frozenset[str]] = frozenset(
+        {
+            *("latBiasMode", "spawnPointUniqueID", "destinationUniqueID", "destinationMode", "endPointLinkInfo"),
+        }
+    )
+
+    initPosition: InitPosition
+    velocityType: Annotated[
+        Whole | None,
+        Field(description="1: linkVelocity, on lanes the speed limit; 2: desiredVelocity, on lanes its highest speed"),
+    ] = None
+    desiredVelocity: Annotated[Speed | None, Field(description="its own cruise speed [km/h]")] = None
+    constantVelocity: Annotated[
+        Speed | None, Field(description="cruise speed if desiredVelocity is absent or 0 [km/h]")
+    ] = None
+    linkVelocity: Annotated[Speed | None, Field(description="[km/h]")] = None
+    currentVelocity: Annotated[Speed | None, Field(description="speed at the start, on lanes [km/h]")] = None
+    isCloseLoop: Annotated[LenientBool | None, Field(description="the path or route begins again at its end")] = None
+    route: Annotated[
+        list[ShortText] | None,
+        Field(max_length=MAX_WAYPOINTS, description="ids of links, from its first link on (ours); after them random"),
+    ] = None
+    activeDistance: ActiveDistance = None
+    yields: Yields = None
+    startPointLinkInfo: KeptAsWritten = None
+    currentLinkInfo: KeptAsWritten = None
+    isLaneChange: Annotated[
+        JsonValue, Field(description="false: on lanes it never changes them; absent or any other value: it may")
+    ] = None
+    latBiasMode: KeptAsWritten = None
+    latBias: Annotated[
+        JsonValue,
+        Field(description="offset from the line of its lane, left positive, -5..5; other values count as 0 [m]"),
+    ] = None
+    spawnPointUniqueID: KeptAsWritten = None
+    destinationUniqueID: KeptAsWritten = None
+    destinationMode: KeptAsWritten = None
+    endPointLinkInfo: KeptAsWritten = None
+
+
+class Pedestrian(Follower):
+    """A pedestrian: walks along its path; without a path, movingDistance straight ahead; otherwise straight ahead."""
+
+    idle_keys: ClassVar[frozenset[str]] = frozenset({"active"})
+
+    pos: EnuPosition
+    rot: Rotation | None = None
+    speed: Annotated[Speed | None, Field(description="[km/h]")] = None
+    loop: Annotated[LenientBool | None, Field(description="at the end it begins again, or walks back")] = None
+    movingDistance: Annotated[Coordinate | None, Field(description="[m]")] = None
+    activeDistance: ActiveDistance = None
+    yields: Yields = None
+    active: KeptAsWritten = None
+
+
+class Obstacle(Follower):
+    """A thing that stands, or moves along its path."""
+
+    pos: EnuPosition
+    rot: Rotation | None = None
+    moveSpeed: Annotated[Speed | None, Field(description="[km/h]")] = None
+    activeDistance: ActiveDistance = None
+    scale: Annotated[Scale | None, Field(description="of the model's size")] = None
+
+
+class LinkInfo(Document):
+    """A place on a link of the map."""
+
+    linkIdx: Annotated[ShortText | None, Field(description="id of the link")] = None
+    pointIdx: Annotated[Whole | None, Field(description="number of the point of the link, from 0")] = None
+
+
+Seconds = Annotated[Number | None, Field(ge=0.0, le=1e6)]
+Kmh = Annotated[Number | None, Field(ge=0.0, le=1_000.0)]
+
+
+class SpawnPointItem(Document):
+    """A point where vehicles appear, drive along the lanes to their destination, and leave there."""
+
+    idle_keys: ClassVar[frozenset[str]] = frozenset(
+        {
+            *("listVehicleLengthType", "isCloseLoop", "isSpawning", "spawnedVehiclesCount"),
+            *("DestinationMode", "NPCSpawnType"),
+        }
+    )
+
+    UNIQUEID: Annotated[Whole | None, Field(description="its id, for the destinations of other points")] = None
+    modelName: Annotated[ShortText | None, Field(description="name of the model of its vehicles (ours)")] = None
+    spawnVehicleTypeID: Annotated[Whole | None, Field(description="MORAI's number of the model; -1: random")] = None
+    pos: Annotated[EnuPosition | None, Field(description="used if startLinkInfo names no link of the map")] = None
+    startLinkInfo: Annotated[LinkInfo | None, Field(description="where vehicles appear")] = None
+    endLinkInfo: Annotated[LinkInfo | None, Field(description="where they leave; without it they turn at random")] = (
+        None
+    )
+    destinationObjUniqueID: Annotated[
+        Whole | None, Field(description="id of the spawn point where they leave, if endLinkInfo names no link")
+    ] = None
+    maximumSpawnVehicle: Annotated[
+        Whole | None, Field(ge=0, description="its vehicles in the world at the same time, at most 999")
+    ] = None
+    minSpawnPeriod: Annotated[
+        Seconds, Field(description="least time between two vehicles [s]; 5 if both are absent")
+    ] = None
+    maxSpawnPeriod: Annotated[Seconds, Field(description="greatest time [s]; 10 if both are absent")] = None
+    waitSpawnTime: Annotated[Seconds, Field(description="time until the first vehicle [s]; else a period")] = None
+    SpawnVelocityType: Annotated[
+        Whole | None, Field(description="2: Min/MaxSpawnVelocity_Custom; else the link's speed")
+    ] = None
+    MinSpawnVelocity_Custom: Annotated[Kmh, Field(description="least speed at the start [km/h]")] = None
+    MaxSpawnVelocity_Custom: Annotated[Kmh, Field(description="greatest speed at the start [km/h]")] = None
+    DesiredVelocityType: Annotated[
+        Whole | None, Field(description="2: Min/MaxDesiredVelocity_Custom; else the link's speed")
+    ] = None
+    MinDesiredVelocity_Custom: Annotated[Kmh, Field(description="least cruise speed [km/h]")] = None
+    MaxDesiredVelocity_Custom: Annotated[Kmh, Field(description="greatest cruise speed [km/h]")] = None
+    SafetyDist: Annotated[
+        Coordinate | None, Field(ge=0.0, description="room before and behind a new vehicle [m]; 5 if absent")
+    ] = None
+    TTC: Annotated[Seconds, Field(description="least time to a collision of a new vehicle [s]; 1 if absent")] = None
+    isLaneChange: Annotated[
+        JsonValue, Field(description="false: its vehicles never change lanes; absent or any other value: they may")
+    ] = None
+    latBiasMode: Annotated[
+        JsonValue, Field(description="2: offsets have a bell-shaped distribution between both bounds; else the middle")
+    ] = None
+    MinLatBias: Annotated[
+        JsonValue,
+        Field(description="least offset from the line of the lane, left positive, -5..5; other values count as 0 [m]"),
+    ] = None
+    MaxLatBias: Annotated[JsonValue, Field(description="greatest offset [m]")] = None
+    listVehicleLengthType: KeptAsWritten = None
+    isCloseLoop: KeptAsWritten = None
+    isSpawning: KeptAsWritten = None
+    spawnedVehiclesCount: KeptAsWritten = None
+    DestinationMode: KeptAsWritten = None
+    NPCSpawnType: KeptAsWritten = None
+
+
+class EnginePosition(Document):
+    """Position of a waypoint in the engine's axes: x west, y up, z south [m]."""
+
+    x: Coordinate
+    y: Coordinate = 0.0
+    z: Coordinate
+
+
+class Waypoint(Document):
+    """A point of a path."""
+
+    pos: EnginePosition
+
+
+class WaypointPath(Document):
+    """A path."""
+
+    pathName: Annotated[ShortText, Field(description='any name; "... - 7" is the path of the item with UNIQUEID 7')]
+    waypointData: Annotated[list[Waypoint], Field(max_length=MAX_WAYPOINTS)]
+
+
+class IntersectionState(Document):
+    """Phase of an intersection at the start."""
+
+    index: Annotated[
+        ShortText, Field(description="index of its controller among the map's, from 0; any other text is its id")
+    ]
+    state: Annotated[Whole, Field(description="number of the phase, from 0")] = 0
+    deltaTime: Annotated[Number | None, Field(ge=0.0, description="time since the phase began [s]")] = None
+
+
+class MapInfo(Document):
+    """The map of the scenario."""
+
+    mapName: ShortText | None = None
+
+
+class ScenarioDocument(Document):
+    """A scenario: the part of MORAI's scenario files that rosbridge_sim reads. Other keys are ignored."""
+
+    idle_keys: ClassVar[frozenset[str]] = frozenset(
+        {"pedspawnPointList", "frictionChangeMaterialList", "shadedAreaList"}
+    )
+
+    mapInfo: MapInfo | None = None
+    egoVehicle: EgoVehicle | None = None
+    vehicleList: Annotated[list[NpcVehicle], Field(max_length=MAX_VEHICLES)] | None = None
+    pedestrianList: BoundedList[Pedestrian] | None = None
+    objectList: BoundedList[Obstacle] | None = None
+    waypointDataList: Annotated[list[WaypointPath], Field(max_length=MAX_PATHS)] | None = None
+    tlList: Annotated[list[IntersectionState], Field(max_length=MAX_PATHS)] | None = None
+    spawnPointList: BoundedList[SpawnPointItem] | None = None
+    pedspawnPointList: KeptAsWritten = None
+    frictionChangeMaterialList: KeptAsWritten = None
+    shadedAreaList: KeptAsWritten = None
+
+
+_DOCUMENT: Final = TypeAdapter(ScenarioDocument)
+
+
+def read_scenario_document(text: bytes, source: str) -> ScenarioDocument:
+    """Read and check a scenario document.
+
+    Args:
+        text: the file's bytes.
+        source: its name, for errors.
+
+    Returns:
+        The document.
+
+    Raises:
+        DocumentError: one line: place, expected value, actual value.
+    """
+    return read_document(_DOCUMENT, text, source, MAX_SCENARIO_BYTES)
+
+
+def find_scenario_mistakes(text: bytes, source: str) -> list[Mistake]:
+    """Return all values of a scenario document that do not fit.
+
+    Args:
+        text: the file's bytes.
+        source: its name, for errors.
+
+    Returns:
+        The mistakes, in the document's order.
+    """
+    return find_mistakes(_DOCUMENT, text, source, MAX_SCENARIO_BYTES)
+
+
+def scenario_schema() -> dict[str, Any]:
+    """Return the documented subset as a JSON Schema (draft 2020-12).
+
+    Returns:
+        The schema as a JSON object.
+    """
+    schema = _without_noise(_DOCUMENT.json_schema())
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scenario", **schema}
+
+
+def _without_noise(schema: JsonValue) -> JsonValue:
+    """Return a schema without pydantic's generated titles, and with one `type` for "this or null"."""
+    if isinstance(schema, list):
+        return [_without_noise(item) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    plain = {
+        key: _without_noise(value)
+        for key, value in schema.items()
+        if not (key == "title" and isinstance(value, str)) and not (key == "default" and value is None)
+    }
+    match plain.get("anyOf"):
+        case [{"type": str() | list() as kind, **rest}, {"type": "null"}]:
+            del plain["anyOf"]
+            kinds = [kind] if isinstance(kind, str) else kind
+            return {"type": [*kinds, "null"], **rest, **plain}
+    return plain

@@ -1,0 +1,155 @@
+"""`rosbridge-sim serve` and `attach`: a simulator from its flags to its end.
+
+The first line on stdout has the URL on which the server listens, or the bridge to which it is attached. All other
+output goes to stderr. An internal error gives a traceback and exit code 1, a mistake of the
+settings 2. A requested end gives 0.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import gc
+import logging
+import os
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from rosbridge_sim import __version__
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.link.stop_signals import on_stop_signals, stop_signals
+from rosbridge_sim.shell.config.loading import read_settings, strange_variables
+from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.monitoring.log_format import formatter_of
+from rosbridge_sim.shell.websocket.memory import keep_memory
+
+if TYPE_CHECKING:
+    from rosbridge_sim.shell.app import Simulator
+
+__all__ = ["attach", "serve"]
+
+_log = logging.getLogger("rosbridge_sim")
+
+
+def serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
+    """Run `rosbridge-sim serve` until it is stopped; return the exit code.
+
+    Args:
+        argv: the flags.
+        is_attaching: `rosbridge-sim attach` was called.
+
+    Raises:
+        DocumentError: a flag, a file or a map cannot be used; a line for each mistake.
+    """
+    if "--version" in argv:
+        print(f"rosbridge-sim {__version__}")  # noqa: T201 - what was asked for
+        return 0
+    words = [word for word in argv if word != "--print-config"]
+    settings = read_settings(words, os.environ, is_attaching=is_attaching, find_more=_find_more)
+    if "--print-config" in argv:
+        from rosbridge_sim.shell.assembly import list_items  # noqa: PLC0415 - as below
+        from rosbridge_sim.shell.config.toml_output import format_config  # noqa: PLC0415 - as below
+
+        print(format_config(settings, list_items(settings)), end="")  # noqa: T201 - what was asked for
+        return 0
+    _start_log(settings)
+    for line in strange_variables(os.environ):
+        _log.warning("%s", line)
+    for number in stop_signals():
+        signal.signal(number, lambda *_: sys.exit(0))  # until the simulator is built
+    keep_memory()
+    gc.disable()  # objects made at the start stay; garbage collection would take a tenth of the start
+    from rosbridge_sim.shell.app import Simulator  # noqa: PLC0415 - not needed for --help or after a mistake
+
+    with asyncio.Runner(loop_factory=_loop_factory()) as runner:
+        try:
+            return runner.run(_run(Simulator(settings)))
+        except DocumentError as error:
+            if settings.log_format == "text":
+                raise  # `main` prints it
+            for line in str(error).splitlines():
+                _log.critical("%s", line)
+            return 2
+
+
+def _find_more(settings: Settings) -> Sequence[str]:
+    """Return the mistakes that only a simulator finds."""
+    from rosbridge_sim.shell.assembly import mistakes_of_items  # noqa: PLC0415 - as above
+
+    return mistakes_of_items(settings)
+
+
+def attach(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim attach`: a simulator behind other bridges, which does not listen; see `serve`."""
+    return serve(argv, is_attaching=True)
+
+
+async def _run(simulator: Simulator) -> int:
+    """Run a simulator until a signal or its own failure ends it; return the exit code."""
+    await simulator.start()
+    assert simulator.descriptors is not None
+    asyncio.get_running_loop().set_exception_handler(simulator.descriptors.take)
+    stopped: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+    def stop(number: signal.Signals) -> None:
+        _log.info("%s: stopping", number.name)
+        stopped.set_result(None)
+
+    with on_stop_signals(stop, simulator.close_recording):
+        try:
+            failed = await _serve_until(stopped, simulator)
+        finally:
+            await simulator.stop()
+        if failed is not None:
+            _log.critical("stopped: %s", failed)
+            return 2 if isinstance(failed, DocumentError) else 1
+    return 0
+
+
+async def _serve_until(stopped: asyncio.Future[None], simulator: Simulator) -> BaseException | None:
+    """Serve until `stopped` is done or the world fails; return the failure, if any."""
+    if simulator.settings.listen:
+        print(f"rosbridge-sim listening on {simulator.url}", flush=True)  # noqa: T201 - the one line on stdout
+        _tell_page(simulator)
+    else:
+        for attachment in simulator.attachments:
+            attachment.attached.add_done_callback(partial(_tell_attached, attachment.url))
+    gc.freeze()  # without these objects a full collection takes almost no time; with them, 12 ms
+    gc.enable()
+    failed = asyncio.ensure_future(simulator.wait())
+    await asyncio.wait({stopped, failed}, return_when=asyncio.FIRST_COMPLETED)
+    if failed.done():
+        return failed.exception()
+    failed.cancel()
+    return None
+
+
+def _tell_page(simulator: Simulator) -> None:
+    """Log the address of the web page."""
+    here, *elsewhere = simulator.page_urls or ("",)
+    if elsewhere:
+        _log.info("the page is at %s, and for other machines at %s", here, elsewhere[0])
+    elif here:
+        _log.info("the page is at %s", here)
+
+
+def _tell_attached(url: str, attached: asyncio.Future[None]) -> None:
+    if not attached.cancelled():
+        print(f"rosbridge-sim attached to {url}", flush=True)  # noqa: T201 - a line on stdout for each bridge
+
+
+def _loop_factory() -> Callable[[], asyncio.AbstractEventLoop] | None:
+    """Return uvloop's loop factory if it is installed; else None for the standard loop."""
+    try:
+        import uvloop  # noqa: PLC0415 - not installed on every system
+    except ImportError:
+        return None
+    return uvloop.new_event_loop
+
+
+def _start_log(settings: Settings) -> None:
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(formatter_of(settings.log_format))
+    logging.basicConfig(level=settings.log_level.upper(), handlers=[handler])

@@ -1,0 +1,296 @@
+"""Parts of a server made from its settings: the simulator's node, limits, policy, recording."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.stamps import Stamps
+from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
+from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
+from rosbridge_sim.protocol.outbox import OutboxLimits
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.config.value_types import URLS
+from rosbridge_sim.shell.files.definitions import Texts, read_definitions
+from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.shell.files.network_files import DiskNetworks
+from rosbridge_sim.shell.files.noise_file import read_sensor_noise
+from rosbridge_sim.shell.files.quota import DataQuota
+from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
+from rosbridge_sim.shell.monitoring.server_topics import TOPICS, WHO_IS_CONNECTED
+from rosbridge_sim.shell.scenario_shelf import DiskShelf
+from rosbridge_sim.shell.wall_clock import WallClock
+from rosbridge_sim.shell.websocket.access import Access
+from rosbridge_sim.shell.websocket.limits import ServerLimits
+from rosbridge_sim.shell.websocket.memory_budget import default_budget
+from rosbridge_sim.shell.websocket.origins import OriginRules
+from rosbridge_sim.simulator.bus.interface_registry import ListedInterface
+from rosbridge_sim.simulator.bus.network_settings import NetworkSettings
+from rosbridge_sim.simulator.bus.simulator_ways import SimulatorWays
+from rosbridge_sim.simulator.node_factory import make_node
+from rosbridge_sim.simulator.plain.reading import Reader
+from rosbridge_sim.simulator.replays.recording_builder import Recordings
+from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
+from rosbridge_sim.world.roads.turn_shares import TurnShares
+from rosbridge_sim.world.state.world import Dynamics, World
+
+if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and record nothing
+    from rosbridge_sim.shell.bags.bag_recorder import Recorder
+
+__all__ = [
+    "check_sense",
+    "choose_stamps",
+    "complete_policy",
+    "limits_of",
+    "list_items",
+    "make_simulator_node",
+    "mistakes_of_items",
+    "outbox_limits",
+    "start_recorder",
+    "taken_names",
+]
+
+_log = logging.getLogger("rosbridge_sim.app")
+
+
+def list_items(settings: Settings) -> list[ListedInterface]:
+    """Return the topics and services of a simulator with these settings. It is built in the built-in scene for that.
+
+    Args:
+        settings: the settings.
+
+    Raises:
+        DocumentError: a file cannot be used, or network settings are not valid.
+    """
+    bus = Bus(Store(read_definitions(settings.release, settings.schema_path), leniency=LENIENCY, ros=settings.ros))
+    Rosapi(bus)
+    WebRepublisher(bus)
+    built_in = replace(
+        settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None, sensor_noise="none"
+    )
+    return list(make_simulator_node(bus, built_in, None, None).interfaces.listing())
+
+
+def mistakes_of_items(settings: Settings) -> list[str]:
+    """Return the mistakes in the choices about topics and services, one line each.
+
+    The readers of settings use it when there are other mistakes, to show all of them together. Otherwise the simulator
+    finds these mistakes itself at its start.
+
+    Args:
+        settings: the settings.
+    """
+    if not (settings.publishers or settings.subscribers or settings.services):
+        return []
+    try:
+        list_items(settings)
+    except DocumentError as error:
+        return str(error).splitlines()
+    return []
+
+
+def make_simulator_node(
+    bus: Bus,
+    settings: Settings,
+    recordings: Recordings | None,
+    reader: Reader | None,
+    quota: DataQuota | None = None,
+) -> SimulatorNode:
+    """Return the node of a simulator, in its opening scene.
+
+    Args:
+        bus: the node's bus.
+        settings: all settings.
+        recordings: recorded drives of the user; None for none.
+        reader: reads files in a thread; None to read at once.
+        quota: limits the files that are written for clients; None for no limit.
+
+    Raises:
+        DocumentError: a file, a map or a setting cannot be used.
+    """
+    library = DiskLibrary(settings.scenario_path, settings.map, settings.catalogue)
+    profile = choose_profile(
+        settings.profile,
+        settings.release,
+        wheel_angle_unit=settings.wheel_angle_unit,
+        object_size_order=settings.object_size_order,
+        object_limit=settings.object_limit,
+        object_range=settings.object_range,
+        object_velocity_unit=settings.object_velocity_unit,
+    )
+    choices = NodeSettings(
+        profile=profile,
+        start=settings.start,
+        start_mode=settings.start_mode,
+        speed_limits=SPEED_LIMITS.get(settings.release),
+        network=NetworkSettings(settings.publishers, settings.subscribers, settings.services),
+        sync_frames=settings.sync_frames,
+        sync_lease=settings.sync_lease,
+        sync_on_loss=settings.sync_on_loss,
+        anyone_may_stop=settings.anyone_may_stop,
+        catalogue=library.catalogue,
+        real_time_factor=settings.real_time_factor,
+        replay_info=settings.replay_info,
+        score=settings.score,
+        traffic=settings.traffic,
+        traffic_wander=settings.traffic_wander,
+        sensor_noise=read_sensor_noise(settings.sensor_noise),
+        on_world_failure=settings.on_world_failure,
+    )
+    turn_shares = TurnShares(*map(float, settings.turn_shares.split(","))) if settings.turn_shares else None
+    scenario = library.opening_scenario(settings.scenario)
+    mistakes = taken_names(settings)
+    try:
+        node = make_node(
+            bus,
+            World(
+                settings.seed,
+                Dynamics[settings.dynamics.upper().replace("-", "_")],
+                is_creeping=settings.creep,
+                has_stability_control=settings.stability_control,
+                has_impacts=settings.on_collision == "impact",
+                turn_shares=turn_shares,
+            ),
+            library,
+            scenario,
+            choices,
+            archive=DiskArchive(settings.data_dir, quota),
+            recordings=recordings,
+            networks=DiskNetworks(settings.data_dir),
+            reader=reader,
+            shelf=DiskShelf(library, settings.data_dir),
+        )
+    except DocumentError as error:
+        if not mistakes:
+            raise
+        raise DocumentError("\n".join([*mistakes, str(error)])) from None
+    if mistakes:
+        raise DocumentError("\n".join(mistakes))
+    node.limit_turns(time.perf_counter)
+    return node
+
+
+def choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:
+    """Choose the clock for stamps."""
+    clock = WallClock()
+    choice = settings.stamps or ("sim" if settings.listen else "auto")
+    if choice == "auto" and not settings.attach:
+        _log.info("--stamps auto follows a bridge, but no --attach is given: stamps are simulated time")
+    return Stamps(choice, lambda now: node.use_wall_time(clock.read_ns, now))
+
+
+def taken_names(settings: Settings) -> list[str]:
+    """Return a mistake for each name that belongs to one of the server's own topics."""
+    return [
+        f"{choice.where}: expected another name than {choice.name}, which the server has"
+        for choice in [*settings.publishers.values(), *settings.subscribers.values()]
+        if choice.name in TOPICS
+    ]
+
+
+def start_recorder(settings: Settings, bus: Bus, node: SimulatorNode | None, texts: Texts) -> Recorder | None:
+    """Start to record, if `--record` is set.
+
+    Raises:
+        DocumentError: the file cannot be created.
+    """
+    if settings.record is None:
+        return None
+    from rosbridge_sim.shell.bags.bag import open_bag  # noqa: PLC0415 - the import of rosbags' writers takes a tenth of a second
+    from rosbridge_sim.shell.bags.bag_recorder import Recorder  # noqa: PLC0415
+    from rosbridge_sim.shell.bags.message_writer import BagMessageWriter  # noqa: PLC0415
+
+    path = Path(settings.record)
+    if path.resolve().is_relative_to(Path(settings.data_dir).resolve()):  # the data folder is created when it is needed
+        with suppress(OSError):  # opening the bag reports the error
+            path.parent.mkdir(parents=True, exist_ok=True)
+    bag = open_bag(path)
+    store = bus.store if bag.ros == bus.store.ros else Store(texts, leniency=LENIENCY, ros=bag.ros)
+    loop = asyncio.get_running_loop()
+    owner = None if node is None else node.participant
+    return Recorder(
+        bus, BagMessageWriter(bag, store, bus.store), path, simulator=owner, patterns=settings.record_topics, loop=loop
+    )
+
+
+def limits_of(settings: Settings) -> ServerLimits:
+    """Return the limits of the server and of each client."""
+    return ServerLimits(
+        max_frame_size=settings.max_frame_size,
+        ping_interval=settings.ping_interval,
+        ping_timeout=settings.ping_timeout,
+        is_compressing=settings.compression,
+        is_direct=settings.websocket_io == "direct",
+        is_talkative=settings.status,
+        client_memory=settings.client_memory,
+        memory_budget=settings.memory_budget or default_budget(),
+        outbox=outbox_limits(settings),
+        access=Access(
+            token=settings.token,
+            origins=OriginRules(settings.allow_origin, settings.allow_host),
+            max_clients=settings.max_clients,
+            max_strangers=settings.max_strangers,
+            max_rate=settings.max_rate,
+        ),
+        policy=Policy(
+            publish=Rule(settings.allow_publish, settings.deny_publish),
+            subscribe=Rule(settings.allow_subscribe, settings.deny_subscribe),
+            service=Rule(settings.allow_service, settings.deny_service),
+            parameter=Rule(settings.allow_param, settings.deny_param),
+            max_held=settings.max_held,
+        ),
+    )
+
+
+def complete_policy(policy: Policy, node: SimulatorNode | None, *, is_attaching: bool) -> None:
+    """Apply patterns to all names of the simulator's things, and log ways that they leave open."""
+    ways = SimulatorWays(None if node is None else node.interfaces)
+    policy.ways.add(ways.effects, ways.others)
+    policy.ways.add(lambda: (WHO_IS_CONNECTED,))
+    if node is not None:
+        node.interfaces.on_change = policy.ways.change
+    for line in policy.left_open():
+        _log.warning("%s", line)
+    if is_attaching and not policy.is_open:
+        _log.warning(
+            "--allow and --deny patterns apply only to clients of this server, not to programs behind a bridge;"
+            " set rules at the bridge"
+        )
+
+
+def outbox_limits(settings: Settings) -> OutboxLimits:
+    """Return the limits of what may wait for one client."""
+    return OutboxLimits(settings.outbox_burst, settings.outbox_size, settings.outbox_limit)
+
+
+def check_sense(settings: Settings) -> None:
+    """Refuse settings that leave nothing to do.
+
+    Raises:
+        DocumentError: the text says what is missing.
+    """
+    if settings.attach and not settings.world:
+        raise DocumentError("attach: expected a world; without one there is nothing to advertise at a bridge")
+    if settings.stamps == "wall" and settings.real_time_factor != 1.0:
+        raise DocumentError(
+            f"real-time-factor: expected 1 with --stamps wall; got {settings.real_time_factor:g};"
+            " --stamps sim allows any factor"
+        )
+    if settings.open and not (settings.listen and settings.page):
+        raise DocumentError("open: expected a server that listens and has its page; got --no-listen or --no-page")
+    if settings.port_file is not None and not settings.listen:
+        raise DocumentError("port-file: expected a server that listens; one that only attaches has no port")
+    if settings.scene and not settings.attach:
+        raise DocumentError("scene: expected with --attach; clients of this server can subscribe to the scene anyway")
+    if not settings.attach and not settings.listen:
+        raise DocumentError(f"attach: expected {URLS.expects}; got none, and --no-listen accepts no clients")

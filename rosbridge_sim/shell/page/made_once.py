@@ -1,0 +1,61 @@
+"""Values that threads make at the first request, one at a time, and that are kept."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Generic, TypeVar
+
+__all__ = ["MadeOnce"]
+
+_Value = TypeVar("_Value")
+
+
+class MadeOnce(Generic[_Value]):
+    """Values by name. The caller bounds the number of names; so many values are kept, and so many threads wait."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Make nothing yet.
+
+        Args:
+            loop: where requests are answered.
+        """
+        self._loop = loop
+        self._values: dict[str, asyncio.Future[_Value]] = {}
+        self._turn = threading.Lock()  # one thread at work, so that many requests at once do not slow the world down
+
+    def ask(self, name: str, make: Callable[[], _Value]) -> asyncio.Future[_Value]:
+        """Return a value, once it is made; after a failure the next request tries again.
+
+        Args:
+            name: its name.
+            make: makes it, in a thread.
+        """
+        value = self._values.get(name)
+        if value is None or (value.done() and (value.cancelled() or value.exception() is not None)):
+            value = self._values[name] = self._loop.create_future()
+            threading.Thread(target=self._make, args=(value, make), name="page", daemon=True).start()
+        return value
+
+    def _make(self, value: asyncio.Future[_Value], make: Callable[[], _Value]) -> None:
+        """Make a value, in the thread."""
+        settle: Callable[[], None]
+        try:
+            with self._turn:
+                made = make()
+        except Exception as error:  # noqa: BLE001 - an internal error: the server logs it
+            settle = _failure(value, error)
+        else:
+            settle = _success(value, made)
+        with suppress(RuntimeError):  # the loop is closed
+            self._loop.call_soon_threadsafe(settle)
+
+
+def _success(future: asyncio.Future[_Value], value: _Value) -> Callable[[], None]:
+    return lambda: None if future.done() else future.set_result(value)
+
+
+def _failure(future: asyncio.Future[_Value], error: Exception) -> Callable[[], None]:
+    return lambda: None if future.done() else future.set_exception(error)

@@ -1,0 +1,37 @@
+"""A file that a browser gets, with its compressed form and its ETag."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+from dataclasses import dataclass
+
+__all__ = ["PageFile", "make_page_file"]
+
+
+@dataclass(frozen=True, slots=True)
+class PageFile:
+    """A file of the page.
+
+    Attributes:
+        kind: its content type.
+        body: its bytes.
+        gzipped: the same, compressed.
+        etag: stands for the body, with its quotes.
+    """
+
+    kind: str
+    body: bytes
+    gzipped: bytes
+    etag: str
+
+
+def make_page_file(kind: str, body: bytes) -> PageFile:
+    """Return a file with its compressed form and its ETag.
+
+    Args:
+        kind: its content type.
+        body: its bytes.
+    """
+    etag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
+    return PageFile(kind, body, gzip.compress(body, mtime=0), etag)

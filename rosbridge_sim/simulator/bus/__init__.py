@@ -1,0 +1,1 @@
+"""The simulator's items on the bus: publishers, subscribers, services, and their names and rates."""

@@ -1,0 +1,172 @@
+"""Publishers of one topic: with a rate, or latched."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any, Final
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant, gives_way
+from rosbridge_sim.graph.topics_services import Subscription, Topic
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.simulator.bus.interface_registry import Interface, why_no_topic
+from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE, InterfaceKind, split_prefix
+
+__all__ = ["LatchedPublisher", "PeriodicPublisher"]
+
+_FRAME_RATE: Final = 50
+"""Frames of a second of simulated time."""
+
+
+class TopicPublisher(Interface):
+    """A topic that the simulator publishes.
+
+    Attributes:
+        topic: on the bus; None while it is not there.
+        last: the last message that went out with a frame, and how many frames were published by then; for `Publishers`.
+        shown_to: the subscriptions that the last message went to; for `Publishers`, and for topics for viewers alone.
+    """
+
+    kind = InterfaceKind.PUBLISHER
+
+    def __init__(self, name: str, type_name: str, *, is_exclusive: bool, rate: float | None, depth: int) -> None:
+        prefix, default = split_prefix(name)
+        super().__init__(default, prefix, type_name, rate)
+        self.topic: Topic | None = None
+        self.last: tuple[int, Message] | None = None
+        self.shown_to: tuple[Subscription, ...] = ()
+        self._is_exclusive = is_exclusive
+        self._depth = depth
+
+    def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
+        self.topic = bus.advertise(
+            owner,
+            name,
+            self.type_name,
+            depth=self._depth,
+            is_exclusive=self._is_exclusive,
+            is_on_demand=not self._depth,
+        )
+
+    def release(self, owner: Participant, bus: Bus, now: float, *, is_gone: bool) -> None:
+        assert self.topic is not None
+        bus.unadvertise(owner, self.topic.name, now)
+        if not is_gone:  # a late subscriber must not get the last message of a topic that was renamed
+            bus.forget_topic(self.topic.name)
+        self.topic = None
+
+    def why_not(self, owner: Participant, bus: Bus, name: str) -> str | None:
+        topic = bus.find_topic(name)
+        if topic is None:
+            return None
+        others = [other for other in topic.publishers if other is not owner and not gives_way(other, owner)]
+        if others and (self._is_exclusive or topic.owner in others):
+            return f"topic {name} is published by {others[0].name}"
+        return why_no_topic(owner, bus, name, self.type_name)
+
+
+class PeriodicPublisher(TopicPublisher):
+    """A topic that is published with the frames."""
+
+    def __init__(
+        self,
+        name: str,
+        type_name: str,
+        make: Callable[[], Any],
+        *,
+        is_exclusive: bool = True,
+        rate: float = USUAL_RATE,
+        is_sampled: bool = False,
+        is_shown_in_pause: bool = False,
+        version: Callable[[], object] | None = None,
+        is_in_frames: bool = True,
+        depth: int = 0,
+    ) -> None:
+        """Describe a topic; the arguments are those of `Publishers.add`."""
+        super().__init__(name, type_name, is_exclusive=is_exclusive, rate=rate, depth=depth)
+        self.make = make
+        self.version = version
+        self.shown_version: object = None  # of the last message
+        self.is_in_frames = is_in_frames
+        self.is_sampled = is_sampled
+        self.is_shown_in_pause = is_shown_in_pause
+        self.free_at = -math.inf  # where wall time limits the rate: when the next message may go out [s]
+        self._rate = Fraction(1)
+        self._most: Fraction | None = None
+        self._up, self._down = 1, 1
+        self._real_up, self._real_down = 1, 1
+
+    def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:
+        """Put the topic on the bus; a latched message is published at once. See `Interface.bind`."""
+        super().bind(owner, bus, name, now)
+        if self._depth:
+            assert self.topic is not None
+            bus.announce(owner, self.topic, Message(self.topic.type, self.make()), now)
+
+    @property
+    def is_latched(self) -> bool:
+        """True if its last messages are kept for late subscribers."""
+        return bool(self._depth)
+
+    def tune(self, rate: float) -> None:
+        """Set the rate.
+
+        Args:
+            rate: publications a second [Hz].
+        """
+        self._rate = Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
+        self._up, self._down = self._rate.numerator, self._rate.denominator
+        self.limit(self._most)
+
+    def limit(self, most: Fraction | None) -> None:
+        """Go out at most so often while real time moves the world, in simulated time [Hz]; None for no limit."""
+        self._most = most
+        rate = self._rate if most is None else min(self._rate, most / _FRAME_RATE)
+        self._real_up, self._real_down = rate.numerator, rate.denominator
+
+    @property
+    def is_stale(self) -> bool:
+        """True if the last message of a topic for viewers is not what it would be now."""
+        return self.version is not None and self.version() != self.shown_version
+
+    def note_shown(self, topic: Topic) -> None:
+        """Note that a message of the present state goes to all subscribers of the topic."""
+        if self.version is not None:
+            self.shown_version = self.version()
+            self.shown_to = topic.subscriptions
+
+    def num_due(self, frame: int) -> int:
+        """Return the number of publications of a frame at the topic's rate.
+
+        Args:
+            frame: the world's.
+
+        Returns:
+            0, 1 or, above 50 Hz, more.
+        """
+        return frame * self._up // self._down - (frame - 1) * self._up // self._down
+
+    def num_due_in_real_time(self, frame: int) -> int:
+        """Return how many publications this frame brings while real time moves the world, which may set a limit."""
+        return frame * self._real_up // self._real_down - (frame - 1) * self._real_up // self._real_down
+
+
+class LatchedPublisher(TopicPublisher):
+    """A topic that is published when its value changes; its last message is kept for late subscribers.
+
+    Attributes:
+        value: the last message, a generated struct; None before the first one.
+    """
+
+    def __init__(self, name: str, type_name: str, *, is_exclusive: bool = True) -> None:
+        """Describe a topic; the arguments are those of `Publishers.keep`."""
+        super().__init__(name, type_name, is_exclusive=is_exclusive, rate=None, depth=1)
+        self.value: Any = None
+
+    def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:
+        """Put the topic on the bus, and publish its last message there. See `Interface.bind`."""
+        super().bind(owner, bus, name, now)
+        if self.topic is not None and self.value is not None:
+            bus.announce(owner, self.topic, Message(self.topic.type, self.value), now)

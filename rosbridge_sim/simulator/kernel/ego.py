@@ -1,0 +1,334 @@
+"""One ego as its clients see it: control mode, lamps, gear, and its state as a message.
+
+The world's row holds motion only. This module holds what MORAI adds to it, so a second ego is a second object with its
+own names.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any
+
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.messages.command_parsing import GhostPose
+from rosbridge_sim.morai.messages.control import Control
+from rosbridge_sim.morai.messages.convert import Converter
+from rosbridge_sim.world.drivers.lane_position import leave_lane
+from rosbridge_sim.world.followers.self_driving import start_self_driving
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state import commands, placement
+from rosbridge_sim.world.state.world import Gear, Mode, World
+from rosbridge_sim.world.vehicle.sensor_readings import Mounting
+
+__all__ = ["CtrlMode", "Ego", "EgoState"]
+
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+class CtrlMode(IntEnum):
+    """The driver of an ego."""
+
+    KEYBOARD = 1
+    GAME_PAD = 2
+    EXTERNAL = 3  # /ctrl_cmd
+    AUTONOMOUS = 6  # self-driving: it follows the lanes as other vehicles do
+
+
+@dataclass(frozen=True, slots=True)
+class EgoState:
+    """State of an ego beside its row in the world.
+
+    Attributes:
+        index, uid, ctrl_mode, lamps, mountings: as in `Ego`.
+    """
+
+    index: int
+    uid: int
+    ctrl_mode: CtrlMode
+    lamps: tuple[int, int]
+    mountings: tuple[tuple[str, Mounting], ...]
+
+
+class Ego:
+    """An ego vehicle; its row may change when a scenario is loaded.
+
+    Attributes:
+        index: its number among the egos, and its `unique_id` on the wire: 0, then 2, 3, ...
+        uid: its id in the world.
+        ctrl_mode: its driver outside synchronous mode.
+        turn_signal: 0 none, 1 left, 2 right.
+        emergency_signal: 0 off, 1 on.
+        mountings: places of its sensors, by their frames, in the order of the table of sensors.
+        is_replayed: a recording moves it, and commands are ignored.
+        commander: the participant whose command it followed last, for people who watch; None for none that is known.
+        command_frame: frame at which the last command of `/ctrl_cmd` came, for leases.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        convert: Converter,
+        uid: int,
+        ctrl_mode: CtrlMode,
+        *,
+        index: int | None = None,
+        roads: Callable[[], Roads] = Roads,
+        sensor_frames: tuple[str, ...] = (),
+    ) -> None:
+        """Represent an ego that stands in the world already.
+
+        Args:
+            world: has its row.
+            convert: makes its messages.
+            uid: its id in the world.
+            ctrl_mode: its driver.
+            index: its number; None for the id in the world.
+            roads: returns the lanes of the map in use.
+            sensor_frames: frames of its sensors.
+        """
+        self.index = uid if index is None else index
+        self.uid = uid
+        self.ctrl_mode = ctrl_mode
+        self.turn_signal = 0
+        self.emergency_signal = 0
+        self.mountings = dict.fromkeys(sensor_frames, Mounting())
+        self.is_replayed = False
+        self.commander: Participant | None = None
+        self.command_frame = 0
+        self._world = world
+        self._convert = convert
+        self._roads = roads
+        self._status: Any = None  # a generated struct
+        self._refused_gear: Gear | None = None  # a memo for the log, and so no part of the state
+        self._idle_gear: Gear | None = None  # likewise: the gear without drive that a client was told of
+
+    @property
+    def is_there(self) -> bool:
+        """True while it stands in the world; loading a scenario with another ego removes a further ego."""
+        return self.uid in self._world
+
+    @property
+    def row(self) -> int:
+        """Its current index in the world's arrays."""
+        return self._world.row(self.uid)
+
+    @property
+    def gear(self) -> Gear:
+        """Its gear."""
+        return Gear(self._world.gear.item(self.row))
+
+    @property
+    def lamps(self) -> tuple[int, int]:
+        """Its turn and emergency signal."""
+        return self.turn_signal, self.emergency_signal
+
+    def status(self) -> Struct:
+        """Return its EgoVehicleStatus; the message is made once for each state of the world.
+
+        Returns:
+            A struct, shared by all callers.
+        """
+        if self._status is None:
+            self._status = self._convert.ego_vehicle_status(self._world, self.row, self.index, self._roads())
+        return self._status
+
+    def forget_status(self) -> None:
+        """Make the status anew at the next call of `status`, because the world has changed."""
+        self._status = None
+
+    def reset_controls(self) -> None:
+        """Set the controls of a new car: lamps off, and gear D if it drives itself."""
+        self.turn_signal = self.emergency_signal = 0
+        self.commander = None
+        self._refused_gear = self._idle_gear = None
+        if self.ctrl_mode is CtrlMode.AUTONOMOUS:
+            self.shift(Gear.DRIVE)
+        self.forget_status()
+
+    def save_state(self) -> EgoState:
+        """Return what decides what it will do, beside its row in the world."""
+        mountings = tuple(self.mountings.items())
+        return EgoState(self.index, self.uid, self.ctrl_mode, self.lamps, mountings)
+
+    def load_state(self, state: EgoState) -> None:
+        """Become what was saved; the world has been restored. A recording does not move it."""
+        self.uid, self.ctrl_mode = state.uid, state.ctrl_mode
+        self.turn_signal, self.emergency_signal = state.lamps
+        self._refused_gear = None
+        self.mountings = dict(state.mountings)
+        self.is_replayed = False
+        self.commander = None
+        self.forget_status()
+
+    def control(self, control: Control) -> None:
+        """Apply a control from the next frame on. Ends self-driving. Ignored if the ego was removed or is replayed.
+
+        Args:
+            control: in the world's units.
+        """
+        if not self.is_there or self.is_replayed:
+            return
+        if self.ctrl_mode is CtrlMode.AUTONOMOUS:
+            self.set_ctrl_mode(CtrlMode.EXTERNAL)
+        commands.command(
+            self._world,
+            self.row,
+            mode=control.mode,
+            steer=control.steer,
+            rear_steer=control.rear_steer,
+            throttle=control.throttle,
+            brake=control.brake,
+            speed=control.speed,
+            accel=control.accel,
+        )
+
+    def find_idle(self, control: Control) -> str | None:
+        """Return why a control does not move the ego: it is in P or N. It is told once until the gear changes.
+
+        Args:
+            control: in the world's units.
+
+        Returns:
+            The reason, for a person to read; None if the control moves the ego or does not want to.
+        """
+        wants = {Mode.PEDALS: control.throttle, Mode.SPEED: control.speed, Mode.ACCEL: control.accel}
+        gear = self.gear
+        if gear not in {Gear.PARK, Gear.NEUTRAL} or gear is self._idle_gear or wants[control.mode] <= 0.0:
+            return None
+        self._idle_gear = gear
+        return f"the command moves nothing: ego {self.index} is in gear {gear.name}; shift to 4 (D) or 2 (R) first"
+
+    def teleport(self, pose: GhostPose, gear: Gear | None = None) -> None:
+        """Place the ego elsewhere, with a speed and in a gear.
+
+        Earlier commands are cancelled; otherwise the car would leave its new place with the old pedals and wheel angle.
+        Commands that wait for their frames must be removed with `Sync.drop`. The gear is set at any speed.
+
+        Args:
+            pose: the new pose and wheel angle; without an angle the wheels are straight.
+            gear: None keeps the current one.
+
+        Raises:
+            ValueError: the pose is out of range. Nothing has moved.
+        """
+        if gear is not None and gear is not self.gear:
+            self._place(pose, speed=0.0)
+            commands.shift(self._world, self.row, gear)
+        self._place(pose, speed=pose.speed)
+        commands.release(self._world, self.row)
+        if pose.steer is not None:
+            commands.turn_wheels(self._world, self.row, pose.steer)
+        self._refused_gear = None
+        self.resume()
+        self.forget_status()
+
+    def place_as_ghost(self, pose: GhostPose) -> None:
+        """Place the ego as a ghost: nothing moves it until the next command, and its speed is the given one.
+
+        Args:
+            pose: the new pose.
+
+        Raises:
+            ValueError: the pose is out of range. Nothing has moved.
+        """
+        self._place(pose, pose.speed, is_ghost=True)
+        if pose.steer is not None:
+            commands.turn_wheels(self._world, self.row, pose.steer)
+        self.forget_status()
+
+    def _place(self, pose: GhostPose, speed: float, *, is_ghost: bool = False) -> None:
+        place = placement.place_ghost if is_ghost else placement.teleport
+        place(
+            self._world,
+            self.row,
+            x=pose.x,
+            y=pose.y,
+            z=pose.z,
+            yaw=pose.yaw,
+            speed=speed,
+            roll=pose.roll,
+            pitch=pose.pitch,
+        )
+
+    def set_ctrl_mode(self, ctrl_mode: CtrlMode) -> str | None:
+        """Change the driver. If a client or the car itself was driving, the pedals are released.
+
+        Args:
+            ctrl_mode: the new driver.
+
+        Returns:
+            None if the ego has this mode now, else the reason why not, for a person to read.
+        """
+        if self.is_replayed:
+            return f"ctrl_mode {ctrl_mode.name} refused: a recording moves ego {self.index}"
+        row = self.row
+        if ctrl_mode is CtrlMode.AUTONOMOUS:
+            return self.drive_itself()
+        leave_lane(self._world, row)
+        is_foreign = self.ctrl_mode in {CtrlMode.EXTERNAL, CtrlMode.AUTONOMOUS}
+        if is_foreign and self.ctrl_mode is not ctrl_mode:
+            commands.command(self._world, row, mode=Mode.PEDALS, steer=0.0)
+            self.commander = None
+        self.ctrl_mode = ctrl_mode
+        return None
+
+    def drive_itself(
+        self, *, route: Sequence[int] = (), is_loop: bool = False, desired_speed: float = math.inf
+    ) -> str | None:
+        """Drive along the lanes from where it stands; `ctrl_mode` is AUTONOMOUS then.
+
+        Args:
+            route: rows of lanes, see `start_self_driving`; empty for a drive by chance.
+            is_loop: the route begins again.
+            desired_speed: speed that the driver wants [m/s].
+
+        Returns:
+            None when it does so, else why not, for a person to read.
+        """
+        mode = CtrlMode.AUTONOMOUS
+        if self.is_replayed:
+            return f"ctrl_mode {mode.name} refused: a recording moves ego {self.index}"
+        why = self.shift(Gear.DRIVE)
+        if why is not None:
+            return why
+        has_lane = start_self_driving(self._world, self.row, route=route, is_loop=is_loop, desired_speed=desired_speed)
+        if not has_lane:
+            return f"ctrl_mode {mode.name} refused: ego {self.index} stands on no lane, or across it"
+        self.ctrl_mode = mode
+        return None
+
+    def resume(self) -> None:
+        """Continue self-driving after a new place or a new map; without a lane, change to KEYBOARD."""
+        if self.ctrl_mode is CtrlMode.AUTONOMOUS and not start_self_driving(self._world, self.row):
+            _log.info("ego %d stands on no lane: ctrl_mode is %s", self.index, CtrlMode.KEYBOARD.name)
+            self.set_ctrl_mode(CtrlMode.KEYBOARD)
+
+    def shift(self, gear: Gear) -> str | None:
+        """Change gear.
+
+        Args:
+            gear: the new one.
+
+        Returns:
+            None if the ego is in this gear now, else the reason why not, for a person to read.
+        """
+        if not self.is_there:
+            return f"gear {gear.name} refused: ego {self.index} has been removed"
+        if self.is_replayed:
+            return f"gear {gear.name} refused: a recording moves ego {self.index}"
+        row = self.row
+        if commands.shift(self._world, row, gear):
+            self._refused_gear = self._idle_gear = None
+            return None
+        speed = self._world.speed.item(row)
+        why = f"gear {gear.name} refused: the ego moves at {speed:.2f} m/s, expected at most 0.1 m/s"
+        if self._refused_gear is not gear:  # clients repeat the request until it works, so it is logged once
+            self._refused_gear = gear
+            _log.info("%s", why)
+        return why

@@ -1,0 +1,130 @@
+"""One frame: the only code that moves the world.
+
+The order is: commands that waited for the frame, one step, the stamp, the topics, `/SyncModeInfo`, and the components'
+functions after a frame. Real time and synchronous mode differ only in the topics that are published.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.kernel.egos import EgoRegistry
+from rosbridge_sim.simulator.kernel.hooks import Hooks
+from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer, ShowLimit
+from rosbridge_sim.simulator.kernel.simulation_time import SimulationTime
+from rosbridge_sim.simulator.kernel.sync_info import SyncInfo
+from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
+from rosbridge_sim.simulator.sync.sync import Sync
+from rosbridge_sim.world.state.world import World
+
+__all__ = ["FrameMeter", "FrameStepper", "Step"]
+
+Step = Callable[[World, Callable[[], None] | None], None]
+"""Moves a world by one frame, in place, and calls the second argument within the step; see `world.step`."""
+
+
+class FrameMeter(Protocol):
+    """Measures each frame: its step, and everything that is published with it."""
+
+    def begin(self) -> None:
+        """Start the measurement of a frame."""
+
+    def end(self) -> None:
+        """End the measurement of a frame."""
+
+
+class FrameStepper:
+    """Computes frames and publishes them.
+
+    Attributes:
+        is_moving: frames are being computed now; set by the caller that computes several.
+        step: moves a world by one frame.
+        num_frames: frames computed since the start; a reset of the world does not set it back.
+        meter: measures each frame; None for no measurement.
+        carry_out: `(command, now)`: carries out a command that has waited for the frame.
+    """
+
+    def __init__(
+        self,
+        *,
+        world: World,
+        step: Step,
+        sync: Sync[SceneCommand],
+        egos: EgoRegistry,
+        hooks: Hooks,
+        time: SimulationTime,
+        pacer: RealTimePacer,
+        publishers: Publishers,
+        sync_info: SyncInfo,
+    ) -> None:
+        """Compute nothing yet.
+
+        Args:
+            world: moved.
+            step: moves it.
+            sync: has the commands that wait for a frame.
+            egos: their status messages are made anew after each step.
+            hooks: `place`, `once_after_frame` and `after_frame` are called.
+            time: follows the frames.
+            pacer: counts the frames of real time.
+            publishers: publish the frame.
+            sync_info: is published after all other topics.
+        """
+        self.step = step
+        self.is_moving = False
+        self.num_frames = 0
+        self.meter: FrameMeter | None = None
+        self.carry_out: Callable[[SceneCommand, float], object] = _no_executor
+        self._world = world
+        self._sync = sync
+        self._egos = egos
+        self._hooks = hooks
+        self._time = time
+        self._pacer = pacer
+        self._publishers = publishers
+        self._sync_info = sync_info
+        self._info_limit = ShowLimit(pacer)
+
+    def compute(self, now: float, *, is_tick: bool, is_last: bool) -> None:
+        """Move the world by one frame and publish it.
+
+        Args:
+            now: monotonic time [s].
+            is_tick: a tick asked for the frame, so every topic is published. Otherwise real time did, and rates apply.
+            is_last: no other frame of the same tick follows.
+        """
+        world, hooks, meter = self._world, self._hooks, self.meter
+        if meter is not None:
+            meter.begin()
+        for command in self._sync.due(world.frame + 1):
+            self.carry_out(command, now)
+        self.step(world, self._place)
+        self._egos.forget_statuses()
+        self._time.follow()
+        if is_tick:
+            self._publishers.show_every(world.frame, now)
+            self._sync_info.announce(now, may_tick=is_last)
+        else:
+            self._pacer.count()
+            self._publishers.show_due(world.frame, self._pacer.shown_at, now)
+            if self._info_limit.is_open(world.frame, now):
+                self._sync_info.announce(now, may_tick=is_last)
+        while hooks.once_after_frame:
+            hooks.once_after_frame.pop(0)(now)
+        for act in hooks.after_frame:
+            act(now)
+        self.num_frames += 1
+        if meter is not None:
+            meter.end()
+
+    def _place(self) -> None:
+        """Let the components place entities within a step."""
+        for place in self._hooks.place:
+            place()
+
+
+def _no_executor(command: SceneCommand, _now: float) -> None:
+    """Stand for the executor that the node factory puts in place."""
+    raise AssertionError(f"nothing carries out {command.action!r}")

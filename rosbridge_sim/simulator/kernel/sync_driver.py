@@ -1,0 +1,568 @@
+"""Synchronous mode of the simulator: carries out its ticks and its effects on the world.
+
+A service call moves the frames of one time step, and everything that those frames publish is in the listeners' hands
+before the answer is given. A tick of one frame is carried out within the call. All others wait, and `take_turns`
+carries them out; their caller is held meanwhile. These are ticks whose frames need a scenario that is still being read,
+ticks of several frames, and the ticks of a call for many steps. They are done in turns of a few milliseconds, so that
+all others are served in between. A turn ends after any frame.
+
+`Sync` decides, and calls the functions that are registered here. All changes of the mode go through this file.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+from typing import Final, NamedTuple, Protocol
+
+from rosbridge_sim.errors import GraphError, Reason
+from rosbridge_sim.graph.participant import Participant, hold
+from rosbridge_sim.printable import printable
+from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.bus.world_failure import WorldFailure
+from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
+from rosbridge_sim.simulator.kernel.hooks import Hooks
+from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
+from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
+from rosbridge_sim.simulator.sync.barrier import Barrier
+from rosbridge_sim.simulator.sync.barrier_table import BARRIER_ID, BarrierOutcome
+from rosbridge_sim.simulator.sync.sync import Sync
+from rosbridge_sim.simulator.sync.sync_table import SyncOutcome, SyncState
+from rosbridge_sim.world.state.world import World
+
+__all__ = ["ModeResult", "OnTick", "Steps", "SyncDriver", "TickResult"]
+
+TURN_TIME: Final = 0.003
+"""Longest turn of the ticks that wait, before clients have theirs [s]; a frame that has begun is finished. With a round
+of clients (`ROUND_TIME` of the server, 4 ms) that is less than the 10 ms that a client may have to wait."""
+
+MAX_SHOWN_ID: Final = 60
+"""Characters of a master's id in the log: a line stays a line."""
+
+_AFTER_LOSS: Final = {
+    SyncState.FREE: "the world runs in real time from now on",
+    SyncState.FREE_PAUSED: "the world is paused",
+    SyncState.OPEN: "the world stands and waits for a new master",
+    SyncState.OPEN_PAUSED: "the world is paused and waits for a new master",
+}
+"""Texts for the log: state of the world after its master was lost."""
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+class ModeResult(NamedTuple):
+    """Answer to a request about the mode.
+
+    Attributes:
+        is_accepted: it is carried out.
+        why: for a refusal, a text for the peer; empty otherwise.
+        reason: the kind of refusal that `why` puts into words.
+    """
+
+    is_accepted: bool
+    why: str
+    reason: Reason
+
+
+class TickResult(NamedTuple):
+    """Result of a tick.
+
+    Attributes:
+        is_accepted: its frames have been computed.
+        is_paused: the simulation was paused at the time of the decision.
+        why: for a refusal, a text for the peer; empty otherwise.
+        reason: the kind of refusal that `why` puts into words.
+    """
+
+    is_accepted: bool
+    is_paused: bool
+    why: str = ""
+    reason: Reason = Reason.NOT_NOW
+
+
+OnTick = Callable[[TickResult], None]
+
+
+class Steps(Protocol):
+    """A call for ticks that may wait.
+
+    Attributes:
+        num_left: ticks that are still to be carried out, with one that has begun.
+        num_at_once: how many of them may be carried out before `after_ticks` and the next `before_tick`, at least 1.
+        is_wanted: false if the caller has left or waits no longer; then the ticks that are left are given up, except
+            one that has begun.
+    """
+
+    num_left: int
+
+    @property
+    def num_at_once(self) -> int:
+        """See above."""
+
+    @property
+    def is_wanted(self) -> bool:
+        """See above."""
+
+    def before_tick(self) -> None:
+        """Prepare the tick that follows, such as by commands that go before its first frame."""
+
+    def after_ticks(self, num: int) -> bool:
+        """Count ticks as done; return whether those that are left are to be given up: a condition to stop is met."""
+
+    def end(self, result: TickResult) -> None:
+        """Answer the caller; called once. It is not accepted if another event has ended the call.
+
+        A tick may have begun and not be done.
+        """
+
+
+class _OneTick:
+    """One tick, which is carried out even if its caller has left: other clients count on it."""
+
+    is_wanted = True
+    num_at_once = 1
+
+    def __init__(self, on_end: OnTick) -> None:
+        self.num_left = 1
+        self.end = on_end
+
+    def before_tick(self) -> None:
+        """Do nothing: its commands wait already."""
+
+    def after_ticks(self, num: int) -> bool:
+        """Count the tick; nothing is left to give up."""
+        self.num_left -= num
+        return False
+
+
+class _Waiting:
+    """A call that waits for its turns.
+
+    Attributes:
+        steps: what is to be done.
+        num_frames: of each tick.
+        release: lets its caller's next op be handled; None while it is not held. It takes monotonic time [s].
+        why: why the ticks that are left are refused, where that has happened within a tick of this call.
+        is_over: it has been answered.
+    """
+
+    __slots__ = ("is_over", "num_frames", "release", "steps", "why")
+
+    def __init__(self, steps: Steps, num_frames: int) -> None:
+        self.steps = steps
+        self.num_frames = num_frames
+        self.release: Callable[[float], None] | None = None
+        self.why: str | None = None
+        self.is_over = False
+
+    def end(self, result: TickResult, now: float) -> None:
+        """Answer the caller, and let it go on."""
+        self.is_over = True
+        try:
+            self.steps.end(result)
+        finally:
+            if self.release is not None:
+                self.release(now)
+
+
+class SyncDriver:
+    """Carries out ticks, and starts, stops, pauses and resumes the world.
+
+    Attributes:
+        num_ticks: ticks carried out.
+        read_clock: the time that ends a turn [s]; None has a turn end with the last tick that can be carried out. What
+            is computed does not depend on it, unless another client interferes.
+    """
+
+    def __init__(
+        self,
+        *,
+        world: World,
+        sync: Sync[SceneCommand],
+        barrier: Barrier,
+        stepper: FrameStepper,
+        pacer: RealTimePacer,
+        publishers: Publishers,
+        hooks: Hooks,
+        failure: WorldFailure,
+    ) -> None:
+        """Register with `sync` and `barrier`; no tick waits.
+
+        Args:
+            world: has the frame.
+            sync: decides.
+            barrier: decides for those who tick together; while it has members, it is the master towards `sync`.
+            stepper: computes the frames.
+            pacer: counts real time.
+            publishers: stop what only real time has, and publish in a pause.
+            hooks: `after_move` and `on_mode_change` are called.
+            failure: refuses ticks, and records a failed step.
+        """
+        self.num_ticks = 0
+        self.read_clock: Callable[[], float] | None = None
+        self._world = world
+        self._sync = sync
+        self._barrier = barrier
+        self._ended_at = 0.0  # when a tick was last carried out or refused
+        self._stepper = stepper
+        self._publishers = publishers
+        self._hooks = hooks
+        self._failure = failure
+        # The calls that wait, oldest first; `sync` has the ticks that they have left.
+        self._calls: deque[_Waiting] = deque()
+        self._call_in_hand: _Waiting | None = None
+        self._behind_tick: deque[tuple[Callable[[float], object], Callable[[float], None]]] = deque()
+        self._turn_until: float | None = None
+        self._is_turn_over = False
+        sync.hooks.move.append(self._move)
+        sync.hooks.refuse.append(self._refuse_ticks)
+        sync.hooks.flow.append(pacer.start)
+        barrier.hooks.lead.append(self._lead_for_barrier)
+        barrier.hooks.end.append(self._end_for_barrier)
+        barrier.hooks.lose.append(self._lose_for_barrier)
+        barrier.hooks.move.append(self._tick_for_barrier)
+
+    # The mode
+
+    def start(self, user_id: str, step_ms: int, caller: Participant, now: float) -> ModeResult:
+        """Start the mode, or change its time step; see `Sync.start` and `Barrier.start`."""
+        barrier = self._barrier
+        if barrier.is_on:
+            return self._result_of_barrier(barrier.start(user_id, step_ms, caller, now), caller)
+        outcome = self._sync.start(user_id, step_ms, caller, now)
+        self._settle(now)
+        return self._result_of(outcome)
+
+    def stop(self, user_id: str, now: float) -> ModeResult:
+        """End the mode, or leave the barrier; see `Sync.stop` and `Barrier.stop`."""
+        if self._barrier.is_on:
+            return self._result_of_barrier(self._barrier.stop(user_id, now))
+        outcome = self._sync.stop(user_id, now)
+        self._settle(now)
+        return self._result_of(outcome)
+
+    def _result_of(self, outcome: SyncOutcome) -> ModeResult:
+        return ModeResult(outcome.is_accepted, self._sync.why(outcome), outcome.reason)
+
+    def _result_of_barrier(self, outcome: BarrierOutcome, caller: Participant | None = None) -> ModeResult:
+        return ModeResult(outcome.is_accepted, self._barrier.why(outcome, caller), outcome.reason)
+
+    def pause(self, now: float) -> None:
+        """Pause the world; the mode stays as it is."""
+        self._sync.pause(now)
+        self._barrier.pause(now)
+        self._settle(now)
+
+    def resume(self, now: float) -> None:
+        """End the pause."""
+        self._sync.resume(now)
+        self._settle(now)
+
+    def leave(self, participant: Participant, now: float) -> None:
+        """Take note that a participant has left: perhaps the last one that used the master's id, or a member's."""
+        self._barrier.drop(participant, now)
+        master = self._sync.master_id
+        self._note_loss(self._sync.leave(participant, now), master, "has disconnected", now)
+
+    def expire(self, now: float) -> None:
+        """End a lease that has run out, and the wait of a barrier at its deadline."""
+        self._barrier.expire(now)
+        master = self._sync.master_id
+        self._note_loss(self._sync.expire(now), master, "was silent for as long as --sync-lease", now)
+
+    def due(self, now: float) -> float | None:
+        """Time of the next call of `expire` that is needed [s]; None if none is."""
+        dues = (self._sync.lease_due, self._barrier.due(now))
+        return min((due for due in dues if due is not None), default=None)
+
+    def forget(self, now: float) -> None:
+        """Refuse what waits for frames of the world before: it has begun anew."""
+        self._sync.forget(now)
+        self._barrier.reset(now)
+
+    def _note_loss(self, lost: SyncOutcome | None, master: str, how: str, now: float) -> None:
+        if lost is not None:
+            text = "synchronous mode has lost its master: %r %s; %s"
+            _log.warning(text, printable(master, MAX_SHOWN_ID), how, _AFTER_LOSS[lost.state])
+            self._settle(now)
+
+    def _settle(self, now: float) -> None:
+        """Apply the current mode to the publishers, and tell the components."""
+        if not self._sync.is_free:
+            self._publishers.forget_repeats()
+        self._publishers.set_paused(is_paused=self._sync.state is SyncState.FREE_PAUSED, now=now)
+        for act in self._hooks.on_mode_change:
+            act(now)
+
+    # The barrier, which is the master here while it has members
+
+    def _lead_for_barrier(self, step_ms: int, now: float) -> None:
+        self._sync.mute(self._barrier)  # its members have leases of their own
+        self._sync.start(BARRIER_ID, step_ms, self._barrier, now)
+        self._settle(now)
+
+    def _end_for_barrier(self, now: float) -> None:
+        self._sync.unmute(self._barrier, now)
+        self._sync.stop(BARRIER_ID, now)
+        self._settle(now)
+
+    def _lose_for_barrier(self, now: float) -> None:
+        self._sync.unmute(self._barrier, now)
+        self._note_loss(self._sync.leave(self._barrier, now), BARRIER_ID, "has lost its last member", now)
+
+    def _tick_for_barrier(self, now: float) -> None:
+        """Move the world by one time step for all members."""
+        sync, barrier, world = self._sync, self._barrier, self._world
+
+        def end(result: TickResult) -> None:
+            if result.is_accepted:
+                barrier.moved(self._ended_at)
+            else:
+                barrier.not_moved(result.why, self._ended_at)
+
+        self._ended_at = now
+        named, call = world.frame + sync.num_frames, _Waiting(_OneTick(end), sync.num_frames)
+        wait = partial(self._calls.append, call)
+        try:
+            outcome = sync.tick(BARRIER_ID, named, world.frame, barrier, now, on_wait=wait, is_in_turns=True)
+        except GraphError as error:  # the world has failed; it is told elsewhere
+            barrier.not_moved(str(error), now)
+            return
+        if not outcome.is_accepted:
+            barrier.not_moved(sync.why(outcome), now)
+        elif outcome.state is not SyncState.WAITING:
+            barrier.moved(now)
+        else:
+            self._begin(call, now)
+
+    # Ticks
+
+    def ask_tick(self, user_id: str, named: int, caller: Participant, on_end: OnTick, now: float) -> None:
+        """Move the world by one time step, and publish every frame of it, if the mode allows it.
+
+        Several frames are computed as far as one turn goes, the others in later turns.
+
+        Args:
+            user_id: the master, or the member of a barrier, that the caller takes itself for.
+            named: the frame that it asks for.
+            caller: held for as long as its tick waits; not while it waits for other members.
+            on_end: called once, perhaps before this returns.
+            now: monotonic time [s].
+
+        Raises:
+            GraphError: a step has failed, now or before: the world stands still for good.
+        """
+        if self._barrier.is_on:
+            self._ask_barrier_tick(user_id, named, caller, on_end, now)
+            return
+        sync = self._sync
+        is_paused = sync.is_paused  # before the frames of this tick, which may bring a pause
+        call = _Waiting(_OneTick(on_end), sync.num_frames)
+        wait = partial(self._calls.append, call)
+        outcome = sync.tick(user_id, named, self._world.frame, caller, now, on_wait=wait, is_in_turns=True)
+        if not outcome.is_accepted:
+            on_end(TickResult(is_accepted=False, is_paused=is_paused, why=sync.why(outcome), reason=outcome.reason))
+        elif outcome.state is not SyncState.WAITING:
+            on_end(TickResult(is_accepted=True, is_paused=is_paused))
+        else:
+            self._begin(call, now)
+            if not call.is_over:
+                call.release = self.hold(caller)
+
+    def _begin(self, call: _Waiting, now: float) -> None:
+        """Let a tick that has come have its first turn at once, unless others wait before it."""
+        if self._calls and self._calls[0] is call:
+            self.take_turns(now)
+
+    def _ask_barrier_tick(self, user_id: str, named: int, caller: Participant, on_end: OnTick, now: float) -> None:
+        sync, barrier = self._sync, self._barrier
+
+        def end(why: str) -> None:
+            on_end(TickResult(is_accepted=not why, is_paused=bool(why) and sync.is_paused, why=why))
+
+        outcome = barrier.tick(user_id, named, self._world.frame, caller, now, on_end=end)
+        if not outcome.is_accepted:
+            why = barrier.why(outcome, caller)
+            on_end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=outcome.reason))
+
+    def ask_steps(self, user_id: str, steps: Steps, caller: Participant, now: float) -> None:
+        """Move the world by several time steps: now as far as one turn goes, the others in later turns.
+
+        Args:
+            user_id: the master that the caller takes itself for.
+            steps: what is to be done, at least one tick. Its `end` is called once, perhaps before this returns.
+            caller: held until then.
+            now: monotonic time [s].
+        """
+        sync = self._sync
+        call = _Waiting(steps, sync.num_frames)
+        holder: object = caller
+        if self._barrier.is_on:
+            result = self._result_of_barrier(self._barrier.ask_step(user_id))
+            if not result.is_accepted:
+                _, why, reason = result
+                call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=reason), now)
+                return
+            user_id, holder = BARRIER_ID, self._barrier
+        outcome = sync.step(user_id, steps.num_left, holder, now, on_wait=partial(self._calls.append, call))
+        if not outcome.is_accepted:
+            why = sync.why(outcome)
+            call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=outcome.reason), now)
+            return
+        self.take_turns(now)
+        if not call.is_over:
+            call.release = self.hold(caller)
+
+    @property
+    def has_turn(self) -> bool:
+        """Return whether `take_turns` has something to do now."""
+        calls = self._calls
+        return bool(calls) and (self._sync.has_turn(self._world.frame) or not calls[0].steps.is_wanted)
+
+    def take_turns(self, now: float) -> None:
+        """Carry out the ticks that wait, as far as what they wait for has been read, and until the turn is over.
+
+        Call it again while `has_turn`, when all others have been served.
+        """
+        read_clock, sync, calls = self.read_clock, self._sync, self._calls
+        if self._stepper.is_moving:
+            return
+        self._turn_until = None if read_clock is None else read_clock() + TURN_TIME
+        self._is_turn_over = False
+        while calls and not self._is_turn_over:
+            call = calls.popleft()
+            if not call.steps.is_wanted and not sync.is_in_tick:
+                self._finish(call, now)
+            elif not self._carry_on(call, now):
+                break
+        self._end_waits(now)
+
+    def wait_for_tick(self, caller: Participant, act: Callable[[float], object]) -> bool:
+        """Have a change of the world wait until the tick that has begun is over, because it takes several turns.
+
+        Args:
+            caller: held until then.
+            act: makes the change; takes monotonic time [s].
+
+        Returns:
+            False if no tick has begun; then `act` is not called, and the change can be made at once.
+        """
+        if self._stepper.is_moving or not self._sync.is_in_tick:
+            return False
+        self._behind_tick.append((act, self.hold(caller)))
+        return True
+
+    def _end_waits(self, now: float) -> None:
+        """Make the changes that have waited for a tick, if it is over."""
+        is_over = self._failure.why is not None or not self._sync.is_in_tick
+        while self._behind_tick and is_over and not self._stepper.is_moving:
+            act, release = self._behind_tick.popleft()
+            try:
+                act(now)
+            finally:
+                release(now)
+
+    def _carry_on(self, call: _Waiting, now: float) -> bool:
+        """Carry out ticks of a call that has been taken out of the queue; put it back in front if it is not over.
+
+        Returns:
+            False if no tick can be carried out now.
+        """
+        sync, calls, steps = self._sync, self._calls, call.steps
+        num_ticks = self.num_ticks
+        self._call_in_hand = call
+        try:
+            num_frames = sync.take_turn(self._world.frame, now, prepare=steps.before_tick, most_ticks=steps.num_at_once)
+        except GraphError as error:
+            calls.appendleft(call)
+            self._refuse_ticks(str(error), now)
+            return False
+        finally:
+            self._call_in_hand = None
+        num_done = self.num_ticks - num_ticks
+        is_enough = num_done > 0 and steps.after_ticks(num_done)
+        if call.why is not None and steps.num_left:  # the tick has brought it about
+            call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=call.why), now)
+        elif is_enough or not steps.num_left:
+            self._finish(call, now)
+        else:
+            calls.appendleft(call)
+        return num_frames > 0
+
+    def _finish(self, call: _Waiting, now: float) -> None:
+        """Answer a call; the ticks that it has left are not wanted."""
+        num_left, call.steps.num_left = call.steps.num_left, 0
+        if num_left:
+            self._sync.give_up(num_left, now)
+        call.end(TickResult(is_accepted=True, is_paused=False), now)
+
+    def hold(self, participant: Participant) -> Callable[[float], None]:
+        """Hold back a peer's input while its request is being carried out; its lease does not run out meanwhile.
+
+        Returns:
+            Releases it; takes monotonic time [s] and must be called once.
+        """
+        release = hold(participant)
+        self._sync.mute(participant)
+
+        def let_go(now: float) -> None:
+            self._sync.unmute(participant, now)
+            release()
+
+        return let_go
+
+    def _move(self, num_frames: int, now: float) -> int:
+        """Compute frames of a tick, or of several ticks of one call, until the turn is over.
+
+        Args:
+            num_frames: up to the end of the last of these ticks. All of them have as many frames, the first one perhaps
+                less since it has begun.
+            now: monotonic time [s].
+
+        Returns:
+            How many frames have been computed, at least one.
+
+        Raises:
+            GraphError: a step has failed, now or before: the world stands still for good.
+        """
+        stepper, failure, call = self._stepper, self._failure, self._call_in_hand
+        if failure.why is not None:
+            raise GraphError(failure.why)
+        num_of_tick = num_frames if call is None else call.num_frames
+        read_clock, until = self.read_clock, None if call is None else self._turn_until
+        num_left = num_frames
+        stepper.is_moving = True
+        try:
+            while num_left:
+                num_left -= 1
+                is_last = num_left % num_of_tick == 0
+                stepper.compute(now, is_tick=True, is_last=is_last)
+                self.num_ticks += is_last
+                if until is not None and read_clock is not None and read_clock() >= until:
+                    self._is_turn_over = True
+                if call is not None and call.why is not None:  # what a tick brings about does not stop that tick
+                    if is_last:
+                        break
+                elif self._is_turn_over:
+                    break
+        except Exception as error:
+            raise GraphError(failure.note(error)) from error
+        finally:
+            stepper.is_moving = False
+        self._ended_at = now
+        for act in self._hooks.after_move:
+            act(now)
+        return num_frames - num_left
+
+    def _refuse_ticks(self, why: str, now: float) -> None:
+        """Answer the ticks that wait: they will not be carried out."""
+        self._ended_at = now
+        if self._call_in_hand is not None:  # its tick goes on to its end, and then it is answered
+            self._call_in_hand.why = why
+        refused = list(self._calls)
+        self._calls.clear()
+        for call in refused:
+            call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=why), now)
+        self._end_waits(now)

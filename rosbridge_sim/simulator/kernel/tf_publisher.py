@@ -1,0 +1,185 @@
+"""`/tf` and `/tf_static`: poses of the egos, and of the points and sensors that are fixed to them.
+
+    map                  the map's own frame: ENU metres
+      base_link          the first ego: the middle of its rear axle on the ground, x forward, y left, z up
+        vehicle_center   the middle of its bounding box; static, and different for each model
+        gps_link         its GPS antenna; static until a client moves it
+        imu_link         its inertial unit, the same
+      Ego-2/base_link    a further ego, and so on
+        Ego-2/vehicle_center, ...
+
+MORAI writes `/map` and `/base_link`, as old ROS did. tf2 refuses names that begin with a slash, and most programs use
+tf2. So the names have no slash.
+
+A static message holds all static frames and is latched, so a late subscriber gets all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.messages.convert import Converter, maker
+from rosbridge_sim.schema.store import Store
+from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.kernel.egos import EgoRegistry
+from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
+from rosbridge_sim.world.geometry.planar import Quaternion, Vector, quaternion
+from rosbridge_sim.world.state.world import World
+from rosbridge_sim.world.vehicle.sensor_readings import Mounting
+
+__all__ = ["BASE", "CENTER", "MAP", "TF", "Mount", "StaticTf", "TfPublisher", "frame_prefix"]
+
+TF: Final = "tf2_msgs/TFMessage"
+
+MAP: Final = "map"
+BASE: Final = "base_link"
+CENTER: Final = "vehicle_center"
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """A frame that is fixed to a vehicle.
+
+    Attributes:
+        parent, name: names of the frames.
+        mounting: pose of `name` in `parent`.
+    """
+
+    parent: str
+    name: str
+    mounting: Mounting
+
+
+class TfPublisher:
+    """Maker of the messages of both topics; structs of tf2_msgs/TFMessage."""
+
+    def __init__(self, store: Store, world: World, convert: Converter) -> None:
+        """Read nothing yet.
+
+        Args:
+            store: has the types.
+            world: has the poses.
+            convert: makes the headers.
+        """
+        self._world = world
+        self._convert = convert
+        self._message = maker(store, TF, "transforms")
+        self._stamped = maker(store, "geometry_msgs/TransformStamped", "header", "child_frame_id", "transform")
+        self._transform = maker(store, "geometry_msgs/Transform", "translation", "rotation")
+        self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
+        self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
+
+    def moving(self, egos: Iterable[Ego]) -> Struct:
+        """Return the poses of the egos in the map, in the egos' order.
+
+        Args:
+            egos: the egos; each stands in the world.
+
+        Returns:
+            A TFMessage with a transform for each.
+        """
+        world = self._world
+        header = self._convert.header(world.frame, MAP)
+        transforms = []
+        for ego in egos:
+            row = ego.row
+            pose = self._pose(
+                (world.x.item(row), world.y.item(row), world.z.item(row)),
+                quaternion(world.roll.item(row), world.pitch.item(row), world.yaw.item(row)),
+            )
+            transforms.append(self._stamped(header, frame_prefix(ego) + BASE, pose))
+        return self._message(transforms)
+
+    def mounts(self, egos: Iterable[Ego]) -> tuple[Mount, ...]:
+        """Return the frames that are fixed to the egos.
+
+        Args:
+            egos: the egos; each stands in the world.
+
+        Returns:
+            The middle of the bounding box and the sensors of each ego, in the egos' order.
+        """
+        found = []
+        for ego in egos:
+            body, prefix = self._world.bodies[ego.row], frame_prefix(ego)
+            mountings = {CENTER: Mounting(x=body.centre, z=0.5 * body.height)} | ego.mountings
+            found += [Mount(prefix + BASE, prefix + name, mounting) for name, mounting in mountings.items()]
+        return tuple(found)
+
+    def static(self, mounts: Sequence[Mount]) -> Struct:
+        """Return a message with frames that `mounts` found.
+
+        Args:
+            mounts: the frames; none is no error.
+
+        Returns:
+            A TFMessage with a transform for each.
+        """
+        frame = self._world.frame
+        return self._message(
+            [
+                self._stamped(
+                    self._convert.header(frame, mount.parent),
+                    mount.name,
+                    self._pose(mount.mounting.place, mount.mounting.orientation),
+                )
+                for mount in mounts
+            ]
+        )
+
+    def _pose(self, place: Vector, axes: Quaternion) -> Struct:
+        return self._transform(self._vector(*place), self._quaternion(*axes))
+
+
+class StaticTf:
+    """Publisher of `/tf_static`; latched."""
+
+    def __init__(self, transforms: TfPublisher, egos: EgoRegistry, publishers: Publishers) -> None:
+        """Create the topic; nothing is published before the first `announce`.
+
+        Args:
+            transforms: makes the messages.
+            egos: the vehicles that the frames are fixed to.
+            publishers: take the topic.
+        """
+        self._transforms = transforms
+        self._egos = egos
+        self._publishers = publishers
+        self._topic = publishers.keep("/tf_static", TF, is_exclusive=False)
+        self._mounts: tuple[Mount, ...] | None = None
+
+    def announce(self, now: float) -> None:
+        """Publish the fixed frames, if they differ from the ones published last.
+
+        Args:
+            now: monotonic time [s].
+        """
+        mounts = self._transforms.mounts(self._egos)
+        if mounts != self._mounts:
+            self._mounts = mounts
+            self._publishers.update(self._topic, self._transforms.static(mounts), now)
+
+    def announce_again(self, now: float) -> None:
+        """Publish the fixed frames even if they have not changed, because their stamp has.
+
+        Args:
+            now: monotonic time [s].
+        """
+        self._mounts = None
+        self.announce(now)
+
+
+def frame_prefix(ego: Ego) -> str:
+    """Return the prefix of an ego's frame names; the same as in its topic names, without the first slash.
+
+    Args:
+        ego: the ego.
+
+    Returns:
+        Empty for the first ego, else for example `Ego-2/`.
+    """
+    return "" if ego.index == FIRST_EGO else f"Ego-{ego.index}/"

@@ -1,0 +1,1 @@
+"""MORAI's topics and services, one component for each subject."""

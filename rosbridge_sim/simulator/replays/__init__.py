@@ -1,0 +1,1 @@
+"""Replays of recorded drives: files of the user, and messages of other simulators."""

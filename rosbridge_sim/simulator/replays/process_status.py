@@ -1,0 +1,137 @@
+"""The topic with the state of the simulation process: `/sim/process/state/msg/MoraiSimProcStatus`."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.kernel.context import SimulatorContext
+from rosbridge_sim.simulator.plain.plain_bytes import PlainData
+from rosbridge_sim.simulator.replays.process import ReplayProcess
+from rosbridge_sim.simulator.replays.recorded_drive import MAX_STAMP
+from rosbridge_sim.simulator.replays.replay_command import ReplayResult
+from rosbridge_sim.simulator.replays.state_machine import ReplayState
+
+__all__ = ["ProcessStatus"]
+
+STATUS: Final = "/sim/process/state/msg/MoraiSimProcStatus"
+
+_SIMULATION_MODE, _REPLAY_MODE = 1, 16
+_RUNNING, _PAUSED, _ENDED = 1, 16, 32
+
+
+class ProcessStatus:
+    """Publisher of the process status, latched; it publishes when the status changes.
+
+    Attributes:
+        is_held: publish nothing, because a command is being carried out and only its result matters.
+    """
+
+    def __init__(self, context: SimulatorContext, process: ReplayProcess) -> None:
+        """Nothing is published before `publish`.
+
+        Args:
+            context: of the simulator.
+            process: gives the mode, and whether the end is reached.
+        """
+        self.is_held = False
+        self._process = process
+        self._context = context
+        self._sync = context.sync
+        self._result, self._commanded_ns = ReplayResult.NONE, 0
+        self._published: tuple[int, ...] = ()  # the last status; empty if the next one goes out in any case
+        self._sync_state: object = None  # the one that was published last
+        self._make_status = maker(
+            context.bus.store,
+            "morai_msgs/MoraiSimProcStatus",
+            *("header", "latest_command_time", "command_result", "current_mode", "current_status"),
+        )
+
+    def publish(self, publishers: Publishers) -> None:
+        """Advertise the topic; its first message is there from the start.
+
+        Args:
+            publishers: take the topic.
+        """
+        self._publishers = publishers
+        self._publisher = publishers.add(STATUS, "morai_msgs/MoraiSimProcStatus", self._message, depth=1)
+        self._published = self._status()
+
+    def begin_command(self) -> None:
+        """Note the time of a command; it is published with the next change."""
+        self._commanded_ns = self._context.bus.stamp_ns
+
+    def end_command(self, result: ReplayResult, now: float) -> None:
+        """Publish the result of a command, even if nothing has changed, because its sender may wait for a message.
+
+        Args:
+            result: of the command.
+            now: monotonic time [s].
+        """
+        self._result = result
+        self._published = ()
+        self.announce(now)
+
+    def forget(self) -> None:
+        """Return to the state before the first command, because the world has been reset."""
+        self._result, self._commanded_ns = ReplayResult.NONE, 0
+        self._published = ()
+        self._sync_state = None
+
+    def save_state(self) -> PlainData:
+        """Return the end of the last command, its time, and whether the next frame publishes in any case."""
+        return (self._result.value, self._commanded_ns, not self._published)
+
+    def load_state(self, data: PlainData, now: float) -> None:
+        """Become what was saved, and publish it.
+
+        Raises:
+            ValueError: it is no such data.
+        """
+        result, commanded_ns, is_due = data
+        if type(commanded_ns) is not int or not 0 <= commanded_ns < MAX_STAMP or type(is_due) is not bool:
+            raise ValueError("replay: expected the time of a command")
+        self._result, self._commanded_ns = ReplayResult(result), commanded_ns
+        self._published, self._sync_state = (), self._sync.state
+        self.announce(now)
+        if is_due:
+            self._published, self._sync_state = (), None
+
+    def settle(self, now: float) -> None:
+        """Publish a pause or its end; called after each frame. All other changes are announced where they happen.
+
+        Args:
+            now: monotonic time [s].
+        """
+        state = self._sync.state
+        if state is not self._sync_state:
+            self._sync_state = state
+            self.announce(now)
+
+    def announce(self, now: float) -> None:
+        """Publish the status if it has changed. The topic is latched, so it is published even without subscribers.
+
+        Args:
+            now: monotonic time [s].
+        """
+        status = self._status()
+        if status != self._published and not self.is_held:
+            self._published = status
+            self._publishers.show_now(self._publisher, now)
+
+    def _message(self) -> Struct:
+        result, mode, status, commanded_ns = self._status()
+        return self._make_status(
+            self._context.convert.header(self._context.world.frame, "SimProcStatus"),
+            self._context.bus.store.time_value(commanded_ns),
+            *(result, mode, status),
+        )
+
+    def _status(self) -> tuple[int, int, int, int]:
+        """Return ReplayResult, mode and status as MORAI numbers them, and the time of the last command [ns]."""
+        state = self._process.state
+        status = _PAUSED if self._sync.is_paused else _RUNNING
+        mode = _SIMULATION_MODE if state is ReplayState.SIMULATING else _REPLAY_MODE
+        return self._result.value, mode, _ENDED if state is ReplayState.AT_END else status, self._commanded_ns

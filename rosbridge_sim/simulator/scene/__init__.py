@@ -1,0 +1,1 @@
+"""The population of the world and its map."""

@@ -1,0 +1,1 @@
+"""Sensors of the egos: their topics, noise and files."""

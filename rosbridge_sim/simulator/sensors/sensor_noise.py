@@ -1,0 +1,265 @@
+"""Errors of real sensors, for GPS and IMU: white noise, a bias that wanders, and drop-outs.
+
+A reading of one axis gets
+
+    error(t) = offset n_0 + wander b(t) + white n(t)
+
+with independent normal numbers n. The bias b has the variance 1 and forgets its past after about `time`: between
+knots that are `time` apart, b = cos(p) n_i + sin(p) n_i+1, with p from 0 to pi/2.
+
+All normal numbers are hashes of the world's seed, the ego's id, the axis and the frame. So there is no state: readings
+repeat to the bit after a reset, from a snapshot and in every process, however often they are read. Another seed gives
+other errors.
+
+`TYPICAL` has the figures of usual units: a GPS receiver without corrections (u-blox NEO-M8, data sheet: 2.5 m CEP), and
+an inertial unit of the kind that is built into drones and cars (Bosch BMI088, data sheet: 0.014 deg/s and 175 ug for
+each root of a hertz, zero offsets up to 1 deg/s and 20 mg) with an orientation filter (Xsens MTi-3, data sheet: 0.8 and
+2 deg).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from hashlib import blake2b
+from typing import Annotated, Any, Final
+
+from pydantic import BeforeValidator, Field, TypeAdapter, WithJsonSchema
+
+from rosbridge_sim.documents import Document, Ratio, keys_beside, read_document, read_number, sort_keys
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.suggestions import hint
+from rosbridge_sim.world.geometry.planar import Quaternion, Vector, chain, quaternion
+from rosbridge_sim.world.state.world import DT
+from rosbridge_sim.world.vehicle.sensor_readings import Inertia
+
+__all__ = ["MAX_NOISE_BYTES", "TYPICAL", "NoiseSource", "SensorNoise", "covariance", "noise_schema", "read_noise"]
+
+MAX_NOISE_BYTES: Final = 1 << 16
+"""Longest document [bytes]; all keys together take less than 1 kB."""
+
+MAX_SIGMA: Final = 1e4
+"""Largest standard deviation, in the unit of the axis."""
+
+MIN_TIME: Final = 0.1
+MAX_TIME: Final = 1e6
+"""Bounds of durations [s]."""
+
+MAX_RATE: Final = 36_000.0
+"""Most drop-outs in an hour: ten in a second."""
+
+
+def _schema(low: float, high: float) -> WithJsonSchema:
+    return WithJsonSchema({"type": ["number", "string"], "minimum": low, "maximum": high})
+
+
+_Sigma = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_SIGMA), _schema(0.0, MAX_SIGMA)]
+_Time = Annotated[float, BeforeValidator(read_number), Field(ge=MIN_TIME, le=MAX_TIME), _schema(MIN_TIME, MAX_TIME)]
+_Rate = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_RATE), _schema(0.0, MAX_RATE)]
+
+
+class AxisNoise(Document):
+    """Error of one axis; standard deviations in its unit.
+
+    Attributes:
+        white: of the noise that is new in each frame.
+        wander: of the bias that changes slowly.
+        time: the bias forgets its past after this time [s].
+        offset: of the error that stays for the whole run.
+    """
+
+    white: _Sigma = 0.0
+    wander: _Sigma = 0.0
+    time: _Time = 100.0
+    offset: _Sigma = 0.0
+
+    @property
+    def variance(self) -> float:
+        """Mean square of the error."""
+        return float(self.white * self.white + self.wander * self.wander + self.offset * self.offset)
+
+
+class GpsNoise(Document):
+    """Errors of `/gps`.
+
+    Attributes:
+        horizontal: to the east and to the north [m].
+        vertical: [m].
+        drop_outs_per_hour: how often the fix is lost.
+        drop_out_time: for how long [s].
+    """
+
+    horizontal: AxisNoise = AxisNoise()
+    vertical: AxisNoise = AxisNoise()
+    drop_outs_per_hour: _Rate = 0.0
+    drop_out_time: _Time = 5.0
+
+
+class ImuNoise(Document):
+    """Errors of `/imu`, along the axes of the sensor.
+
+    Attributes:
+        angular_velocity: [rad/s].
+        acceleration: [m/s^2].
+        roll_pitch: of the orientation [rad].
+        yaw: of the orientation [rad].
+        lost: share of the messages that are lost.
+    """
+
+    angular_velocity: AxisNoise = AxisNoise()
+    acceleration: AxisNoise = AxisNoise()
+    roll_pitch: AxisNoise = AxisNoise()
+    yaw: AxisNoise = AxisNoise()
+    lost: Ratio = 0.0
+
+
+class SensorNoise(Document):
+    """Errors of the sensors; all are 0 unless they are given."""
+
+    gps: GpsNoise = GpsNoise()
+    imu: ImuNoise = ImuNoise()
+
+
+_MG: Final = 9.80665e-3
+_BAND: Final = 5.0  # root of the 25 Hz that readings at 50 Hz can show
+
+TYPICAL: Final = SensorNoise(
+    gps=GpsNoise(
+        # 2.5 m CEP is 2.1 m along each axis; nearly all of it changes within minutes only. Heights are half as good.
+        horizontal=AxisNoise(white=0.3, wander=2.1),
+        vertical=AxisNoise(white=0.6, wander=4.2),
+        drop_outs_per_hour=6.0,
+    ),
+    imu=ImuNoise(
+        # The limits of the offsets count as three standard deviations.
+        angular_velocity=AxisNoise(
+            white=math.radians(0.014) * _BAND, wander=math.radians(2.0 / 3600.0), offset=math.radians(1.0 / 3.0)
+        ),
+        acceleration=AxisNoise(white=0.175 * _BAND * _MG, wander=0.1 * _MG, offset=20.0 / 3.0 * _MG),
+        roll_pitch=AxisNoise(wander=math.radians(0.8)),
+        yaw=AxisNoise(wander=math.radians(2.0)),
+    ),
+)
+"""See the head of this file. Drop-outs are our estimate for a town."""
+
+_DOCUMENT: Final = TypeAdapter(SensorNoise)
+
+
+def read_noise(text: bytes, source: str) -> SensorNoise:
+    """Read a document of sensor noise.
+
+    Args:
+        text: JSON.
+        source: its name, for errors.
+
+    Raises:
+        DocumentError: it is no such document; the text has the place and the mistake.
+    """
+    noise = read_document(_DOCUMENT, text, source, MAX_NOISE_BYTES)
+    for path in sort_keys(SensorNoise, json.loads(text.removeprefix(b"\xef\xbb\xbf"))).passed_over:
+        key = path.rpartition(".")[2]
+        known = keys_beside(SensorNoise, path)
+        raise DocumentError(f"{source}: {path}: expected one of {', '.join(known)}{hint(key, known)}")
+    return noise
+
+
+def noise_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of these documents."""
+    schema = _DOCUMENT.json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+class NoiseSource:
+    """Errors of the sensors of one vehicle in one frame.
+
+    Args:
+        noise: how large they are.
+        seed: of the world.
+        uid: id of the vehicle.
+        frame: of the world.
+    """
+
+    def __init__(self, noise: SensorNoise, seed: int, uid: int, frame: int) -> None:
+        self._noise = noise
+        self._key = blake2b(f"{seed} {uid}".encode(), digest_size=32).digest()
+        self._frame = frame
+
+    def locate(self, place: Vector) -> Vector | None:
+        """Return a place with the errors of the GPS [m]; None without a fix."""
+        gps = self._noise.gps
+        if gps.drop_outs_per_hour > 0.0:
+            # At most one drop-out within each stretch of this length, which begins at a random moment in it.
+            stretch = max(3600.0 / gps.drop_outs_per_hour, gps.drop_out_time)
+            number, into = divmod(self._frame * DT, stretch)
+            start = self._uniform("drop-out", int(number)) * (stretch - gps.drop_out_time)
+            if start <= into < start + gps.drop_out_time:
+                return None
+        x, y, z = place
+        return (
+            x + self._error("east", gps.horizontal),
+            y + self._error("north", gps.horizontal),
+            z + self._error("up", gps.vertical),
+        )
+
+    def feel(self, exact: Inertia) -> Inertia:
+        """Return a reading of the inertial unit with its errors."""
+        imu = self._noise.imu
+        x, y, z = exact.angular_velocity
+        ahead, left, up = exact.acceleration
+        lean = [self._error(axis, imu.roll_pitch) for axis in ("roll", "pitch")]
+        axes = chain(exact.orientation, quaternion(lean[0], lean[1], 0.0))
+        return Inertia(
+            chain(_turned(self._error("yaw", imu.yaw)), axes),
+            (
+                x + self._error("rate x", imu.angular_velocity),
+                y + self._error("rate y", imu.angular_velocity),
+                z + self._error("rate z", imu.angular_velocity),
+            ),
+            (
+                ahead + self._error("accel x", imu.acceleration),
+                left + self._error("accel y", imu.acceleration),
+                up + self._error("accel z", imu.acceleration),
+            ),
+        )
+
+    def is_imu_lost(self) -> bool:
+        """Return whether the message of the inertial unit is lost in this frame."""
+        share = float(self._noise.imu.lost)
+        return share > 0.0 and self._uniform("lost", self._frame) < share
+
+    def _error(self, axis: str, noise: AxisNoise) -> float:
+        error = 0.0
+        if noise.offset > 0.0:
+            error += noise.offset * self._normal(axis + " offset", 0)
+        if noise.wander > 0.0:
+            knot, part = divmod(self._frame * DT / noise.time, 1.0)
+            angle = 0.5 * math.pi * part
+            first, second = (self._normal(axis + " wander", int(knot) + i) for i in (0, 1))
+            error += noise.wander * (math.cos(angle) * first + math.sin(angle) * second)
+        if noise.white > 0.0:
+            error += noise.white * self._normal(axis + " white", self._frame)
+        return error
+
+    def _uniform(self, name: str, number: int) -> float:
+        """Return a number within [0, 1) that stands for a name and a number."""
+        return self._draw(name, number)[0]
+
+    def _normal(self, name: str, number: int) -> float:
+        """Return a number of the standard normal distribution (Box and Muller 1958)."""
+        first, second = self._draw(name, number)
+        return math.sqrt(-2.0 * math.log(1.0 - first)) * math.cos(2.0 * math.pi * second)
+
+    def _draw(self, name: str, number: int) -> tuple[float, float]:
+        bits = blake2b(f"{name} {number}".encode(), digest_size=16, key=self._key).digest()
+        return int.from_bytes(bits[:8]) / 2**64 * (1.0 - 2.0**-53), int.from_bytes(bits[8:]) / 2**64
+
+
+def _turned(yaw: float) -> Quaternion:
+    """Return the rotation about the vertical axis of the map."""
+    return quaternion(0.0, 0.0, yaw)
+
+
+def covariance(*variances: float) -> list[float]:
+    """Return a 3 x 3 covariance with these variances, row by row."""
+    x, y, z = variances
+    return [x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, z]

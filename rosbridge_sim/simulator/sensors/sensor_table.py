@@ -1,0 +1,17 @@
+"""The table of all sensors of an ego. A new sensor is a file beside this one and an entry here."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from rosbridge_sim.simulator.sensors.gps import Gps
+from rosbridge_sim.simulator.sensors.imu import Imu
+from rosbridge_sim.simulator.sensors.sensor import Sensor
+
+__all__ = ["SENSORS", "SENSOR_FRAMES"]
+
+SENSORS: Final[tuple[type[Sensor], ...]] = (Gps, Imu)
+"""All sensors; the index is the number of a sensor in SensorPosControl."""
+
+SENSOR_FRAMES: Final = tuple(sensor.frame for sensor in SENSORS)
+"""Their coordinate frames, in the same order."""

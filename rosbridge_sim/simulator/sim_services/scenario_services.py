@@ -1,0 +1,217 @@
+"""The component of `/sim/scenarios` and `/sim/scenario_picture`: what can be loaded, and what it looks like.
+
+Both read files, so the `Reader` does the work, in a thread as a rule, and only the asking client waits. Loading is by
+MORAI's own services.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Protocol, TypeVar
+
+from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
+from rosbridge_sim.graph.participant import explain
+from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.kernel.component import Component
+from rosbridge_sim.simulator.kernel.context import SimulatorContext
+from rosbridge_sim.simulator.plain.reading import Reader
+
+__all__ = ["ListedRecording", "ListedScenario", "Listing", "ScenarioShelf", "Scenarios"]
+
+MAX_LISTED: Final = 50
+"""Scenarios of one answer: each is a file of 10 to 100 kB that is read, some 2 ms."""
+
+MAX_WAITING: Final = 8
+"""Lists and pictures that may wait for the thread; loads of scenarios wait behind them, some 0.1 s for each."""
+
+MIN_SIDE: Final = 64
+MAX_SIDE: Final = 1024
+"""Bounds of a picture's sides [px]: a larger one would take the thread longer than a second on a city."""
+
+USUAL_SIDES: Final = (320, 200)
+"""Width and height of a picture, if a request leaves them open [px]: a tile of a list."""
+
+MAX_NAME: Final = 400
+"""Longest name of a scenario, with its folders [characters]."""
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class ListedScenario:
+    """A scenario; the fields are those of a ScenarioInfo."""
+
+    name: str
+    map_name: str
+    num_egos: int
+    num_vehicles: int
+    num_pedestrians: int
+    num_obstacles: int
+    problem: str
+
+
+@dataclass(frozen=True, slots=True)
+class ListedRecording:
+    """A recording.
+
+    Attributes:
+        name: for a replay.
+        size: of its files [bytes].
+        modified_ns: when it was written, time of day [ns].
+    """
+
+    name: str
+    size: int
+    modified_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Listing:
+    """A page of scenarios and recordings, and how many there are in all."""
+
+    scenarios: Sequence[ListedScenario]
+    num_scenarios: int
+    recordings: Sequence[ListedRecording]
+    num_recordings: int
+
+
+class ScenarioShelf(Protocol):
+    """Source of the list and of pictures; the shell reads the disk. Its methods may be called from any thread."""
+
+    def list(self, first: int, count: int) -> Listing:
+        """Return a page of what can be loaded.
+
+        Args:
+            first: index of the first scenario and of the first recording.
+            count: how many of each at most.
+
+        Raises:
+            DocumentError: a folder cannot be read.
+        """
+
+    def picture(self, name: str, width: int, height: int) -> bytes:
+        """Return the picture of a scenario, as a PNG file.
+
+        Args:
+            name: as a client gives it.
+            width: [px].
+            height: [px].
+
+        Raises:
+            DocumentError: there is no such scenario, or it cannot be drawn.
+        """
+
+
+class Scenarios(Component):
+    """The component of what can be loaded. It holds no state but the number of those that wait."""
+
+    def __init__(self, context: SimulatorContext, reader: Reader, shelf: ScenarioShelf | None) -> None:
+        """Offer nothing yet.
+
+        Args:
+            context: of the simulator.
+            reader: reads and draws.
+            shelf: the source; None where there is none.
+        """
+        self._context = context
+        self._reader = reader
+        self._shelf = shelf
+        self._num_waiting = 0
+        store = context.bus.store
+        self._make_scenario = maker(
+            store,
+            "rosbridge_sim_msgs/ScenarioInfo",
+            *("name", "map", "num_egos", "num_vehicles", "num_pedestrians", "num_obstacles", "is_loaded", "problem"),
+        )
+        self._make_recording = maker(store, "rosbridge_sim_msgs/RecordingInfo", "name", "size", "modified")
+
+    def bind(self, bindings: SubscribersServices) -> None:
+        """Offer the services that exist once, not for each ego."""
+        bindings.provide("sim/scenarios", "rosbridge_sim_msgs/Scenarios", self._tell_list)
+        bindings.provide("sim/scenario_picture", "rosbridge_sim_msgs/ScenarioPicture", self._tell_picture)
+
+    def _tell_list(self, call: Call, now: float) -> None:
+        request: Any = call.request
+        first, count = request.first, min(request.count or MAX_LISTED, MAX_LISTED)
+
+        def answer(found: Listing) -> dict[str, Any]:
+            loaded = self._context.scene.loaded.name
+            return {
+                "scenarios": [
+                    self._make_scenario(
+                        *(each.name, each.map_name, each.num_egos, each.num_vehicles, each.num_pedestrians),
+                        *(each.num_obstacles, each.name.rpartition("/")[2] == loaded, each.problem),
+                    )
+                    for each in found.scenarios
+                ],
+                "num_scenarios": found.num_scenarios,
+                "recordings": [
+                    self._make_recording(
+                        each.name, each.size, self._context.bus.store.time_value(max(each.modified_ns, 0))
+                    )
+                    for each in found.recordings
+                ],
+                "num_recordings": found.num_recordings,
+            }
+
+        self._read(call, lambda shelf: lambda: shelf.list(first, count), answer, now)
+
+    def _tell_picture(self, call: Call, now: float) -> None:
+        request: Any = call.request
+        name = request.name
+        width, height = request.width or USUAL_SIDES[0], request.height or USUAL_SIDES[1]
+
+        def work(shelf: ScenarioShelf) -> Callable[[], bytes]:
+            for field, side in (("width", width), ("height", height)):
+                if not MIN_SIDE <= side <= MAX_SIDE:
+                    raise FieldError(f"{field}: expected {MIN_SIDE}..{MAX_SIDE} pixels, or 0; got {side}")
+            if len(name) > MAX_NAME:
+                raise FieldError(f"name: expected at most {MAX_NAME} characters, got {len(name):,}")
+            return lambda: shelf.picture(name, width, height)
+
+        self._read(call, work, lambda data: {"format": "png", "data": data}, now)
+
+    def _read(
+        self,
+        call: Call,
+        choose: Callable[[ScenarioShelf], Callable[[], T]],
+        answer: Callable[[T], dict[str, Any]],
+        now: float,
+    ) -> None:
+        """Have work done by the reader, and answer a call with its result.
+
+        Args:
+            call: the call.
+            choose: checks the request, and returns the work.
+            answer: returns the fields of the response.
+            now: monotonic time [s].
+        """
+        try:
+            if self._shelf is None:
+                raise GraphError("this simulator has no folder with scenarios", reason=Reason.REFUSED)
+            if self._num_waiting >= MAX_WAITING:
+                text = f"{MAX_WAITING} lists and pictures are being made; ask again after one of the answers"
+                raise GraphError(text, reason=Reason.TOO_FAST)
+            work = choose(self._shelf)
+        except PeerError as error:
+            self._refuse(call, error)
+            return
+
+        def then(outcome: T | DocumentError, _now: float) -> None:
+            self._num_waiting -= 1
+            if call.is_done:
+                return
+            if isinstance(outcome, DocumentError):
+                self._refuse(call, GraphError(str(outcome), reason=Reason.REFUSED))
+            else:
+                call.answer(call.service.type.response.struct_type(result=True, **answer(outcome)))
+
+        self._num_waiting += 1
+        self._reader.read(work, then, now)
+
+    def _refuse(self, call: Call, error: PeerError) -> None:
+        explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)
+        call.answer(call.service.type.response.struct_type(result=False, message=str(error)))

@@ -1,0 +1,231 @@
+"""The component of `/sim/scene/state`: all entities and lights of a frame in one message, for viewers.
+
+The message has columns, not a struct for each entity: columns are copied from the world's arrays by a few calls of
+numpy, and in CBOR they are typed arrays. What changes only when an entity comes, goes or is placed anew (numbers,
+kinds, sizes) is kept from message to message.
+
+While no frame moves the world (a pause, or the wait for a tick), a new subscriber gets the present scene at once, and
+all subscribers get it after each change. So a viewer is never blank, and sees what was spawned.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.kernel.component import Component
+from rosbridge_sim.simulator.kernel.context import SimulatorContext
+from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.sim_services.road_services import RoadServices
+from rosbridge_sim.world.followers.turn_signals import find_turn_signals
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.roads.signals import NEVER_FRAME
+from rosbridge_sim.world.state.world import DT, Gear, Kind, World
+
+__all__ = ["SCENE_STATE", "SceneState"]
+
+SCENE_STATE: Final = "/sim/scene/state"
+
+LEFT, RIGHT, BRAKE, REVERSE = 1, 2, 4, 8
+"""Bits of `lamps`."""
+
+_RIGHT_SIGNAL: Final = 2
+"""`turn_signal` of an ego that signals to the right."""
+
+_BRAKE_BIT, _REVERSE_BIT = 2, 3
+"""Their places in a byte."""
+
+TOUCHES: Final = 1
+"""Bit of `flags`."""
+
+BRAKE_LIGHT_DECEL: Final = 1.0
+"""Deceleration from which brake lights are lit where no pedal is known [m/s^2]: in UN Regulation 13-H they must be off
+below 0.7 and on above 1.3 m/s^2."""
+
+UNKNOWN_TIME: Final = -1.0
+"""Time that is left to a light of which no change is known [s]."""
+
+
+class SceneState(Component):
+    """The component of the scene's topic. It holds no state of the simulator, only parts of the last message."""
+
+    def __init__(self, context: SimulatorContext, road_services: RoadServices) -> None:
+        """Publish nothing yet.
+
+        Args:
+            context: of the simulator.
+            road_services: has the digest of the map.
+        """
+        self._context = context
+        self._road_services = road_services
+        self._make = maker(
+            context.bus.store,
+            "rosbridge_sim_msgs/SceneState",
+            *("header", "frame", "map_digest", "scenario", "id", "kind", "x", "y", "z", "roll", "pitch", "heading"),
+            *("speed", "length", "width", "height", "center_x", "lamps", "flags", "light_state", "light_time_left"),
+        )
+        # What the lights show changes rarely: their columns are kept with the array that they were made from.
+        self._shown: IntArray | None = None
+        self._light_state: NDArray[np.int16] = np.empty(0, dtype=np.int16)
+        self._light_ends: IntArray = np.empty(0, dtype=np.int64)
+        self._is_endless: BoolArray = np.empty(0, dtype=bool)
+
+    def publish(self, publishers: Publishers) -> None:
+        """Publish the topic that exists once, not for each ego."""
+        publishers.add(SCENE_STATE, "rosbridge_sim_msgs/SceneState", self._message, version=self._version)
+
+    def _version(self) -> _Version:
+        """Return what is the same as long as the message is."""
+        world, scene = self._context.world, self._context.scene
+        layout = world.derived(self._lay_out)
+        return _Version(
+            (world.frame, *self._ego_lamps()),
+            (layout, world.signals.shown, world.contacts, scene.road_map, scene.loaded),
+        )
+
+    def _ego_lamps(self) -> list[int]:
+        """Return the lamps of all egos, in the order of the layout."""
+        world = self._context.world
+        return [_lamps_of(ego, world) for _, ego in world.derived(self._lay_out).egos]
+
+    def _lay_out(self, world: World) -> _Layout:
+        return _Layout(world, list(self._context.egos))
+
+    def _message(self) -> Struct:
+        context = self._context
+        world = context.world
+        layout = world.derived(self._lay_out)
+        rows = layout.rows
+        motion = world.block("x", "z").take(rows, axis=1)
+        x, y, _, speeds, _ = motion
+        yaw, speed, z = motion[2:].astype(np.float32)
+        pitch, roll = world.block("pitch", "roll").take(rows, axis=1).astype(np.float32)
+        ego_lamps = self._ego_lamps()
+        return self._make(
+            context.convert.header(world.frame, "map"),
+            world.frame,
+            self._road_services.drawing.digest,
+            context.scene.loaded.name,
+            layout.ids,
+            layout.kinds,
+            x,
+            y,
+            z,
+            roll,
+            pitch,
+            yaw,
+            speed,
+            *layout.box,
+            self._lamps(layout, speeds, ego_lamps),
+            self._flags(layout),
+            *self._lights(),
+        )
+
+    def _lamps(self, layout: _Layout, speed: FloatArray, ego_lamps: list[int]) -> bytes:
+        """Return the lamps of each entity.
+
+        Args:
+            layout: the entities.
+            speed: of each [m/s].
+            ego_lamps: of the egos.
+        """
+        world, rows = self._context.world, layout.rows
+        is_braking = world.accel.take(rows) < -BRAKE_LIGHT_DECEL
+        is_braking |= (speed == 0.0) & world.has_lane.take(rows)  # a driver on lanes that stands holds the brake
+        lamps = (is_braking.view(np.uint8) << _BRAKE_BIT) | ((speed < 0.0).view(np.uint8) << _REVERSE_BIT)
+        lamps |= find_turn_signals(world, rows).astype(np.uint8)  # 1 left, 2 right: the same bits
+        lamps *= layout.is_car
+        for (place, _), own in zip(layout.egos, ego_lamps, strict=True):
+            lamps[place] = own
+        return lamps.tobytes()
+
+    def _flags(self, layout: _Layout) -> bytes:
+        """Return the flags of each entity."""
+        world = self._context.world
+        if not len(world.contacts):
+            return layout.no_flags
+        touches = np.isin(world.uid[layout.rows], world.contacts)
+        return (touches.view(np.uint8) * TOUCHES).tobytes()
+
+    def _lights(self) -> tuple[NDArray[np.int16], NDArray[np.float32]]:
+        """Return what each light shows, and for how long [s]."""
+        signals = self._context.world.signals
+        if signals.shown is not self._shown:
+            self._shown = signals.shown
+            self._light_state = signals.shown.astype(np.int16)
+            self._light_ends = signals.next_changes()
+            self._is_endless = self._light_ends == NEVER_FRAME
+        left = ((self._light_ends - signals.frame) * DT).astype(np.float32)
+        left[self._is_endless] = UNKNOWN_TIME
+        return self._light_state, left
+
+
+class _Version:
+    """A state of the scene.
+
+    Attributes:
+        numbers: are equal for equal scenes.
+        objects: are the same for equal scenes, so nothing of them need be copied or compared.
+    """
+
+    __slots__ = ("numbers", "objects")
+    __hash__ = None  # type: ignore[assignment] # it is compared alone
+
+    def __init__(self, numbers: tuple[int, ...], objects: tuple[object, ...]) -> None:
+        self.numbers = numbers
+        self.objects = objects
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, _Version) or self.numbers != other.numbers:
+            return False
+        return all(one is another for one, another in zip(self.objects, other.objects, strict=True))
+
+
+class _Layout:
+    """Columns that stay the same until an entity is added, removed, stopped, started or placed.
+
+    Attributes:
+        rows: (n,) rows in the world, in order of spawning.
+        ids: (n,) uint32, numbers of the entities on the wire.
+        kinds: a byte for each.
+        box: length, width, height and `center_x` of each, (n,) float32 [m].
+        is_car: (n,) uint8, 1 for vehicles and egos.
+        egos: those of the simulator, each with its place in `rows`.
+        no_flags: the flags while nothing touches anything.
+    """
+
+    __slots__ = ("box", "egos", "ids", "is_car", "kinds", "no_flags", "rows")
+
+    def __init__(self, world: World, egos: Sequence[Ego]) -> None:
+        rows = self.rows = np.fromiter(world.placed(), dtype=np.int64, count=len(world))
+        places = {row: place for place, row in enumerate(rows.tolist())}
+        self.egos = [(places[ego.row], ego) for ego in egos if ego.is_there]
+        self.ids = world.uid[rows].astype(np.uint32)
+        for place, ego in self.egos:
+            self.ids[place] = ego.index
+        kinds = world.kind[rows].astype(np.uint8)
+        self.kinds = kinds.tobytes()
+        self.is_car = (kinds <= Kind.VEHICLE).astype(np.uint8)
+        sizes = (2.0 * world.half_length, 2.0 * world.half_width, world.height, world.centre)
+        self.box = tuple([size[rows].astype(np.float32) for size in sizes])
+        self.no_flags = bytes(len(rows))
+
+
+def _lamps_of(ego: Ego, world: World) -> int:
+    """Return the lamps of an ego."""
+    row = ego.row
+    is_braking = world.brake.item(row) > 0.0 or (
+        world.has_lane.item(row) and (world.speed.item(row) == 0.0 or world.accel.item(row) < -BRAKE_LIGHT_DECEL)
+    )
+    return (
+        LEFT * (ego.turn_signal == 1 or ego.emergency_signal == 1)
+        | RIGHT * (ego.turn_signal == _RIGHT_SIGNAL or ego.emergency_signal == 1)
+        | BRAKE * is_braking
+        | REVERSE * (world.gear.item(row) == Gear.REVERSE)
+    )

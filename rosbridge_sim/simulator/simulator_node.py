@@ -1,0 +1,289 @@
+"""The simulator as one ROS node: its topics and services on the bus, connected to the world and to its mode.
+
+`SimulatorNode` joins a context and its components; the shell uses nothing else of them. The world moves in two ways,
+and both end in `FrameStepper.compute`:
+
+- real time: the shell calls `advance` at the time that `next_due` returns; `advance` computes the frames that are due;
+- synchronous mode: a service call computes the frames of one time step within the call (`SyncDriver`).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal, TypeVar
+
+from rosbridge_sim.graph.topics_services import Topic
+from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits, advise_release
+from rosbridge_sim.scenarios.catalogue import BUILT_IN, Catalogue
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
+from rosbridge_sim.simulator.bus.network_settings import DEFAULTS, InterfaceKind, NetworkSettings
+from rosbridge_sim.simulator.bus.simulator_participant import SimulatorParticipant
+from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.departures import Departures
+from rosbridge_sim.simulator.kernel.component import Component
+from rosbridge_sim.simulator.kernel.context import SimulatorContext
+from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.kernel.egos import EgoRegistry
+from rosbridge_sim.simulator.kernel.frame_stepper import FrameMeter
+from rosbridge_sim.simulator.kernel.real_time import RealTime, set_real_time_factor
+from rosbridge_sim.simulator.scene.scene import Scene
+from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
+from rosbridge_sim.simulator.sensors.missing_sensors import advise
+from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
+from rosbridge_sim.simulator.sim_services.scene_markers import SCENE_MAP, SCENE_OBJECTS
+from rosbridge_sim.simulator.sync.sync import Sync
+from rosbridge_sim.world.state.world import World
+
+__all__ = ["NodeSettings", "SimulatorNode"]
+
+_log = logging.getLogger("rosbridge_sim.morai")
+C = TypeVar("C", bound=Component)
+
+
+@dataclass(frozen=True, slots=True)
+class NodeSettings:
+    """Options of the simulator; the fields are named after the program's flags.
+
+    Attributes:
+        profile: units and orders where the manual and client code disagree.
+        start: run in real time, or stand at frame 0 until the first master starts synchronous mode.
+        start_mode: external control in gear D, or keyboard control in gear P as MORAI starts.
+        speed_limits: of the egos' speed mode; None for those of their models.
+        network: names, switches and rates of the simulator's topics and services.
+        sync_frames: `strict` requires that a tick names the frame that it will end on.
+        sync_lease: silence after which a master is lost [s]; with None only its departure counts.
+        sync_on_loss: state of the world after its master is lost.
+        anyone_may_stop: let other clients than the master stop synchronous mode.
+        catalogue: the models that clients name.
+        real_time_factor: how fast the world runs while real time moves it; see `RealTimePacer`.
+        replay_info: publish ReplayInfo of any drive for all subscribers, also for those that subscribe to every topic.
+        score: keep scores of the egos from frame 0 on, with and without a listener.
+        traffic: vehicles on the lanes besides those of the scenario, at most.
+        traffic_wander: these vehicles wander within their lanes.
+        sensor_noise: errors of GPS and IMU; None for exact readings.
+        on_world_failure: `exit` raises the exception of a failed step to the caller of `advance`; `serve` stops the
+            world and refuses every call.
+    """
+
+    profile: Profile = MANUAL
+    start: Literal["run", "sync"] = "run"
+    start_mode: Literal["external", "keyboard"] = "external"
+    speed_limits: SpeedLimits | None = None
+    network: NetworkSettings = DEFAULTS
+    sync_frames: Literal["lenient", "strict"] = "lenient"
+    sync_lease: float | None = None
+    sync_on_loss: Literal["run", "pause", "wait"] = "run"
+    anyone_may_stop: bool = False
+    catalogue: Catalogue = BUILT_IN
+    real_time_factor: float = 1.0
+    replay_info: bool = False
+    score: bool = False
+    traffic: int = 0
+    traffic_wander: bool = True
+    sensor_noise: SensorNoise | None = None
+    on_world_failure: Literal["exit", "serve"] = "exit"
+
+
+class SimulatorNode:
+    """The simulator, as the shell sees it.
+
+    Attributes:
+        context: shared by its components.
+        components: in the order in which their topics are published with a frame.
+    """
+
+    def __init__(self, context: SimulatorContext, components: Sequence[Component]) -> None:
+        """Put all topics and services on the bus, and announce the opening scene.
+
+        Args:
+            context: with the opening scene.
+            components: made from this context; their topics are published in this order.
+
+        Raises:
+            DocumentError: the network settings name a missing item or cannot be used.
+        """
+        self.context = context
+        self.components = tuple(components)
+        self._real_time = RealTime(context)
+        bindings = SubscribersServices(context.interfaces)
+        for component in self.components:
+            component.publish_ego(context.egos.first, bindings.prefix, context.publishers)
+            component.publish(context.publishers)
+            component.bind(bindings)
+            component.bind_ego(context.egos.first, bindings)
+        context.hooks.on_new_ego.append(self._open_ego)
+        context.interfaces.open()
+        Departures(context)
+        context.bus.unpublished.advise = advise
+        context.bus.unpublished.advise_name = self._advise_name
+        context.time.follow()
+        context.sync_info.announce(0.0)
+        context.static_tf.announce(0.0)
+
+    def _advise_name(self, name: str) -> str:
+        """Return which release has a name that this one lacks; empty for one that is here under another name."""
+        return advise_release(name) if not name.startswith("/") or self.context.interfaces.is_elsewhere(name) else ""
+
+    def advance(self, now: float) -> None:
+        """Compute the frames that real time owes; see `RealTime.advance`.
+
+        Args:
+            now: monotonic time [s].
+        """
+        self._real_time.advance(now)
+
+    def next_due(self, now: float) -> float | None:
+        """Return the time of the next call of `advance`; see `RealTime.next_due`.
+
+        Args:
+            now: monotonic time [s].
+
+        Returns:
+            Monotonic time [s]; None while only a service call can move the world.
+        """
+        return self._real_time.next_due(now)
+
+    def reset(self, seed: int | None, now: float) -> None:
+        """Reset the world to its start; see `SceneChanges.reset`.
+
+        Args:
+            seed: random seed; None keeps the current one.
+            now: monotonic time [s].
+        """
+        self.context.scene_changes.reset(seed, now)
+
+    def use_wall_time(self, read_ns: Callable[[], int], now: float) -> None:
+        """Stamp headers, /clock and tf with the time of day from now on, and publish the latched messages anew.
+
+        Args:
+            read_ns: returns the time of day [ns], which must never go back; called once for each frame.
+            now: monotonic time [s].
+        """
+        context = self.context
+        if context.pacer.factor != 1.0:
+            _log.warning(
+                "stamps are the time of day from now on: the real-time factor is 1, not %g", context.pacer.factor
+            )
+            set_real_time_factor(context, 1.0, now)
+        context.time.use_wall_time(read_ns)
+        context.egos.forget_statuses()
+        context.publishers.show_latched(now)
+        context.static_tf.announce_again(now)
+
+    def why_gone(self, service: str) -> str:
+        """Return the reason why a service of a removed ego is missing; see `EgoInterfaces.why_gone`.
+
+        Args:
+            service: its name on the bus.
+
+        Returns:
+            A text for the client; empty for any other name.
+        """
+        return self.context.ego_interfaces.why_gone(service)
+
+    @property
+    def participant(self) -> SimulatorParticipant:
+        """The owner of all topics and services of the simulator."""
+        return self.context.participant
+
+    @property
+    def interfaces(self) -> InterfaceRegistry:
+        """All topics and services of the simulator, by name."""
+        return self.context.interfaces
+
+    @property
+    def world(self) -> World:
+        """The state of all entities."""
+        return self.context.world
+
+    @property
+    def scene(self) -> Scene:
+        """The population and the map."""
+        return self.context.scene
+
+    @property
+    def sync(self) -> Sync[SceneCommand]:
+        """Synchronous mode."""
+        return self.context.sync
+
+    @property
+    def egos(self) -> EgoRegistry:
+        """The egos, in order."""
+        return self.context.egos
+
+    @property
+    def failure(self) -> str | None:
+        """The reason why the world has stopped for good; None while it has not."""
+        return self.context.failure.why
+
+    @property
+    def num_ticks(self) -> int:
+        """Number of ticks carried out."""
+        return self.context.sync_driver.num_ticks
+
+    @property
+    def num_stalls(self) -> int:
+        """Number of stalls in which real time was lost for good."""
+        return self.context.pacer.num_stalls
+
+    @property
+    def num_frames(self) -> int:
+        """Number of frames computed; a reset of the world does not set it back."""
+        return self.context.stepper.num_frames
+
+    @property
+    def lost_time(self) -> float:
+        """Real time that was lost in stalls [s]; the world does not catch up with it."""
+        return self.context.pacer.lost_time
+
+    def real_time_lag(self, now: float) -> float:
+        """Return the delay of the world behind real time.
+
+        Args:
+            now: monotonic time [s].
+
+        Returns:
+            The delay [s]; 0.0 while real time does not move the world.
+        """
+        context = self.context
+        if not (context.sync.is_free and context.pacer.is_started) or self.failure is not None:
+            return 0.0
+        return max(0.0, now - context.pacer.due_at) if context.pacer.factor else 0.0
+
+    def measure_frames(self, meter: FrameMeter) -> None:
+        """Call a meter at the begin and at the end of each frame.
+
+        Args:
+            meter: measures each frame.
+        """
+        self.context.stepper.meter = meter
+
+    def limit_turns(self, read_clock: Callable[[], float]) -> None:
+        """End each turn of work that is owed after a few milliseconds of this clock [s], so that others have theirs."""
+        self.context.sync_driver.read_clock = self._real_time.read_clock = read_clock
+
+    def scene_topics(self) -> tuple[str, ...]:
+        """Return the present names of the topics for viewers; another bridge gets them on request alone."""
+        name_of = self.context.interfaces.name_of
+        return tuple(name_of(InterfaceKind.PUBLISHER, topic) for topic in (SCENE_MAP, SCENE_OBJECTS))
+
+    def current_messages(self) -> list[tuple[Topic, Message]]:
+        """Return the message that each topic would publish now, with or without subscribers.
+
+        Returns:
+            Topics that have something to publish, each with its message.
+        """
+        return list(self.context.publishers.current())
+
+    def component(self, kind: type[C]) -> C:
+        """Return the component of a class, of which there is one."""
+        return next(each for each in self.components if isinstance(each, kind))
+
+    def _open_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
+        """Add the topics and services of a further ego."""
+        for component in self.components:
+            component.publish_ego(ego, bindings.prefix, self.context.publishers)
+            component.bind_ego(ego, bindings)

@@ -1,0 +1,1 @@
+"""Snapshots: the whole state of the simulator as bytes, and back."""

@@ -1,0 +1,176 @@
+"""Prepared loads and waiting commands as plain data and back.
+
+A load is saved whole and not by the name of its scenario: the file may have another content later, or another place,
+and a restored simulator must do the same as the saved one. Its map is saved by name and digest. A load is large and
+never changes, so its bytes are made once and kept with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from hashlib import blake2b
+from typing import Any, Final
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.scenarios.scenario import PhaseStart, Spawn
+from rosbridge_sim.scenarios.spawn_points import MAX_AT_ONCE, SpawnPoint
+from rosbridge_sim.simulator.bus.network_settings import InterfaceKind, NetworkSettings, read_choices
+from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode
+from rosbridge_sim.simulator.plain.typed_plain import as_plain, check_finite, read_as
+from rosbridge_sim.simulator.scene.load import Load, MapKey, PackedLoad
+from rosbridge_sim.simulator.scene.scene_commands import (
+    AddObject,
+    ControlEgo,
+    LoadScenario,
+    RemoveObject,
+    SceneAction,
+    ShiftEgo,
+)
+from rosbridge_sim.world.drivers.lane_position import MAX_LATERAL
+from rosbridge_sim.world.state.entity_types import MAX_COORDINATE
+
+__all__ = [
+    "Maps",
+    "pack_action",
+    "unpack_action",
+    "unpack_load",
+]
+
+MAX_VALUES: Final = 3_000_000
+"""Values in a prepared load: 20,000 objects have some 95 each, and the points of 200,000 pieces of paths 4 each."""
+
+_PLAIN_ACTIONS: Final[dict[str, type[ControlEgo | ShiftEgo | AddObject | RemoveObject]]] = {
+    "control": ControlEgo,
+    "shift": ShiftEgo,
+    "add": AddObject,
+    "remove": RemoveObject,
+}
+_KIND_OF: Final = {action: kind for kind, action in _PLAIN_ACTIONS.items()}
+_LOAD: Final = "load"
+
+
+Maps = Callable[[MapKey], RoadMap]
+"""Returns a map; raises DocumentError where it is not at hand."""
+
+
+def unpack_load(data: object, maps: Maps, known: Iterable[Load] = ()) -> Load:
+    """Return the load whose `packed` was given; a known one is not read again.
+
+    Args:
+        data: the fields of a `PackedLoad`; from anywhere.
+        maps: gives its map.
+        known: loads that it may be.
+
+    Raises:
+        DocumentError: they are no load, or the map is not at hand.
+    """
+    packed = PackedLoad(*read_as(tuple[bytes, bytes], data, "load"))
+    for load in known:
+        if load.packed == packed and maps(load.map_key) is load.road_map:
+            return load
+    if blake2b(packed.data, digest_size=16).digest() != packed.digest:
+        raise DocumentError("load: the digest is that of another one")
+    fields = read_as(dict[str, Any], decode(packed.data, max_values=MAX_VALUES), "load")
+    name, is_clearing = read_as(tuple[str, bool], (fields.get("name"), fields.get("is_clearing")), "load")
+    key = MapKey(*read_as(tuple[str, bytes], fields.get("map"), "load.map"))
+    egos, others = (read_as(tuple[Spawn, ...], fields.get(part), f"load.{part}") for part in ("egos", "others"))
+    phases = read_as(tuple[PhaseStart, ...], fields.get("phases"), "load.phases")
+    points = read_as(tuple[SpawnPoint, ...], fields.get("spawn_points"), "load.spawn_points")
+    load = Load(name, egos, others, is_clearing, key.name, maps(key), phases, points)
+    _check(load)
+    return load
+
+
+def pack_action(action: SceneAction) -> PlainData:
+    """Return what a waiting command does as plain data."""
+    if isinstance(action, LoadScenario):
+        network = None if action.network is None else _plain_network(action.network)
+        return (_LOAD, tuple(action.load.packed), network, action.is_pausing)
+    return (_KIND_OF[type(action)], as_plain(action))
+
+
+def unpack_action(data: object, maps: Maps, known: Iterable[Load] = ()) -> SceneAction:
+    """Return the action that `pack_action` was given.
+
+    Args:
+        data: from anywhere.
+        maps: gives the maps of loads.
+        known: loads that it may have.
+
+    Raises:
+        DocumentError: it is no such data.
+    """
+    parts = read_as(tuple[Any, ...], data, "command")
+    if len(parts) == 4 and parts[0] == _LOAD:  # noqa: PLR2004 - as `pack_action` writes it
+        network = None if parts[2] is None else _read_network(parts[2])
+        return LoadScenario(unpack_load(parts[1], maps, known), network, read_as(bool, parts[3], "command.is_pausing"))
+    kind = _PLAIN_ACTIONS.get(parts[0]) if len(parts) == 2 and isinstance(parts[0], str) else None  # noqa: PLR2004
+    if kind is None:
+        raise DocumentError("command: expected a kind and its fields")
+    action = read_as(kind, parts[1], "command")
+    check_finite(parts[1], "command")
+    return action
+
+
+def _plain_network(settings: NetworkSettings) -> PlainData:
+    """Return network settings as the tables of a file."""
+    return {
+        kind.value: {
+            default: {
+                key: value
+                for key, value in (("name", choice.name), ("on", choice.is_on), ("rate", choice.rate))
+                if value is not None
+            }
+            for default, choice in settings.choices(kind).items()
+        }
+        for kind in InterfaceKind
+    }
+
+
+def _read_network(data: object) -> NetworkSettings:
+    tables = read_as(dict[str, Any], data, "command.network")
+    return NetworkSettings(**{kind.value: read_choices(kind, tables.get(kind.value)) for kind in InterfaceKind})
+
+
+def _check(load: Load) -> None:
+    """Check what `Scene.carry_out` relies on, because `Scene.prepare` has checked it.
+
+    Raises:
+        DocumentError: a place or a phase that the map does not have.
+    """
+    roads, plan = load.road_map.roads, load.road_map.plan
+    for spawn in (*load.egos, *load.others):
+        driver = spawn.driver
+        if driver is not None and not (
+            all(0 <= lane < len(roads) for lane in (driver.lane, *driver.route))
+            and 0.0 <= driver.s <= roads.length[driver.lane]
+            and driver.desired_speed >= 0.0
+            and abs(driver.lateral) <= MAX_LATERAL
+        ):
+            raise DocumentError("load.driver: expected lanes of the map")
+        if not 0.0 <= spawn.start_within <= MAX_COORDINATE:
+            raise DocumentError("load.start_within: expected a distance")
+        if not spawn.is_placed or spawn.link is not None:
+            raise DocumentError("load.is_placed: expected places")
+    for point in load.spawn_points:
+        if not (
+            0 <= point.lane < len(roads)
+            and -1 <= point.goal_lane < len(roads)
+            and 0.0 <= point.s <= roads.length[point.lane]
+            and point.models
+            and 0 <= point.num <= MAX_AT_ONCE
+            and all(0.0 <= low <= high for low, high in (point.period, point.speed, point.desired_speed))
+            and point.period[1] <= MAX_COORDINATE
+            and -1.0 <= point.wait <= MAX_COORDINATE
+            and point.gap >= 0.0
+            and point.time >= 0.0
+            and -MAX_LATERAL <= point.lateral[0] <= point.lateral[1] <= MAX_LATERAL
+        ):
+            raise DocumentError("load.spawn_points: expected places and times within their bounds")
+    phases: dict[str, int] = {}
+    if plan is not None:
+        phases = {one.name: int(num) for one, num in zip(plan.controllers, plan.num_phases, strict=True)}
+    for start in load.phases:
+        if not (0 <= start.phase < phases.get(start.controller, 0) and 0.0 <= start.elapsed <= MAX_COORDINATE):
+            raise DocumentError("load.phases: expected phases of the map's intersections")

@@ -1,0 +1,574 @@
+"""The component of snapshots: `/sim/snapshot`, `/sim/restore`, `/sim/snapshots` and `/sim/state_hash`.
+
+Snapshots are kept as bytes, the same ones that a client may take away. They are bounded in number and in bytes, and
+none is dropped for another one: a client that branches relies on each of them.
+
+In synchronous mode the master alone may restore, because it moves time. A restore happens between two frames, and at
+once if the snapshot is one that is kept. Its bytes stand for it: they are known by a digest. Other bytes are decoded
+and checked by the `Reader`, because they may be large and hold anything. A map that is not at hand is read by it, too,
+and a recording by the recordings. The client is held meanwhile, and all others go on.
+
+The bytes of a snapshot tell what all topics do, so a client gets them only if it may subscribe to each of them.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from hashlib import blake2b
+from typing import Any, Final, TypeVar
+
+from rosbridge_sim.errors import DocumentError, GraphError, PeerError, Reason
+from rosbridge_sim.graph.participant import Participant, check_reading, explain
+from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.simulator.bus.publishers import Publishers
+from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.kernel.component import Component
+from rosbridge_sim.simulator.kernel.context import SimulatorContext
+from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode
+from rosbridge_sim.simulator.plain.reading import Reader
+from rosbridge_sim.simulator.plain.snapshot_bytes import OwnBytes, SnapshotHead, pack, unpack
+from rosbridge_sim.simulator.replays.recorded_drive import Recording, digest_of
+from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Recordings
+from rosbridge_sim.simulator.replays.replay import RecordingKey, Replay
+from rosbridge_sim.simulator.scene.load import Library, MapKey
+from rosbridge_sim.simulator.snapshots.node_state import NodeState, Plans, SavedState
+from rosbridge_sim.world.saved_world import LAYOUT
+
+__all__ = ["MAX_BYTES", "MAX_SNAPSHOTS", "Snapshots"]
+
+MAX_SNAPSHOTS: Final = 100
+"""Snapshots that are kept: a person or a search keeps a few dozen branches."""
+
+MAX_BYTES: Final = 256 * 1024 * 1024
+"""All of them together [bytes]: 1,500 of 100 objects would fit, or twenty of a full world."""
+
+MAX_ID: Final = 200
+"""Characters of a snapshot's name: as much as a name of a topic."""
+
+HASHED_TYPES: Final = ("CtrlCmd", "EgoVehicleStatus", "ObjectStatus", "EventInfo")
+"""Messages that stand for a release: each release has changed one of them."""
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """A snapshot that is kept.
+
+    Attributes:
+        state: all of it.
+        head: what stands before it when it becomes bytes.
+        size: about how much memory it takes [bytes].
+    """
+
+    state: SavedState
+    head: SnapshotHead
+    size: int
+
+
+class _Refusal(Exception):  # noqa: N818 - it is no failure
+    """Why a request is not carried out, with the kind of reason."""
+
+    def __init__(self, text: str, reason: Reason) -> None:
+        super().__init__(text)
+        self.reason = reason
+
+
+class Snapshots(Component):
+    """The component of snapshots. What it keeps is no part of a snapshot."""
+
+    def __init__(
+        self,
+        context: SimulatorContext,
+        components: Sequence[Component],
+        replay: Replay,
+        reader: Reader,
+        recordings: Recordings | None,
+    ) -> None:
+        """Keep nothing yet.
+
+        Args:
+            context: of the simulator.
+            components: all of the simulator, this one perhaps among them.
+            replay: has the recording that moves the world.
+            reader: reads maps.
+            recordings: where recordings come from; None for nowhere.
+        """
+        self._context = context
+        self._state = NodeState(context, components)
+        self._replay = replay
+        self._reader = reader
+        self._recordings = recordings
+        self._kept: dict[str, _Kept] = {}
+        self._own = OwnBytes()
+        self._num_bytes = 0
+        self._num_named = 0
+        self._is_reading = False
+        self._is_after_frame = False
+        context.hooks.after_frame.append(self._publish_hash)
+        store = context.bus.store
+        self._make_info = maker(store, "rosbridge_sim_msgs/SnapshotInfo", "id", "frame", "size", "state_hash")
+        self._make_hash = maker(store, "rosbridge_sim_msgs/StateHash", "header", "frame", "hash")
+        types = [store.message(f"morai_msgs/{name}").definition for name in HASHED_TYPES]
+        fields = [[(field.type, field.name) for field in one.fields] for one in types]
+        self._definitions = blake2b(repr(fields).encode(), digest_size=8).digest()
+
+    def publish(self, publishers: Publishers) -> None:
+        """Publish what the world has once."""
+        self._publishers = publishers
+        self._topic = publishers.add("/sim/state_hash", "rosbridge_sim_msgs/StateHash", self._hash_message)
+
+    def bind(self, bindings: SubscribersServices) -> None:
+        """Offer the services that exist once, not for each ego."""
+        bindings.provide("sim/snapshot", "rosbridge_sim_msgs/Snapshot", self._snapshot)
+        bindings.provide("sim/restore", "rosbridge_sim_msgs/Restore", self._restore)
+        bindings.provide("sim/snapshots", "rosbridge_sim_msgs/Snapshots", self._list)
+        bindings.provide("sim/state_hash", "rosbridge_sim_msgs/StateHash", self._tell_hash)
+
+    # Hash
+
+    def _tell_hash(self, call: Call, _now: float) -> None:
+        call.answer(call.service.type.response.struct_type(self._context.world.frame, self._state.hash()))
+
+    def _hash_message(self) -> Struct:
+        """Return the hash; None within a frame, because it goes out behind all that a frame does."""
+        context = self._context
+        if context.stepper.is_moving and not self._is_after_frame:
+            return None
+        frame = context.world.frame
+        return self._make_hash(context.convert.header(frame), frame, self._state.hash())
+
+    def _publish_hash(self, now: float) -> None:
+        """Publish the hash behind a frame, for those that listen to it by its name: it is not free of cost."""
+        topic = self._topic.topic
+        if topic is None or not topic.subscriptions:
+            return
+        if any(not one.is_idle and not one.is_general for one in topic.subscriptions):
+            self._is_after_frame = True
+            try:
+                self._publishers.show_now(self._topic, now)
+            finally:
+                self._is_after_frame = False
+
+    # Snapshot
+
+    def _snapshot(self, call: Call, _now: float) -> None:
+        request: Any = call.request
+        make = call.service.type.response.struct_type
+        try:
+            if request.with_data:
+                self._check_may_read(call.caller)
+            name, kept = self._take(request.id)
+        except _Refusal as refusal:
+            self._explain(call, refusal)
+            call.answer(make(False, str(refusal), "", self._context.world.frame, "", 0, b""))  # noqa: FBT003 - `result`
+            return
+        head = kept.head
+        data = pack(head, kept.state.to_plain()) if request.with_data else b""
+        if data:
+            self._own.note(data, name, head)
+        call.answer(make(True, "", name, head.frame, head.state_hash, kept.size, data))  # noqa: FBT003 - `result`
+
+    def _check_may_read(self, caller: Participant) -> None:
+        """Check that a client may have the bytes of a snapshot.
+
+        Raises:
+            _Refusal: it must not subscribe to a topic of the simulator.
+        """
+        for name, type_name in self._publishers.types:
+            try:
+                check_reading(caller, name, type_name)
+            except GraphError as error:
+                text = f"with_data: {error}, and the bytes tell what it does; take the snapshot without them"
+                raise _Refusal(text, error.reason) from None
+
+    def _take(self, wanted: str) -> tuple[str, _Kept]:
+        """Save the state under a name.
+
+        Raises:
+            _Refusal: it cannot be saved now, or there is no room.
+        """
+        context = self._context
+        name = self._name(wanted)
+        if context.stepper.is_moving:
+            raise _Refusal("the world is moving: take a snapshot between two frames", Reason.NOT_NOW)
+        if context.sync.has_unready:
+            raise _Refusal("a scenario is being read: try again when it has been", Reason.NOT_NOW)
+        old = self._kept.get(name)
+        if old is None and len(self._kept) >= MAX_SNAPSHOTS:
+            raise _Refusal(
+                f"{MAX_SNAPSHOTS} snapshots are kept already: remove some by /sim/snapshots", Reason.TOO_MUCH
+            )
+        recording, state = self._replay.recording_key, self._state.save()
+        head = SnapshotHead(
+            LAYOUT,
+            self._definitions,
+            repr(context.convert.profile),
+            self._dynamics,
+            tuple([(key.name, key.digest) for key in state.maps]),
+            None if recording is None else (recording.name, recording.digest),
+            context.world.frame,
+            self._state.hash(),
+        )
+        size = state.size
+        size_before = 0 if old is None else old.size
+        if self._num_bytes - size_before + size > MAX_BYTES:
+            raise _Refusal(
+                f"the snapshots hold {self._num_bytes:,} of {MAX_BYTES:,} bytes, and this one has {size:,}:"
+                " remove some by /sim/snapshots",
+                Reason.TOO_MUCH,
+            )
+        self._drop(name)
+        context.bus.account_of(context.participant).take(size)
+        self._num_bytes += size
+        kept = _Kept(state, head, size)
+        self._kept[name] = kept
+        return name, kept
+
+    def _name(self, wanted: str) -> str:
+        """Return the name of a snapshot: the client's, or the next free one.
+
+        Raises:
+            _Refusal: it is too long, or not printable.
+        """
+        if wanted:
+            if len(wanted) > MAX_ID or not wanted.isprintable():
+                raise _Refusal(f"id: expected at most {MAX_ID} printable characters", Reason.WRONG_VALUE)
+            return wanted
+        while True:
+            self._num_named += 1
+            name = f"snapshot-{self._num_named}"
+            if name not in self._kept:
+                return name
+
+    def _drop(self, name: str) -> None:
+        """Keep a snapshot no longer; none of this name is no error."""
+        kept = self._kept.pop(name, None)
+        if kept is not None:
+            self._num_bytes -= kept.size
+            self._context.bus.account_of(self._context.participant).give(kept.size)
+
+    def _list(self, call: Call, _now: float) -> None:
+        request: Any = call.request
+        strange = [name for name in request.remove if name not in self._kept]
+        message = ""
+        if strange:
+            message = self._no_such(strange[0])
+            self._explain(call, _Refusal(message, Reason.WRONG_VALUE))
+        else:
+            for name in request.remove:
+                self._drop(name)
+        infos = [
+            self._make_info(name, kept.head.frame, kept.size, kept.head.state_hash) for name, kept in self._kept.items()
+        ]
+        call.answer(call.service.type.response.struct_type(not strange, message, infos, MAX_BYTES - self._num_bytes))
+
+    def _no_such(self, name: str) -> str:
+        known = ", ".join(list(self._kept)[-5:]) or "none"
+        return f"id: no snapshot {name[:MAX_ID]!r}; known are {known}"
+
+    # Restore
+
+    def _restore(self, call: Call, now: float) -> None:
+        request: Any = call.request
+        try:
+            self._check_may_restore(request.user_id)
+            if bool(request.id) == bool(request.data):
+                raise _Refusal("expected either id or data", Reason.WRONG_VALUE)  # noqa: TRY301 - as the others
+            restoration = _Restoration(call, request.user_id)
+            if request.id:
+                kept = self._kept.get(request.id)
+                if kept is None:
+                    raise _Refusal(self._no_such(request.id), Reason.WRONG_VALUE)  # noqa: TRY301 - as the others
+                restoration.head, restoration.state = kept.head, kept.state
+            else:
+                self._find(restoration, bytes(request.data))
+            self._gather(restoration, now)
+        except (_Refusal, PeerError, DocumentError) as error:
+            self._refuse(call, error)
+
+    def _find(self, restoration: _Restoration, data: bytes) -> None:
+        """Find out whether bytes are those of a snapshot of this process, which perhaps is kept."""
+        own = self._own.find(data)
+        kept = None if own is None else self._kept.get(own[0])
+        if own is not None and kept is not None and kept.head is own[1]:
+            restoration.head, restoration.state = kept.head, kept.state
+        else:
+            restoration.data, restoration.is_foreign = data, own is None
+            restoration.maps = self._state.save().maps
+
+    def _check_may_restore(self, user_id: str) -> None:
+        """Check that nothing stands in the way of a restore by this client.
+
+        Raises:
+            _Refusal: it does not have the id of the master or of a member of the barrier, or frames are being computed.
+        """
+        context, sync = self._context, self._context.sync
+        if context.failure.why is not None:
+            raise _Refusal(context.failure.why, Reason.REFUSED)
+        if context.stepper.is_moving:
+            raise _Refusal("the world is moving: restore between two frames", Reason.NOT_NOW)
+        if context.barrier.is_on:
+            outcome = context.barrier.ask_restore(user_id)
+            if not outcome.is_accepted:
+                raise _Refusal(context.barrier.why(outcome), outcome.reason)
+        elif sync.is_on and not sync.is_master(user_id):
+            if not sync.master_id:
+                raise _Refusal("there is no master: start synchronous mode first", Reason.NO_MASTER)
+            raise _Refusal(f"another user id is the master: {sync.master_id!r}", Reason.NOT_MASTER)
+        if sync.num_ticks:
+            raise _Refusal("ticks or steps are waiting for their turn: restore when they are done", Reason.NOT_NOW)
+
+    def _check_fits(self, head: SnapshotHead) -> None:
+        """Check that a snapshot was made by a simulator like this one.
+
+        Raises:
+            _Refusal: it was not.
+        """
+        if head.layout != LAYOUT:
+            raise _Refusal("the snapshot was made by another version of rosbridge-sim", Reason.WRONG_VALUE)
+        if head.definitions != self._definitions:
+            raise _Refusal("the snapshot was made with the messages of another release (--release)", Reason.WRONG_VALUE)
+        profile = repr(self._context.convert.profile)
+        if head.profile != profile:
+            text = f"the snapshot was made with other units and orders: {head.profile[:200]}; here they are {profile}"
+            raise _Refusal(text, Reason.WRONG_VALUE)
+        if head.dynamics != self._dynamics:
+            text = f"the snapshot was made with {head.dynamics[:200]!r}; here it is {self._dynamics!r}"
+            raise _Refusal(text, Reason.WRONG_VALUE)
+
+    @property
+    def _dynamics(self) -> str:
+        """The settings of the models, as on the command line."""
+        world = self._context.world
+        name = world.dynamics.name.lower().replace("_", "-")
+        impacts = " --on-collision impact" if world.has_impacts else ""
+        stability = "" if world.has_stability_control else " --no-stability-control"
+        return f"--dynamics {name}{' --creep' if world.is_creeping else ''}{stability}{impacts}"
+
+    def _gather(self, restoration: _Restoration, now: float) -> None:
+        """Restore, at once or when all that is missing has been read.
+
+        Raises:
+            _Refusal: the client may not restore, a recording cannot be had, or another restore waits.
+            DocumentError: the snapshot is not a good one.
+            GraphError: a client has a topic that an ego of it needs.
+        """
+        if restoration.head is None:
+            self._read(restoration, partial(_decode, restoration.data), restoration.take_decoded, now)
+            return
+        self._check_fits(restoration.head)
+        missing = restoration.missing_maps
+        key = restoration.recording_key
+        if key is not None and restoration.recording is None:
+            restoration.recording = self._replay.find_recording(key)
+        if missing:
+            self._read(restoration, partial(_read_maps, self._context.library, missing), restoration.take_maps, now)
+        elif key is not None and restoration.recording is None:
+            if self._recordings is None:
+                raise _Refusal("recording: no recordings are kept here", Reason.WRONG_VALUE)
+            self._begin_reading(restoration)
+            reading = RecordingBuilder(key.name, self._context.convert)
+            self._recordings.read(key.name, reading, partial(self._take_recording, restoration, key))
+        elif restoration.state is None:
+            self._read(
+                restoration, partial(_parse, self._state, restoration, self._state.plans()), restoration.take_state, now
+            )
+        else:
+            self._carry_out(restoration, restoration.state, now)
+
+    def _begin_reading(self, restoration: _Restoration) -> None:
+        """Hold the client while something is read for it.
+
+        Raises:
+            _Refusal: another restore waits; each one may need much memory.
+        """
+        if self._is_reading:
+            raise _Refusal("another restore waits for what is being read; try again", Reason.NOT_NOW)
+        self._is_reading = True
+        if restoration.release is None:
+            restoration.release = self._context.sync_driver.hold(restoration.call.caller)
+
+    def _read(self, restoration: _Restoration, work: Callable[[], T], take: Callable[[T], None], now: float) -> None:
+        """Have the `Reader` do something, and go on with its result.
+
+        Raises:
+            _Refusal: another restore waits.
+        """
+
+        def then(outcome: T | DocumentError, now: float) -> None:
+            def add() -> None:
+                if isinstance(outcome, DocumentError):
+                    raise outcome
+                take(outcome)
+
+            self._go_on(restoration, add, now)
+
+        self._begin_reading(restoration)
+        self._reader.read(work, then, now)
+
+    def _take_recording(
+        self, restoration: _Restoration, key: RecordingKey, outcome: Recording | DocumentError, now: float
+    ) -> None:
+        def add() -> None:
+            if isinstance(outcome, DocumentError):
+                raise outcome
+            if digest_of(outcome) != key.digest:
+                raise DocumentError(f"recording: {key.name} is another one than that of the snapshot")
+            restoration.recording = outcome
+
+        self._go_on(restoration, add, now)
+
+    def _go_on(self, restoration: _Restoration, add: Callable[[], None], now: float) -> None:
+        """Go on with a restore when a part of what is missing has been read."""
+        self._is_reading = False
+        try:
+            add()
+            if not restoration.call.is_done:  # given up, or the client has left: nobody wants it any longer
+                self._check_may_restore(restoration.user_id)
+                self._gather(restoration, now)
+        except (_Refusal, PeerError, DocumentError) as error:
+            self._refuse(restoration.call, error)
+        finally:
+            if restoration.release is not None and (restoration.call.is_done or not self._is_reading):
+                release, restoration.release = restoration.release, None
+                release(now)
+
+    def _carry_out(self, restoration: _Restoration, state: SavedState, now: float) -> None:
+        head, call = restoration.head, restoration.call
+        assert head is not None
+        replay, recording = self._replay, self._replay.recording
+        if restoration.recording is not None:
+            replay.hand_over(restoration.recording)
+        self._state.restore(
+            state,
+            now,
+            expected_hash=head.state_hash if restoration.is_foreign else "",
+            before_undo=lambda: replay.hand_over(recording),
+        )
+        self._context.barrier.restored(now)
+        frame = self._context.world.frame
+        _log.info("restored by %s, frame %d", call.caller.name, frame)
+        call.answer(call.service.type.response.struct_type(True, "", frame, head.state_hash))  # noqa: FBT003 - `result`
+
+    def _refuse(self, call: Call, error: _Refusal | PeerError | DocumentError) -> None:
+        if call.is_done:
+            return
+        self._explain(call, error)
+        make = call.service.type.response.struct_type
+        call.answer(make(False, str(error), self._context.world.frame, ""))  # noqa: FBT003 - `result`
+
+    def _explain(self, call: Call, error: _Refusal | PeerError | DocumentError) -> None:
+        reason = Reason.WRONG_VALUE if isinstance(error, DocumentError) else error.reason
+        explain(call.caller, "warning", f"{call.service.name}: {error}", reason)
+
+
+class _Restoration:
+    """A restore that is being carried out.
+
+    Attributes:
+        call: answered in the end.
+        user_id: that the client has named.
+        data: of a snapshot that came as bytes and is not kept here; empty when it has been decoded.
+        is_foreign: these bytes were not made by this process.
+        plain: the state in them, when they have been decoded.
+        head: of the snapshot; None until then.
+        state: of a snapshot that is kept here, or that has been read and checked.
+        maps, recording: what is at hand of the things that it needs.
+        release: lets go of the client that is held; None while it is not.
+    """
+
+    def __init__(self, call: Call, user_id: str) -> None:
+        self.call = call
+        self.user_id = user_id
+        self.head: SnapshotHead | None = None
+        self.state: SavedState | None = None
+        self.data = b""
+        self.is_foreign = False
+        self.plain: PlainData = None
+        self.maps: dict[MapKey, RoadMap] = {}
+        self.recording: Recording | None = None
+        self.release: Callable[[float], None] | None = None
+
+    def take_decoded(self, decoded: tuple[SnapshotHead, PlainData]) -> None:
+        """Take what `_decode` has made of the bytes."""
+        self.head, self.plain = decoded
+        self.data = b""
+
+    def take_maps(self, maps: dict[MapKey, RoadMap]) -> None:
+        """Take maps that were not at hand."""
+        self.maps |= maps
+
+    def take_state(self, state: SavedState) -> None:
+        """Take the state that has been checked."""
+        self.state, self.plain = state, None
+
+    @property
+    def missing_maps(self) -> list[MapKey]:
+        """Return the maps that are not at hand; a state that is kept here has its own."""
+        if self.head is None or self.state is not None:
+            return []
+        return [key for key in map(MapKey._make, self.head.maps) if key not in self.maps]
+
+    @property
+    def recording_key(self) -> RecordingKey | None:
+        """Return the recording that the snapshot needs; None for none."""
+        return None if self.head is None or self.head.recording is None else RecordingKey(*self.head.recording)
+
+    def find_map(self, key: MapKey) -> RoadMap:
+        """Return a map that is at hand.
+
+        Raises:
+            DocumentError: it is not, because the head of the snapshot does not name it.
+        """
+        if key not in self.maps:
+            raise DocumentError(f"map {key.name[:80]!r}: it is not among those that the snapshot names")
+        return self.maps[key]
+
+
+def _decode(data: bytes) -> tuple[SnapshotHead, PlainData]:
+    """Return the head of a snapshot, and its state as plain data; in a thread of its own, as a rule.
+
+    Raises:
+        DocumentError: they are no snapshot, or a damaged one.
+    """
+    head, packed = unpack(data)
+    return head, decode(packed)
+
+
+def _parse(node_state: NodeState, restoration: _Restoration, plans: Plans) -> SavedState:
+    """Return the state of a snapshot, checked; in a thread of its own, as a rule.
+
+    Raises:
+        DocumentError: it is no state of a simulator like this one.
+    """
+    try:
+        state = node_state.parse(restoration.plain, restoration.find_map, plans)
+    except PeerError as error:
+        raise DocumentError(str(error)) from None
+    if restoration.is_foreign:
+        node_state.try_out(state)
+    return state
+
+
+def _read_maps(library: Library, keys: Sequence[MapKey]) -> dict[MapKey, RoadMap]:
+    """Read maps; in a thread of its own, as a rule.
+
+    Raises:
+        DocumentError: one cannot be had, or is another one than that of the snapshot.
+    """
+    found = {}
+    for key in keys:
+        road_map = library.map(key.name)
+        if road_map.digest != key.digest:
+            raise DocumentError(f"map {key.name[:80]!r}: it is another one than that of the snapshot")
+        found[key] = road_map
+    return found

@@ -1,0 +1,356 @@
+"""The table of the barrier: several clients move the world together, and what follows from each event in each state.
+
+A barrier is one more way in which synchronous mode is led. Towards `SYNC_TABLE` it is the one master, with the id
+`BARRIER_ID`: it starts the mode when the first member joins, sends one tick whenever its members have ticked, and ends
+the mode when the last member leaves. `BARRIER_TABLE` decides what its members may do. `barrier.py` finds out which
+event has happened and carries out the effects.
+
+    EMPTY      there is no barrier: `SYNC_TABLE` alone decides
+    RESTING    it has members, and none of them has ticked since the last boundary; the world stands
+    GATHERING  some have ticked, the others are waited for, until the deadline at most
+    MOVING     the tick of the barrier is under way: its frames are computed, or wait for a scenario that is being read
+
+A *boundary* is where one tick of the barrier ends. While it is RESTING the world stands at a boundary, so members come
+and go at once; otherwise they come and go at the next one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import IntEnum, StrEnum
+from typing import Final
+
+from rosbridge_sim.errors import Reason
+from rosbridge_sim.simulator.sync.sync_table import FRAME_MS, MAX_STEP_MS, MAX_USER_ID
+
+__all__ = [
+    "BARRIER_ID",
+    "BARRIER_REASONS",
+    "BARRIER_TABLE",
+    "DEFAULT_DEADLINE",
+    "IMPOSSIBLE",
+    "MAX_DEADLINE",
+    "MAX_MEMBERS",
+    "MAX_TICKS_AHEAD",
+    "MIN_DEADLINE",
+    "BarrierEffect",
+    "BarrierEvent",
+    "BarrierOutcome",
+    "BarrierState",
+]
+
+BARRIER_ID: Final = "/sim/barrier"
+"""The master's id while a barrier leads; it names the topic that tells more."""
+
+DEFAULT_DEADLINE: Final = 1.0
+"""Longest wait for the other members [s of wall time]."""
+
+MIN_DEADLINE: Final = 0.01
+"""The shortest one [s]: below it, the way of a tick over a network decides who is late."""
+
+MAX_DEADLINE: Final = 60.0
+"""The longest one [s]: a call that waits longer has mostly been given up by its client."""
+
+MAX_MEMBERS: Final = 32
+"""Members at once: more than a scenario has egos, and the topic that lists them stays small."""
+
+MAX_TICKS_AHEAD: Final = 16
+"""Ticks of one member that may wait at once: enough for a client that sends some ahead, and each holds a call."""
+
+
+class BarrierState(IntEnum):
+    """State of the barrier: the thing that its members wait for."""
+
+    EMPTY = 0
+    RESTING = 1
+    GATHERING = 2
+    MOVING = 3
+
+
+class BarrierEvent(IntEnum):
+    """Request and the user id that sent it; or a condition that has become true."""
+
+    # /sim/barrier/join
+    JOIN = 0  # by an id that is no member
+    JOIN_AGAIN = 1  # by a member: from another connection, or since it does not want to leave any more
+    JOIN_MISFIT = 2  # a time step, deadline or id that cannot be had
+    JOIN_OTHER_TERMS = 3  # another time step or deadline than the one in force
+    JOIN_SHARED = 4  # by a connection that belongs to another member
+    JOIN_TAKEN = 5  # a master leads synchronous mode
+    JOIN_TOO_MANY = 6
+    # /sim/barrier/leave, and /SyncModeCmd
+    LEAVE = 7  # a stop by a member is the same
+    LEAVE_BY_OTHER = 8
+    START_BY_MEMBER = 9
+    START_OTHER_STEP = 10  # by a member, with another time step than the one in force
+    START_BY_OTHER = 11
+    STOP_BY_OTHER = 12
+    STOP_BY_ANYONE = 13  # the same, where anyone may stop
+    # /SyncModeWaitForTick
+    TICK = 14  # by a member
+    TICK_PAUSED = 15  # the same in a pause
+    TICK_MISFIT = 16  # the same, for another frame than its next one, where that matters
+    TICK_SHARED = 17  # the same, from a connection that belongs to another member
+    TICK_TOO_MANY = 18  # the same, while too many of its ticks wait
+    TICK_BY_OTHER = 19
+    # What has become true
+    ALL_TICKED = 20  # no member is waited for any more
+    DEADLINE = 21
+    STILL_TICKED = 22  # behind a boundary: ticks that came too late for it, or were sent ahead
+    NONE_TICKED = 23  # those who had ticked are lost
+    MOVED = 24  # the tick of the barrier has been carried out
+    NOT_MOVED = 25  # it has been refused
+    LOSS = 26  # the last connection of a member is gone, or it has been silent for too long
+    LAST_LEFT = 27  # the last member has left; the next: it was lost
+    LAST_LOST = 28
+    # The world
+    PAUSE = 29
+    RESET = 30  # the world has begun anew
+    RESTORED = 31  # the world has been set to a snapshot
+    # Requests to move the world in other ways
+    STEP_ALONE = 32  # /sim/step by the only member
+    STEP_TOGETHER = 33  # by one of several
+    STEP_BY_OTHER = 34
+    RESTORE_BY_MEMBER = 35  # /sim/restore
+    RESTORE_BY_OTHER = 36
+    CUT = 37  # a connection of a member is gone, and others of it remain
+
+
+class BarrierEffect(StrEnum):
+    """Consequence of an event.
+
+    LEAD: synchronous mode begins, with the barrier as its master. END: synchronous mode ends. LOSE: the master of
+    synchronous mode is lost. ADMIT: the caller is a member. ADMIT_LATER: it becomes one at the boundary. HOLD: another
+    connection belongs to the member. REMOVE: the member is gone. REMOVE_LATER: it goes at the boundary, and is not
+    waited for. CUT: the ticks of a connection are gone. CLEAR: all members are gone. QUEUE: the tick waits. WAIT: the
+    deadline counts from now on. MOVE: the barrier ticks. SETTLE: members come and go. LATE: members that were waited
+    for in vain are counted and told. ANSWER: the ticks of this boundary are answered. REFUSE: the ticks that wait are
+    refused. FORGET: no member was ever late. ANNOUNCE: `/sim/barrier` has changed.
+    """
+
+    LEAD = "lead"
+    END = "end"
+    LOSE = "lose"
+    ADMIT = "admit"
+    ADMIT_LATER = "admit later"
+    HOLD = "hold"
+    REMOVE = "remove"
+    REMOVE_LATER = "remove later"
+    CUT = "cut"
+    CLEAR = "clear"
+    QUEUE = "queue"
+    WAIT = "wait"
+    MOVE = "move"
+    SETTLE = "settle"
+    LATE = "late"
+    ANSWER = "answer"
+    REFUSE = "refuse"
+    FORGET = "forget"
+    ANNOUNCE = "announce"
+
+
+@dataclass(frozen=True, slots=True)
+class BarrierOutcome:
+    """One row of the table.
+
+    Attributes:
+        state: the state afterwards.
+        is_accepted: whether the request is carried out.
+        effects: in the order in which they are carried out.
+        why: for a refusal, a text for the peer; empty otherwise.
+    """
+
+    state: BarrierState
+    is_accepted: bool
+    effects: tuple[BarrierEffect, ...] = ()
+    why: str = ""
+
+    @property
+    def reason(self) -> Reason:
+        """The kind of refusal that `why` puts into words."""
+        return BARRIER_REASONS.get(self.why, Reason.REFUSED)
+
+
+def _yes(state: BarrierState, *effects: BarrierEffect) -> BarrierOutcome:
+    return BarrierOutcome(state, is_accepted=True, effects=effects)
+
+
+_MISFIT: Final = (
+    f"time_step must be a multiple of {FRAME_MS} ms and at most {MAX_STEP_MS}, deadline_s from {MIN_DEADLINE:g} to"
+    f" {MAX_DEADLINE:g} s, user_id at most {MAX_USER_ID} characters"
+)
+_OTHER_TERMS: Final = "the first member has chosen other terms; 0 takes those in force"
+_OTHER_STEP: Final = "the barrier has another time step; leave and join to change it"
+_SHARED: Final = "this connection belongs to another member: peers behind one bridge are one member"
+_TAKEN: Final = "another user id is the master; a barrier can be joined when it has stopped synchronous mode"
+_TOO_MANY_MEMBERS: Final = f"the barrier has {MAX_MEMBERS} members already"
+_NOT_MEMBER: Final = "a barrier leads synchronous mode, and this user id is no member; join it by /sim/barrier/join"
+_NO_BARRIER: Final = "there is no barrier; /sim/barrier/join begins one"
+_IS_PAUSED: Final = "the simulation is paused"
+_NOT_NEXT: Final = "strict frames: a tick must name the frame that it will end on"
+_TOO_MANY_TICKS: Final = f"{MAX_TICKS_AHEAD} ticks of this member are waiting already; wait for an answer"
+_TOGETHER: Final = "the barrier has other members, which must agree to each step; use /SyncModeWaitForTick"
+_IS_MOVING: Final = "a tick of the barrier is under way"
+
+BARRIER_REASONS: Final[Mapping[str, Reason]] = {
+    _MISFIT: Reason.WRONG_VALUE,
+    _OTHER_TERMS: Reason.WRONG_VALUE,
+    _OTHER_STEP: Reason.WRONG_VALUE,
+    _SHARED: Reason.NAME_TAKEN,
+    _TAKEN: Reason.NOT_MASTER,
+    _TOO_MANY_MEMBERS: Reason.TOO_MUCH,
+    _NOT_MEMBER: Reason.NOT_MEMBER,
+    _NO_BARRIER: Reason.NOT_MEMBER,
+    _IS_PAUSED: Reason.PAUSED,
+    _NOT_NEXT: Reason.LATE_FRAME,
+    _TOO_MANY_TICKS: Reason.TOO_MUCH,
+    _TOGETHER: Reason.NOT_NOW,
+    _IS_MOVING: Reason.NOT_NOW,
+}
+"""The text of a refusal -> its kind."""
+
+_REFUSED: Final[Mapping[BarrierEvent, str]] = {
+    BarrierEvent.JOIN_MISFIT: _MISFIT,
+    BarrierEvent.JOIN_OTHER_TERMS: _OTHER_TERMS,
+    BarrierEvent.JOIN_SHARED: _SHARED,
+    BarrierEvent.JOIN_TOO_MANY: _TOO_MANY_MEMBERS,
+    BarrierEvent.LEAVE_BY_OTHER: _NOT_MEMBER,
+    BarrierEvent.START_OTHER_STEP: _OTHER_STEP,
+    BarrierEvent.START_BY_OTHER: _NOT_MEMBER,
+    BarrierEvent.STOP_BY_OTHER: _NOT_MEMBER,
+    BarrierEvent.TICK_PAUSED: _IS_PAUSED,
+    BarrierEvent.TICK_MISFIT: _NOT_NEXT,
+    BarrierEvent.TICK_SHARED: _SHARED,
+    BarrierEvent.TICK_TOO_MANY: _TOO_MANY_TICKS,
+    BarrierEvent.TICK_BY_OTHER: _NOT_MEMBER,
+    BarrierEvent.STEP_TOGETHER: _TOGETHER,
+    BarrierEvent.STEP_BY_OTHER: _NOT_MEMBER,
+    BarrierEvent.RESTORE_BY_OTHER: _NOT_MEMBER,
+}
+"""Events that are refused in each state with members, and why."""
+
+_EMPTY_REFUSED: Final[Mapping[BarrierEvent, str]] = {
+    BarrierEvent.JOIN_MISFIT: _MISFIT,
+    BarrierEvent.JOIN_TAKEN: _TAKEN,
+    BarrierEvent.LEAVE_BY_OTHER: _NO_BARRIER,
+    BarrierEvent.START_BY_OTHER: _NO_BARRIER,
+    BarrierEvent.STOP_BY_OTHER: _NO_BARRIER,
+    BarrierEvent.TICK_BY_OTHER: _NO_BARRIER,
+    BarrierEvent.STEP_BY_OTHER: _NO_BARRIER,
+    BarrierEvent.RESTORE_BY_OTHER: _NO_BARRIER,
+}
+"""Events that are refused where there is no barrier; `SyncDriver` asks `SYNC_TABLE` then, except for the first two."""
+
+
+def _refusing(state: BarrierState, texts: Mapping[BarrierEvent, str]) -> dict[BarrierEvent, BarrierOutcome]:
+    return {event: BarrierOutcome(state, is_accepted=False, why=why) for event, why in texts.items()}
+
+
+BARRIER_TABLE: Final[Mapping[BarrierState, Mapping[BarrierEvent, BarrierOutcome]]] = {
+    BarrierState.EMPTY: {
+        BarrierEvent.JOIN: _yes(BarrierState.RESTING, BarrierEffect.ADMIT, BarrierEffect.LEAD, BarrierEffect.ANNOUNCE),
+        BarrierEvent.NOT_MOVED: _yes(BarrierState.EMPTY),  # the mode has ended, and the tick that waited with it
+        BarrierEvent.PAUSE: _yes(BarrierState.EMPTY),
+        BarrierEvent.RESET: _yes(BarrierState.EMPTY, BarrierEffect.FORGET, BarrierEffect.ANNOUNCE),
+        BarrierEvent.RESTORED: _yes(BarrierState.EMPTY, BarrierEffect.ANNOUNCE),
+        **_refusing(BarrierState.EMPTY, _EMPTY_REFUSED),
+    },
+    BarrierState.RESTING: {
+        BarrierEvent.JOIN: _yes(BarrierState.RESTING, BarrierEffect.ADMIT, BarrierEffect.ANNOUNCE),
+        BarrierEvent.JOIN_AGAIN: _yes(BarrierState.RESTING, BarrierEffect.HOLD),
+        BarrierEvent.START_BY_MEMBER: _yes(BarrierState.RESTING, BarrierEffect.HOLD),
+        BarrierEvent.LEAVE: _yes(BarrierState.RESTING, BarrierEffect.REMOVE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.CUT: _yes(BarrierState.RESTING, BarrierEffect.CUT, BarrierEffect.ANNOUNCE),
+        BarrierEvent.LOSS: _yes(BarrierState.RESTING, BarrierEffect.REMOVE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.LAST_LEFT: _yes(BarrierState.EMPTY, BarrierEffect.END, BarrierEffect.ANNOUNCE),
+        BarrierEvent.LAST_LOST: _yes(BarrierState.EMPTY, BarrierEffect.LOSE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.STOP_BY_ANYONE: _yes(
+            BarrierState.EMPTY,
+            *(BarrierEffect.REFUSE, BarrierEffect.CLEAR, BarrierEffect.END, BarrierEffect.ANNOUNCE),
+        ),
+        BarrierEvent.TICK: _yes(
+            BarrierState.GATHERING, BarrierEffect.QUEUE, BarrierEffect.WAIT, BarrierEffect.ANNOUNCE
+        ),
+        BarrierEvent.STILL_TICKED: _yes(BarrierState.GATHERING, BarrierEffect.WAIT, BarrierEffect.ANNOUNCE),
+        BarrierEvent.PAUSE: _yes(BarrierState.RESTING, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.RESET: _yes(
+            BarrierState.RESTING, BarrierEffect.FORGET, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE
+        ),
+        BarrierEvent.RESTORED: _yes(BarrierState.RESTING, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.STEP_ALONE: _yes(BarrierState.RESTING),
+        BarrierEvent.RESTORE_BY_MEMBER: _yes(BarrierState.RESTING),
+        **_refusing(BarrierState.RESTING, _REFUSED),
+    },
+    BarrierState.GATHERING: {
+        BarrierEvent.JOIN: _yes(BarrierState.GATHERING, BarrierEffect.ADMIT_LATER, BarrierEffect.ANNOUNCE),
+        BarrierEvent.JOIN_AGAIN: _yes(BarrierState.GATHERING, BarrierEffect.HOLD, BarrierEffect.ANNOUNCE),
+        BarrierEvent.START_BY_MEMBER: _yes(BarrierState.GATHERING, BarrierEffect.HOLD, BarrierEffect.ANNOUNCE),
+        BarrierEvent.LEAVE: _yes(BarrierState.GATHERING, BarrierEffect.REMOVE_LATER, BarrierEffect.ANNOUNCE),
+        BarrierEvent.CUT: _yes(BarrierState.GATHERING, BarrierEffect.CUT, BarrierEffect.ANNOUNCE),
+        BarrierEvent.LOSS: _yes(BarrierState.GATHERING, BarrierEffect.REMOVE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.LAST_LOST: _yes(BarrierState.EMPTY, BarrierEffect.LOSE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.STOP_BY_ANYONE: _yes(
+            BarrierState.EMPTY,
+            *(BarrierEffect.REFUSE, BarrierEffect.CLEAR, BarrierEffect.END, BarrierEffect.ANNOUNCE),
+        ),
+        BarrierEvent.TICK: _yes(BarrierState.GATHERING, BarrierEffect.QUEUE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.ALL_TICKED: _yes(BarrierState.MOVING, BarrierEffect.MOVE),
+        BarrierEvent.DEADLINE: _yes(BarrierState.MOVING, BarrierEffect.MOVE),
+        BarrierEvent.NONE_TICKED: _yes(BarrierState.RESTING, BarrierEffect.SETTLE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.PAUSE: _yes(
+            BarrierState.RESTING, BarrierEffect.SETTLE, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE
+        ),
+        BarrierEvent.RESET: _yes(
+            BarrierState.RESTING,
+            *(BarrierEffect.SETTLE, BarrierEffect.FORGET, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE),
+        ),
+        BarrierEvent.RESTORED: _yes(
+            BarrierState.RESTING, BarrierEffect.SETTLE, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE
+        ),
+        BarrierEvent.STEP_ALONE: BarrierOutcome(BarrierState.GATHERING, is_accepted=False, why=_IS_MOVING),
+        BarrierEvent.RESTORE_BY_MEMBER: _yes(BarrierState.GATHERING),
+        **_refusing(BarrierState.GATHERING, _REFUSED),
+    },
+    BarrierState.MOVING: {
+        BarrierEvent.JOIN: _yes(BarrierState.MOVING, BarrierEffect.ADMIT_LATER, BarrierEffect.ANNOUNCE),
+        BarrierEvent.JOIN_AGAIN: _yes(BarrierState.MOVING, BarrierEffect.HOLD, BarrierEffect.ANNOUNCE),
+        BarrierEvent.START_BY_MEMBER: _yes(BarrierState.MOVING, BarrierEffect.HOLD, BarrierEffect.ANNOUNCE),
+        BarrierEvent.LEAVE: _yes(BarrierState.MOVING, BarrierEffect.REMOVE_LATER, BarrierEffect.ANNOUNCE),
+        BarrierEvent.CUT: _yes(BarrierState.MOVING, BarrierEffect.CUT, BarrierEffect.ANNOUNCE),
+        BarrierEvent.LOSS: _yes(BarrierState.MOVING, BarrierEffect.REMOVE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.LAST_LOST: _yes(BarrierState.EMPTY, BarrierEffect.LOSE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.STOP_BY_ANYONE: _yes(
+            BarrierState.EMPTY,
+            *(BarrierEffect.REFUSE, BarrierEffect.CLEAR, BarrierEffect.END, BarrierEffect.ANNOUNCE),
+        ),
+        BarrierEvent.TICK: _yes(BarrierState.MOVING, BarrierEffect.QUEUE, BarrierEffect.ANNOUNCE),
+        BarrierEvent.MOVED: _yes(
+            BarrierState.RESTING,
+            *(BarrierEffect.SETTLE, BarrierEffect.LATE, BarrierEffect.ANNOUNCE, BarrierEffect.ANSWER),
+        ),
+        BarrierEvent.NOT_MOVED: _yes(
+            BarrierState.RESTING, BarrierEffect.SETTLE, BarrierEffect.REFUSE, BarrierEffect.ANNOUNCE
+        ),
+        BarrierEvent.PAUSE: _yes(BarrierState.MOVING),  # from within the tick, which is one whole
+        BarrierEvent.STEP_ALONE: BarrierOutcome(BarrierState.MOVING, is_accepted=False, why=_IS_MOVING),
+        BarrierEvent.RESTORE_BY_MEMBER: _yes(BarrierState.MOVING),
+        **_refusing(BarrierState.MOVING, _REFUSED),
+    },
+}
+"""Every state and every event that can happen in it."""
+
+_OF_MEMBERS: Final = frozenset(BarrierEvent) - frozenset(BARRIER_TABLE[BarrierState.EMPTY])
+_OF_A_ROUND: Final = frozenset({BarrierEvent.ALL_TICKED, BarrierEvent.DEADLINE, BarrierEvent.NONE_TICKED})
+_OF_A_MOVE: Final = frozenset({BarrierEvent.MOVED, BarrierEvent.NOT_MOVED})
+
+IMPOSSIBLE: Final[Mapping[BarrierState, frozenset[BarrierEvent]]] = {
+    BarrierState.EMPTY: _OF_MEMBERS,
+    BarrierState.RESTING: _OF_A_ROUND | _OF_A_MOVE | {BarrierEvent.JOIN_TAKEN},
+    BarrierState.GATHERING: _OF_A_MOVE | {BarrierEvent.JOIN_TAKEN, BarrierEvent.STILL_TICKED, BarrierEvent.LAST_LEFT},
+    # A reset or a restore in MOVING meets a tick that waits; synchronous mode refuses it first (NOT_MOVED).
+    BarrierState.MOVING: _OF_A_ROUND
+    | {BarrierEvent.JOIN_TAKEN, BarrierEvent.STILL_TICKED, BarrierEvent.LAST_LEFT}
+    | {BarrierEvent.RESET, BarrierEvent.RESTORED},
+}
+"""The events that cannot happen in a state: the table has no row for them."""

@@ -1,0 +1,1 @@
+"""Contacts between entities: found, predicted, and what impacts do."""

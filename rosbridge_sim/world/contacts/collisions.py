@@ -1,0 +1,353 @@
+"""Collision detection: which entities touch, with oriented boxes that are swept over the whole of a step.
+
+*What counts.* Two entities touch in a step if their boxes overlap at any moment of it, and at least one of them is a
+car (an ego or a vehicle); contacts among pedestrians and obstacles are not reported. A box is `Body.length` x `width`,
+turned by the yaw, from the ground up to `height`. Boxes that stand edge to edge do not touch. `World.contacts` holds
+the pairs of the last step.
+
+*What a contact does.* It is reported only, unless the world has `impacts`. MORAI documents no effect on motion.
+An ego that is stopped or thrown back by a model of our own would surprise everyone who uses a collision to end an
+episode.
+
+*How it is exact at any speed.* Within a step the boxes slide along the straight line from where they stood to where
+they stand, with the heading that they have at the end; `geometry.do_boxes_meet` decides for the whole line at once. If
+a box turns so much that a corner strays by more than `GRAIN`, the step is cut into smaller pieces. So the end of a step
+is judged exactly, and the rest of it to `GRAIN`. Heights are judged coarsely, by all that a body passes in the step; on
+a slope from its lowest to its highest end.
+
+*How it is cheap.* Usually no entity is near another. A *list* holds the pairs that could meet within the next `LIFE`
+steps if every entity kept its velocity, or strayed from that by less than a margin. An entity that strays by more ends
+the list. The list is made by the same judgement, of boxes enlarged by the margins. While it is empty, a step costs a
+few comparisons of whole arrays. The list decides which pairs are looked at, and never changes what is found.
+
+Nothing depends on rows or on the order of spawning: pairs are sorted by id.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.geometry.near_pairs import find_near_pairs
+from rosbridge_sim.world.geometry.planar import (
+    FULL_TURN,
+    BoolArray,
+    ComplexArray,
+    FloatArray,
+    IntArray,
+    do_boxes_meet,
+    wrap_angle,
+)
+from rosbridge_sim.world.state.world import NO_CONTACTS, Kind, World
+
+__all__ = ["CollisionDetector", "find", "find_crashes", "find_touched", "remember"]
+
+GRAIN: Final = 0.02
+"""Distance that a corner may stray from its place because its box turns [m]: less than the thinnest post."""
+
+MAX_SWEEP_PIECES: Final = 256
+"""Pieces into which a step is cut, at most: half a turn of a car within one step is still cut every 3 cm."""
+
+TOUCHING: Final = 1e-6
+"""By how much two boxes must overlap to touch [m]: coordinates of a map are rounded at 1e-9 and less."""
+
+LIFE: Final = 16
+"""Steps that a list lasts at most: a third of a second, in which drivers hardly change their motion."""
+
+MARGIN: Final = 0.2
+"""Distance that an entity may stray from its foreseen place, in x and in y [m]: 4 m/s^2 for `LIFE` steps."""
+
+TURN_MARGIN: Final = 0.55
+"""Distance that its corners may stray because its heading is not the foreseen one [m]. A car can turn at a corner
+without ending the list, and two cars side by side on lanes of 3.5 m are still not on it."""
+
+MAX_PAIRWISE: Final = 64
+"""Up to so many entities are all compared with each other; more are sorted into cells first, which is faster then."""
+
+MAX_SWEEPS: Final = 1 << 15
+"""Pieces of turning pairs that are judged in a step: about 10 ms of a busy machine, 128 pairs at `MAX_SWEEP_PIECES`.
+With more pairs each step is cut into fewer pieces, which are coarser."""
+
+POSE_X, POSE_Y, POSE_YAW, POSE_SPEED, POSE_Z = range(5)
+"""Rows of the array `CollisionDetector.poses`."""
+
+
+class CollisionDetector:
+    """Finds the contacts of each step: the poses as it began, and the list of pairs that may touch.
+
+    It lives until the next `World.touch`: until an entity comes or goes, stops or starts to move.
+
+    Attributes:
+        poses: (2, 5, n) as the step began and as it ended: x, y [m], yaw [rad], speed [m/s], z [m].
+        is_partial: entities lie on top of one another, and only a part of their pairs is judged (`near_pairs`).
+    """
+
+    __slots__ = (
+        *(
+            "_centre",
+            "_drift",
+            "_half",
+            "_is_out",
+            "_chord",
+            "_life",
+            "_margin",
+            "_may_meet",
+            "_now",
+            "_pairs",
+            "_places",
+            "_swing",
+        ),
+        *("_rate", "_reach", "_rows", "_seen", "_uid", "_world", "is_partial", "poses"),
+    )
+
+    def __init__(self, world: World) -> None:
+        n = world.n
+        rows = np.flatnonzero(world.alive)
+        self._world = world
+        self._uid = world.uid.copy()
+        self._rows = rows[self._uid[rows].argsort()]
+        # Radius around the reference point that holds the box at any yaw.
+        self._reach = np.maximum(np.hypot(world.half_length + np.abs(world.centre), world.half_width), TOUCHING)
+        is_car = world.kind[self._rows] <= Kind.VEHICLE
+        # A small world needs no cells: each entity with each one after it.
+        self._may_meet = np.triu(is_car[:, None] | is_car, 1) if len(rows) <= MAX_PAIRWISE else None
+        self.poses: FloatArray = np.zeros((2, 5, n))
+        self._now = world.block("x", "z")
+        # Of x, y and yaw, as the step began and as it ended: actual, foreseen, and the allowed difference.
+        self._places = self.poses[:, : POSE_YAW + 1]
+        self._seen: FloatArray = np.zeros((2, 3, n))
+        self._rate: FloatArray = np.zeros((3, n))
+        self._margin: FloatArray = np.zeros((3, n))
+        self._drift = np.empty((2, 3, n))
+        self._is_out = np.empty((2, 3, n), dtype=bool)
+        self._life = 0
+        self.is_partial = False
+        self._list(np.empty((2, 0), dtype=np.int64))
+
+    def keep(self) -> None:
+        """Store the poses of all entities as those of the beginning of the step."""
+        np.copyto(self.poses[0], self._now)
+
+    def take_over(self, other: CollisionDetector) -> None:
+        """Take the stored poses of another detector, for the entities that were there then and are there now."""
+        self.keep()
+        n = min(len(self._uid), len(other._uid))
+        is_same = self._uid[:n] == other._uid[:n]
+        self.poses[0, :, :n][:, is_same] = other.poses[0, :, :n][:, is_same]
+
+    def find(self) -> IntArray:
+        """Return the contacts between the stored poses and now, (m, 2) int64, ids, the lower first, in rising order."""
+        np.copyto(self.poses[1], self._now)
+        np.add(self._seen, self._rate, self._seen)
+        np.subtract(self._places, self._seen, self._drift)
+        np.absolute(self._drift, self._drift)
+        np.greater(self._drift, self._margin, self._is_out)
+        if self._life <= 0 or self._is_astray():
+            self._look_around()
+        self._life -= 1
+        return self._judge() if self._pairs.size else NO_CONTACTS
+
+    # The list
+
+    def _is_astray(self) -> bool:
+        """Return whether an entity has strayed from its foreseen place or heading by more than its margin."""
+        if not np.count_nonzero(self._is_out):
+            return False
+        turn = self._drift[:, POSE_YAW]
+        np.minimum(turn, FULL_TURN - turn, out=turn)  # a vehicle that drives west has a yaw next to pi or to -pi
+        np.greater(turn, self._margin[POSE_YAW], self._is_out[:, POSE_YAW])
+        return bool(self._is_out.any())
+
+    def _look_around(self) -> None:
+        """Make the list of pairs for this step and `LIFE` more."""
+        world = self._world
+        start, end = self._places
+        self._life = LIFE
+        self._seen = self._places.copy()
+        self._rate = end - start
+        turn = np.abs(wrap_angle(self._rate[POSE_YAW]))
+        self._rate[POSE_YAW] = 0.0
+        reach = self._reach
+        # An entity that turns now may go on turning.
+        self._margin[:POSE_YAW] = MARGIN + 0.5 * LIFE * LIFE * np.abs(self._rate[:POSE_YAW]).max(axis=0) * turn
+        self._margin[POSE_YAW] = TURN_MARGIN / reach + LIFE * turn
+        extra = math.sqrt(2.0) * self._margin[POSE_X] + self._margin[POSE_YAW] * reach
+
+        # The middles of the boxes from the beginning of this step on, at the present heading.
+        heading = _unit(end[POSE_YAW])
+        slide, middle = (
+            _complex(self._rate[POSE_X], self._rate[POSE_Y]),
+            heading * world.centre + _complex(end[POSE_X], end[POSE_Y]),
+        )
+        first, last = middle - slide, middle + LIFE * slide
+        cos, sin, half = np.abs(heading.real), np.abs(heading.imag), (world.half_length, world.half_width)
+        span = np.stack([half[0] * cos + half[1] * sin, half[0] * sin + half[1] * cos])
+        span += 0.5 * (LIFE + 1) * np.abs(self._rate[:POSE_YAW]) + extra
+        middle = 0.5 * (first + last)
+        near = self._near(np.stack([middle.real, middle.imag]), span)
+        pairs = self._rows[near]
+        if pairs.size:
+            sides = np.stack([half[0][pairs], half[1][pairs]], axis=-1) + extra[pairs][..., None]
+            apart = [place[pairs[1]] - place[pairs[0]] for place in (first, last)]
+            pairs = pairs[:, do_boxes_meet(apart[0], apart[1], heading[pairs], sides)]
+        self._list(pairs)
+
+    def _near(self, place: FloatArray, span: FloatArray) -> IntArray:
+        """Return pairs of indices into `_rows` whose rectangles overlap, (2, m); arguments as for `find_near_pairs`."""
+        rows = self._rows
+        place, span = place[:, rows], span[:, rows]
+        if self._may_meet is not None:
+            is_near = np.abs(place[:, :, None] - place[:, None]) <= span[:, :, None] + span[:, None]
+            return np.stack((is_near[0] & is_near[1] & self._may_meet).nonzero())
+        kind = self._world.kind[rows]
+        near, is_all = find_near_pairs(place, span, kind <= Kind.VEHICLE, kind == Kind.EGO)
+        self.is_partial = not is_all
+        return near
+
+    def _list(self, pairs: IntArray) -> None:
+        """Take pairs of rows, (2, m), as the list."""
+        world = self._world
+        self._pairs = pairs
+        half = np.stack([world.half_length[pairs], world.half_width[pairs]], axis=-1)
+        self._half = np.maximum(half - TOUCHING / 2, 0.0)
+        self._centre = world.centre[pairs]
+        # A chord of this length on the unit circle is what a heading may change by without a corner straying.
+        corner = np.hypot(half[..., 0], half[..., 1])
+        self._chord = GRAIN / np.maximum(corner, GRAIN)
+        # An arc is at most pi / 2 times its chord; the middle of the box is on an arc, too.
+        self._swing = 0.5 * math.pi * (corner + np.abs(self._centre))
+
+    # The judgement
+
+    def _judge(self) -> IntArray:
+        """Return the pairs of the list that touch, as ids."""
+        pairs = self._pairs
+        poses = self.poses[:, :, pairs]  # (2, 5, 2, m)
+        heading = _unit(poses[:, POSE_YAW])
+        middle = heading * self._centre
+        middle.real += poses[:, POSE_X]
+        middle.imag += poses[:, POSE_Y]
+        apart = middle[:, 1] - middle[:, 0]
+        turn = np.abs(heading[1] - heading[0])
+        # Whatever a box passes while it turns is within the box that is larger by the way of its corners.
+        room = self._half + (turn * self._swing)[..., None]
+        if not np.count_nonzero(do_boxes_meet(apart[0], apart[1], heading[1], room)):
+            return NO_CONTACTS
+        is_hit = do_boxes_meet(apart[0], apart[1], heading[1], self._half)
+        stray = turn / self._chord
+        if np.count_nonzero(stray > 1.0):
+            is_turning = (stray > 1.0).any(axis=0)
+            most = max(1, MAX_SWEEPS // np.count_nonzero(is_turning))
+            num = min(MAX_SWEEP_PIECES, most, math.ceil(stray.max()))
+            is_hit[is_turning] = self._judge_turning(poses[..., is_turning], is_turning, num)
+        if not np.count_nonzero(is_hit):
+            return NO_CONTACTS
+        pairs, z = pairs[:, is_hit], poses[:, POSE_Z][..., is_hit]
+        low, high = z.min(axis=0), z.max(axis=0) + self._world.height[pairs]
+        if not self._world.roads.is_flat:
+            low, high = self._reach_on_slope(pairs, low, high)
+        pairs = pairs[:, (low < high[::-1] - TOUCHING).all(axis=0)]
+        return np.ascontiguousarray(self._uid[pairs].T)
+
+    def _reach_on_slope(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return least and greatest heights of bodies on sloping ground, whose reference points are between others.
+
+        Args:
+            pairs: (2, m) int64, rows.
+            low: (2, m) least heights of their reference points [m].
+            high: (2, m) greatest heights above these [m].
+        """
+        world = self._world
+        # The lean of a body on its springs is no slope of the ground.
+        pitch, roll = world.pitch[pairs] - world.lean_pitch[pairs], world.roll[pairs] - world.lean_roll[pairs]
+        nose = -np.sin(pitch) * (world.centre[pairs] + world.half_length[pairs])
+        tail = -np.sin(pitch) * (world.centre[pairs] - world.half_length[pairs])
+        aside = np.abs(np.sin(roll)) * world.half_width[pairs]
+        return low + np.minimum(nose, tail) - aside, high + np.maximum(nose, tail) + aside
+
+    def _judge_turning(self, poses: FloatArray, of: BoolArray, num: int) -> BoolArray:
+        """Return which pairs of boxes that turn touch, with the step cut into pieces.
+
+        Args:
+            poses: (2, 5, 2, m) of the pairs.
+            of: (list,) bool, which pairs of the list they are.
+            num: pieces of the step.
+        """
+        start, end = poses
+        part = np.linspace(0.0, 1.0, num + 1)[:, None, None]
+        heading = _unit(start[POSE_YAW] + part * wrap_angle(end[POSE_YAW] - start[POSE_YAW]))  # (pieces + 1, 2, m)
+        middle = heading * self._centre[:, of]
+        middle.real += start[POSE_X] + part * (end[POSE_X] - start[POSE_X])
+        middle.imag += start[POSE_Y] + part * (end[POSE_Y] - start[POSE_Y])
+        apart = middle[:, 1] - middle[:, 0]
+        half = self._half[:, None, of]
+        is_hit = do_boxes_meet(apart[:-1], apart[1:], heading[1:].swapaxes(0, 1), half)
+        return np.asarray(is_hit.any(axis=0))
+
+
+def remember(world: World) -> CollisionDetector:
+    """Store the poses as a step begins, and return the detector that `find` wants as it ends."""
+    detector = world.derived(CollisionDetector)
+    detector.keep()
+    return detector
+
+
+def find(world: World, detector: CollisionDetector) -> None:
+    """Set `world.contacts` to the pairs that have touched since `remember`.
+
+    Args:
+        world: written in place.
+        detector: what `remember` returned.
+    """
+    now = world.derived(CollisionDetector)
+    if now is not detector:  # an entity has come, gone or stopped within the step
+        now.take_over(detector)
+    world.contacts = now.find()
+
+
+def find_touched(world: World, uid: int) -> IntArray:
+    """Return the rows of all entities that one entity touched in the last step, (k,) int64, in order of their ids.
+
+    Args:
+        world: read only.
+        uid: id of the entity.
+    """
+    pairs = world.contacts
+    others = pairs[:, ::-1][pairs == uid]
+    return np.array([world.row(int(other)) for other in np.sort(others)], dtype=np.int64)
+
+
+def find_crashes(world: World, most: int) -> IntArray:
+    """Return the rows of the vehicles (no egos) that touched each other in the last step, in order of ids.
+
+    Args:
+        world: read only.
+        most: pairs at most; of more, the first ones.
+
+    Returns:
+        (k, 2) int64.
+    """
+    pairs = world.contacts
+    if not len(pairs):
+        return pairs
+    rows = world.alive.nonzero()[0]
+    rows = rows[world.uid[rows].argsort()]
+    found = rows[world.uid[rows].searchsorted(pairs)]
+    return np.asarray(found[(world.kind[found] == Kind.VEHICLE).all(axis=1)][:most])
+
+
+def _unit(yaw: FloatArray) -> ComplexArray:
+    """Return headings [rad] as complex unit vectors."""
+    unit = np.empty(yaw.shape, dtype=np.complex128)
+    np.cos(yaw, unit.real)
+    np.sin(yaw, unit.imag)
+    return unit
+
+
+def _complex(x: FloatArray, y: FloatArray) -> ComplexArray:
+    """Return plane vectors as complex numbers x + iy."""
+    vector = np.empty(x.shape, dtype=np.complex128)
+    vector.real, vector.imag = x, y
+    return vector

@@ -1,0 +1,1 @@
+"""The driver model: what a driver sees, wants and yields to, one row for each vehicle on lanes."""

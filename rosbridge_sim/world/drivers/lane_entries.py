@@ -1,0 +1,243 @@
+"""Entries: which entity occupies which lane, and where on it.
+
+Each lane follower has one entry on its own lane, and one more on each sibling of that lane while both lanes still
+overlap. One that changes lanes has one on either lane. An entity that does not follow lanes (an ego, a pedestrian, an
+obstacle) has an entry on every lane that it obstructs. All entries are sorted once for each decision. Then the lead
+vehicle on the same lane is the next entry in the list, and one search finds the first entry on a lane ahead, for all
+drivers at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.roads.roads import Roads
+
+__all__ = ["Drivers", "Entries", "EntryQueue", "find_entries", "sibling_entries"]
+
+CORRIDOR: Final = 1.4
+"""An entity nearer to a lane's line than this obstructs the lane: half the width of a car, and half a metre [m]."""
+
+_TICKS: Final = float(1 << 16)
+_INDEX_BITS: Final = 20
+_INDEX_MASK: Final = (1 << _INDEX_BITS) - 1
+"""A sorting key has a place in 2^-16 m in its upper bits and an index in the lower 20: a million entries."""
+
+
+_SLOWEST: Final = 0.01
+"""Keeps quotients finite [m/s]."""
+
+_Number = TypeVar("_Number", np.float64, np.int64)
+
+_COLUMNS: Final = ("lane", "s", "tail", "speed", "accel", "source", "stands")
+"""Columns of `Entries`."""
+
+
+@dataclass(slots=True, eq=False)
+class Drivers:
+    """Lane followers: copies of the world's columns, or figures of their bodies; (k,) each unless noted.
+
+    Attributes:
+        lanes: (6, k) int64, the lane of each and the five ahead of it; -1 beyond a dead end.
+        arc: of the reference point, on the lane [m].
+        speed: along the lane [m/s].
+        accel: along the lane, over the last step [m/s^2].
+        point: int64, row of the point of the roads before each.
+        nose, rear: from the reference point to the front bumper and to the tail [m].
+        length: of the body [m].
+        uid: int64.
+        claim: int64, the lane that the driver may enter; -1 for none. Written by `right_of_way`.
+        held: int64, the lane that it has entered and not left; -1 for none. Written by `right_of_way`.
+        exit_lane: int64, the lane behind the claimed or held one. Written by `right_of_way`.
+        is_let_in: bool, the others let it in if it stands at a stop line.
+        parameters: of the drivers.
+        leaving: entries of those that change lanes on the lanes that they leave, (m,) of them; None for none.
+    """
+
+    lanes: IntArray
+    arc: FloatArray
+    speed: FloatArray
+    accel: FloatArray
+    point: IntArray
+    nose: FloatArray
+    rear: FloatArray
+    length: FloatArray
+    uid: IntArray
+    claim: IntArray
+    held: IntArray
+    exit_lane: IntArray
+    is_let_in: BoolArray
+    parameters: DriverParameters
+    leaving: Entries | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Entries:
+    """Places of entities on lanes; (m,) each.
+
+    Attributes:
+        lane: int64, row of the lane.
+        s: arc length of the middle or the reference point, which gives the order [m].
+        tail: arc length of the tail [m].
+        speed: along the lane [m/s].
+        accel: along the lane, over the last step [m/s^2].
+        source: int64, index of the driver; -1 for an entity that does not follow lanes.
+        stands: bool, it does not follow lanes and will not be gone soon: a vehicle at rest, or an obstacle.
+    """
+
+    lane: IntArray
+    s: FloatArray
+    tail: FloatArray
+    speed: FloatArray
+    accel: FloatArray
+    source: IntArray
+    stands: BoolArray
+
+    def first(self, num: int) -> Entries:
+        """Return the first `num` entries."""
+        return Entries(*(getattr(self, column)[:num] for column in _COLUMNS))
+
+    def at(self, which: IntArray | BoolArray) -> Entries:
+        """Return some entries."""
+        return Entries(*(getattr(self, column)[which] for column in _COLUMNS))
+
+    @staticmethod
+    def join(*parts: Entries) -> Entries:
+        """Return several sets of entries as one, in the given order."""
+        return Entries(*(np.concatenate([getattr(part, column) for part in parts]) for column in _COLUMNS))
+
+
+def find_entries(
+    roads: Roads,
+    *,
+    x: FloatArray,
+    y: FloatArray,
+    z: FloatArray,
+    yaw: FloatArray,
+    speed: FloatArray,
+    accel: FloatArray,
+    half_length: FloatArray,
+    half_width: FloatArray,
+    foresight: FloatArray,
+    stands: BoolArray,
+) -> tuple[Entries, IntArray, FloatArray]:
+    """Return the entries of boxes that do not follow lanes. All arguments but `roads` are (n,), in the map frame.
+
+    Args:
+        roads: the lanes.
+        x: middle of the box, east [m].
+        y: middle of the box, north [m].
+        z: height of the box; it has no entries on lanes of another level, unless the map is flat [m].
+        yaw: heading [rad].
+        speed: along the heading [m/s].
+        accel: along the heading [m/s^2].
+        half_length: half of the length of the box [m].
+        half_width: half of the width of the box [m].
+        foresight: a box that will obstruct a lane within this time, at its present velocity, has an entry now [s].
+        stands: see `Entries`.
+
+    Returns:
+        The entries, (m,); (m,) int64, the index of the box that each belongs to, rising; and (m,) the times after which
+        the boxes will be in the way [s].
+    """
+    owner, places = roads.within(x, y, CORRIDOR + np.hypot(half_length, half_width) + np.abs(speed) * foresight)
+    cos, sin = np.cos(yaw[owner] - places.yaw), np.sin(yaw[owner] - places.yaw)
+    half_across = np.abs(sin) * half_length[owner] + np.abs(cos) * half_width[owner]
+    half_along = np.abs(cos) * half_length[owner] + np.abs(sin) * half_width[owner]
+    then = places.lateral + sin * speed[owner] * foresight[owner]
+    left, right = np.fmax(places.lateral, then), np.fmin(places.lateral, then)
+    obstructs = (right < CORRIDOR + half_across) & (left > -CORRIDOR - half_across)
+    if not roads.is_flat:
+        obstructs &= roads.are_level(places, z[owner])
+    at = np.flatnonzero(obstructs)
+    lane, s = places.lane[at], places.s[at]
+    along = np.maximum(speed[owner[at]] * cos[at], 0.0)
+    accel_along = accel[owner[at]] * cos[at]
+    source = np.full(len(at), -1, dtype=np.int64)
+    room = np.fmax(np.abs(places.lateral[at]) - CORRIDOR - half_across[at], 0.0)
+    arrival = room / np.fmax(np.abs(sin[at] * speed[owner[at]]), _SLOWEST)
+    entries = Entries(lane, s, s - half_along[at], along, accel_along, source, stands[owner[at]])
+    return entries, owner[at], arrival
+
+
+def sibling_entries(conflicts: LaneConflicts, own: Entries) -> Entries:
+    """Return the entries on the siblings of lanes, for drivers that are still where both lanes overlap.
+
+    Args:
+        conflicts: of the roads.
+        own: (k,) the entries of the drivers on their own lanes.
+    """
+    siblings = conflicts.siblings
+    at = np.flatnonzero(own.tail < conflicts.shared[own.lane])
+    index, link = siblings.of(own.lane[at])
+    is_shared = own.tail[at[index]] < siblings.figure[link]
+    source, other = at[index[is_shared]], siblings.other[link[is_shared]]
+    return Entries(
+        other, own.s[source], own.tail[source], own.speed[source], own.accel[source], source, own.stands[source]
+    )
+
+
+class EntryQueue:
+    """Entries in the order in which they stand on their lanes.
+
+    One more entry at the end stands for "none": on lane -1, infinitely far ahead, at rest.
+
+    Attributes:
+        num: entries, without the one at the end; also the position of that one.
+        position: (num,) int64, the position in the queue of each entry as given.
+        lane, s, tail, speed, accel, source: (num + 1,) as in `Entries`, in the order of the queue.
+
+    Args:
+        roads: the lanes.
+        entries: in any order.
+    """
+
+    def __init__(self, roads: Roads, entries: Entries) -> None:
+        self.num = len(entries.lane)
+        self._roads = roads
+        # One whole number for each entry, of its place and its index: equal places have an order then, and a sort of
+        # plain numbers is faster than one of indices.
+        place = roads.base[entries.lane] + np.clip(entries.s, 0.0, roads.length[entries.lane])
+        key = ((place * _TICKS).astype(np.int64) << _INDEX_BITS) | np.arange(self.num)
+        key.sort()
+        order = key & _INDEX_MASK
+        self.position = np.empty(self.num, dtype=np.int64)
+        self.position[order] = np.arange(self.num)
+        self._key = key
+        self._first_key = (roads.base * _TICKS).astype(np.int64) << _INDEX_BITS
+        self.lane = _in_order(entries.lane, order, -1)
+        self.s = _in_order(entries.s, order, np.inf)
+        self.tail = _in_order(entries.tail, order, np.inf)
+        self.speed = _in_order(entries.speed, order, 0.0)
+        self.accel = _in_order(entries.accel, order, 0.0)
+        self.source = _in_order(entries.source, order, -1)
+
+    def find(self, lane: IntArray, s: FloatArray) -> IntArray:
+        """Return the positions of the first entries at or beyond places on lanes, of whatever lane, (k,) int64.
+
+        Args:
+            lane: (k,) int64, rows of lanes.
+            s: (k,) arc lengths, held within the lanes [m].
+        """
+        place = self._roads.base[lane] + np.clip(s, 0.0, self._roads.length[lane])
+        return self._key.searchsorted((place * _TICKS).astype(np.int64) << _INDEX_BITS)
+
+    def first_on(self, lane: IntArray) -> IntArray:
+        """Return the position of the first entry on each lane, (k,) int64; `num` where the lane is empty."""
+        position = self._key.searchsorted(self._first_key[lane])
+        return np.where(self.lane[position] == lane, position, self.num)
+
+
+def _in_order(values: npt.NDArray[_Number], order: IntArray, end: float) -> npt.NDArray[_Number]:
+    """Return values (m,) in an order, with one more at the end, (m + 1,)."""
+    ordered = np.empty(len(values) + 1, dtype=values.dtype)
+    np.take(values, order, out=ordered[:-1], mode="clip")
+    ordered[-1] = end
+    return ordered

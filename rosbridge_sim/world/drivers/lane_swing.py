@@ -1,0 +1,144 @@
+"""Long vehicles in tight bends: they move to the side in their lane, so that neither side leaves it without need.
+
+Both axles of a vehicle on lanes are on the line, so in a bend its middle is inside the line, and its nose and its tail
+are outside. For a bus of 11 m in a right turn of 9 m that is 0.4 m and 1.4 m. The vehicle as a whole moves away from
+the border that it would pass, until it is within the lane, or, where the lane is too narrow, as far beyond one border
+as beyond the other. It moves without turning, and only while it drives.
+
+The offset is a function of the lanes, the body and the place, so a vehicle needs no memory for it. It is written to the
+columns of `lane_change_motion`, which moves the vehicle.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH
+from rosbridge_sim.world.drivers.lane_position import find_ahead, headings
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, LaneConflicts
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import Kind, World
+
+__all__ = ["find_long", "find_swinging", "plan_swings"]
+
+MARGIN: Final = 0.1
+"""Distance that the vehicle keeps to the borders of its lane if it can [m]: mirrors reach 0.1 to 0.2 m out."""
+
+MAX_OFFSET: Final = 1.0
+"""It moves by no more than this [m]: beyond it most of the vehicle would be in the next lane, whatever its length."""
+
+SLOPE: Final = 0.1
+"""It moves to the side by at most this for each metre ahead. The need rises by 0.06 in the turns of a town."""
+
+NEGLIGIBLE: Final = 1e-9
+"""A smaller offset is none [m], and then the vehicle is on the line to the last bit."""
+
+MAX_RADIUS: Final = 60.0
+"""In a wider bend nobody needs to swing [m]: a bus of 12 m is within lanes of 3 m there."""
+
+NUM_PARTS: Final = 3
+NUM_SIDES: Final = 2
+"""Places of a vehicle whose distances to the borders count, and its sides."""
+
+ROUNDS: Final = 2
+"""Steps of the search for the place beside a corner; the second one moves it by less than a centimetre."""
+
+
+def find_long(world: World, rows: IntArray) -> IntArray:
+    """Return which of some lane followers are long enough to swing, (m,) int64 indices; `latBias` has none of it."""
+    is_long = 2.0 * world.half_length[rows] > HEAVY_LENGTH
+    return np.flatnonzero(is_long & (world.kind[rows] == Kind.VEHICLE) & (world.lateral_bias[rows] == 0.0))
+
+
+def find_swinging(world: World, rows: IntArray) -> IntArray:
+    """Return which of some long vehicles are at a bend, or not yet back on the line after one, (m,) int64 indices.
+
+    Vehicles that change lanes are none of them.
+    """
+    is_free = (world.lateral_left[rows] == 0.0) & (world.leaving[rows] == 0.0)
+    tight = world.roads.derived(_are_tight)
+    near = world.int_block("behind", "ahead_2")[:, rows]
+    is_near = (tight[near] & (near >= 0)).any(axis=0)
+    is_off = (world.lateral[rows] != 0.0) | (world.lateral_rate[rows] != 0.0)
+    return np.flatnonzero(is_free & (is_near | is_off))
+
+
+def plan_swings(world: World, rows: IntArray, distance: FloatArray, interval: float) -> None:
+    """Work out the lateral motion until the next decision: `lateral_rate` and `drift_rate`.
+
+    Args:
+        world: written in place.
+        rows: (k,) int64, long vehicles.
+        distance: (k,) that each will drive until then [m].
+        interval: until then [s].
+    """
+    now, most = world.lateral[rows], SLOPE * distance
+    target = np.fmin(np.fmax(_offsets(world, rows, distance), now - most), now + most)
+    is_there = (np.abs(target) < NEGLIGIBLE) & (np.abs(now) < NEGLIGIBLE)
+    world.lateral[rows] = np.where(is_there, 0.0, now)
+    world.lateral_from[rows] = world.lateral_to[rows] = 0.0
+    world.lateral_rate[rows] = np.where(is_there, 0.0, (target - now) / interval)
+    drift = np.where(np.abs(world.drift[rows]) < NEGLIGIBLE, 0.0, world.drift[rows])
+    world.drift[rows] = drift
+    world.drift_rate[rows] = np.where(distance > 0.0, -drift / interval, 0.0)
+
+
+def _offsets(world: World, rows: IntArray, distance: FloatArray) -> FloatArray:
+    """Return the offsets that vehicles want some distance ahead of where they are, (k,), left positive [m]."""
+    roads = world.roads
+    lanes = world.int_block("behind", "ahead_5")[:, rows]
+    arc = world.arc[rows] + distance
+    wheelbase, centre = world.wheelbase[rows], world.centre[rows]
+    half_length, half_width = world.half_length[rows], world.half_width[rows]
+    rear, _ = roads.at(*find_ahead(roads, lanes[1:], arc))
+    yaw = headings(roads, lanes[1:], arc, wheelbase)
+    # All places are counted from the start of the lane behind, where the tail may be.
+    is_first = lanes[0] < 0
+    lanes = np.where(is_first, np.concatenate([lanes[1:], lanes[-1:]]), lanes)
+    arc = arc + np.where(is_first, 0.0, roads.length[lanes[0]])
+    # Both corners of the tail, both sides in the middle of the wheelbase, and both corners of the nose
+    along = np.concatenate([centre - half_length, 0.5 * wheelbase, centre + half_length] * NUM_SIDES)
+    across = np.concatenate([half_width] * NUM_PARTS + [-half_width] * NUM_PARTS)
+    num = NUM_PARTS * NUM_SIDES
+    cos, sin, x, y, arc = (np.tile(each, num) for each in (np.cos(yaw), np.sin(yaw), rear[:, 0], rear[:, 1], arc))
+    x, y = x + along * cos - across * sin, y + along * sin + across * cos
+    beyond = _beyond(roads, np.tile(lanes, num), arc + along, x, y)
+    left, right = (each.reshape(num, len(rows)).max(axis=0) for each in beyond)
+    to_right = np.fmin(np.fmax(left, 0.0), np.fmax(0.5 * (left - right), 0.0))
+    to_left = np.fmin(np.fmax(right, 0.0), np.fmax(0.5 * (right - left), 0.0))
+    return np.asarray(np.fmin(np.fmax(to_left - to_right, -MAX_OFFSET), MAX_OFFSET))
+
+
+def _beyond(
+    roads: Roads, lanes: IntArray, s: FloatArray, x: FloatArray, y: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Return how far points are beyond the left and the right border, with `MARGIN`, (m,) each [m].
+
+    Args:
+        roads: the lanes.
+        lanes: (n, m) int64, lanes that follow one another.
+        s: (m,) about where the points are, counted from the start of the first lane [m].
+        x: (m,) east [m].
+        y: (m,) north [m].
+    """
+    lateral = np.zeros(len(s))
+    lane, here = lanes[0], s
+    for _ in range(ROUNDS):
+        lane, here = find_ahead(roads, lanes, s)
+        foot, yaw = roads.at(lane, here)
+        east, north = x - foot[:, 0], y - foot[:, 1]
+        s = s + east * np.cos(yaw) + north * np.sin(yaw)
+        lateral = north * np.cos(yaw) - east * np.sin(yaw)
+    point, share = roads.locate(lane, here)
+    border = roads.border[point] + share[:, None] * (roads.border[point + 1] - roads.border[point])
+    return lateral - border[:, 0] + MARGIN, -lateral - border[:, 1] + MARGIN
+
+
+def _are_tight(roads: Roads) -> BoolArray:
+    """Return which lanes have a bend of less than `MAX_RADIUS`, (l,)."""
+    speed = roads.derived(LaneConflicts).bend_speed
+    return np.asarray(np.minimum.reduceat(speed, roads.first[:-1]) < math.sqrt(MAX_LATERAL * MAX_RADIUS))

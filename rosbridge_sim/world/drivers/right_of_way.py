@@ -1,0 +1,159 @@
+"""The right of way where lanes cross or join: which driver may enter a lane next.
+
+A driver *claims* a lane before it enters. It asks when the wait point of the lane comes within its braking distance.
+It gets the lane if no rival lane is claimed or occupied, and no driver before it asks for a rival. Drivers without a
+stop line come before those that wait at one, and then the nearer one comes first. Now and then they let in a driver
+that stands at its stop line. So two drivers never meet on rival lanes, with traffic lights or without. A driver that
+would have to stop inside, because there is no room behind the lane, does not get it. The same holds if something stands
+on the lane, as an ego that broke down.
+
+A claim becomes a *hold* when the front bumper passes the wait point. The hold ends when the tail has left all rivals.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.drivers.driver_model import BRAKE_FROM, CREEP, GAP, STOP_GAP, Perception
+from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.roads.roads import Roads
+
+__all__ = ["Requests", "give_claims", "update_holds"]
+
+ROOM_TIME: Final = 2.0
+"""A vehicle that moves leaves room behind itself: its speed times this time counts as free [s]. It is about the time
+that the driver behind needs to come there."""
+
+
+@dataclass(slots=True, eq=False)
+class Requests:
+    """The lane that each driver needs a claim for next; (k,) each.
+
+    Attributes:
+        lane: int64, row of the lane; -1 for none.
+        exit_lane: int64, the lane behind it; -1 for none.
+        distance: from the front bumper to the wait point of the lane, inf without a lane [m].
+    """
+
+    lane: IntArray
+    exit_lane: IntArray
+    distance: FloatArray
+
+    @staticmethod
+    def none(num: int) -> Requests:
+        """Return the requests of drivers that need no lane."""
+        return Requests(np.full(num, -1, dtype=np.int64), np.full(num, -1, dtype=np.int64), np.full(num, np.inf))
+
+
+def update_holds(conflicts: LaneConflicts, drivers: Drivers) -> None:
+    """Turn claims into holds where the front bumper is past the wait point; end holds where the tail is out.
+
+    Args:
+        conflicts: of the roads.
+        drivers: `claim` and `held` are written.
+    """
+    at = np.flatnonzero((drivers.claim >= 0) & (drivers.claim == drivers.lanes[0]))
+    at = at[drivers.arc[at] + drivers.nose[at] >= conflicts.wait_point[drivers.claim[at]]]
+    drivers.held[at], drivers.claim[at] = drivers.claim[at], -1
+    at = np.flatnonzero(drivers.held >= 0)
+    is_out = _tail_on_held_lane(conflicts.roads, drivers, at) > conflicts.clear_point[drivers.held[at]]
+    drivers.held[at[is_out]] = -1
+
+
+def give_claims(
+    conflicts: LaneConflicts,
+    drivers: Drivers,
+    perception: Perception,
+    requests: Requests,
+    queue: EntryQueue,
+    *,
+    others: Entries,
+    num_moving: int,
+) -> None:
+    """Give lanes to the drivers that ask, one after another, where no rival is taken. The rest must stop.
+
+    Args:
+        conflicts: of the roads.
+        drivers: `claim` and `exit_lane` are written.
+        perception: `gap` and `lead` are read; `stop_distance`, `is_shut_out` and `is_blocked` are written.
+        requests: of the same drivers.
+        queue: all entries.
+        others: entries of the entities that do not follow lanes.
+        num_moving: the first so many of `others` are moving vehicles: they occupy the lanes that they drive on.
+    """
+    # A driver asks before it would begin to brake, so that it need not brake if it gets the lane.
+    speed = drivers.speed
+    braking_distance = speed * (speed / (2.0 * BRAKE_FROM) + drivers.parameters.headway) + STOP_GAP + GAP
+    asks = (requests.lane >= 0) & (requests.distance < braking_distance)
+    # A driver whose lead vehicle waits itself could not use the lane, and would only keep others out.
+    is_led = perception.gap <= requests.distance
+    asks &= ~is_led | ((perception.lead >= 0) & (drivers.claim[perception.lead] >= 0))
+    at = np.flatnonzero(asks)
+    # A driver has one claim at a time. A claim for a lane before this one must become a hold first: if it were given up
+    # here, the driver would have to stop before a lane that it was about to enter.
+    has_claim = (drivers.claim[at] >= 0) & (drivers.lanes[:, at] == drivers.claim[at]).any(axis=0)
+    at = at[~has_claim]
+    has_room = _has_room(conflicts, drivers, requests, queue, at)
+    perception.is_shut_out[at[~has_room]] = True
+    stands = np.zeros(len(conflicts.wait_point), dtype=bool)
+    stands[others.lane[others.stands]] = True
+    is_free = ~stands[requests.lane[at]]
+    perception.is_blocked[at[~is_free]] = True
+    at = at[has_room & is_free]
+    if len(at):
+        lane = requests.lane[at]
+        taken = _taken(conflicts, drivers, others.lane[:num_moving], others.tail[:num_moving])
+        rank = np.empty(len(at), dtype=np.int64)
+        # Beside a full road without a stop line those at one would never come: now and then each is let in.
+        is_let_in = drivers.is_let_in[at] & (speed[at] < CREEP) & (requests.distance[at] < 2.0 * STOP_GAP)
+        order = np.lexsort((drivers.uid[at], requests.distance[at], conflicts.gives_way[lane] & ~is_let_in))
+        rank[order] = np.arange(len(at))
+        best = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
+        np.minimum.at(best, lane, rank)
+        index, link = conflicts.rivals.of(lane)
+        rival = conflicts.rivals.other[link]
+        is_refused = (taken[rival] < conflicts.rivals.figure[link]) | (best[rival] < rank[index])
+        stands[drivers.held[(drivers.held >= 0) & (speed < CREEP)]] = True
+        perception.is_blocked[at[index[stands[rival]]]] = True
+        given = at[np.bincount(index[is_refused], minlength=len(at)) == 0]
+        drivers.claim[given], drivers.exit_lane[given] = requests.lane[given], requests.exit_lane[given]
+    waits = (requests.lane >= 0) & (drivers.claim != requests.lane)
+    perception.stop_distance[waits] = np.fmin(perception.stop_distance, requests.distance)[waits]
+
+
+def _tail_on_held_lane(roads: Roads, drivers: Drivers, at: IntArray) -> FloatArray:
+    """Return the arc lengths of the tails of some drivers on the lanes that they hold, (k,) [m]."""
+    is_on = drivers.lanes[0][at] == drivers.held[at]
+    before = np.where(is_on, 0.0, roads.length[drivers.held[at]])
+    return np.asarray(before + drivers.arc[at] - drivers.rear[at])
+
+
+def _has_room(
+    conflicts: LaneConflicts, drivers: Drivers, requests: Requests, queue: EntryQueue, at: IntArray
+) -> BoolArray:
+    """Return which of some drivers find room behind the lane that they ask for, (k,)."""
+    wait_point = conflicts.wait_point
+    exit_lane = requests.exit_lane[at]
+    first = queue.first_on(exit_lane)
+    free = queue.tail[first] + ROOM_TIME * queue.speed[first]
+    coming = np.flatnonzero(((drivers.claim >= 0) | (drivers.held >= 0)) & (drivers.exit_lane >= 0))
+    needs = drivers.length[coming] + GAP
+    reserved = np.bincount(drivers.exit_lane[coming], weights=needs, minlength=len(wait_point))
+    # Where lanes with rivals follow one another, each is claimed in turn: only a lane without rivals must have room.
+    is_plain = (exit_lane >= 0) & np.isinf(wait_point[exit_lane])
+    return np.asarray(~is_plain | (free - reserved[exit_lane] >= drivers.length[at] + GAP))
+
+
+def _taken(conflicts: LaneConflicts, drivers: Drivers, moving_lane: IntArray, moving_tail: FloatArray) -> FloatArray:
+    """Return where on each lane the last tail is of those that have or claim it, (l,); inf where there is none [m]."""
+    taken = np.full(len(conflicts.wait_point), np.inf)
+    at = np.flatnonzero(drivers.held >= 0)
+    np.minimum.at(taken, drivers.held[at], _tail_on_held_lane(conflicts.roads, drivers, at))
+    np.minimum.at(taken, moving_lane, moving_tail)
+    taken[drivers.claim[drivers.claim >= 0]] = -np.inf
+    return taken

@@ -1,0 +1,483 @@
+"""Lane following: vehicles that drive on lanes, follow one another, obey lights and give way.
+
+*Position.* The middle of the rear axle is at arc length `arc` of a lane (see `lane_position`). It moves along the
+legs of the lane's line as `path_following` moves along paths, and beside their chords as `bends` has it. So it is on
+the smooth line to the last bits. The next five lanes are chosen in advance (`route_choice`). A driver without a route
+that waits for a full street chooses again after a while; otherwise streets that fill up in a ring would block one
+another for ever.
+
+*Lane changes* are chosen by `lane_changes`, with the same decisions, and driven by `lane_change_motion`. A vehicle that
+changes lanes is beside the line for a while, and so is a long one in a tight bend (`lane_swing`). Drivers with a
+`wander_width` are always a little beside it (`lane_wander`).
+
+*Speed.* `driver_perception` finds what is ahead, and `driver_model` turns that into an acceleration. Drivers decide
+ten times a second and keep their acceleration in between: a decision is made for all at once and costs ten times as
+much as moving them. It falls on fixed frames, so the columns of the world are the whole state.
+
+*Reaction.* The acceleration follows the decision with a lag of first order, by the driver's reaction time. So all
+reactions come late and without a jump, and no past values need to be kept: the acceleration itself is the memory.
+
+Limits of the model: no overtaking in lanes of the other direction, no reversing; self-driving egos stay in their lane.
+Of the entities that do not follow lanes, only pedestrians are seen where they will be; the others are seen where they
+are.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.drivers.driver_model import CREEP, FIRM, accelerate
+from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
+from rosbridge_sim.world.drivers.driver_perception import Stop, observe, perceive
+from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, find_entries
+from rosbridge_sim.world.drivers.lane_position import headings_ahead, set_legs
+from rosbridge_sim.world.drivers.lane_swing import find_long, find_swinging, plan_swings
+from rosbridge_sim.world.drivers.lane_wander import LaneWander
+from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
+from rosbridge_sim.world.drivers.zip_merge import follow_in_joins
+from rosbridge_sim.world.followers.self_driving import SelfDrivingEgos
+from rosbridge_sim.world.followers.turn_signals import find_turn_signals
+from rosbridge_sim.world.geometry.bends import offset
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges, wrap_angle
+from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
+from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts
+from rosbridge_sim.world.lane_changes.lane_changes import LaneChanges
+from rosbridge_sim.world.people.people import COMMITTED, find_ways_over
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import DT, Dynamics, Kind, World
+
+__all__ = ["DECISION", "DriverView", "Stop", "drive_lanes", "view_driver"]
+
+DECISION: Final = 5
+"""Frames from one decision to the next: 0.1 s, less than a person needs to react."""
+
+_INTERVAL: Final = DECISION * DT
+
+MOVES: Final = 0.5
+"""A vehicle above this speed drives through an intersection; a slower one waits in it [m/s]."""
+
+FORESIGHT: Final = 3.0
+"""Drivers wait for pedestrians that will be on the road within this time [s]: 4 m at walking speed, a lane's width."""
+
+MAX_PARTS: Final = 4
+"""For pedestrians that cross by light or gap, drivers wait as long as they need, up to so many times as long."""
+
+LANES_TO_PASS: Final = 3
+"""Lanes, with its own one, on which a driver may pass before those who cross: up to the far side of an intersection. It
+goes on if it would have to brake harder than `FIRM` for somebody who comes later, as for a yellow light."""
+
+PAST: Final = 1.0
+"""It must be so far past the place then [m]."""
+
+PACE: Final = 2.0
+"""Least speed at which it clears the place [m/s]: a driver that stands with its nose beyond it moves off."""
+
+MAX_WAIT_DECISIONS: Final = 20
+"""Decisions after which a driver before a full street or a blocked crossing chooses other lanes: 2 s, enough for a
+queue to move off."""
+
+LET_IN_EVERY, LET_IN_FOR = 600, 80
+"""Decisions after which the others let in a driver that waits at a stop line, and for how many: 8 s in each minute, so
+that a side street moves beside a full main road. Those that may enter already take up to 6 s to leave the crossing."""
+
+LET_IN_APART: Final = 37
+"""Drivers with neighbouring ids are let in at other times: so many decisions apart."""
+
+MAX_LANES_ENTERED: Final = 8
+"""Lanes entered within one step, at most: lanes of a centimetre in a map must not slow the step down."""
+
+MAX_STRETCH: Final = 0.5
+"""The line of a bend is longer or shorter than the way beside it by this share of the way, at most: a lane's width
+beside the line of a bend of 7 m."""
+
+
+def drive_lanes(world: World, dt: float) -> None:
+    """Move all entities that follow lanes; on the frames of decision they decide first.
+
+    Args:
+        world: written in place.
+        dt: length of the step [s].
+    """
+    followers = world.derived(_LaneFollowers)
+    if not followers.num:
+        return
+    saved = followers.egos.save_motion() if world.dynamics == Dynamics.SINGLE_TRACK else None
+    if world.frame % DECISION == 0:
+        followers.decide()
+    followers.move(dt)
+    if saved is not None:
+        followers.egos.restore_poses(saved)
+
+
+def view_driver(world: World, row: int) -> DriverView | None:
+    """Return what an entity that follows lanes does, as it would decide now; None for any other entity.
+
+    One that waits for an ego does not decide: None, too. All drivers decide for this, as copies: it takes some
+    milliseconds with thousands of them.
+
+    Args:
+        world: read only.
+        row: of the entity.
+    """
+    if not world.has_lane[row] or world.start_within[row] > 0.0:
+        return None
+    followers = _LaneFollowers(world)  # of its own: a question must not decide when the world makes its own
+    drivers = followers.drivers()
+    drivers.claim, drivers.held, drivers.exit_lane = (
+        drivers.claim.copy(),
+        drivers.held.copy(),
+        drivers.exit_lane.copy(),
+    )
+    others, rows, num_driving = followers.others(drivers)
+    which = int(np.flatnonzero(followers.rows == row)[0])
+    sight = observe(followers.conflicts, world.signals.may_enter, drivers, others, num_driving, which=which)
+    all_rows = np.concatenate([followers.rows, rows])
+    light = int(world.signals.plan.light_of_lane[sight.stop_lane]) if sight.stop is Stop.LIGHT else -1
+    return DriverView(
+        lead_row=int(all_rows[sight.lead]) if sight.lead >= 0 else -1,
+        gap=sight.gap,
+        is_following=sight.is_following,
+        stop=sight.stop,
+        stop_distance=sight.stop_distance,
+        stop_lane=sight.stop_lane,
+        light=light,
+        rival_row=int(all_rows[sight.rival]) if sight.rival >= 0 else -1,
+        change=LaneChange(int(world.change[row])),
+        signal=int(find_turn_signals(world, np.array([row]))[0]),
+        is_changing=bool(world.leaving[row] > 0.0),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class DriverView:
+    """Action of a driver on lanes, with its reasons. A row is -1 if there is none.
+
+    Attributes:
+        lead_row: of the entity ahead, within sight.
+        gap: to its tail [m]; inf for none.
+        is_following: the driver is slower because of it.
+        stop: what it stops for, other than the entity ahead.
+        stop_distance: from the front bumper to the place [m]; inf for none.
+        stop_lane: the lane that it may not enter; of a dead end, the lane that ends.
+        light: row of the light that forbids it.
+        rival_row: of an entity that has the right of way.
+        change: why it changes lanes, or wants to.
+        signal: its turn signal: 0 none, 1 left, 2 right.
+        is_changing: it moves over to the other lane.
+    """
+
+    lead_row: int
+    gap: float
+    is_following: bool
+    stop: Stop
+    stop_distance: float
+    stop_lane: int
+    light: int
+    rival_row: int
+    change: LaneChange = LaneChange.NONE
+    signal: int = 0
+    is_changing: bool = False
+
+
+class _LaneFollowers:
+    """The entities that follow lanes, and what is the same at every step.
+
+    It lives until the next `World.touch`: until an entity comes or goes, stops or starts to move. Indices (`which`)
+    count these entities; rows are rows of the world.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        # One that waits for an ego is what all things that stand are: it asks for no lane and holds none.
+        follows = world.has_lane & (world.start_within == 0.0)
+        self.rows = np.flatnonzero(world.alive & follows)
+        self.num = len(self.rows)
+        if not self.num:
+            return
+        first, last = int(self.rows[0]), int(self.rows[-1])
+        is_run = last - first + 1 == self.num
+        self.at: slice | IntArray = slice(first, last + 1) if is_run else self.rows
+        self.roads = world.roads
+        self.conflicts = world.roads.derived(LaneConflicts)
+        half, centre = world.half_length[self.at], world.centre[self.at]
+        self.nose, self.rear, self.length = half + centre, half - centre, 2.0 * half
+        self.parameters = DriverParameters.of(world, self.rows)
+        self.response = -np.expm1(-_INTERVAL / self.parameters.reaction)
+        self.wheelbase = world.wheelbase[self.at].copy()
+        self.uid = world.uid[self.at].copy()
+        self.choice = RouteChoice(world, self.rows)
+        self.changes = LaneChanges(world, self.rows, self.choice)
+        self.egos = SelfDrivingEgos(world, self.rows)
+        self.shifted = find_shifted(world, self.rows)
+        self.long = find_long(world, self.rows)
+        self.wander = LaneWander(world, self.rows)
+        others = world.alive & ~follows
+        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
+        still = np.flatnonzero(others & ~may_move)
+        self.still, owner, _ = _entries_of(world, still)
+        self.still_rows = still[owner]
+        self.moving = np.flatnonzero(others & may_move)
+        self.on_wheels = (world.kind[self.moving] == Kind.EGO) | (world.kind[self.moving] == Kind.VEHICLE)
+
+    def decide(self) -> None:
+        """Choose the accelerations until the next decision."""
+        world, at = self.world, self.at
+        if len(self.egos):
+            self.egos.project()
+            self._advance_lanes(self.egos.index)
+        drivers = self.drivers()
+        others, _, num_driving = self.others(drivers)
+        perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
+        lanes, speed = drivers.lanes, drivers.speed
+        wanted = accelerate(speed, perception, self.parameters)
+        wanted = follow_in_joins(self.conflicts, drivers, others.first(num_driving), wanted)
+        if self.changes.is_possible:
+            desired_speed = np.fmin(self.parameters.desired_speed, perception.safe_speed)
+            wanted = self.changes.decide(drivers, perception, desired_speed, wanted, world.frame // DECISION)
+            self.shifted = find_shifted(world, at)
+            lanes = world.int_block("lane", "ahead_5")[:, at]
+        accel = drivers.accel + self.response * (wanted - drivers.accel)
+        if len(self.egos):  # their pedals have a lag of their own
+            index = self.egos.index
+            accel[index] = wanted[index]
+            self.egos.command(lanes[:, index], wanted[index])
+        world.accel[at] = accel
+        self._steer(lanes, speed, accel)
+        is_turn = (world.frame // DECISION + self.uid) % MAX_WAIT_DECISIONS == 0
+        gives_up = (perception.is_shut_out | perception.is_blocked) & (speed < CREEP) & is_turn
+        if gives_up.any():
+            self.choice.change(np.flatnonzero(gives_up))
+        if not isinstance(at, slice):
+            world.claim[at], world.held[at], world.exit_lane[at] = drivers.claim, drivers.held, drivers.exit_lane
+
+    def drivers(self) -> Drivers:
+        """Return the lane followers; columns of the world as they are, views of it where their rows are neighbours."""
+        world, at = self.world, self.at
+        drivers = Drivers(
+            lanes=world.int_block("lane", "ahead_5")[:, at],
+            arc=world.arc[at],
+            speed=world.speed[at],
+            accel=world.accel[at],
+            point=world.point[at],
+            nose=self.nose,
+            rear=self.rear,
+            length=self.length,
+            uid=self.uid,
+            claim=world.claim[at],
+            held=world.held[at],
+            exit_lane=world.exit_lane[at],
+            is_let_in=(world.frame // DECISION + LET_IN_APART * self.uid) % LET_IN_EVERY < LET_IN_FOR,
+            parameters=self.parameters,
+        )
+        drivers.leaving = self.changes.find_leaving(drivers)
+        return drivers
+
+    def others(self, drivers: Drivers) -> tuple[Entries, IntArray, int]:
+        """Return the entries of all other entities, their rows, and how many of them drive, which are the first ones.
+
+        Those that drive occupy the lanes of an intersection, the others only obstruct.
+
+        Args:
+            drivers: all lane followers.
+        """
+        world = self.world
+        if not len(self.moving):
+            return self.still, self.still_rows, 0
+        drives = self.on_wheels & (np.abs(world.speed[self.moving]) > MOVES)
+        moving = np.concatenate([self.moving[drives], self.moving[~drives]])
+        seen, owner, arrival = _entries_of(world, moving)
+        crossing = np.flatnonzero(world.yields[moving[owner]] >= COMMITTED)
+        if len(crossing):
+            passed = _find_passed_first(self.roads, drivers, seen.at(crossing), arrival[crossing])
+            left = np.setdiff1d(np.arange(len(owner)), crossing[passed], assume_unique=True)
+            seen, owner = seen.at(left), owner[left]
+        num_driving = int(np.count_nonzero(owner < np.count_nonzero(drives)))
+        return Entries.join(seen, self.still), np.concatenate([moving[owner], self.still_rows]), num_driving
+
+    def _steer(self, lanes: IntArray, speed: FloatArray, accel: FloatArray) -> None:
+        """Set the yaw rates with which the headings are right at the next decision."""
+        world, at = self.world, self.at
+        time = np.where(speed + accel * _INTERVAL < 0.0, speed / np.fmax(-accel, CREEP), _INTERVAL)
+        distance = time * (speed + 0.5 * accel * time)
+        moves = distance > 0.0
+        arc = world.arc[at] + distance
+        heading = headings_ahead(self.roads, lanes, arc, self.wheelbase, point=world.point[at], moves=moves)
+        swinging = self.long[find_swinging(world, self.rows[self.long])] if len(self.long) else self.long
+        if len(swinging):
+            plan_swings(world, self.rows[swinging], distance[swinging], _INTERVAL)
+            shifting = np.setdiff1d(self.shifted, swinging, assume_unique=True)
+            self.shifted = np.union1d(shifting, swinging[find_shifted(world, self.rows[swinging])])
+        else:
+            shifting = self.shifted
+        self.wander.plan(distance, heading, lanes[0], self.shifted, _INTERVAL)
+        if len(self.shifted):
+            plan_shifts(world, self.rows[shifting], distance[shifting], _INTERVAL)
+            heading = heading + (world.drift[at] + world.drift_rate[at] * _INTERVAL)
+        turn = np.where(moves, wrap_angle(heading - world.yaw[at]), 0.0)
+        world.yaw_rate[at] = turn / _INTERVAL
+        world.lateral_accel[at] = world.yaw_rate[at] * speed
+
+    def move(self, dt: float) -> None:
+        """Move along the legs by `dt` [s]; `dynamics` moves the self-driving egos."""
+        world, at = self.world, self.at
+        saved = self.egos.save_poses() if len(self.egos) else None
+        before, accel = world.speed[at], world.accel[at]
+        after = before + accel * dt
+        is_stopping = after < 0.0
+        if np.count_nonzero(is_stopping):  # it brakes by no more than brings it to a stand
+            after = np.fmax(after, 0.0)
+            world.accel[at] = np.where(is_stopping, before / -dt, accel)
+        step = (before + after) * (0.5 * dt)
+        if len(self.wander.which):
+            # Beside the line of a bend the way is longer or shorter, as in `_along`.
+            bend = world.yaw_rate[at] - world.drift_rate[at] - world.wander_slope_rate[at]
+            most = MAX_STRETCH * step
+            step += np.fmin(np.fmax(bend * (dt * world.wander[at]), -most), most)
+        if len(self.shifted):
+            step[self.shifted] = self._along(step[self.shifted], dt)
+        arc = world.arc[at] + step
+        world.speed[at], world.arc[at] = after, arc
+        is_past = arc >= world.leg_end[at]
+        if np.count_nonzero(is_past):
+            self._advance_lanes(np.flatnonzero(is_past))
+        distance = world.arc[at] - world.leg_start[at]
+        world.x[at] = world.leg_x[at] + distance * world.leg_dx[at]
+        world.y[at] = world.leg_y[at] + distance * world.leg_dy[at]
+        curve = self.roads.curve.take(world.point[at], axis=0)
+        if np.count_nonzero(curve):
+            aside = offset(curve, distance, world.leg_end[at] - world.leg_start[at])
+            world.x[at] -= aside * world.leg_dy[at]
+            world.y[at] += aside * world.leg_dx[at]
+        world.z[at] = world.leg_z[at] + distance * world.leg_dz[at]
+        yaw = world.yaw[at] + world.yaw_rate[at] * dt
+        beyond = np.flatnonzero(np.abs(yaw) >= math.pi)
+        if len(beyond):
+            yaw[beyond] = wrap_angle(yaw[beyond])
+        world.yaw[at] = yaw
+        self.wander.move(dt)
+        if len(self.shifted):
+            nudge(world, self.rows[self.shifted], dt)
+        if saved is not None:
+            self.egos.restore_poses(saved)
+
+    def _along(self, step: FloatArray, dt: float) -> FloatArray:
+        """Return by how much the arc lengths of the `shifted` rise, (k,) [m].
+
+        In a bend the line is longer or shorter than the way beside it, and who moves across moves along by less.
+
+        Args:
+            step: (k,) by which they move [m].
+            dt: length of the step [s].
+        """
+        world, rows = self.world, self.rows[self.shifted]
+        aslant = world.drift[rows] + world.drift_rate[rows] * dt + world.wander_slope[rows]
+        bend = world.yaw_rate[rows] - world.drift_rate[rows] - world.wander_slope_rate[rows]
+        turn = bend * dt * world.lateral[rows]
+        most = MAX_STRETCH * step
+        return step * np.cos(aslant) + np.fmin(np.fmax(turn, -most), most)
+
+    def _advance_lanes(self, which: IntArray) -> None:
+        """Bring lane and leg up to date for vehicles whose arc length may be beyond the end of their leg or lane."""
+        world, rows = self.world, self.rows[which]
+        for _ in range(MAX_LANES_ENTERED):
+            is_over = world.arc[rows] >= self.roads.length[world.lane[rows]]
+            if not is_over.any():
+                break
+            self._enter_next(which[is_over])
+        set_legs(world, self.conflicts, rows)
+
+    def _enter_next(self, which: IntArray) -> None:
+        """Move vehicles on to the next lane; at a dead end they stand at the end of theirs."""
+        world, rows = self.world, self.rows[which]
+        is_end = world.ahead_1[rows] < 0
+        if is_end.any():
+            at_end = rows[is_end]
+            world.arc[at_end] = np.nextafter(self.roads.length[world.lane[at_end]], 0.0)
+            world.speed[at_end] = world.accel[at_end] = 0.0
+            which, rows = which[~is_end], rows[~is_end]
+        world.arc[rows] -= self.roads.length[world.lane[rows]]
+        lanes = world.int_block("behind", "ahead_5")
+        lanes[:-1, rows] = lanes[1:, rows]
+        world.turns[rows] += 1
+        world.ahead_5[rows] = self.choice.choose(which, world.ahead_4[rows], world.turns[rows] + NUM_AHEAD)
+        lane = world.lane[rows]
+        enters = self.conflicts.wait_point[lane] == 0.0
+        world.held[rows[enters]] = lane[enters]
+        has_come = enters & (world.claim[rows] == lane)
+        world.claim[rows[has_come]] = -1
+
+
+def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray, FloatArray]:
+    """Return the entries of rows that do not follow lanes, their owners and arrivals; see `find_entries`."""
+    # Pedestrians that heed the traffic wait at the kerb. While they cross, drivers wait for them.
+    is_blind = (world.kind[rows] == Kind.PEDESTRIAN) & (world.yields[rows] == 0)
+    foresight = np.where(is_blind, FORESIGHT, 0.0)
+    index, later = np.arange(len(rows)), np.zeros(len(rows))
+    yaw, speed = world.yaw[rows], world.speed[rows]
+    if world.yields[rows].max(initial=0) >= COMMITTED:
+        # Each part of their way is looked at from its own beginning: a bend has no place beside one that is far away.
+        time, velocity = (each[rows] for each in find_ways_over(world))
+        crosses = time > 0.0
+        yaw, speed = np.where(crosses, np.angle(velocity), yaw), np.where(crosses, np.abs(velocity), speed)
+        time = np.fmin(time, MAX_PARTS * FORESIGHT)
+        foresight = np.where(time > 0.0, np.fmin(time, FORESIGHT), foresight)
+        for part in range(1, MAX_PARTS):
+            crossing = np.flatnonzero(time > part * FORESIGHT)
+            index = np.concatenate([index, crossing])
+            later = np.concatenate([later, np.full(len(crossing), part * FORESIGHT)])
+            foresight = np.concatenate([foresight, np.fmin(time[crossing] - part * FORESIGHT, FORESIGHT)])
+    rows, yaw, speed = rows[index], yaw[index], speed[index]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    ahead = world.centre[rows] + speed * later
+    entries, owner, arrival = find_entries(
+        world.roads,
+        x=world.x[rows] + ahead * cos,
+        y=world.y[rows] + ahead * sin,
+        z=world.z[rows],
+        yaw=yaw,
+        speed=speed,
+        accel=world.accel[rows],
+        half_length=world.half_length[rows],
+        half_width=world.half_width[rows],
+        foresight=foresight,
+        stands=(world.kind[rows] != Kind.PEDESTRIAN) & (np.abs(world.speed[rows]) < MOVES),
+    )
+    return entries, index[owner], later[owner] + arrival
+
+
+def _find_passed_first(roads: Roads, drivers: Drivers, entries: Entries, arrival: FloatArray) -> BoolArray:
+    """Return which entries lie where a driver will have passed before they are in the way, and cannot stop gently.
+
+    Such a driver goes on, and so does one whose nose is past the place. Those behind it follow it until it is past, and
+    then see the entry.
+
+    Args:
+        roads: the lanes.
+        drivers: all of them.
+        entries: (m,) of people who cross.
+        arrival: (m,) when they will be in the way [s].
+
+    Returns:
+        (m,) bool.
+    """
+    found = np.zeros(len(arrival), dtype=bool)
+    order = entries.lane.argsort(kind="stable")
+    on_lane, before = entries.lane[order], -drivers.arc
+    for part in range(LANES_TO_PASS):
+        lane = drivers.lanes[part]
+        first = on_lane.searchsorted(lane)
+        count = on_lane.searchsorted(lane, side="right") - first
+        driver, entry = np.repeat(np.arange(len(lane)), count), order[ranges(first, count)]
+        speed = drivers.speed[driver]
+        gap = entries.tail[entry] + (before - drivers.nose)[driver]
+        rest = gap + drivers.length[driver]
+        cannot = (gap < speed * speed / (2.0 * FIRM)) & (rest > 0.0)
+        is_gone = (rest + PAST < arrival[entry] * np.fmax(speed, PACE)) | (gap < -PAST)
+        found[entry[cannot & is_gone]] = True
+        before = before + roads.length[lane]
+    return found

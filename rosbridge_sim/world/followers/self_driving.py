@@ -1,0 +1,137 @@
+"""Self-driving egos: driven rows that follow the lanes by the driver model.
+
+They decide as all other lane followers do, in `lane_following`. The chosen acceleration goes to their pedals, and pure
+pursuit of the lane's line (Coulter 1992) turns their wheels. `dynamics` moves them. Their place on the lane is the
+point of the line beside them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.drivers.lane_position import check_route, find_ahead, join_lane, leave_lane
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.roads.road_places import find_lane, place_on_lane
+from rosbridge_sim.world.state.commands import command
+from rosbridge_sim.world.state.world import Gear, Kind, Mode, World
+
+__all__ = ["MAX_LATERAL_OFFSET", "SelfDrivingEgos", "start_self_driving"]
+
+MAX_LATERAL_OFFSET: Final = 3.0
+"""Self-driving starts only this near to the line of a lane [m]: on the lane, or on the next one of usual width."""
+
+MAX_HEADING_ERROR: Final = math.radians(60.0)
+"""Self-driving starts only with at most this angle between the heading and the lane [rad]: pure pursuit would turn a
+car that stands across the road in an arc wider than the road."""
+
+LOOK_AHEAD_TIME: Final = 0.6
+"""The wheels steer towards the point of the line that is this time ahead [s]. A longer time cuts corners."""
+
+MIN_LOOK_AHEAD: Final = 4.0
+"""The point is at least this far ahead [m]. A nearer one makes a slow car swing from side to side."""
+
+_POSE: Final = ("x", "y", "z", "yaw", "speed")
+_MOTION: Final = ("accel", "lateral_accel", "yaw_rate")
+
+
+def start_self_driving(
+    world: World, row: int, *, route: Sequence[int] = (), is_loop: bool = False, desired_speed: float = math.inf
+) -> bool:
+    """Have an ego drive itself along the lanes, until `leave_lane` or until something places it elsewhere.
+
+    It decides on the frames of decision (`lane_following.DECISION`); a `command` from outside holds until then.
+
+    Args:
+        world: written in place.
+        row: row of an EGO.
+        route: rows of lanes, each a successor of the one before; it starts on the first. At its end, or without a
+            route, chance chooses.
+        is_loop: the route begins again; its first lane is then a successor of its last.
+        desired_speed: speed that the driver wants; limits, bends and other traffic make it slower [m/s].
+
+    Returns:
+        Whether there is a lane that it can drive on. If not, nothing has changed.
+
+    Raises:
+        ValueError: the row is no ego in use, or the route does not lead along lanes.
+    """
+    if world.kind[row] != Kind.EGO or not world.alive[row]:
+        raise ValueError(f"row {row} is not driven")
+    check_route(world.roads, route, is_loop=is_loop)
+    x, y, yaw, z = (float(getattr(world, name)[row]) for name in ("x", "y", "yaw", "z"))
+    roads = world.roads
+    near = place_on_lane(roads, route[0], x, y, MAX_LATERAL_OFFSET) if len(route) else find_lane(roads, x, y, yaw, z)
+    if near is None or near.distance > MAX_LATERAL_OFFSET:
+        return False
+    if math.cos(near.yaw - yaw) < math.cos(MAX_HEADING_ERROR):
+        return False
+    leave_lane(world, row)
+    if len(route):
+        world.routes[int(world.uid[row])] = np.array(route, dtype=np.int64)
+    join_lane(world, row, near.lane, near.s, desired_speed=desired_speed, is_loop=is_loop and len(route) > 0)
+    world.touch()
+    return True
+
+
+class SelfDrivingEgos:
+    """The self-driving egos among the lane followers.
+
+    Attributes:
+        index: (k,) int64, which of the lane followers they are.
+        rows: (k,) int64, their rows in the world.
+
+    Args:
+        world: written by the methods.
+        followers: (n,) int64, rows of all lane followers.
+    """
+
+    def __init__(self, world: World, followers: IntArray) -> None:
+        self._world = world
+        self.index = np.flatnonzero(world.kind[followers] == Kind.EGO)
+        self.rows = followers[self.index]
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def project(self) -> None:
+        """Set each arc length to the point of the lane's line beside the ego. It may be beyond the lane's end."""
+        world, rows = self._world, self.rows
+        foot, yaw = world.roads.at(world.lane[rows], world.arc[rows])
+        along = (world.x[rows] - foot[:, 0]) * np.cos(yaw) + (world.y[rows] - foot[:, 1]) * np.sin(yaw)
+        world.arc[rows] = np.fmax(world.arc[rows] + along, 0.0)
+
+    def command(self, lanes: IntArray, accel: FloatArray) -> None:
+        """Command wheels and pedals. An ego that is not in D brakes fully.
+
+        Args:
+            lanes: (6, k) int64, the lane of each ego and the five ahead of it.
+            accel: (k,) the chosen accelerations [m/s^2].
+        """
+        world, rows = self._world, self.rows
+        reach = np.fmax(world.speed[rows] * LOOK_AHEAD_TIME, MIN_LOOK_AHEAD)
+        goal, _ = world.roads.at(*find_ahead(world.roads, lanes, world.arc[rows] + reach))
+        east, north, yaw = goal[:, 0] - world.x[rows], goal[:, 1] - world.y[rows], world.yaw[rows]
+        left = north * np.cos(yaw) - east * np.sin(yaw)
+        steer = np.arctan2(2.0 * world.wheelbase[rows] * left, np.fmax(east * east + north * north, 1.0))
+        for row, angle, wanted in zip(rows.tolist(), steer.tolist(), accel.tolist(), strict=True):
+            if world.gear[row] == Gear.DRIVE:
+                command(world, row, mode=Mode.ACCEL, steer=angle, accel=wanted)
+            else:
+                command(world, row, mode=Mode.PEDALS, steer=angle, brake=1.0)
+
+    def save_poses(self) -> dict[str, FloatArray]:
+        """Return copies of pose and speed, (k,) each, by column."""
+        return {name: getattr(self._world, name)[self.rows] for name in _POSE}
+
+    def save_motion(self) -> dict[str, FloatArray]:
+        """Return copies of accelerations and yaw rate, which the single track model continues from."""
+        return {name: getattr(self._world, name)[self.rows] for name in _MOTION}
+
+    def restore_poses(self, saved: dict[str, FloatArray]) -> None:
+        """Write back what `save_poses` or `save_motion` has returned."""
+        for name, values in saved.items():
+            getattr(self._world, name)[self.rows] = values

@@ -1,0 +1,1 @@
+"""Pure geometry in the plane: angles, polylines, grids, pairs of places."""

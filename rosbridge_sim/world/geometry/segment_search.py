@@ -1,0 +1,303 @@
+"""Search for the lanes near given places, exact near a road and far from any.
+
+The lanes' lines are cut into straight segments, and the segments into blocks of a few tens that follow one another on
+a lane. The bounding box of a block says how near it can be at best, its middle point how near it is at least. Only the
+segments of blocks that can still win are looked at. A grid of cells would answer a single question as fast, but grows
+with the area of the map and finds nothing away from the roads.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.geometry.block_grid import REACH, BlockGrid
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
+
+__all__ = ["SAME_HEIGHT", "LaneSegments", "SegmentSearch", "first_least", "height_cost"]
+
+BLOCK_SEGMENTS: Final = 32
+"""Segments in a block: about the root of their number on a small map, and 16 to 32 m of road."""
+
+TURN_COST: Final = 3.0
+"""A lane across the heading counts as this much farther away [m], and an opposite lane as twice as much. So an oncoming
+lane (3.5 m away) loses against one's own lane, even while one drives on the line between them."""
+
+HEIGHT_COST: Final = 2.0
+SAME_HEIGHT: Final = 1.0
+"""Each metre of height above the second number [m] counts as the first number of metres of distance. A bridge 6 m above
+a road loses against the road below for an entity on that road, as far as 10 m beside its line. Within one road only
+distances count: it rises by less across its lanes."""
+
+BESIDE: Final = 0.5
+"""A place farther than this beyond the end of a lane, or outside a corner, is not beside the lane [m]."""
+
+MAX_SEGMENTS: Final = 1 << 19
+"""Pairs (place, segment) of one search for lanes near places: about 40 ms, 10,000 entities on the lanes of a town."""
+
+CROWD_SQUARE: Final = 4.0
+CROWD: Final = 64
+"""Above `MAX_SEGMENTS`, at most so many places are looked at in a square of this side [m]; and of all squares the first
+places come before the second ones. An entity that stands among others in one place changes little."""
+
+MAX_BLOCK_PAIRS: Final = 1 << 18
+"""Pairs (place, block) compared at once: 2 MB for each temporary array, which stays inside the cache."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LaneSegments:
+    """The straight segments of all lanes, in the order of the lanes.
+
+    Attributes:
+        lane: (k,) int64, row of the lane of each, rising.
+        point: (k,) int64, row of the point of the roads at which each starts.
+        start: (k, 2) start points, east and north [m].
+        end: (k, 2) end points, east and north [m].
+        length: (k,) in the plane, positive [m].
+        direction: (k, 2) unit vectors in the plane.
+        height: (k,) of the start points [m].
+        slope: (k,) rise for each metre in the plane.
+    """
+
+    lane: IntArray
+    point: IntArray
+    start: FloatArray
+    end: FloatArray
+    length: FloatArray
+    direction: FloatArray
+    height: FloatArray
+    slope: FloatArray
+
+    def yaw(self, segment: IntArray) -> FloatArray:
+        """Return the directions of segments, (n,), counter-clockwise from east, (-pi, pi] [rad]."""
+        direction = self.direction[segment]
+        return np.arctan2(direction[:, 1], direction[:, 0])
+
+    def project(self, place: FloatArray, segment: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return the foot points of places on segments.
+
+        Args:
+            place: (n, 2) east and north [m].
+            segment: (n,) int64, a segment for each place.
+
+        Returns:
+            (n,) from the start of the segment to the foot [m], (n,) offset from its line, left positive [m], and (n,)
+            distance to the foot [m].
+        """
+        away = place - self.start[segment]
+        direction = self.direction[segment]
+        full = away[:, 0] * direction[:, 0] + away[:, 1] * direction[:, 1]
+        lateral = away[:, 1] * direction[:, 0] - away[:, 0] * direction[:, 1]
+        along = np.minimum(np.maximum(full, 0.0), self.length[segment])
+        return along, lateral, np.hypot(full - along, lateral)
+
+
+class SegmentSearch:
+    """The segments of all lanes in blocks, and the searches over them.
+
+    Args:
+        segments: at least one.
+        num_lanes: lanes, each of which has a segment.
+    """
+
+    __slots__ = (
+        *("_bottom", "_first", "_grid", "_high", "_low", "_middle", "_middle_height", "_num_lanes", "_segments"),
+        *("_size", "_top"),
+    )
+
+    def __init__(self, segments: LaneSegments, num_lanes: int) -> None:
+        self._segments, self._num_lanes = segments, num_lanes
+        num = np.bincount(segments.lane, minlength=num_lanes)  # segments of each lane
+        first = np.cumsum(num) - num
+        blocks = -(-num // BLOCK_SEGMENTS)
+        lane = np.repeat(np.arange(num_lanes, dtype=np.int64), blocks)
+        offset = BLOCK_SEGMENTS * ranges(np.zeros_like(blocks), blocks)
+        self._first = first[lane] + offset
+        self._size = np.minimum(num[lane] - offset, BLOCK_SEGMENTS)
+        middle = self._first + self._size // 2
+        self._middle, self._middle_height = segments.start[middle], segments.height[middle]
+        end_height = segments.height + segments.slope * segments.length
+        self._bottom = np.minimum.reduceat(np.minimum(segments.height, end_height), self._first)
+        self._top = np.maximum.reduceat(np.maximum(segments.height, end_height), self._first)
+        self._low = np.minimum.reduceat(np.minimum(segments.start, segments.end), self._first)
+        self._high = np.maximum.reduceat(np.maximum(segments.start, segments.end), self._first)
+        self._grid: BlockGrid | None = None
+
+    def nearest(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None = None) -> IntArray:
+        """Return the nearest segment for each place, (n,) int64; of equally near ones the first.
+
+        Args:
+            place: (n, 2) east and north, n >= 1 [m].
+            heading: (n, 2) unit vectors; segments of another direction count as farther away (`TURN_COST`). None
+                compares distances alone.
+            height: (n,) heights of the places; segments above and below count as farther away (`HEIGHT_COST`) [m].
+        """
+        best = np.zeros(len(place), dtype=np.int64)
+        step = max(1, MAX_BLOCK_PAIRS // len(self._size))
+        for i in range(0, len(place), step):  # nearly always one part
+            part = slice(i, i + step)
+            best[part] = self._best(
+                place[part],
+                None if heading is None else heading[part],
+                None if height is None else height[part],
+            )
+        return best
+
+    def within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return the nearest segment of each lane that is near each place; see `Roads.within`.
+
+        Args:
+            place: (n, 2) east and north, n >= 1 [m].
+            radius: (n,) [m].
+
+        Returns:
+            (m,) int64, index of the place, rising, and (m,) int64, the segment.
+        """
+        owner, block = self._blocks_within(place, radius)
+        is_seen = _thin_out(place, owner, self._size[block])
+        owner, block = owner[is_seen], block[is_seen]
+        size = self._size[block]
+        owner, segment = np.repeat(owner, size), ranges(self._first[block], size)
+        _, lateral, distance = self._segments.project(place[owner], segment)
+        is_near = (distance <= radius[owner]) & (distance - np.abs(lateral) < BESIDE)
+        owner, segment, distance = owner[is_near], segment[is_near], distance[is_near]
+        key = owner * self._num_lanes + self._segments.lane[segment]
+        order = np.lexsort((distance, key))
+        best = order[np.flatnonzero(np.diff(key[order], prepend=-1))]
+        return owner[best], segment[best]
+
+    def _blocks_within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return (m,) which place, rising, and (m,) the blocks whose boxes are within its radius, rising for each."""
+        if self._grid is None:  # made at the first search for all lanes near a place
+            self._grid = BlockGrid(self._low, self._high)
+        owner, block = self._grid.find(place)
+        is_seen = _thin_out(place, owner, np.ones_like(owner))
+        owner, block = owner[is_seen], block[is_seen]
+        far = np.flatnonzero(radius > REACH)  # rare: these are compared with all blocks
+        if len(far):
+            is_near = radius[owner] <= REACH
+            num = len(self._size)
+            owner = np.concatenate([owner[is_near], far.repeat(num)])
+            block = np.concatenate([block[is_near], np.tile(np.arange(num), len(far))])
+            order = np.lexsort((block, owner))
+            owner, block = owner[order], block[order]
+        gap = np.maximum(self._low[block] - place[owner], place[owner] - self._high[block])
+        is_within = _length(np.maximum(gap, 0.0)) <= radius[owner]
+        return owner[is_within], block[is_within]
+
+    def _best(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None) -> IntArray:
+        """Return the nearest segment for each place, (n,); arguments as for `nearest`."""
+        slack = 0.0 if heading is None else 2.0 * TURN_COST
+        if height is not None:
+            return self._best_at(place, heading, height, slack)
+        if len(place) == 1:  # the usual case: one ego, in half of the time
+            segment = self._candidates_of_one(place, slack)
+            score = self._segments.project(place, segment)[2]
+            if heading is not None:
+                score += TURN_COST * (1.0 - (heading * self._segments.direction[segment]).sum(axis=1))
+            first = int(score.argmin())
+            return segment[first : first + 1]
+        segment, count = self._candidates(place, slack)
+        owner = np.repeat(np.arange(len(place)), count)
+        score = self._segments.project(place[owner], segment)[2]
+        if heading is not None:
+            towards = (heading[owner] * self._segments.direction[segment]).sum(axis=1)
+            score += TURN_COST * (1.0 - towards)
+        start = np.cumsum(count) - count
+        least = np.minimum.reduceat(score, start)
+        hit = np.flatnonzero(score == least[owner])
+        return np.asarray(segment[hit[np.searchsorted(hit, start)]])
+
+    def _best_at(self, place: FloatArray, heading: FloatArray | None, height: FloatArray, slack: float) -> IntArray:
+        """Return what `_best` returns for places of given heights."""
+        gap = np.maximum(self._low - place[:, None], place[:, None] - self._high)
+        above = np.maximum(np.maximum(self._bottom - height[:, None], height[:, None] - self._top), 0.0)
+        at_best = _length(np.maximum(gap, 0.0)) + height_cost(above)
+        at_most = _length(place[:, None] - self._middle)
+        at_most += height_cost(np.abs(self._middle_height - height[:, None]))
+        owner, block = np.nonzero(at_best <= ((at_most.min(axis=1) + slack) * (1.0 + 1e-9) + 1e-9)[:, None])
+        size = self._size[block]
+        segment, owner = ranges(self._first[block], size), np.repeat(owner, size)
+        segments = self._segments
+        along, _, score = segments.project(place[owner], segment)
+        score += height_cost(np.abs(segments.height[segment] + along * segments.slope[segment] - height[owner]))
+        if heading is not None:
+            score += TURN_COST * (1.0 - (heading[owner] * segments.direction[segment]).sum(axis=1))
+        return segment[first_least(score, owner, len(place))]
+
+    def _candidates_of_one(self, place: FloatArray, slack: float) -> IntArray:
+        """Return what `_candidates` returns for one place, (1, 2)."""
+        gap = np.maximum(self._low - place, place - self._high)
+        at_most = _length(place - self._middle).min() + slack
+        block = (_length(np.maximum(gap, 0.0)) <= at_most * (1.0 + 1e-9) + 1e-9).nonzero()[0]
+        return ranges(self._first[block], self._size[block])
+
+    def _candidates(self, place: FloatArray, slack: float) -> tuple[IntArray, IntArray]:
+        """Return the segments that can be the nearest for each place, one or more.
+
+        Args:
+            place: (n, 2) [m].
+            slack: how much farther than the nearest one a segment may be [m].
+
+        Returns:
+            (sum of count,) segments, those of the first place first, and (n,) their count for each place.
+        """
+        gap = np.maximum(self._low - place[:, None], place[:, None] - self._high)
+        at_best = _length(np.maximum(gap, 0.0))
+        at_most = _length(place[:, None] - self._middle).min(axis=1) + slack
+        # A little more, so that rounding cannot lose the block that the bound itself comes from.
+        owner, block = np.nonzero(at_best <= (at_most * (1.0 + 1e-9) + 1e-9)[:, None])
+        size = self._size[block]
+        count = np.bincount(np.repeat(owner, size), minlength=len(place))
+        return ranges(self._first[block], size), count
+
+
+def first_least(score: FloatArray, owner: IntArray, num: int) -> IntArray:
+    """Return for each of `num` owners the index of its least score; of equal ones the first.
+
+    Args:
+        score: (m,) with one or more for each owner.
+        owner: (m,) int64, rising, 0 to `num` - 1.
+        num: owners.
+    """
+    start = owner.searchsorted(np.arange(num))
+    least = np.minimum.reduceat(score, start)
+    hit = np.flatnonzero(score == least[owner])
+    return np.asarray(hit[np.searchsorted(hit, start)])
+
+
+def height_cost(amount: FloatArray) -> FloatArray:
+    """Return the metres of distance that amounts of height count as [m]."""
+    return np.asarray(HEIGHT_COST * np.maximum(amount - SAME_HEIGHT, 0.0))
+
+
+def _length(vector: FloatArray) -> FloatArray:
+    """Return the lengths of plane vectors (..., 2)."""
+    return np.asarray(np.sqrt(vector[..., 0] * vector[..., 0] + vector[..., 1] * vector[..., 1]))
+
+
+def _thin_out(place: FloatArray, owner: IntArray, cost: IntArray) -> BoolArray | slice:
+    """Choose which pairs to look at: all of them, or where they cost more than `MAX_SEGMENTS` those of some places.
+
+    Args:
+        place: (n, 2) east and north [m].
+        owner: (m,) int64, index of the place of each pair.
+        cost: (m,) int64, segments of each pair.
+
+    Returns:
+        (m,) bool, or a slice for all.
+    """
+    if cost.sum() <= MAX_SEGMENTS:
+        return slice(None)
+    cost_of_place = np.bincount(owner, weights=cost, minlength=len(place))
+    _, square = np.unique(np.floor(place / CROWD_SQUARE), axis=0, return_inverse=True)
+    order = square.argsort(kind="stable")
+    num = np.bincount(square)
+    rank = np.empty(len(place), dtype=np.int64)
+    rank[order] = ranges(np.zeros_like(num), num)
+    in_turn = rank.argsort(kind="stable")
+    is_seen = np.empty(len(place), dtype=bool)
+    is_seen[in_turn] = (cost_of_place[in_turn].cumsum() <= MAX_SEGMENTS) & (rank[in_turn] < CROWD)
+    return np.asarray(is_seen[owner])

@@ -1,0 +1,1 @@
+"""Lane changes: reasons, gaps, safety, and the motion from lane to lane."""

@@ -1,0 +1,483 @@
+"""A look at the lanes beside: which drivers want to change lanes, why, and which of them begin; see `lane_changes`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.drivers.driver_model import HARDEST, Perception
+from rosbridge_sim.world.drivers.lane_entries import Drivers, EntryQueue
+from rosbridge_sim.world.drivers.route_choice import RouteChoice
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.lane_changes.lane_change_clearance import STANDS, Shifts, is_clear
+from rosbridge_sim.world.lane_changes.lane_change_model import KEEP_RIGHT_BIAS, THRESHOLD, LaneChange, find_safe, follow
+from rosbridge_sim.world.lane_changes.lane_change_motion import CAR_LENGTH, LANE, SHIFT_TIME
+from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.state.world import World
+
+__all__ = ["BLOCKED_WAY", "LaneLook"]
+
+SIGNAL_FRAMES: Final = 75
+"""Frames that a driver signals before it moves over: 1.5 s, three blinks."""
+
+PATIENCE: Final = 300
+"""Frames after which a driver gives up a change that it need not make and for which there is no gap: 6 s."""
+
+REST: Final = 400
+"""Frames after a change, or after one was given up, before a driver wishes one that it need not make: 8 s."""
+
+RETURN: Final = 750
+"""Frames after a change before a driver wishes to keep right: 15 s. So one that has overtaken goes back when it is well
+past, and not to where it came from a moment ago."""
+
+MUST_TIME, MUST_WAY = 12.0, 100.0
+"""A driver begins to look for a gap this time [s] and at least this far [m] before it must have changed, for each lane
+that it must cross."""
+
+WAY_ON: Final = 300.0
+"""A lane that goes on for this length is no worse than one that goes on for ever [m]: room to overtake and return."""
+
+ENTRY_WAY, ENTRY_TIME = 20.0, 5.5
+"""Changes of choice begin only farther from an intersection than this length [m] and the way of this time at the
+present speed [s]: as long as the signal and the change take."""
+
+LIGHT_QUEUE: Final = 15.0
+"""A vehicle that stands nearer to an intersection than this may wait for it [m]. So nobody passes it."""
+
+QUEUE_GAP: Final = 10.0
+"""Two standing vehicles belong to one queue if the gap between them is at most this long [m]."""
+
+BLOCKED_TIME, BLOCKED_WAY = 6.0, 40.0
+"""Something that stands ahead is a reason to change within this time [s], and within this distance at least [m]."""
+
+PULL_OUT: Final = 2.0
+PULL_OUT_PER_LENGTH: Final = 0.4
+"""A driver that wants to pass what stands keeps this much more room to it than in a queue [m], and more for each metre
+of its vehicle beyond `CAR_LENGTH`: with 4 m in all the corner of a car stays clear of it in an easy turn, and that of a
+bus with 6.6 m. At full lock a car needs 1.9 m, so one that stands nearer comes out, too."""
+
+STUCK: Final = 400
+"""Frames for which a driver wants to pass what stands and cannot, before those behind it pass it, too: 8 s."""
+
+KIND_BRAKING: Final = 2.0
+"""Drivers brake by this at most to open a gap, or to come to a gap [m/s^2]: the comfortable deceleration."""
+
+COURTESY: Final = 1500
+"""Frames for which drivers open gaps for one that waits: 30 s. After that it gets none for as long, so that a driver
+that cannot use its gap does not hold up a lane for ever."""
+
+BEFORE_JOIN: Final = 100.0
+"""Disadvantage of a lane that soon joins another one, more than any advantage [m/s^2]. Those on both have an order
+already, so a driver changes into it only if it must."""
+
+LOOK_BACK: Final = 3
+"""Lanes behind on which a follower is searched. Few lanes are shorter than 50 m."""
+
+
+@dataclass(slots=True, eq=False)
+class _Option:
+    """The lane on one side, as each driver finds it; (k,) each.
+
+    Attributes:
+        is_there: one may change to this side here.
+        run: how far the lanes go on there [m].
+        gap: to the lead vehicle there, inf for none [m].
+        lead_speed: of it [m/s].
+        gap_behind: from the follower there, inf for none [m].
+        follower: int64, which driver it is; -1 for none, and for an entity that does not follow lanes.
+        follower_speed: of it [m/s].
+        advantage: of a change, without the bias [m/s^2].
+        is_safe: the change is.
+    """
+
+    is_there: BoolArray
+    run: FloatArray
+    gap: FloatArray
+    lead_speed: FloatArray
+    gap_behind: FloatArray
+    follower: IntArray
+    follower_speed: FloatArray
+    advantage: FloatArray
+    is_safe: BoolArray
+
+
+class LaneLook:
+    """One look of some drivers at the lanes beside them, and what they decide."""
+
+    def __init__(  # noqa: PLR0917 - what all drivers see, and some of them
+        self,
+        world: World,
+        rows: IntArray,
+        choice: RouteChoice,
+        drivers: Drivers,
+        perception: Perception,
+        queue: EntryQueue,
+        desired_speed: FloatArray,
+        which: IntArray,
+    ) -> None:
+        self._world, self._rows, self._roads, self._choice = world, rows, world.roads, choice
+        self._neighbours = world.roads.derived(LaneNeighbours)
+        self._conflicts = world.roads.derived(LaneConflicts)
+        self._drivers, self._perception, self._queue = drivers, perception, queue
+        self._desired_speed = desired_speed
+        self._which = which
+        self._lanes = drivers.lanes[:, which]
+        self._arc, self._speed = drivers.arc[which], drivers.speed[which]
+        self._nose, self._rear, self._length = drivers.nose[which], drivers.rear[which], drivers.length[which]
+        self._gap, self._lead_speed = perception.gap[which], perception.lead_speed[which]
+        self._run = self._find_run(self._lanes, self._arc)
+        conflicts = self._conflicts
+        self._to_entry = self._find_entry(np.fmin(conflicts.wait_point, conflicts.joins.narrow_from))
+        # Nobody changes lanes on the stretch before a join, but around what stands there one may leave it.
+        reach = np.fmax(BLOCKED_WAY, BLOCKED_TIME * self._speed)
+        is_before_join = conflicts.joins.join[self._lanes[0]] >= 0
+        blocked = np.flatnonzero((self._gap < reach) & (self._lead_speed < STANDS) & is_before_join)
+        if len(blocked):
+            self._to_entry[blocked] = self._find_entry(conflicts.wait_point)[blocked]
+
+    def decide(self, accel: FloatArray, decision: int) -> tuple[IntArray, IntArray, BoolArray]:
+        """Choose who signals and who begins to change.
+
+        Args:
+            accel: (n,) of all drivers, written: for gaps that open [m/s^2].
+            decision: number of the decision.
+
+        Returns:
+            Those that begin, (m,) int64; (m,) int64, to which side; and (m,) bool, whether they pull out from rest.
+        """
+        drivers, which, neighbours = self._drivers, self._which, self._neighbours
+        world, rows = self._world, self._rows[which]
+        num = len(which)
+        options = self._look_aside()
+        now, since = world.change[rows].astype(np.int64), world.change_since[rows]
+        signal = world.signal[rows].astype(np.int64)
+        reason, side = self._find_must(options)
+        must = reason > 0
+        is_inside = (self._to_entry <= 0.0) | (drivers.held[which] >= 0)
+        # Changes of choice
+        bias = KEEP_RIGHT_BIAS * neighbours.keeps_right[self._lanes[0]]
+        is_far = self._to_entry > ENTRY_WAY + ENTRY_TIME * self._speed
+        advantages = []
+        for i, option in enumerate(options):
+            advantage = option.advantage + (bias if i == RIGHT else -bias)
+            goes_on = (option.run > WAY_ON + MUST_TIME * self._speed) | (option.run >= self._run)
+            is_open = option.is_there & goes_on & is_far & ~is_inside
+            advantages.append(np.where(is_open, advantage, -np.inf))
+        best = np.where(advantages[RIGHT] > advantages[0], RIGHT, 0)
+        safe = np.where(best == RIGHT, options[RIGHT].is_safe, options[0].is_safe)
+        most = np.fmax(advantages[0], advantages[RIGHT])
+        is_right = (best == RIGHT) & (options[RIGHT].advantage < THRESHOLD)
+        has_rested = (since == 0.0) | (world.frame - since >= np.where(is_right, RETURN, REST))
+        wishes = ~must & (now == 0) & (most > THRESHOLD) & safe & has_rested
+        side = np.where(wishes, best, side)
+        reason = np.where(wishes, np.where(is_right, LaneChange.KEEP_RIGHT, LaneChange.FASTER), reason)
+        # Signals for a change of choice that goes on
+        is_kept = ~must & ((now == LaneChange.FASTER) | (now == LaneChange.KEEP_RIGHT))
+        old_side = np.maximum(signal - 1, 0)
+        old_advantage = np.where(old_side == RIGHT, advantages[RIGHT], advantages[0])
+        is_kept &= (old_advantage > 0.0) & (world.frame - since < PATIENCE)
+        side, reason = np.where(is_kept, old_side, side), np.where(is_kept, now, reason)
+        # The signals from now on
+        shows = np.where(reason > 0, side + 1, 0)
+        is_new = shows != signal
+        since = np.where(is_new, float(world.frame), since)
+        world.change[rows], world.signal[rows], world.change_since[rows] = reason, shows, since
+        # The drivers that begin
+        index = np.arange(num)
+        chosen = _pick(options, side)
+        is_tight = (reason == LaneChange.AROUND) & (self._speed < STANDS)
+        is_clear = np.zeros(num, dtype=bool)
+        at = np.flatnonzero((reason > 0) & ~is_inside)
+        is_clear[at] = self._is_clear(at, side[at], is_tight[at])
+        begins = (reason > 0) & ~is_new & (world.frame - since >= SIGNAL_FRAMES) & chosen.is_there & chosen.is_safe
+        begins &= is_clear & (side == decision % NUM_SIDES)
+        must_wait = (reason >= LaneChange.ROUTE) & ~begins & chosen.is_there & ~is_inside
+        self._open_gaps(index[must_wait], chosen, is_clear, accel)
+        self._keep_room(index[(reason == LaneChange.AROUND) & ~begins], accel)
+        return which[begins], side[begins], is_tight[begins]
+
+    def _is_clear(self, at: IntArray, side: IntArray, is_tight: BoolArray) -> BoolArray:
+        """Return whether drivers would be clear of their lead vehicles in time if they began now, (m,)."""
+        shifts = Shifts(
+            rows=self._rows[self._which[at]],
+            nose=self._nose[at],
+            length=self._length[at],
+            side=side,
+            done=np.zeros(len(at)),
+            across=np.full(len(at), LANE),
+            gap=self._gap[at],
+            lead_speed=self._lead_speed[at],
+            is_tight=is_tight,
+        )
+        return is_clear(self._world, shifts, self._speed[at])
+
+    def _find_must(self, options: list[_Option]) -> tuple[IntArray, IntArray]:
+        """Return why drivers must change lanes and to which side, (k,) int64 each; 0 for those that need not."""
+        which, neighbours, choice = self._which, self._neighbours, self._choice
+        world, rows = self._world, self._rows[which]
+        reason, side = np.zeros(len(which), dtype=np.int64), np.zeros(len(which), dtype=np.int64)
+        ends = np.flatnonzero(np.isfinite(self._run))
+        if len(ends):
+            count = (self._lanes[:, ends] >= 0).sum(axis=0) - 1
+            last = self._lanes[count, ends]
+            wanted = choice.find_wanted(which[ends], world.turns[rows[ends]] + count)
+            is_route = (wanted >= 0) & (wanted != last)
+            is_route &= neighbours.group[wanted] == neighbours.group[last]
+            steps = np.where(is_route, neighbours.place[wanted] - neighbours.place[last], 0)
+            to_side = np.where(steps > 0, 1, np.where(steps < 0, 2, 0))
+            to_side = np.where((wanted < 0) | (wanted == last), neighbours.merge_side[last], to_side)
+            begins_at = np.maximum(np.abs(steps), 1) * np.fmax(MUST_WAY, MUST_TIME * self._speed[ends])
+            is_near = (to_side > 0) & (self._run[ends] < begins_at)
+            at = ends[is_near]
+            reason[at] = np.where(is_route[is_near], LaneChange.ROUTE, LaneChange.LANE_END)
+            side[at] = to_side[is_near] - 1
+        around = np.flatnonzero((reason == 0) & self._is_blocked())
+        if len(around):
+            values = []
+            for option in options:
+                goes_on = (option.run > self._gap + WAY_ON) | (option.run >= self._run)
+                is_good = option.is_there & goes_on & (option.gap > self._gap + self._length)
+                values.append(np.where(is_good, option.advantage + option.is_safe, -np.inf)[around])
+            # One that signals already keeps its side, or it would never come to begin.
+            signal = world.signal[rows[around]].astype(np.int64)
+            values = [np.where((signal == i + 1) & (value > -np.inf), np.inf, value) for i, value in enumerate(values)]
+            has_one = np.fmax(values[0], values[1]) > -np.inf
+            reason[around[has_one]] = LaneChange.AROUND
+            side[around] = np.where(values[1] > values[0], 1, 0)
+        return reason, side
+
+    def _is_blocked(self) -> BoolArray:
+        """Return (k,) whether something stands ahead that waits for nothing."""
+        drivers, queue = self._drivers, self._queue
+        perception, world = self._perception, self._world
+        reach = np.fmax(BLOCKED_WAY, BLOCKED_TIME * self._speed)
+        is_near = (self._gap < reach) & (self._lead_speed < STANDS) & (self._to_entry > self._gap + LIGHT_QUEUE)
+        at = np.flatnonzero(is_near)
+        blocked = np.zeros(len(self._which), dtype=bool)
+        if not len(at):
+            return blocked
+        lead = perception.lead[self._which[at]]
+        rows = self._rows[lead]
+        is_stuck = (world.change[rows] == LaneChange.AROUND) | (world.leaving[rows] > 0.0)
+        is_stuck &= world.frame - world.change_since[rows] > STUCK
+        is_parked = (lead < 0) | (world.desired_speed[rows] < STANDS) | is_stuck
+        # The entry of the lead vehicle, if it is on the same lane, and the one ahead of it
+        position = np.minimum(queue.position[self._which[at]] + 1, queue.num)
+        following = np.minimum(position + 1, queue.num)
+        is_queue = (queue.lane[following] == queue.lane[position]) & (queue.speed[following] < STANDS)
+        # No difference of the two: both are infinite behind the last entry.
+        is_queue &= queue.tail[following] < queue.s[position] + QUEUE_GAP + drivers.nose[self._which[at]]
+        is_queue &= queue.lane[position] == self._lanes[0, at]
+        is_queue &= queue.source[following] >= 0
+        blocked[at] = is_parked & ~is_queue
+        return blocked
+
+    def _open_gaps(self, at: IntArray, chosen: _Option, is_clear: BoolArray, accel: FloatArray) -> None:
+        """Have followers open gaps for those that must change, and these adapt to the lead vehicles there."""
+        which, world = self._which, self._world
+        since = world.change_since[self._rows[which[at]]]
+        helped = at[((world.frame - since) % (2 * COURTESY) < COURTESY) & is_clear[at] & (chosen.follower[at] >= 0)]
+        follower = chosen.follower[helped]
+        speed = self._drivers.speed[follower]
+        brakes = follow(speed, self._desired_speed[follower], chosen.gap_behind[helped], self._speed[helped])
+        np.minimum.at(accel, follower, np.fmax(brakes, -KIND_BRAKING))
+        brakes = follow(self._speed[at], self._desired_speed[which[at]], chosen.gap[at], chosen.lead_speed[at])
+        accel[which[at]] = np.fmin(accel[which[at]], np.fmax(brakes, -KIND_BRAKING))
+
+    def _keep_room(self, at: IntArray, accel: FloatArray) -> None:
+        """Keep room to pull out, for drivers that want to pass a standing vehicle."""
+        which = self._which[at]
+        room = PULL_OUT + PULL_OUT_PER_LENGTH * np.fmax(self._length[at] - CAR_LENGTH, 0.0)
+        brakes = follow(self._speed[at], self._desired_speed[which], self._gap[at] - room, self._lead_speed[at])
+        accel[which] = np.fmin(accel[which], np.fmax(brakes, -HARDEST))
+
+    def _look_aside(self) -> list[_Option]:
+        """Return what all of them find to the left and to the right. Both sides at once cost little more than one."""
+        drivers, queue, neighbours = self._drivers, self._queue, self._neighbours
+        half = len(self._which)
+        num = NUM_SIDES * half
+        side, own_index = np.repeat(np.arange(NUM_SIDES), half), np.tile(np.arange(half), NUM_SIDES)
+        own_lane = self._lanes[0, own_index]
+        option = _Option(
+            is_there=np.zeros(num, dtype=bool),
+            run=np.zeros(num),
+            gap=np.full(num, np.inf),
+            lead_speed=np.zeros(num),
+            gap_behind=np.full(num, np.inf),
+            follower=np.full(num, -1, dtype=np.int64),
+            follower_speed=np.zeros(num),
+            advantage=np.full(num, -np.inf),
+            is_safe=np.zeros(num, dtype=bool),
+        )
+        options = [slice(0, half), slice(half, num)]
+        lane, s = neighbours.cross(side, own_lane, self._arc[own_index])
+        # Before a join there must be time to finish: from there on vehicles of two lanes share the room.
+        narrow_from = np.where(lane >= 0, self._conflicts.joins.narrow_from[lane], np.inf)
+        is_wide = s + (self._nose + SHIFT_TIME * self._speed)[own_index] < narrow_from
+        option.is_there = (lane >= 0) & neighbours.may[side, own_lane] & is_wide
+        there = np.flatnonzero(option.is_there)
+        if not len(there):
+            return [_part_of(option, part) for part in options]
+        at = own_index[there]
+        which, lane, s = self._which[at], lane[there], s[there]
+        lanes = self._choice.preview(which, lane)
+        option.run[there] = self._find_run(lanes, s)
+        position = queue.find(lane, s)
+        gap, lead_speed = self._find_lead(lanes, s, position)
+        gap -= self._nose[at]
+        option.gap[there], option.lead_speed[there] = gap, lead_speed
+        entry, distance = self._find_follower(lane, s, position)
+        follower = queue.source[entry]
+        nose = np.where(follower >= 0, drivers.nose[follower], queue.s[entry] - queue.tail[entry])
+        has_follower = np.isfinite(distance)
+        gap_behind = np.where(has_follower, distance - self._rear[at] - nose, np.inf)
+        speed_behind = np.where(has_follower, queue.speed[entry], 0.0)
+        option.gap_behind[there], option.follower_speed[there] = gap_behind, speed_behind
+        option.follower[there] = np.where(has_follower, follower, -1)
+        option.is_safe[there] = find_safe(self._speed[at], gap, lead_speed, gap_behind, speed_behind)
+        # MOBIL
+        speed, wanted = self._speed[at], self._desired_speed[which]
+        own = follow(speed, wanted, gap, lead_speed) - follow(speed, wanted, self._gap[at], self._lead_speed[at])
+        others = np.where(has_follower, self._cost(follower, speed_behind, gap_behind, at, gap, lead_speed), 0.0)
+        before = np.maximum(queue.position[which] - 1, 0)
+        old = queue.source[before]
+        # A slow driver makes way to the right for one that comes from behind, but not to the left.
+        has_old = (
+            (side[there] == RIGHT)
+            & (queue.position[which] > 0)
+            & (queue.lane[before] == self._lanes[0, at])
+            & (old >= 0)
+        )
+        old_speed = queue.speed[before]
+        old_gap = self._arc[at] - self._rear[at] - queue.s[before] - np.where(old >= 0, drivers.nose[old], 0.0)
+        gain = -self._cost(old, old_speed, old_gap, at, self._gap[at], self._lead_speed[at])
+        politeness = drivers.parameters.politeness[which]
+        joins = self._conflicts.joins.join
+        # The lane of an entry, to the right of one that it joins, only leads back.
+        enters_join = (joins[lane] >= 0) & ((joins[self._lanes[0, at]] < 0) | (side[there] == RIGHT))
+        worth = own + politeness * (others + np.where(has_old, gain, 0.0))
+        option.advantage[there] = worth - np.where(enters_join, BEFORE_JOIN, 0.0)
+        return [_part_of(option, part) for part in options]
+
+    def _cost(  # noqa: PLR0917 - of three vehicles
+        self,
+        follower: IntArray,
+        speed: FloatArray,
+        gap: FloatArray,
+        at: IntArray,
+        beyond: FloatArray,
+        lead_speed: FloatArray,
+    ) -> FloatArray:
+        """Return by how much followers accelerate more with the driver ahead of them than without, (m,) [m/s^2].
+
+        Args:
+            follower: (m,) int64; -1 for those that do not follow lanes.
+            speed: (m,) of the follower [m/s].
+            gap: (m,) between follower and driver [m].
+            at: (m,) int64, the drivers.
+            beyond: (m,) gap of the driver to the vehicle ahead of it [m].
+            lead_speed: (m,) of that vehicle [m/s].
+        """
+        wanted = np.where(follower >= 0, self._desired_speed[follower], np.fmax(speed, 1.0))
+        without = follow(speed, wanted, gap + self._length[at] + beyond, lead_speed)
+        return np.asarray(np.fmax(follow(speed, wanted, gap, self._speed[at]), -HARDEST) - np.fmax(without, -HARDEST))
+
+    def _find_lead(self, lanes: IntArray, s: FloatArray, position: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return the distance of the first tail beyond places, inf for none [m], and its speed [m/s]; (m,) each.
+
+        Args:
+            lanes: (6, m) int64, lanes of the places and those ahead.
+            s: (m,) the places [m].
+            position: (m,) int64, of the first entries beyond them in the queue.
+        """
+        queue, roads = self._queue, self._roads
+        is_on = queue.lane[position] == lanes[0]
+        gap = np.where(is_on, queue.tail[position] - s, np.inf)
+        lead_speed = np.where(is_on, queue.speed[position], 0.0)
+        distance = roads.length[lanes[0]] - s
+        for lane in lanes[1:]:
+            at = np.flatnonzero(np.isinf(gap) & (lane >= 0))
+            if not len(at):
+                break
+            first = queue.first_on(lane[at])
+            gap[at] = distance[at] + queue.tail[first]
+            lead_speed[at] = queue.speed[first]
+            distance[at] += roads.length[lane[at]]
+        return gap, lead_speed
+
+    def _find_follower(self, lane: IntArray, s: FloatArray, position: IntArray) -> tuple[IntArray, FloatArray]:
+        """Return the last entry before places: its position in the queue, and its distance, inf for none [m].
+
+        Args:
+            lane: (m,) int64, lanes of the places.
+            s: (m,) the places [m].
+            position: (m,) int64, of the first entries beyond them in the queue.
+        """
+        queue, roads = self._queue, self._roads
+        before = self._neighbours.before
+        entry = np.maximum(position - 1, 0)
+        is_on = (position > 0) & (queue.lane[entry] == lane)
+        distance = np.where(is_on, s - queue.s[entry], np.inf)
+        at, from_lane, way = np.flatnonzero(~is_on), lane[~is_on], s[~is_on]
+        for _ in range(LOOK_BACK):
+            if not len(at):
+                break
+            index, link = before.of(from_lane)
+            at, from_lane, way = at[index], before.other[link], way[index] + roads.length[before.other[link]]
+            last = queue.find(from_lane, roads.length[from_lane]) - 1
+            is_found = (last >= 0) & (queue.lane[last] == from_lane)
+            found = np.flatnonzero(is_found)
+            there = way[found] - queue.s[last[found]]
+            # The nearest of several lanes that lead here; of equally near ones the first.
+            for i in found[np.lexsort((found, there))].tolist():
+                if way[i] - queue.s[last[i]] < distance[at[i]]:
+                    distance[at[i]], entry[at[i]] = way[i] - queue.s[last[i]], last[i]
+            is_open = ~is_found & np.isinf(distance[at])
+            at, from_lane, way = at[is_open], from_lane[is_open], way[is_open]
+        return entry, distance
+
+    def _find_run(self, lanes: IntArray, s: FloatArray) -> FloatArray:
+        """Return how far the lanes ahead go on from places, inf where no end is known, (m,) [m]."""
+        length = self._roads.length
+        run = -s
+        for lane in lanes:
+            run = run + np.where(lane >= 0, length[lane], 0.0)
+        return np.asarray(np.where(lanes[-1] >= 0, np.inf, run))
+
+    def _find_entry(self, begins: FloatArray) -> FloatArray:
+        """Return the distance from the front bumper to the next place where lanes conflict or a light is, (k,) [m].
+
+        Args:
+            begins: (l,) arc length at which lanes conflict, inf for none [m].
+        """
+        roads, conflicts = self._roads, self._conflicts
+        light = self._world.signals.plan.light_of_lane
+        bumper = self._arc + self._nose
+        wait_point = begins[self._lanes[0]]
+        # Whose tail is still where the own lane forks or crosses others is inside.
+        is_inside = self._arc - self._rear < conflicts.shared[self._lanes[0]]
+        is_inside |= np.isfinite(wait_point) & (bumper > wait_point)
+        to_entry = np.where(is_inside, 0.0, wait_point - bumper)
+        distance = roads.length[self._lanes[0]] - bumper
+        for lane in self._lanes[1:]:
+            is_entry = (lane >= 0) & (np.isfinite(begins[lane]) | (light[lane] >= 0))
+            there = distance + np.where(light[lane] >= 0, 0.0, begins[lane])
+            to_entry = np.where(is_entry, np.fmin(to_entry, there), to_entry)
+            distance = distance + np.where(lane >= 0, roads.length[lane], 0.0)
+        return np.asarray(to_entry)
+
+
+def _part_of(option: _Option, part: slice) -> _Option:
+    """Return a part of the drivers' options."""
+    return _Option(*(getattr(option, name)[part] for name in _Option.__dataclass_fields__))
+
+
+def _pick(options: list[_Option], side: IntArray) -> _Option:
+    """Return for each driver its option on one side; `side` is (k,) int64."""
+    left, right = options
+    is_right = side == RIGHT
+    names = _Option.__dataclass_fields__
+    return _Option(*(np.where(is_right, getattr(right, name), getattr(left, name)) for name in names))

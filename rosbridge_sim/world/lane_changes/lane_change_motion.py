@@ -1,0 +1,189 @@
+"""Lateral motion of vehicles on lanes: the way from one offset to another, with a heading that follows it.
+
+A vehicle on a lane has an offset `lateral` from the line. It moves to another offset along the curve of least jerk (a
+polynomial of fifth order, Flash and Hogan 1985), with the share p of it that is done rising from 0 to 1:
+
+    offset = from + (to - from) (10 p^3 - 15 p^4 + 6 p^5) + push (p - 6 p^3 + 8 p^4 - 3 p^5)
+                  + bend (p^2 - 3 p^3 + 3 p^4 - p^5) / 2
+
+`push` is the slope with which the motion begins: 0, or that of a motion that this one replaces. `bend` is its second
+derivative there: 0, or that of a vehicle at rest that turns its wheels before it pulls out. p rises with the time,
+but not faster than the vehicle moves ahead: what stands does not slide to the side. The heading differs by `drift` from
+that of the lane, so that the middle of the rear axle always moves along the heading. Both are worked out at each
+decision for the next one, and are linear in between.
+
+A vehicle without an offset moves on the line to the last bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.state.world import World
+
+SHIFT_TIME: Final = 4.0
+"""Time that a lane change takes on a free road [s]: drivers take 3 to 6 s (Toledo and Zohar 2007, mean 4.6 s); a width
+of 3.5 m then has a lateral acceleration of 1.3 m/s^2 at most."""
+
+LANE: Final = 3.5
+"""A shift by this much is a lane change [m]; a smaller one needs less way."""
+
+MIN_SHIFT: Final = 10.0
+MIN_SHIFT_PER_LENGTH: Final = 2.5
+"""The least way for a lane change: 10 m for a car, whose wheels then turn by 30 deg and whose rear axle has a radius of
+5 m [m]; and what longer vehicles need in addition, for each metre beyond `CAR_LENGTH`. So the nose of a bus of 11 m
+comes over the far border of the new lane by 0.35 m at most; the sides of buses are 0.5 m from the borders."""
+
+TIGHT_BEND: Final = 20.0 / 3.0
+"""`bend` of a vehicle that pulls out from rest, as a share of the way across. With this one the way begins as an arc:
+its curvature is greatest at the beginning and changes slowly there. So the least radius of the rear axle R gives the
+way sqrt(`TIGHT_BEND` R across): 9.3 m for a car with R = 3.7 m, which comes out from 1.9 m behind another car."""
+
+FULL_LOCK: Final = math.radians(36.25)
+"""Angle of the front wheels then, as for an ego by default: a turning circle of 10.5 m."""
+
+TIGHT_PER_LENGTH: Final = 1.8
+"""But the way is this many lengths of the vehicle at least. So the nose of a bus of 11 m, which turns by 17 deg then,
+comes over the far border of the new lane by 0.2 m."""
+
+CAR_LENGTH: Final = 4.5
+"""Length of a usual car [m]."""
+
+_COLUMNS: Final = ("lateral", "drift_rate")
+
+
+def find_shifted(world: World, rows: IntArray | slice) -> IntArray:
+    """Return which of some lane followers are beside the line or on their way to another offset, (k,) int64 indices."""
+    state = world.block(*_COLUMNS)[:, rows]
+    is_shifted = (state != 0.0).any(axis=0) | (world.lateral_left[rows] > 0.0) | (world.lateral_to[rows] != 0.0)
+    return np.flatnonzero(is_shifted)
+
+
+def length_of_shift(length: FloatArray, across: FloatArray) -> FloatArray:
+    """Return the least way that vehicles need to shift, (k,) [m].
+
+    Args:
+        length: (k,) of the vehicles [m].
+        across: (k,) by which they shift; not negative [m].
+    """
+    whole = MIN_SHIFT + MIN_SHIFT_PER_LENGTH * np.fmax(length - CAR_LENGTH, 0.0)
+    return np.asarray(whole * np.sqrt(np.fmin(across / LANE, 1.0)))
+
+
+def length_of_tight_shift(world: World, rows: IntArray, across: FloatArray) -> FloatArray:
+    """Return the way that vehicles need to pull out from rest, with their wheels at full lock, (k,) [m].
+
+    Args:
+        world: read only.
+        rows: (k,) int64.
+        across: (k,) by which they shift; not negative [m].
+    """
+    radius = world.wheelbase[rows] / math.tan(FULL_LOCK)
+    least = TIGHT_PER_LENGTH * 2.0 * world.half_length[rows] * np.sqrt(np.fmin(across / LANE, 1.0))
+    return np.asarray(np.fmax(np.sqrt(TIGHT_BEND * across * radius), least))
+
+
+def shift(world: World, rows: IntArray, target: FloatArray) -> None:
+    """Have lane followers move to other offsets, smoothly from where they are; `lane_following` does it from now on.
+
+    Args:
+        world: written in place. The caller calls `World.touch`, unless it is the one that moves them.
+        rows: (k,) int64, lane followers.
+        target: (k,) offsets from the line, left positive [m].
+    """
+    done = 1.0 - world.lateral_left[rows]
+    slope = _slope(world, rows, done)
+    world.lateral_push[rows] = np.where(world.lateral_left[rows] > 0.0, slope, 0.0)
+    world.lateral_from[rows], world.lateral_to[rows] = world.lateral[rows], target
+    is_there = (target == world.lateral[rows]) & (world.lateral_push[rows] == 0.0)
+    world.lateral_bend[rows] = 0.0
+    world.lateral_left[rows] = np.where(is_there, 0.0, 1.0)
+
+
+def plan_shifts(world: World, rows: IntArray, distance: FloatArray, interval: float) -> None:
+    """Work out the lateral motion until the next decision: `lateral_rate` and `drift_rate`.
+
+    Args:
+        world: written in place.
+        rows: (k,) int64, from `find_shifted`.
+        distance: (k,) that each will drive until then [m].
+        interval: until then [s].
+    """
+    left = world.lateral_left[rows]
+    is_done = left <= 0.0
+    done = rows[is_done]
+    # The sum of the parts of an interval differs from the whole in the last bits: what has arrived is there exactly.
+    world.lateral[done] = world.lateral_from[done] = world.lateral_to[done]
+    world.drift[done] = world.lateral_push[done] = world.lateral_bend[done] = 0.0
+    across = np.abs(world.lateral_to[rows] - world.lateral_from[rows]) + np.abs(world.lateral_push[rows])
+    way = length_of_shift(2.0 * world.half_length[rows], across)
+    tight = np.flatnonzero(world.lateral_bend[rows])
+    if len(tight):
+        way[tight] = length_of_tight_shift(world, rows[tight], across[tight])
+    part = np.fmin(np.fmin(interval / SHIFT_TIME, distance / np.fmax(way, 1.0)), left)
+    share = 1.0 - (left - part)
+    lateral = np.where(is_done, world.lateral[rows], _offset(world, rows, share))
+    angle = np.arctan2(_slope(world, rows, share) * part, np.fmax(distance, 1e-9))
+    drift = np.where(is_done, 0.0, np.where(distance > 0.0, angle, world.drift[rows]))
+    world.lateral_rate[rows] = (lateral - world.lateral[rows]) / interval
+    world.drift_rate[rows] = (drift - world.drift[rows]) / interval
+    world.lateral_left[rows] = left - part
+
+
+def nudge(world: World, rows: IntArray, dt: float) -> None:
+    """Move rows sideways by one step; their pose on the line, their yaw and their wander are those of its end already.
+
+    Args:
+        world: written in place.
+        rows: (k,) int64, from `find_shifted`.
+        dt: length of the step [s].
+    """
+    lateral = world.lateral[rows] + world.lateral_rate[rows] * dt
+    drift = world.drift[rows] + world.drift_rate[rows] * dt
+    world.lateral[rows], world.drift[rows] = lateral, drift
+    along = world.yaw[rows] - drift - world.wander_slope[rows]
+    world.x[rows] -= lateral * np.sin(along)
+    world.y[rows] += lateral * np.cos(along)
+
+
+def _offset(world: World, rows: IntArray, p: FloatArray) -> FloatArray:
+    """Return the offsets at shares p (k,) of the way, (k,) [m]."""
+    start, end, push = world.lateral_from[rows], world.lateral_to[rows], world.lateral_push[rows]
+    square = p * p
+    cube = square * p
+    curve = start + (end - start) * find_way(p)
+    curve = curve + push * (p + cube * (-6.0 + 8.0 * p - 3.0 * square))
+    return np.asarray(curve + world.lateral_bend[rows] * bend_way(p))
+
+
+def _slope(world: World, rows: IntArray, p: FloatArray) -> FloatArray:
+    """Return the derivatives of the offsets by p, (k,) [m]."""
+    start, end, push = world.lateral_from[rows], world.lateral_to[rows], world.lateral_push[rows]
+    square = p * p
+    curve = (end - start) * slope_of(p)
+    curve = curve + push * (1.0 + square * (-18.0 + 32.0 * p - 15.0 * square))
+    return np.asarray(curve + world.lateral_bend[rows] * bend_slope(p))
+
+
+def find_way(p: FloatArray) -> FloatArray:
+    """Return the share of the way across at shares p (k,) of the time, 0..1."""
+    return np.asarray(p * p * p * (10.0 - 15.0 * p + 6.0 * p * p))
+
+
+def slope_of(p: FloatArray) -> FloatArray:
+    """Return the derivatives of `find_way` by p, (k,)."""
+    return np.asarray(30.0 * np.square(p) * np.square(1.0 - p))
+
+
+def bend_way(p: FloatArray) -> FloatArray:
+    """Return the offsets at shares p (k,) of the time with a `bend` of 1 m, (k,) [m]."""
+    return np.asarray(0.5 * p * p * (1.0 - p) * np.square(1.0 - p))
+
+
+def bend_slope(p: FloatArray) -> FloatArray:
+    """Return the derivatives of `bend_way` by p, (k,) [m]."""
+    return np.asarray(0.5 * p * np.square(1.0 - p) * (2.0 - 5.0 * p))

@@ -1,0 +1,241 @@
+"""Lane changes: which drivers want one and why, when they begin it, and what the others do meanwhile.
+
+*Wish.* A driver looks at the lanes beside it once a second. It must change if its lane ends, if its route goes on from
+another lane, or if something stands ahead that waits for nothing. Otherwise `lane_change_model` decides. No driver
+changes lanes inside an intersection. Near its entry a driver changes only if it must.
+
+*Signal.* A driver signals for 1.5 s at least before it moves over. If it must change, the follower in the other lane
+opens a gap for it, and the driver adapts its own speed to the vehicle that will be ahead of it.
+
+*Change.* The vehicle belongs to the new lane at once, with an offset from it that goes to zero (`lane_change_motion`).
+While it is on its way it has an entry on the old lane too, so the drivers in both lanes see it, and it minds the lead
+vehicles in both. Changes to the left begin on even decisions and those to the right on odd ones, so that two drivers
+never take the same gap from two sides.
+
+Self-driving egos stay in their lane.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.drivers.driver_model import CREEP, FIRM, HARDEST, SETTLING_TIME, Perception
+from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH
+from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue
+from rosbridge_sim.world.drivers.lane_position import find_ahead, headings, set_legs
+from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.lane_changes.lane_change_clearance import Shifts, is_clear
+from rosbridge_sim.world.lane_changes.lane_change_look import BLOCKED_WAY, LaneLook
+from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange, follow
+from rosbridge_sim.world.lane_changes.lane_change_motion import SHIFT_TIME, TIGHT_BEND, length_of_tight_shift
+from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, LaneNeighbours
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.state.world import Kind, World
+
+__all__ = ["LaneChanges"]
+
+LOOK_EVERY: Final = 5  # odd, so that looks fall on even and odd decisions in turn
+LOOK_PARTS: Final = 2
+"""Each so many decisions, one of so many parts of the drivers looks at the lanes beside: each driver once a second, for
+a change is no matter of tenths of a second. Few looks of many drivers cost less than many of few."""
+
+SPARE_ROOM, SLOW = 1.0, 6.0
+"""Room that a driver with a lane beside it keeps in addition to that in a queue [m], behind what follows no lane and is
+slower than that [m/s]. So it can pull out if that stands."""
+
+OFF_OLD_LANE, OFF_OLD_LANE_LONG = 1.0, 0.3
+"""A vehicle this near to its new place does not obstruct the old lane any more [m]: it is 2.5 m from that line. The
+tail of a long one, which stands 3 m back at an angle, is then 0.2 m over the border instead of 0.8 m."""
+
+FASTER_SOON: Final = 1.0
+"""A driver that changes lanes minds the speed that it would have after this time [s]: three times its reaction."""
+
+
+class LaneChanges:
+    """The lane changes of some lane followers. It lives as long as they do, see `lane_following`, and holds no state.
+
+    Attributes:
+        world, rows, choice: as given.
+        roads, neighbours, conflicts: of the world.
+        is_possible: somebody may change lanes somewhere.
+
+    Args:
+        world: written by the methods.
+        rows: (n,) int64, rows of all lane followers. The methods mean indices into these.
+        choice: of the same rows.
+    """
+
+    def __init__(self, world: World, rows: IntArray, choice: RouteChoice) -> None:
+        self.world, self.rows, self.choice = world, rows, choice
+        self.roads = world.roads
+        self.neighbours = world.roads.derived(LaneNeighbours)
+        self.conflicts = world.roads.derived(LaneConflicts)
+        self._may = (world.kind[rows] != Kind.EGO) & (world.keeps_lane[rows] == 0.0)
+        is_long = 2.0 * world.half_length[rows] > HEAVY_LENGTH
+        self._off_old_lane = np.where(is_long, OFF_OLD_LANE_LONG, OFF_OLD_LANE)
+        self.is_possible = self.neighbours.is_any and bool(self._may.any())
+
+    def find_leaving(self, drivers: Drivers) -> Entries | None:
+        """Return the entries of those that change lanes on the lanes that they leave; None if there are none."""
+        if not self.is_possible:
+            return None
+        world, rows = self.world, self.rows
+        leaving = world.leaving[rows]
+        is_near = np.abs(world.lateral[rows] - world.lateral_to[rows]) > self._off_old_lane
+        which = np.flatnonzero((leaving > 0.0) & is_near)
+        lane, s = self.neighbours.cross(
+            leaving[which].astype(np.int64) - 1, drivers.lanes[0, which], drivers.arc[which]
+        )
+        is_there = lane >= 0
+        which, lane, s = which[is_there], lane[is_there], s[is_there]
+        if not len(which):
+            return None
+        speed, accel = drivers.speed[which], drivers.accel[which]
+        return Entries(lane, s, s - drivers.rear[which], speed, accel, which, np.zeros(len(which), bool))
+
+    def decide(
+        self,
+        drivers: Drivers,
+        perception: Perception,
+        desired_speed: FloatArray,
+        accel: FloatArray,
+        decision: int,
+    ) -> FloatArray:
+        """Choose who signals, begins or ends a lane change; return the accelerations (k,) that all choose then.
+
+        Args:
+            drivers: all of them; `claim` is written.
+            perception: theirs.
+            desired_speed: (k,) the desired speed or the safe one, whichever is lower [m/s].
+            accel: (k,) that they chose without regard to lane changes [m/s^2].
+            decision: number of the decision.
+        """
+        if not self.is_possible or perception.queue is None:
+            return accel
+        world, rows = self.world, self.rows
+        accel = accel.copy()
+        self._end_changes()
+        if drivers.leaving is not None:
+            self._mind_old_lane(drivers, perception.queue, desired_speed, accel)
+        self._leave_room(drivers, perception, desired_speed, accel)
+        is_free = self._may & (world.leaving[rows] == 0.0)
+        part = decision // LOOK_EVERY if decision % LOOK_EVERY == 0 else -1
+        is_turn = np.full(len(rows), part >= 0) & (drivers.uid % LOOK_PARTS == part % LOOK_PARTS)
+        looks = is_turn & self.neighbours.has_side[drivers.lanes[0]]
+        # A driver that must change looks for its gap at each decision; one that signals by choice, at each
+        # `LOOK_EVERY`-th.
+        looks |= world.change[rows] >= (LaneChange.FASTER if part >= 0 else LaneChange.ROUTE)
+        which = np.flatnonzero(is_free & looks)
+        if len(which):
+            look = LaneLook(world, rows, self.choice, drivers, perception, perception.queue, desired_speed, which)
+            begins = look.decide(accel, decision)
+            if len(begins[0]):
+                self._start(drivers, *begins)
+        return accel
+
+    def _end_changes(self) -> None:
+        """End the changes of those that have arrived."""
+        world, rows = self.world, self.rows
+        done = rows[(world.leaving[rows] > 0.0) & (world.lateral_left[rows] == 0.0)]
+        world.leaving[done] = world.signal[done] = world.change[done] = 0.0
+        world.change_since[done] = world.frame
+
+    def _mind_old_lane(self, drivers: Drivers, queue: EntryQueue, desired_speed: FloatArray, accel: FloatArray) -> None:
+        """Brake for the lead vehicle in the old lane, where a vehicle that changes lanes would touch it."""
+        entries = drivers.leaving
+        assert entries is not None
+        world, which = self.world, entries.source
+        num = len(drivers.arc)
+        after = queue.position[num : num + len(which)] + 1
+        is_on = queue.lane[after] == entries.lane
+        gap = np.where(is_on, queue.tail[after] - entries.s, np.inf)
+        lead_speed = np.where(is_on, queue.speed[after], 0.0)
+        following = drivers.lanes[1, which]
+        side = world.leaving[self.rows[which]].astype(np.int64) - 1
+        beyond = np.where(following >= 0, self.neighbours.beside[side, following], -1)
+        far = np.flatnonzero(~is_on & (beyond >= 0))
+        first = queue.first_on(beyond[far])
+        gap[far] = self.roads.length[entries.lane[far]] - entries.s[far] + queue.tail[first]
+        lead_speed[far] = queue.speed[first]
+        gap -= drivers.nose[which]
+        rows = self.rows[which]
+        shifts = Shifts(
+            rows=rows,
+            nose=drivers.nose[which],
+            length=drivers.length[which],
+            side=NUM_SIDES - 1 - side,
+            done=1.0 - world.lateral_left[rows],
+            across=np.abs(world.lateral_from[rows] - world.lateral_to[rows]),
+            gap=gap,
+            lead_speed=lead_speed,
+            is_tight=world.lateral_bend[rows] != 0.0,
+        )
+        now = drivers.speed[which]
+        # The faster a vehicle drives, the later it is off the old lane: before it must brake, it stops to accelerate.
+        faster = now + FASTER_SOON * np.fmax(drivers.accel[which], 0.0)
+        soon = which[~is_clear(world, shifts, faster)]
+        accel[soon] = np.fmin(accel[soon], 0.0)
+        # Those that pull out from rest do it at walking speed: their wheels are turned.
+        at = np.flatnonzero(shifts.is_tight & np.isfinite(gap))
+        walking = length_of_tight_shift(world, rows[at], shifts.across[at]) / SHIFT_TIME
+        accel[which[at]] = np.fmin(accel[which[at]], (walking - now[at]) / SETTLING_TIME)
+        hits = ~is_clear(world, shifts, now)
+        at = which[hits]
+        speed, gap, lead_speed = drivers.speed[at], gap[hits], lead_speed[hits]
+        brakes = follow(speed, desired_speed[at], gap, lead_speed)
+        # As firm as it takes not to touch: the model brakes with all it has for any small gap, at walking speed, too.
+        needed = np.fmax(speed * speed - lead_speed * lead_speed, 0.0) / (2.0 * np.fmax(gap, CREEP))
+        accel[at] = np.fmin(accel[at], np.fmax(brakes, -np.fmin(np.fmax(needed, FIRM), HARDEST)))
+
+    def _leave_room(
+        self, drivers: Drivers, perception: Perception, desired_speed: FloatArray, accel: FloatArray
+    ) -> None:
+        """Keep more room than in a queue behind what is slow and follows no lane: it may stay where it stands."""
+        is_slow = (perception.lead_speed < SLOW) & (drivers.speed < SLOW) & (perception.gap < BLOCKED_WAY)
+        which = np.flatnonzero(is_slow & (perception.lead < 0) & self.neighbours.has_side[drivers.lanes[0]] & self._may)
+        if not len(which):
+            return
+        gap = perception.gap[which] - SPARE_ROOM
+        brakes = follow(drivers.speed[which], desired_speed[which], gap, perception.lead_speed[which])
+        accel[which] = np.fmin(accel[which], np.fmax(brakes, -FIRM))
+
+    def _start(self, drivers: Drivers, which: IntArray, side: IntArray, is_tight: BoolArray) -> None:
+        """Begin lane changes: the vehicles belong to the other lanes from now on, where they are.
+
+        Args:
+            drivers: `claim` is written.
+            which: (k,) int64.
+            side: (k,) int64, `LEFT` or `RIGHT`.
+            is_tight: (k,) they pull out from rest, with turned wheels.
+        """
+        world, rows, roads = self.world, self.rows[which], self.roads
+        lane, s = self.neighbours.cross(side, world.lane[rows], world.arc[rows])
+        lanes = self.choice.preview(which, lane)
+        # The wander goes on beside the change.
+        x, y, wheelbase = (
+            world.x[rows] - world.wander_x[rows],
+            world.y[rows] - world.wander_y[rows],
+            world.wheelbase[rows],
+        )
+        lateral, own_yaw = np.zeros(len(which)), world.yaw[rows] - world.wander_slope[rows]
+        yaw = own_yaw
+        for _ in range(4):  # each round makes the error some tens of times less
+            foot, _ = roads.at(*find_ahead(roads, lanes, s))
+            yaw = headings(roads, lanes, s, wheelbase)
+            east, north = x - foot[:, 0], y - foot[:, 1]
+            s = np.fmin(np.fmax(s + east * np.cos(yaw) + north * np.sin(yaw), 0.0), np.nextafter(roads.length[lane], 0))
+            lateral = north * np.cos(yaw) - east * np.sin(yaw)
+        world.int_block("lane", f"ahead_{NUM_AHEAD}")[:, rows] = lanes
+        world.arc[rows] = s
+        world.behind[rows] = world.claim[rows] = world.exit_lane[rows] = -1
+        drivers.claim[which] = drivers.exit_lane[which] = -1
+        world.lateral[rows] = world.lateral_from[rows] = lateral
+        world.lateral_to[rows], world.lateral_push[rows], world.lateral_left[rows] = world.lateral_bias[rows], 0.0, 1.0
+        bend = TIGHT_BEND * (world.lateral_to[rows] - lateral)
+        world.lateral_bend[rows] = np.where(is_tight, bend, 0.0)
+        world.drift[rows] = wrap_angle(own_yaw - yaw)
+        world.leaving[rows] = NUM_SIDES - side
+        set_legs(world, self.conflicts, rows)

@@ -1,0 +1,1 @@
+"""People on foot: where they walk, wait and cross."""

@@ -1,0 +1,467 @@
+"""Pedestrians that heed others: they keep apart, wait at the kerb, and cross by light or gap.
+
+Such a pedestrian has a path, and `yields` is not 0. Five frames long it walks straight on with one speed, as
+`path_following` moves rows on legs; then it decides anew, together with all others. So the columns of the world are the
+whole state. Its `arc` counts on from the leg's start; a decision projects it onto the path again.
+
+*Walking* is the social force model (Helbing and Molnar 1995): a pedestrian wants to walk with its desired speed towards
+a place ahead on its path, and takes it with a relaxation time; others push it away by a potential whose lines of equal
+value are ellipses in the direction of their steps; those behind push less. Vehicles push like walls. Each keeps its own
+distance to the right of its path, which its id decides, so that people do not walk in single file.
+
+*Crossing.* `crossings` tells where a path crosses the road. Before it, a pedestrian stops at the kerb. It goes if its
+light is green, or without a light if there is a gap; and in both cases only if no vehicle is on its way, and all that
+come would arrive after it or are drivers on lanes that can stop. Once it goes, drivers see where it will be.
+"""
+
+from __future__ import annotations
+
+import math
+from hashlib import blake2b
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.geometry.neighbours import find_neighbours
+from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray
+from rosbridge_sim.world.people.crossings import Crossings, find_crossings
+from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import Lamp
+from rosbridge_sim.world.state.world import DT, Kind, World
+
+__all__ = ["COMMITTED", "find_ways_over", "walk"]
+
+INTERVAL: Final = 5
+"""Frames from one decision to the next, as that of drivers, and two frames after theirs, to spread the load."""
+
+_OFFSET: Final = 2
+_SECONDS: Final = INTERVAL * DT
+
+COMMITTED: Final = 2
+"""`yields` of a pedestrian that crosses: this plus the number of the crossing on its path. 1 is any other one."""
+
+RELAXATION: Final = 0.5
+"""Time in which a pedestrian takes its desired velocity [s]; tau of the paper."""
+
+REPULSION: Final = 2.1
+"""Strength of the potential between two pedestrians [m^2/s^2]; V0 of the paper."""
+
+DECAY: Final = 0.3
+"""Length over which it falls [m]; sigma of the paper."""
+
+STRIDE: Final = 2.0
+"""Time of the other's step that makes the ellipse [s]; delta t of the paper."""
+
+BEHIND: Final = 0.5
+"""Share with which those out of view push; c of the paper. The view is 200 degrees wide."""
+
+_VIEW: Final = math.cos(math.radians(100.0))
+
+BODY: Final = 6.0
+BODY_WIDTH: Final = 0.6
+BODY_DECAY: Final = 0.15
+"""Two bodies that touch push each other so strongly [m/s^2], where their middles are a shoulder's width apart [m], and
+less by the factor e for each such length [m]. The paper's potential alone lets people walk through each other. The
+figures are tuned by us: groups that meet keep more than 0.3 m between all middles."""
+
+REACH: Final = 3.0
+"""Others farther away do not push [m]: there the potential is below 1 % of that at arm's length."""
+
+WALL: Final = 10.0
+WALL_DECAY: Final = 0.2
+"""Strength [m/s^2] and length [m] of the push of vehicles and things; U0/R and R of the paper's walls."""
+
+AGAINST: Final = 0.3
+AROUND: Final = 4.0
+NEAR: Final = 0.6
+NOSE_SHARE: Final = 0.3
+"""The way of a pedestrian around a vehicle or a thing. It begins if the pedestrian walks against the thing, with a
+cosine beyond `AGAINST`, and is nearer than `NEAR` [m]. Farther away the push of the thing is weaker than the will of
+the pedestrian. An acceleration of `AROUND` [m/s^2] then leads along the thing. In front of the share `NOSE_SHARE` of
+its half length the way leads around the nose, else around the tail."""
+
+MAX_PUSH: Final = 6.0
+"""Greatest acceleration [m/s^2]: a person who starts to run. Tuned by us: less lets people walk into one another."""
+
+HASTE: Final = 1.3
+"""A pedestrian walks at most so much faster than it wants; the paper's factor."""
+
+STEP_BACK: Final = 0.5
+CLOSE: Final = 1.0
+"""Speed of somebody at the kerb who steps back from a vehicle [m/s], and the push that makes it do so [m/s^2]: that of
+a side 0.46 m away, as of a bus that turns."""
+
+LOOK_AHEAD: Final = 1.2
+"""Distance along the path of the place that is walked to [m]: a step or two."""
+
+SIDES: Final = (0.3, 0.9)
+"""Least and greatest distance to the right of the path [m], tuned by us: people who meet pass, all within a crosswalk
+of 3 m."""
+
+KERB_GAP: Final = 0.6
+"""Distance before the road at which people wait [m]. Their feet are on the kerb, and the side of a bus that reaches
+0.3 m over the border of its lane in a turn does not touch them."""
+
+AT_KERB: Final = 1.0
+"""From this distance to the kerb on, a pedestrian looks whether it may go [m]."""
+
+BRAKE: Final = 1.0
+"""Deceleration with which it stops there [m/s^2]."""
+
+MARGIN: Final = 1.0
+"""A vehicle that comes must arrive so long after the pedestrian has crossed [s]."""
+
+DRIVER_BRAKE: Final = 2.0
+DRIVER_DELAY: Final = 1.0
+"""A driver on lanes that can stop with this deceleration [m/s^2] after this time [s] will do it, so that it is no
+hindrance: half of the hardest braking for a light."""
+
+STOP_ROOM: Final = 3.0
+"""Distance that a driver leaves to a pedestrian when it stops [m]."""
+
+SIGHT: Final = 70.0
+"""People look for vehicles within this distance [m]: 5 s at 50 km/h."""
+
+ASIDE: Final = 2.0
+"""A vehicle that will pass the ends of a crossing by more than this does not come onto it [m]."""
+
+MAX_KNOWN: Final = 4_096
+"""Paths whose crossings are kept: more than the pedestrians of a full scene."""
+
+SLOW: Final = 0.5
+"""Least speed at which drivers expect a pedestrian to go on in a crossing [m/s]."""
+
+CREEPS: Final = 0.3
+"""A vehicle below this speed stops at once [m/s]."""
+
+TURN: Final = 0.35
+"""Cosine of the greatest angle between a driver's heading and a crossing that it may turn to: 70 degrees."""
+
+STANDS: Final = 0.05
+"""A lower speed counts as standing [m/s]: the heading then stays."""
+
+
+def walk(world: World) -> None:
+    """Have the pedestrians that heed others decide, on the frames of decision.
+
+    Args:
+        world: written in place.
+    """
+    if world.frame % INTERVAL != _OFFSET:
+        return
+    people = world.derived(_People)
+    if people.num:
+        people.decide()
+
+
+def find_ways_over(world: World) -> tuple[FloatArray, ComplexArray]:
+    """Return how those who cross will go on, for each row.
+
+    Their present heading says little: they turn into a crossing from the pavement, and walk around each other.
+
+    Args:
+        world: read only.
+
+    Returns:
+        (n,) the times in which they will be off the road; 0 for all others [s]. And (n,) complex, the velocities with
+        which they get from their place to the other kerb in that time [m/s].
+    """
+    times, velocities = np.zeros(world.n), np.zeros(world.n, dtype=np.complex128)
+    people = world.derived(_People)
+    if people.num:
+        state, rows = world.yields[people.rows], people.rows
+        at = np.flatnonzero(state >= COMMITTED)
+        crossing = people.first[at] + state[at] - COMMITTED
+        left = people.end[crossing] - world.arc[rows[at]]
+        times[rows[at]] = np.fmax(left, 0.0) / np.fmax(world.speed[rows[at]], SLOW)
+        ends = people.ends[crossing]
+        kerb = ends[:, 2] + 1j * ends[:, 3]
+        course = kerb - (ends[:, 0] + 1j * ends[:, 1])
+        kerb = kerb - 1j * people.side[at] * course / np.fmax(np.abs(course), STANDS)
+        way = kerb - (world.x[rows[at]] + 1j * world.y[rows[at]])
+        velocities[rows[at]] = np.where(left > 0.0, way / np.fmax(times[rows[at]], DT), 0.0)
+    return times, velocities
+
+
+class _People:
+    """The pedestrians that heed others, and what is the same at every decision.
+
+    It lives until the next `World.touch`. All arrays but those of vehicles are (k,), one entry for each of them.
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        is_walker = world.alive & (world.kind == Kind.PEDESTRIAN) & ~world.is_ghost
+        self.rows = np.flatnonzero(is_walker & world.has_path & (world.yields > 0))
+        self.num = len(self.rows)
+        if not self.num:
+            return
+        rows = self.rows
+        self.base, self.length, self.is_loop = world.path_base[rows], world.path_length[rows], world.is_loop[rows]
+        low, high = SIDES
+        share = (world.uid[rows] * 0x9E3779B1 % 2**32) / 2**32  # even, and the same in every world
+        self.side = low + (high - low) * share
+        self.others = np.flatnonzero(is_walker)
+        on_ground = world.alive & ~is_walker & (world.kind != Kind.PEDESTRIAN)
+        self.solid = np.flatnonzero(on_ground)
+        self.cars = np.flatnonzero(on_ground & ((world.kind == Kind.EGO) | (world.kind == Kind.VEHICLE)))
+        self._find_crossings()
+
+    def _find_crossings(self) -> None:
+        """Lay the crossings of all paths end to end: `first[i]` is the first one of pedestrian i."""
+        world = self.world
+        known = world.roads.derived(_KnownCrossings)
+        found = [known.of(world, int(world.uid[row])) for row in self.rows.tolist()]
+        count = np.array([len(each.start) for each in found], dtype=np.int64)
+        self.first = np.append(0, np.cumsum(count))
+        self.start = np.concatenate([each.start for each in found])
+        self.end = np.concatenate([each.end for each in found])
+        self.light = np.concatenate([each.light for each in found])
+        self.ends = np.concatenate([each.ends for each in found])
+
+    def decide(self) -> None:
+        """Choose speeds and headings until the next decision."""
+        world, rows = self.world, self.rows
+        x, y = world.x[rows], world.y[rows]
+        arc = self._hold_at_kerb(self._project(x, y))
+        wish = np.where(world.start_within[rows] > 0.0, 0.0, world.desired_speed[rows])
+        wish[~self.is_loop & (arc >= self.length - AT_KERB)] = 0.0
+        free_wish = wish
+        wish = self._mind_kerb(arc, wish)
+        towards = self._towards(arc, x, y)
+        heading = np.exp(1j * world.yaw[rows])
+        velocity = world.speed[rows] * heading
+        from_solid, around = self._push_of_solid(x, y, towards, self._course(arc))
+        steps_back = (wish < free_wish) & (np.abs(from_solid) > CLOSE)
+        push = (wish * towards - velocity) / RELAXATION + self._push(x, y, towards) + around
+        push = np.where(steps_back, -velocity / RELAXATION, push) + from_solid
+        size = np.abs(push)
+        push *= np.fmin(1.0, MAX_PUSH / np.fmax(size, MAX_PUSH))
+        after = velocity + push * _SECONDS
+        speed = np.abs(after)
+        most = np.where(steps_back, np.fmax(HASTE * wish, STEP_BACK), HASTE * wish)
+        after *= np.fmin(speed, most) / np.fmax(speed, STANDS)
+        speed = np.abs(after)
+        stands = speed < STANDS
+        speed[stands] = 0.0
+        yaw = np.where(stands, world.yaw[rows], np.angle(after))
+        world.accel[rows] = (speed - world.speed[rows]) / _SECONDS
+        world.speed[rows], world.yaw[rows] = speed, yaw
+        world.arc[rows] = world.leg_start[rows] = arc
+        world.leg_end[rows] = np.inf
+        world.leg_x[rows], world.leg_y[rows], world.leg_z[rows] = x, y, world.z[rows]
+        world.leg_dx[rows], world.leg_dy[rows], world.leg_dz[rows] = np.cos(yaw), np.sin(yaw), 0.0
+        world.leg_yaw[rows], world.leg_turn[rows] = yaw, 0.0
+
+    def _project(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        """Return the arc lengths of the places on the paths that belong to positions, near the last ones."""
+        arc = self.world.leg_start[self.rows]  # of the last decision
+        here, distance, is_over = self._foot(arc, x, y)
+        ahead, other, _ = self._foot(self._ahead(arc, LOOK_AHEAD), x, y)
+        arc = np.where((other < distance) | is_over, ahead, here)
+        # On the inner side of a corner the goal may be where one stands already.
+        is_there = np.abs(self._goal(arc) - (x + 1j * y)) < 0.5 * LOOK_AHEAD
+        return np.where(is_there, self._ahead(arc, 0.25 * LOOK_AHEAD), arc)
+
+    def _foot(self, arc: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return the foot points of positions on pieces of the paths, their distances, and which are at an end."""
+        leg = self.world.paths.find(self.base, arc).T
+        along = (x - leg[X]) * leg[DX] + (y - leg[Y]) * leg[DY]
+        foot = np.fmin(np.fmax(along, 0.0), leg[END] - leg[START])
+        away = np.hypot(x - leg[X] - foot * leg[DX], y - leg[Y] - foot * leg[DY])
+        return leg[START] + foot, away, along >= leg[END] - leg[START]
+
+    def _ahead(self, arc: FloatArray, distance: float) -> FloatArray:
+        """Return arc lengths that are farther on; a loop begins again, another path ends."""
+        there = arc + distance
+        return np.where(self.is_loop, np.fmod(there, self.length), np.fmin(there, self.length))
+
+    def _towards(self, arc: FloatArray, x: FloatArray, y: FloatArray) -> ComplexArray:
+        """Return the directions to walk in, (k,) complex of length one."""
+        way = self._goal(arc) - (x + 1j * y)
+        return np.asarray(way / np.fmax(np.abs(way), STANDS))
+
+    def _goal(self, arc: FloatArray) -> ComplexArray:
+        """Return the places to walk to from arc lengths, (k,) complex: ahead, and to the right of the path [m]."""
+        arc = self._ahead(arc, LOOK_AHEAD)
+        leg = self.world.paths.find(self.base, arc).T
+        along = arc - leg[START]
+        goal = leg[X] + along * leg[DX] + 1j * (leg[Y] + along * leg[DY])
+        return np.asarray(goal + self.side * (leg[DY] - 1j * leg[DX]))
+
+    def _course(self, arc: FloatArray) -> ComplexArray:
+        """Return the directions of the paths at arc lengths, (k,) complex."""
+        leg = self.world.paths.find(self.base, arc).T
+        return np.asarray(leg[DX] + 1j * leg[DY])
+
+    def _push(self, x: FloatArray, y: FloatArray, towards: ComplexArray) -> ComplexArray:
+        """Return the accelerations by other pedestrians, (k,) complex [m/s^2]."""
+        world = self.world
+        others = self.others
+        one, other = find_neighbours(x, y, world.x[others], world.y[others], REACH)
+        is_other = others[other] != self.rows[one]
+        one, other = one[is_other], others[other[is_other]]
+        away = x[one] - world.x[other] + 1j * (y[one] - world.y[other])
+        # Two at one place: the lower row goes to the right.
+        away = np.where(away == 0.0, np.where(self.rows[one] < other, 0.01j, -0.01j), away)
+        step = world.speed[other] * STRIDE * np.exp(1j * world.yaw[other])
+        from_step = away - step
+        near, far = np.abs(away), np.fmax(np.abs(from_step), 1e-3)
+        half = 0.5 * np.sqrt(np.fmax(np.square(near + far) - np.square(np.abs(step)), 1e-4))
+        size = REPULSION / DECAY * np.exp(-half / DECAY) * (near + far) / (4.0 * half)
+        force = size * (away / near + from_step / far)
+        force += BODY * np.exp((BODY_WIDTH - near) / BODY_DECAY) * away / near
+        is_seen = -(towards[one].real * away.real + towards[one].imag * away.imag) >= _VIEW * near
+        return self._sum(one, force * np.where(is_seen, 1.0, BEHIND))
+
+    def _push_of_solid(
+        self, x: FloatArray, y: FloatArray, towards: ComplexArray, course: ComplexArray
+    ) -> tuple[ComplexArray, ComplexArray]:
+        """Return the accelerations by the boxes of vehicles and things: away from them, and along them."""
+        world, solid = self.world, self.solid
+        longest = float(world.half_length[solid].max(initial=0.0))
+        one, other = find_neighbours(x, y, *self._middles(solid), REACH + longest)
+        other = solid[other]
+        turn = np.exp(-1j * world.yaw[other])
+        local = (x[one] - world.x[other] + 1j * (y[one] - world.y[other])) * turn - world.centre[other]
+        beyond_x = local.real - np.clip(local.real, -world.half_length[other], world.half_length[other])
+        beyond_y = local.imag - np.clip(local.imag, -world.half_width[other], world.half_width[other])
+        away = np.hypot(beyond_x, beyond_y)
+        body = world.half_width[self.rows[one]]
+        size = WALL * np.exp(-np.fmax(away - body, 0.0) / WALL_DECAY)
+        force = (beyond_x + 1j * beyond_y) / np.fmax(away, 0.05)
+        # A pedestrian goes around a thing on the side of the path on which most of the thing is not. That side
+        # stays the same on the way around, while the way to the path turns with each step.
+        against = (towards[one] * turn * np.conj(force)).real
+        course_against = (course[one] * turn * np.conj(force)).real
+        faces = (against < 0.0) & (np.fmin(against, course_against) < -AGAINST) & (away < body + NEAR)
+        from_hub = local - NOSE_SHARE * world.half_length[other]
+        is_left = (np.conj(course[one] * turn) * from_hub).imag >= 0.0
+        along = np.where(is_left, -1j, 1j) * force
+        return self._sum(one, size * force / turn), self._sum(one, np.where(faces, AROUND * along, 0.0) / turn)
+
+    def _sum(self, one: IntArray, force: ComplexArray) -> ComplexArray:
+        """Return the sums of what pushes each."""
+        real = np.bincount(one, weights=force.real, minlength=self.num)
+        return np.asarray(real + 1j * np.bincount(one, weights=force.imag, minlength=self.num))
+
+    def _middles(self, rows: IntArray) -> tuple[FloatArray, FloatArray]:
+        world = self.world
+        centre, yaw = world.centre[rows], world.yaw[rows]
+        return world.x[rows] + centre * np.cos(yaw), world.y[rows] + centre * np.sin(yaw)
+
+    # The road
+
+    def _mind_kerb(self, arc: FloatArray, wish: FloatArray) -> FloatArray:
+        """Return the speeds that are wanted, with stops at the kerb; note who begins and ends to cross."""
+        world, rows = self.world, self.rows
+        state = world.yields[rows]
+        num = np.diff(self.first)
+        owner = np.arange(self.num).repeat(num)
+        number = np.arange(len(self.start)) - self.first[owner]
+        # The distance to each kerb, and the crossing that is next on the way: the nearest kerb that is not behind.
+        to_kerb = self.start - arc[owner]
+        is_inside = (to_kerb <= 0.0) & (arc[owner] <= self.end)
+        to_kerb = np.where((to_kerb <= 0.0) & self.is_loop[owner], to_kerb + self.length[owner], to_kerb)
+        to_kerb[is_inside] = 0.0
+        nearest = np.full(self.num, np.inf)
+        ahead = to_kerb >= 0.0
+        np.minimum.at(nearest, owner[ahead], to_kerb[ahead])
+        next_of = np.full(self.num, -1, dtype=np.int64)
+        is_next = ahead & (to_kerb == nearest[owner])
+        next_of[owner[is_next]] = number[is_next]
+        is_in = np.zeros(self.num, dtype=bool)
+        is_in[owner[is_inside]] = True
+        has_passed = (state >= COMMITTED) & (next_of != state - COMMITTED)
+        state = np.where(has_passed, 1, state)
+        state = np.where(is_in & (state < COMMITTED), COMMITTED + next_of, state)  # it was put onto the road
+        asks = np.flatnonzero((state < COMMITTED) & (nearest < AT_KERB) & (wish > 0.0))
+        if len(asks):
+            goes = asks[self._may_cross(self.first[asks] + next_of[asks], world.desired_speed[rows[asks]])]
+            state[goes] = COMMITTED + next_of[goes]
+        world.yields[rows] = state
+        room = nearest - KERB_GAP
+        stop = np.sqrt(2.0 * BRAKE * np.fmax(room, 0.0))
+        return np.where(state < COMMITTED, np.fmin(wish, stop), wish)
+
+    def _hold_at_kerb(self, arc: FloatArray) -> FloatArray:
+        """Return arc lengths before the kerb for those who may not cross: near a corner a place has several."""
+        world, rows = self.world, self.rows
+        owner = np.arange(self.num).repeat(np.diff(self.first))
+        number = np.arange(len(self.start)) - self.first[owner]
+        before = world.leg_start[rows][owner]
+        crosses = world.yields[rows][owner] == COMMITTED + number
+        held = np.flatnonzero((before < self.start) & (arc[owner] >= self.start) & ~crosses)
+        arc = arc.copy()
+        np.minimum.at(arc, owner[held], np.nextafter(self.start[held], 0.0))
+        return arc
+
+    def _may_cross(self, crossing: IntArray, speed: FloatArray) -> BoolArray:
+        """Return who may begin to cross, (a,).
+
+        Args:
+            crossing: (a,) int64, rows of the crossings.
+            speed: (a,) of those who ask [m/s].
+        """
+        signals = self.world.signals
+        light = self.light[crossing]
+        shown = signals.shown[np.maximum(light, 0)] if len(signals.shown) else np.zeros(len(light), dtype=np.int64)
+        may = (light < 0) | (shown < 0) | (shown & int(Lamp.GREEN) != 0)
+        at = np.flatnonzero(may)
+        may[at] = ~self._is_endangered(crossing[at], speed[at])
+        return np.asarray(may)
+
+    def _is_endangered(self, crossing: IntArray, speed: FloatArray) -> BoolArray:
+        """Return which of some crossings a vehicle is on, or will reach too early, (a,)."""
+        world, cars = self.world, self.cars
+        ends = self.ends[crossing]
+        start, stop = ends[:, 0] + 1j * ends[:, 1], ends[:, 2] + 1j * ends[:, 3]
+        width = np.fmax(np.abs(stop - start), 0.1)
+        way = (stop - start) / width
+        middle = 0.5 * (start + stop)
+        car_x, car_y = self._middles(cars)
+        one, car = find_neighbours(middle.real, middle.imag, car_x, car_y, SIGHT)
+        place, car = car_x[car] + 1j * car_y[car], cars[car]
+        half, pace = world.half_length[car], world.speed[car]
+        heading = np.exp(1j * world.yaw[car])
+        # In the frame of the crossing: along it from the first kerb, and across it.
+        local = (place - start[one]) * np.conj(way[one])
+        turned = heading * np.conj(way[one])
+        side = np.abs(turned.real) * half + np.abs(turned.imag) * world.half_width[car]
+        depth = np.abs(turned.imag) * half + np.abs(turned.real) * world.half_width[car]
+        is_on = (np.abs(local.imag) < depth + 0.5) & (local.real > -side) & (local.real < width[one] + side)
+        across: FloatArray = -turned.imag * np.sign(local.imag) * pace  # towards the crossing
+        gap = np.fmax(np.abs(local.imag) - depth - 0.5, 0.0)
+        arrival = gap / np.fmax(across, 1e-3)
+        hits = local.real + arrival * turned.real * pace
+        comes = (across > CREEPS) & (hits > -ASIDE) & (hits < width[one] + ASIDE)
+        # A driver on lanes may turn towards the crossing: it counts if it comes nearer at all.
+        foot = np.clip(local.real, 0.0, width[one])
+        away = np.fmax(np.abs(foot - local) - half, 0.0)
+        nears = ((foot - local) * np.conj(turned)).real > TURN * np.abs(foot - local)
+        is_driver = world.has_lane[car] & (world.kind[car] != Kind.EGO)
+        comes |= is_driver & nears & (pace > CREEPS)
+        gap = np.where(is_driver, away, gap)
+        is_early = arrival < width[one] / np.fmax(speed[one], 0.1) + MARGIN
+        needs = pace * (DRIVER_DELAY + pace / (2.0 * DRIVER_BRAKE)) + STOP_ROOM
+        endangers = is_on | (comes & np.where(is_driver, gap < needs, is_early))
+        return np.asarray(np.bincount(one[endangers], minlength=len(crossing)) > 0)
+
+
+class _KnownCrossings:
+    """The crossings of paths that were looked at, on some roads: they stay the same while actors come and go."""
+
+    def __init__(self, _roads: Roads) -> None:
+        self._found: dict[tuple[bytes, bytes], Crossings] = {}
+
+    def of(self, world: World, uid: int) -> Crossings:
+        """Return the crossings of an entity's path."""
+        segments = world.paths.of(uid)
+        key = world.signals.plan.digest, blake2b(segments.tobytes(), digest_size=16).digest()
+        found = self._found.get(key)
+        if found is None:
+            if len(self._found) >= MAX_KNOWN:
+                self._found.clear()
+            found = self._found[key] = find_crossings(segments, world.roads, world.signals.plan, SIDES[1])
+        return found

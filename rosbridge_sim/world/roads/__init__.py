@@ -1,0 +1,1 @@
+"""Lanes, paths, stop lines and traffic lights, and searches in them."""

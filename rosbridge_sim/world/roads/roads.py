@@ -1,0 +1,410 @@
+"""The roads of a map as lanes: which lane is here, how far along it, where it leads, which lanes lie beside it.
+
+A lane is the smooth line through points in driving direction, see `bends`. All lanes lie end to end in one set of
+arrays, so that a question about many places takes a handful of numpy calls. This module does not know where a map
+comes from.
+
+Arc length and distance are measured in the plane (east, north); the height is only carried along. On a slope of 10 %
+the difference to the driven distance is 0.5 %.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from hashlib import blake2b
+from typing import Final, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from rosbridge_sim.world.geometry import bends
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, in_columns, wrap_angle
+from rosbridge_sim.world.geometry.segment_search import LaneSegments, SegmentSearch
+
+__all__ = ["LEVEL", "LanePlaces", "Roads"]
+
+T = TypeVar("T")
+
+LEVEL: Final = 2.5
+"""An entity that is farther than this above or below a lane is on another level [m]: bridges have a clearance of 4.5 m
+and more, and the ground within a few metres of a lane is not steeper than this."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LanePlaces:
+    """Places of points relative to a lane near each; (n,) each, one entry for each point.
+
+    Attributes:
+        lane: int64, row of the lane; -1 where there is no road at all (the rest is then 0, `distance` inf).
+        s: arc length from the lane's start to the foot point [m].
+        lateral: offset from the lane's line, left positive [m].
+        distance: to the foot point; more than |lateral| beyond a lane's end [m].
+        yaw: direction of the lane at the foot point, counter-clockwise from east, (-pi, pi] [rad].
+    """
+
+    lane: IntArray
+    s: FloatArray
+    lateral: FloatArray
+    distance: FloatArray
+    yaw: FloatArray
+
+
+class Roads:
+    """All lanes of a map, end to end; never changed after it is made.
+
+    Attributes:
+        ids: (l,) names of the lanes, as the map gives them.
+        points: (n, 3) float64, the lanes' lines one after the other, east, north, up [m].
+        first: (l + 1,) int64; lane `i` has the points `first[i]:first[i + 1]`, two or more.
+        s: (n,) arc length of each point from its lane's start [m].
+        curve: (n, 2) figures of the smooth line from each point to the next one, see `bends.leg_curves`; 0 at the last
+            points of lanes.
+        length: (l,) [m].
+        width: (l,) [m].
+        speed_limit: (l,) [m/s]; 0 where none is given.
+        turn: (l,) angle by which the lane turns from its start to its end, left positive; more than pi for a loop
+            [rad].
+        left, right: (l,) int64, rows of the lanes beside that one may change into; -1 where there is none.
+        is_stop: (l,) bool, a stop line lies across the lane's end.
+        border: (n, 2) distances of the lane's edges to the left and to the right of each point; half a width where the
+            map does not say [m].
+        bank: (n, 2) rise across the lane for each metre to the left, in its left and its right half, at each point; 0
+            where the map does not say.
+        is_flat: whether all of it has one height.
+        segments: the straight segments of all lanes.
+        first_successor, successor: (l + 1,) and (k,) int64; `successor[first_successor[i]:first_successor[i + 1]]`
+            are the rows of the lanes that begin where lane `i` ends.
+        base, chain: (l,) and (n,) one scale for all lanes: the place `s` on lane `i` is `base[i] + s`. `chain` has the
+            points' places, rising. Between two lanes there is an unused metre [m].
+        digest: 16 bytes that stand for all of it.
+    """
+
+    __slots__ = (
+        "_derived",
+        "_rows",
+        "_search",
+        "bank",
+        "base",
+        "border",
+        "chain",
+        "curve",
+        "digest",
+        "first",
+        "first_successor",
+        "ids",
+        "is_flat",
+        "is_stop",
+        "left",
+        "length",
+        "points",
+        "right",
+        "s",
+        "segments",
+        "speed_limit",
+        "successor",
+        "turn",
+        "width",
+    )
+
+    def __init__(
+        self,
+        ids: Sequence[str] = (),
+        lines: Sequence[FloatArray] = (),
+        successors: Sequence[Sequence[int]] = (),
+        width: Sequence[float] = (),
+        speed_limit: Sequence[float] = (),
+        *,
+        left: Sequence[int] | None = None,
+        right: Sequence[int] | None = None,
+        is_stop: Sequence[bool] | None = None,
+        borders: Mapping[int, FloatArray] | None = None,
+        banks: Mapping[int, FloatArray] | None = None,
+    ) -> None:
+        """Make the lanes; without arguments, a map without roads.
+
+        Args:
+            ids: for each lane its name, all different.
+            lines: for each lane (k, 3) points in driving direction, finite [m]. Repeated points are left out.
+            successors: for each lane the rows of the lanes that go on where it ends.
+            width: for each lane its width [m].
+            speed_limit: for each lane its speed limit, 0 where none is given [m/s].
+            left: for each lane the row of the lane to its left, or -1; None for no such lanes.
+            right: for each lane the row of the lane to its right, or -1; None for no such lanes.
+            is_stop: for each lane whether it ends at a stop line; None for no stop lines.
+            borders: for some lanes (k, 2) the distances to the left and the right edge at each point of the line [m].
+            banks: for some lanes (k, 2) the `bank` at each point of the line.
+
+        Raises:
+            ValueError: the arguments differ in length, a name comes twice or a line has no length.
+        """
+        if not len(ids) == len(lines) == len(successors) == len(width) == len(speed_limit):
+            raise ValueError("expected a name, a line, successors, a width and a speed limit for every lane")
+        num = len(ids)
+        self.left = np.array([-1] * num if left is None else left, dtype=np.int64)
+        self.right = np.array([-1] * num if right is None else right, dtype=np.int64)
+        self.is_stop = np.array([False] * num if is_stop is None else is_stop, dtype=bool)
+        if not len(self.left) == len(self.right) == len(self.is_stop) == num:
+            raise ValueError("left, right and is_stop: expected one value for each lane")
+        self.ids = tuple(ids)
+        self._rows = {name: i for i, name in enumerate(self.ids)}
+        if len(self._rows) != len(self.ids):
+            raise ValueError("ids: expected different names, but two lanes have the same one")
+        kept = [_is_new(line) for line in lines]
+        clean = [np.asarray(line, dtype=np.float64)[mask] for line, mask in zip(lines, kept, strict=True)]
+        short = next((i for i, line in enumerate(clean) if len(line) < 2), None)  # noqa: PLR2004  # a line's two ends
+        if short is not None:
+            raise ValueError(f"lane {self.ids[short]!r} has no length")
+        self.points = np.concatenate(clean) if clean else np.zeros((0, 3))
+        self.first = np.concatenate([[0], np.cumsum([len(line) for line in clean], dtype=np.int64)]).astype(np.int64)
+        self.width = np.array(width, dtype=np.float64)
+        self.speed_limit = np.array(speed_limit, dtype=np.float64)
+        self.first_successor = np.concatenate([[0], np.cumsum([len(row) for row in successors])]).astype(np.int64)
+        self.successor = np.array([lane for row in successors for lane in row], dtype=np.int64)
+        self.border = np.repeat(0.5 * self.width, np.diff(self.first))[:, None].repeat(2, axis=1)
+        for lane, distances in (borders or {}).items():
+            self.border[self.first[lane] : self.first[lane + 1]] = distances[kept[lane]]
+        self.bank = np.zeros((len(self.points), 2))
+        for lane, rises in (banks or {}).items():
+            self.bank[self.first[lane] : self.first[lane + 1]] = rises[kept[lane]]
+        height = self.points[:, 2]
+        self.is_flat = not self.bank.any() and not (height != height[:1]).any()
+        self._measure()
+        self._search = SegmentSearch(self.segments, num) if num else None
+        self._derived: dict[object, object] = {}
+        self.digest = self._hash()
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def row(self, name: str) -> int:
+        """Return the row of the lane with this name.
+
+        Raises:
+            KeyError: there is no such lane.
+        """
+        return self._rows[name]
+
+    def successors(self, lane: int) -> IntArray:
+        """Return the lanes that begin where a lane ends.
+
+        Returns:
+            (k,) int64, rows in the map's order; empty at a dead end.
+        """
+        return self.successor[self.first_successor[lane] : self.first_successor[lane + 1]]
+
+    def derived(self, make: Callable[[Roads], T]) -> T:
+        """Return `make(roads)`, made at the first call and kept."""
+        value = self._derived.get(make)
+        if value is None:
+            value = self._derived[make] = make(self)
+        return cast("T", value)  # the key says what the value is
+
+    def at(self, lane: npt.ArrayLike, s: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return points on lanes.
+
+        Args:
+            lane: (n,) rows of lanes.
+            s: (n,) arc lengths, held within the lane [m].
+
+        Returns:
+            (n, 3) points east, north, up [m] and (n,) the lanes' directions there, (-pi, pi] [rad].
+        """
+        lane = np.atleast_1d(np.asarray(lane, dtype=np.int64))
+        point, share = self.locate(lane, np.asarray(s, dtype=np.float64))
+        start, curve = self.points[point], self.curve[point]
+        step = self.points[point + 1] - start
+        place = start + share[:, None] * step
+        # Each lane before has one segment fewer than it has points.
+        yaw = self.segments.yaw(point - lane)
+        if not np.count_nonzero(curve):
+            return place, yaw
+        length = self.segments.length[point - lane]
+        along = share * length
+        aside = bends.offset(curve, along, length) / length
+        place[:, 0] -= aside * step[:, 1]
+        place[:, 1] += aside * step[:, 0]
+        return place, wrap_angle(yaw + np.arctan(bends.slope(curve, along, length)))
+
+    def beside(self, places: LanePlaces) -> tuple[FloatArray, FloatArray]:
+        """Return how far the edges of their lanes are from given places.
+
+        Args:
+            places: from `nearest`.
+
+        Returns:
+            (n,) to the left edge and (n,) to the right one, negative beyond it; inf where there is no lane [m].
+        """
+        far = np.full(len(places.lane), np.inf)
+        if len(self) == 0:
+            return far, far.copy()
+        point, share = self.locate(places.lane, places.s)
+        border = self.border[point] + share[:, None] * (self.border[point + 1] - self.border[point])
+        return border[:, 0] - places.lateral, border[:, 1] + places.lateral
+
+    def locate(self, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return between which points of the roads given places lie.
+
+        Args:
+            lane: (n,) rows of lanes.
+            s: (n,) arc lengths, held within the lane [m].
+
+        Returns:
+            (n,) int64, the row of the point before each place, and (n,) the share of the distance from it to the next
+            point, 0..1.
+        """
+        length = self.length[lane]
+        s = np.fmin(np.fmax(s, 0.0), length)
+        first, last = self.first[lane], self.first[lane + 1] - 2
+        # Most lanes have their points at equal distances: then the place is known without a search.
+        point = np.minimum(first + (s * ((last + 1 - first) / length)).astype(np.int64), last)
+        is_wrong = (s < self.s[point]) | (s >= self.s[point + 1])
+        if is_wrong.any():
+            at = np.flatnonzero(is_wrong)
+            found = np.searchsorted(self.chain, self.base[lane[at]] + s[at], side="right") - 1
+            point[at] = np.minimum(np.maximum(found, first[at]), last[at])
+        return point, (s - self.s[point]) / self.segments.length[point - lane]
+
+    def nearest(
+        self,
+        x: npt.ArrayLike,
+        y: npt.ArrayLike,
+        yaw: npt.ArrayLike | None = None,
+        z: npt.ArrayLike | None = None,
+    ) -> LanePlaces:
+        """Return the lane nearest to each point, and the place on it.
+
+        Args:
+            x: (n,) east, finite [m].
+            y: (n,) north, finite [m].
+            yaw: (n,) headings [rad]; when given, lanes of another direction count as farther away
+                (`segment_search.TURN_COST`).
+            z: (n,) heights; when given, lanes above and below count as farther away (`segment_search.HEIGHT_COST`)
+                [m]. On a flat map it makes no difference.
+
+        Returns:
+            (n,) places. Of equally near lanes the first in the map's order.
+        """
+        x, y = np.atleast_1d(np.asarray(x, np.float64)), np.atleast_1d(np.asarray(y, np.float64))
+        if x.shape != y.shape:
+            x, y = np.broadcast_arrays(x, y)
+        place = in_columns(x, y)
+        n = len(place)
+        if self._search is None or n == 0:
+            zero = np.zeros(n)
+            return LanePlaces(np.full(n, -1, dtype=np.int64), zero, zero.copy(), np.full(n, np.inf), zero.copy())
+        heading = None
+        if yaw is not None:
+            angle = np.asarray(yaw, dtype=np.float64)
+            if angle.shape != (n,):
+                angle = np.broadcast_to(angle, (n,))
+            heading = in_columns(np.cos(angle), np.sin(angle))
+        height = None
+        if z is not None and not self.is_flat:
+            height = np.broadcast_to(np.asarray(z, dtype=np.float64), (n,))
+        return self._places(place, self._search.nearest(place, heading, height))
+
+    def find_segments(self, place: FloatArray, height: FloatArray) -> IntArray:
+        """Return the nearest segment for each place, (n,) int64, rows of `segments`.
+
+        Args:
+            place: (n, 2) east and north, n >= 1 [m].
+            height: (n,) segments above and below count as farther away [m].
+
+        Raises:
+            ValueError: there are no lanes.
+        """
+        if self._search is None:
+            raise ValueError("expected roads with at least one lane")
+        return self._search.nearest(place, None, height)
+
+    def are_level(self, places: LanePlaces, z: FloatArray) -> BoolArray:
+        """Return (n,) whether places on lanes are on the level of given heights, not on a bridge above or below it.
+
+        Args:
+            places: places on lanes.
+            z: (n,) heights [m].
+        """
+        point, share = self.locate(places.lane, places.s)
+        height = self.points[:, 2]
+        return np.asarray(np.abs(height[point] + share * (height[point + 1] - height[point]) - z) < LEVEL)
+
+    def within(self, x: FloatArray, y: FloatArray, radius: FloatArray) -> tuple[IntArray, LanePlaces]:
+        """Return all lanes near each point. A point beyond the ends of a lane is not near it.
+
+        Args:
+            x: (n,) east, finite [m].
+            y: (n,) north, finite [m].
+            radius: (n,) how near [m].
+
+        Returns:
+            (m,) int64, index of the point, rising; and (m,) places, those of one point in the map's order. Of crowds
+            beyond `segment_search.MAX_SEGMENTS` not all points are looked at.
+        """
+        place = in_columns(x, y)
+        if self._search is None or len(place) == 0:
+            none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
+            return none, LanePlaces(none, empty, empty, empty, empty)
+        owner, segment = self._search.within(place, radius)
+        return owner, self._places(place[owner], segment)
+
+    def _places(self, place: FloatArray, segment: IntArray) -> LanePlaces:
+        """Return the places of points (n, 2) relative to the segments (n,) chosen for them."""
+        segments = self.segments
+        along, lateral, distance = segments.project(place, segment)
+        point, yaw = segments.point[segment], segments.yaw(segment)
+        s, curve = self.s[point] + along, self.curve[point]
+        if np.count_nonzero(curve):
+            length = segments.length[segment]
+            beyond = distance - np.abs(lateral)
+            lateral = lateral - bends.offset(curve, along, length)
+            distance = np.abs(lateral) + beyond
+            yaw = wrap_angle(yaw + np.arctan(bends.slope(curve, along, length)))
+        return LanePlaces(segments.lane[segment], s, lateral, distance, yaw)
+
+    def _measure(self) -> None:
+        """Work out segments, arc lengths and turns."""
+        lane_of_point = np.repeat(np.arange(len(self), dtype=np.int64), np.diff(self.first))
+        is_last = np.zeros(len(self.points), dtype=bool)
+        is_last[self.first[1:] - 1] = True
+        point = np.flatnonzero(~is_last)
+        lane = lane_of_point[point]
+        start, end = self.points[point, :2], self.points[point + 1, :2]
+        step = end - start
+        length = np.hypot(step[:, 0], step[:, 1])
+        height = self.points[:, 2]
+        slope = (height[point + 1] - height[point]) / length
+        self.curve = np.zeros((len(self.points), 2))
+        if len(lane):
+            self.curve[point] = bends.leg_curves(length, *bends.end_angles(self.points, self.first))
+        self.segments = LaneSegments(lane, point, start, end, length, step / length[:, None], height[point], slope)
+
+        # One rising scale for all lanes, with an unused metre between two of them: a single search serves them all.
+        gap = np.ones(len(self.points))
+        gap[point] = length
+        chain_end = np.cumsum(gap)
+        self.chain = chain_end - gap
+        self.base = self.chain[self.first[:-1]]
+        self.s = self.chain - self.base[lane_of_point]
+        self.length = self.s[self.first[1:] - 1]
+
+        yaw = self.segments.yaw(np.arange(len(lane)))
+        bend = np.where(lane[1:] == lane[:-1], wrap_angle(np.diff(yaw)), 0.0)
+        self.turn = np.bincount(lane[1:], weights=bend, minlength=len(self))
+
+    def _hash(self) -> bytes:
+        state = blake2b(repr(self.ids).encode(), digest_size=16)
+        columns = (self.points, self.border, self.first, self.width, self.speed_limit, self.left, self.right)
+        for column in (*columns, self.is_stop, self.first_successor, self.successor):
+            state.update(column.tobytes())
+        if self.bank.any():
+            state.update(self.bank.tobytes())
+        return state.digest()
+
+
+def _is_new(line: FloatArray) -> BoolArray:
+    """Return (k,) False for the points of a line that are, in the plane, where the point before them is."""
+    line = np.asarray(line, dtype=np.float64)
+    is_new = np.ones(len(line), dtype=bool)
+    is_new[1:] = (line[1:, 0] != line[:-1, 0]) | (line[1:, 1] != line[:-1, 1])
+    return is_new

@@ -1,0 +1,361 @@
+"""Scores: what a driving stack is judged by, kept for each ego while `World.is_scoring`.
+
+Everything is judged once for each frame, at its end, from the motion within it; a row that is placed elsewhere between
+two frames has driven over nothing. All counts begin at `score_since`: the frame at which scoring began, or the ego
+came. The figures are columns of the world, so they are part of snapshots and digests. Definitions:
+
+- *Distance* [m]: |v0 + v1| / 2 * dt, which is exactly the arc that `dynamics` drives; forward and backward alike.
+- *Collision*: a new contact: another entity is in contact with the ego (see `collisions`) and was not in the frame
+  before. The ids of the latest `NUM_IDS` are kept.
+- *Stop line*: the middle of the front bumper has come over it, forward and within the edges of its lane (see
+  `stop_lines`). *Red light*: the light of the lane really taken was red in that frame. Yellow is no red.
+- *Lane*: that nearest to the middle of the box, where another direction counts as farther away (`Roads.nearest`). The
+  *distance to the lane's middle* [m] is that of the middle of the box from the lane's line, left positive; 0 off the
+  road. Mean and greatest amount are over the frames on the road.
+- *Lane invasion*: the box begins to reach over an edge of its lane that one may not cross: there is no lane on that
+  side that one may change into. It counts once, until the box is back by `BACK_INSIDE`. A change over an edge that one
+  may cross is none. Within `NO_EDGES` of a place where lanes fork or join, and on the lanes of an intersection with
+  lights, no edges are painted, and nothing is counted.
+- *Off the road*: the middle of the box is within the edges of no lane, of any direction. A map without lanes has no
+  road to leave.
+- *Time to collision* [s] (Hayward 1972): see `time_to_collision`.
+- *Jerk* [m/s^3]: change of the forward acceleration over the step, divided by dt. Pedals act here within a frame, so a
+  sudden pedal is a single high peak. For comfort the root mean square says more; ISO 15622 allows 2.5 to 5 m/s^3.
+- *Lateral acceleration* [m/s^2]: speed * yaw rate at the rear axle; above 2 to 3 it is uncomfortable.
+
+Nothing depends on rows or on the other egos: many egos together get the bits that each alone would get.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.contacts.collisions import POSE_SPEED, POSE_X, POSE_Y, POSE_YAW, CollisionDetector
+from rosbridge_sim.world.contacts.time_to_collision import find_times_to_collision
+from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray
+from rosbridge_sim.world.roads.roads import LanePlaces, Roads
+from rosbridge_sim.world.roads.stop_lines import StopLines, find_red_lanes, settle
+from rosbridge_sim.world.state.world import DT, Kind, World
+from rosbridge_sim.world.vehicle.ground import are_on_road
+
+__all__ = ["NUM_IDS", "Before", "Score", "judge", "read_score", "remember"]
+
+NUM_IDS: Final = 8
+"""Ids of contacts that are kept for each ego: enough to see what it has run into, and bounded."""
+
+BACK_INSIDE: Final = 0.1
+"""A box is back within an edge if it is this far from it [m], so that one that drives on the edge counts once."""
+
+SIDEWAYS: Final = 1.0
+"""A lane whose line is farther to one side by this than the lane before is beside that one [m]; lanes that follow one
+another or fork lead on from the same point."""
+
+NO_EDGES: Final = 30.0
+"""Length of a lane, from where it forks off or up to where it joins others, on which it has no painted edges [m]: the
+width of a large intersection."""
+
+BESIDE: Final = 0.5
+"""A place farther than this beyond the end of a lane is not on it [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Before:
+    """State of the world before the step, which `judge` compares with the state after it.
+
+    Attributes:
+        uid: (n,) int64.
+        accel: (n,) [m/s^2].
+        contacts: (m, 2) int64, the pairs of the last step.
+    """
+
+    uid: IntArray
+    accel: FloatArray
+    contacts: IntArray
+
+
+@dataclass(frozen=True, slots=True)
+class Score:
+    """The score of one ego; see the head of this file.
+
+    Attributes:
+        since: the frame from which on all this counts.
+        distance: driven [m].
+        num_collisions: new contacts.
+        contact_ids: ids of the latest `NUM_IDS` of these at most, the latest last.
+        num_red_lights, num_stop_lines: passed.
+        num_lane_invasions: edges crossed.
+        off_road_time: [s].
+        is_off_road: now.
+        time_to_collision, min_time_to_collision: now and least; inf for none [s].
+        lane_offset, mean_lane_offset, max_lane_offset: now, left positive; amounts [m].
+        jerk, max_jerk, rms_jerk: now; amounts [m/s^3].
+        lateral_accel, max_lateral_accel, rms_lateral_accel: now, left positive; amounts [m/s^2].
+    """
+
+    since: int
+    distance: float
+    num_collisions: int
+    contact_ids: tuple[int, ...]
+    num_red_lights: int
+    num_stop_lines: int
+    num_lane_invasions: int
+    off_road_time: float
+    is_off_road: bool
+    time_to_collision: float
+    min_time_to_collision: float
+    lane_offset: float
+    mean_lane_offset: float
+    max_lane_offset: float
+    jerk: float
+    max_jerk: float
+    rms_jerk: float
+    lateral_accel: float
+    max_lateral_accel: float
+    rms_lateral_accel: float
+
+
+def remember(world: World) -> Before:
+    """Store what `judge` wants of the world as a step begins."""
+    return Before(world.uid.copy(), world.accel.copy(), world.contacts)
+
+
+def judge(world: World, before: Before) -> None:
+    """Bring the scores of all egos up to the end of a step, behind `collisions.find`.
+
+    Args:
+        world: its columns of scores are written.
+        before: what `remember` has returned.
+    """
+    rows = world.rows(Kind.EGO)
+    if not len(rows):
+        return
+    poses = world.derived(CollisionDetector).poses[:, :, rows]
+    world.score_frames[rows] += 1
+    world.score_distance[rows] += np.abs(poses[0, POSE_SPEED] + poses[1, POSE_SPEED]) * (0.5 * DT)
+    _count_contacts(world, rows, before.contacts)
+    _judge_comfort(world, rows, before)
+    times = find_times_to_collision(world, rows)
+    world.time_to_collision[rows] = times
+    world.min_time_to_collision[rows] = np.fmin(world.min_time_to_collision[rows], times)
+    if len(world.roads):
+        first, last = _unit(poses[0, POSE_YAW]), _unit(poses[1, POSE_YAW])
+        start, end = (poses[i, POSE_X] + 1j * poses[i, POSE_Y] for i in range(2))
+        _judge_lanes(world, rows, end + world.centre[rows] * last, last)
+        nose = world.half_length[rows] + world.centre[rows]
+        _judge_lines(world, rows, (start + nose * first, end + nose * last), last)
+
+
+def read_score(world: World, row: int) -> Score:
+    """Return the score of one ego.
+
+    Args:
+        world: read only.
+        row: row of an EGO.
+    """
+    num, num_on_road = max(world.score_frames.item(row), 1), max(world.road_frames.item(row), 1)
+    contacts = world.int_block("contact_1", f"contact_{NUM_IDS}")[:, row]
+    return Score(
+        since=world.score_since.item(row),
+        distance=world.score_distance.item(row),
+        num_collisions=world.num_collisions.item(row),
+        contact_ids=tuple(uid - 1 for uid in reversed(contacts.tolist()) if uid),
+        num_red_lights=world.num_red_lights.item(row),
+        num_stop_lines=world.num_stop_lines.item(row),
+        num_lane_invasions=world.num_lane_invasions.item(row),
+        off_road_time=world.off_road_frames.item(row) * DT,
+        is_off_road=world.is_off_road.item(row),
+        time_to_collision=world.time_to_collision.item(row),
+        min_time_to_collision=world.min_time_to_collision.item(row),
+        lane_offset=world.lane_offset.item(row),
+        mean_lane_offset=world.lane_offset_sum.item(row) / num_on_road,
+        max_lane_offset=world.max_lane_offset.item(row),
+        jerk=world.jerk.item(row),
+        max_jerk=world.max_jerk.item(row),
+        rms_jerk=_root(world.jerk_square_sum.item(row) / num),
+        lateral_accel=world.lateral_accel.item(row),
+        max_lateral_accel=world.max_lateral_accel.item(row),
+        rms_lateral_accel=_root(world.lateral_accel_square_sum.item(row) / num),
+    )
+
+
+def _root(mean_square: float) -> float:
+    """Return the root of a mean of squares; a snapshot from elsewhere may hold a negative one."""
+    return math.sqrt(max(mean_square, 0.0))
+
+
+def _count_contacts(world: World, rows: IntArray, before: IntArray) -> None:
+    """Count the contacts that were not there one step before, and keep the ids."""
+    world.has_collided[rows] = False
+    now = world.contacts
+    if not len(now):
+        return
+    is_new = ~np.isin(_keys(now), _keys(before))
+    new = now[is_new]
+    both = np.concatenate([new, new[:, ::-1]])  # each pair once from either side
+    order = np.lexsort((both[:, 1], both[:, 0]))
+    own, other = both[order].T
+    place = world.uid[rows].argsort()
+    at = np.minimum(world.uid[rows][place].searchsorted(own), len(rows) - 1)
+    is_ego = world.uid[rows][place][at] == own
+    mine, other = rows[place[at[is_ego]]], other[is_ego]
+    num = np.bincount(mine, minlength=world.n)[rows]
+    world.num_collisions[rows] += num
+    world.has_collided[rows] = num > 0
+    ids = world.int_block("contact_1", f"contact_{NUM_IDS}")
+    # Those of one ego are neighbours: `left` more follow each.
+    left = _num_after(mine)
+    for i in range(min(NUM_IDS, int(left.max(initial=-1)) + 1) - 1, -1, -1):
+        those = left == i
+        ids[1:, mine[those]] = ids[:-1, mine[those]]
+        ids[0, mine[those]] = other[those] + 1
+
+
+def _num_after(values: IntArray) -> IntArray:
+    """Return for each of some values, in which equal ones are neighbours, how many equal ones follow."""
+    is_last = np.ones(len(values), dtype=bool)
+    is_last[:-1] = values[1:] != values[:-1]
+    last = is_last.nonzero()[0]
+    index = np.arange(len(values))
+    return np.asarray(last[last.searchsorted(index)] - index)
+
+
+def _keys(pairs: IntArray) -> IntArray:
+    """Return one number for each pair of ids (m, 2)."""
+    return np.asarray((pairs[:, 0] << 31) | pairs[:, 1])  # ids have 31 bits
+
+
+def _judge_comfort(world: World, rows: IntArray, before: Before) -> None:
+    """Bring jerk and lateral acceleration up to date."""
+    accel = world.accel[rows]
+    known = np.minimum(rows, len(before.uid) - 1)
+    is_known = (rows < len(before.uid)) & (before.uid[known] == world.uid[rows])  # the others have just come
+    jerk = np.where(is_known, (accel - before.accel[known]) / DT, 0.0)
+    world.jerk[rows] = jerk
+    for column, name, total in (
+        (jerk, "max_jerk", "jerk_square_sum"),
+        (world.lateral_accel[rows], "max_lateral_accel", "lateral_accel_square_sum"),
+    ):
+        most, squares = getattr(world, name), getattr(world, total)
+        most[rows] = np.fmax(most[rows], np.abs(column))
+        squares[rows] += column * column
+
+
+def _judge_lanes(world: World, rows: IntArray, middle: ComplexArray, heading: ComplexArray) -> None:
+    """Bring off-road time, lane invasions and the distance to the lane's middle up to date.
+
+    Args:
+        world: written.
+        rows: (k,) int64, the egos.
+        middle: (k,) of their boxes, east + i north [m].
+        heading: (k,) unit vectors.
+    """
+    roads = world.roads
+    x, y = middle.real.copy(), middle.imag.copy()
+    z = world.z[rows]
+    places = roads.nearest(x, y, world.yaw[rows], z)
+    to_left, to_right = roads.beside(places)
+    is_on = (to_left >= 0.0) & (to_right >= 0.0) & (places.distance - np.abs(places.lateral) < BESIDE)
+    doubtful = (~is_on).nonzero()[0]
+    if len(doubtful):
+        is_on[doubtful] = are_on_road(roads, x[doubtful], y[doubtful], z[doubtful])
+    world.is_off_road[rows] = ~is_on
+    world.off_road_frames[rows] += ~is_on
+    world.road_frames[rows] += is_on
+
+    # Edges
+    turned = heading * np.exp(-1j * places.yaw)
+    across = np.abs(turned.imag) * world.half_length[rows] + np.abs(turned.real) * world.half_width[rows]
+    was_left, was_right = world.is_over_left[rows], world.is_over_right[rows]
+    former, offset = world.near_lane[rows] - 1, places.lateral
+    is_other = former != places.lane
+    if is_other.any():
+        moved = np.where(is_other, offset - world.lane_offset[rows], 0.0)
+        # The right edge of the lane to the left is the left edge of the former one.
+        to_the_left, to_the_right = moved < -SIDEWAYS, moved > SIDEWAYS
+        was_left, was_right = (
+            (was_left & ~to_the_left & ~to_the_right) | (was_right & to_the_right),
+            (was_right & ~to_the_left & ~to_the_right) | (was_left & to_the_left),
+        )
+        world.near_lane[rows] = places.lane + 1
+    over_left, over_right = across - to_left, across - to_right
+    is_left = (over_left > 0.0) | (was_left & (over_left > -BACK_INSIDE))
+    is_right = (over_right > 0.0) | (was_right & (over_right > -BACK_INSIDE))
+    comes_left, comes_right = is_left & ~was_left, is_right & ~was_right
+    if comes_left.any() or comes_right.any():  # rare
+        comes_left &= roads.left[places.lane] < 0
+        comes_right &= roads.right[places.lane] < 0
+        counts = roads.derived(_Edges).are_at(world, places) & (former >= 0)
+        world.num_lane_invasions[rows] += (comes_left & counts).astype(np.int64) + (comes_right & counts)
+    world.is_over_left[rows], world.is_over_right[rows] = is_left, is_right
+
+    offset = np.where(is_on, offset, 0.0)
+    world.lane_offset[rows] = offset
+    world.lane_offset_sum[rows] += np.abs(offset)
+    world.max_lane_offset[rows] = np.fmax(world.max_lane_offset[rows], np.abs(offset))
+
+
+class _Edges:
+    """Painted edges of the lanes of a map.
+
+    Args:
+        roads: the lanes.
+    """
+
+    def __init__(self, roads: Roads) -> None:
+        num = np.diff(roads.first_successor)
+        owner = np.arange(len(roads)).repeat(num)
+        num_before = np.bincount(roads.successor, minlength=len(roads))
+        is_fork = np.bincount(roads.successor, num[owner] > 1, len(roads)) > 0.0
+        is_join = np.bincount(owner, num_before[roads.successor] > 1, len(roads)) > 0.0
+        self._first = np.where(is_fork, NO_EDGES, 0.0)
+        self._last = roads.length - np.where(is_join, NO_EDGES, 0.0)
+
+    def are_at(self, world: World, places: LanePlaces) -> BoolArray:
+        """Return (k,) whether there are edges at places on lanes."""
+        lane = places.lane
+        is_outside = world.signals.plan.controller_of_lane[lane] < 0
+        return (places.s >= self._first[lane]) & (places.s <= self._last[lane]) & is_outside
+
+
+def _judge_lines(world: World, rows: IntArray, nose: tuple[ComplexArray, ComplexArray], heading: ComplexArray) -> None:
+    """Count stop lines and red lights passed.
+
+    Args:
+        world: written.
+        rows: (k,) int64, the egos.
+        nose: (k,) middles of the front bumpers before and after the step, east + i north [m].
+        heading: (k,) unit vectors after the step.
+    """
+    world.has_passed_red[rows] = False
+    roads, signals = world.roads, world.signals
+    passed = roads.derived(StopLines).find_passed(signals, *nose, heading, world.z[rows])
+    open_lines = world.open_line[rows]
+    if open_lines.any():
+        at = open_lines.nonzero()[0]
+        those = rows[at]
+        is_last = np.isin(at, passed.index)  # the next line is passed already
+        is_decided, is_red = settle(roads, world.open_line[those] - 1, world.open_reds[those], nose[1][at], is_last)
+        world.has_passed_red[those[is_red]] = True
+        world.num_red_lights[those[is_red]] += 1
+        done = those[is_decided]
+        world.open_line[done] = world.open_reds[done] = 0
+    if not len(passed.index):
+        return
+    those = rows[passed.index]
+    world.num_stop_lines[those] += 1
+    red, every = find_red_lanes(roads, signals, passed.lane)
+    is_red = (red == every) & (red != 0)
+    world.has_passed_red[those[is_red]] = True
+    world.num_red_lights[those[is_red]] += 1
+    is_open = (red != 0) & (red != every)
+    world.open_line[those[is_open]] = passed.lane[is_open] + 1
+    world.open_reds[those[is_open]] = red[is_open]
+
+
+def _unit(yaw: FloatArray) -> ComplexArray:
+    """Return headings [rad] as complex unit vectors."""
+    return np.asarray(np.cos(yaw) + 1j * np.sin(yaw))

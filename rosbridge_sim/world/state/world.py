@@ -1,0 +1,734 @@
+"""The state of the world, one row for each entity in a struct of arrays: spawn, remove, snapshot, restore, digest.
+
+`World` holds all state. Other modules move it: `dynamics` (driven rows), `path_following` (rows on paths and in
+constant motion), `waiting` (rows that start when an ego comes), `lane_following` (rows on lanes), and `step`, which
+calls them in a fixed order.
+
+All numbers are SI and radians in the map frame (ENU metres, yaw counter-clockwise from east). The reference point of a
+vehicle is the middle of its rear axle on the ground, that of a pedestrian or an obstacle its centre on the ground.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import astuple, dataclass
+from hashlib import blake2b
+from typing import Final, TypeVar, cast
+
+import numpy as np
+
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, nearest_on_polyline, wrap_angle
+from rosbridge_sim.world.roads.paths import (
+    DX,
+    DY,
+    DZ,
+    END,
+    START,
+    TURN,
+    YAW,
+    Paths,
+    PathsSnapshot,
+    Segments,
+    X,
+    Y,
+    Z,
+    lay_segments,
+)
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
+from rosbridge_sim.world.roads.signals import Signals, SignalsSnapshot
+from rosbridge_sim.world.roads.turn_shares import TurnShares
+from rosbridge_sim.world.state.control_columns import update_control_columns
+from rosbridge_sim.world.state.entity_arrays import (
+    INTS,
+    KINEMATIC_ALL,
+    KINEMATIC_CORE,
+    LANE_CHANGE_COLUMNS,
+    LEG_COLUMNS,
+    NO_BODY,
+    NUM_CORE,
+    BoolArray,
+    EntityArrays,
+)
+from rosbridge_sim.world.state.entity_types import (
+    MAX_COORDINATE,
+    MAX_SPEED,
+    ROAD_FRICTION,
+    Body,
+    Dynamics,
+    Gear,
+    Kind,
+    Mode,
+)
+from rosbridge_sim.world.state.labels import check_pose, figures_of, in_space, label_of, reach_of
+from rosbridge_sim.world.state.settling import keep_level, settle
+
+__all__ = [
+    "DT",
+    "MAX_COORDINATE",
+    "MAX_SPEED",
+    "MAX_UID",
+    "NO_CONTACTS",
+    "STEP_NS",
+    "Body",
+    "BoolArray",
+    "Dynamics",
+    "Gear",
+    "Kind",
+    "Mode",
+    "Snapshot",
+    "World",
+]
+
+DT: Final = 0.02
+"""Length of a step [s]: MORAI's own, 50 frames a second."""
+
+STEP_NS: Final = 20_000_000
+"""Length of a step [ns]."""
+
+MAX_UID: Final = 2**31 - 1
+"""The greatest id: messages carry ids as int32."""
+
+FIRST_UID: Final = 1
+"""The first id that is given out; 0 is left to the first ego, whose id is fixed."""
+
+_SURELY_WRAPPED: Final = 3.14
+"""Angles within this are certainly wrapped, however the last place of pi is rounded [rad]."""
+
+
+T = TypeVar("T")
+
+
+NO_CONTACTS: Final[IntArray] = np.empty((0, 2), dtype=np.int64)
+NO_ROADS: Final = Roads()
+NO_PLAN: Final = SignalPlan(NO_ROADS)
+
+
+_BODY_COLUMNS: Final = {
+    "wheelbase": "wheelbase",
+    "steer_rate": "max_steer_rate",
+    "max_steer": "max_steer",
+    "max_accel": "max_accel",
+    "max_decel": "max_decel",
+    "rolling": "rolling",
+    "drag": "drag",
+    "speed_accel": "speed_mode_accel",
+    "speed_decel": "speed_mode_decel",
+    **{
+        name: name
+        for name in (
+            *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "front_drive"),
+            *("pitch_gain", "roll_gain", "launch_accel", "power", "top_speed", "air_drag", "engine_drag"),
+        )
+    },
+}
+
+_YIELDS: Final = INTS.index("yields")
+_BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
+_LANE_COLUMNS: Final = (
+    "desired_speed",
+    *INTS[INTS.index("turns") : INTS.index("ahead_5") + 1],
+    "has_lane",
+    "is_loop",
+    *LANE_CHANGE_COLUMNS,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Snapshot:
+    """A copy of a whole world. It can be restored any number of times, into any world."""
+
+    frame: int
+    seed: int
+    next_uid: int
+    uids: tuple[tuple[int, int], ...]  # (uid, row) in order of spawning
+    names: tuple[str, ...]
+    bodies: tuple[Body, ...]
+    floats: FloatArray
+    ints: IntArray
+    bools: BoolArray
+    paths: PathsSnapshot
+    contacts: IntArray
+    roads: Roads
+    signals: SignalsSnapshot
+    routes: dict[int, IntArray]
+    is_scoring: bool
+    dynamics: Dynamics
+    is_creeping: bool
+    has_stability_control: bool
+    has_impacts: bool
+    passing: IntArray
+    placed_uids: tuple[int, ...]
+    turn_shares: TurnShares | None
+
+
+class World(EntityArrays):
+    """All entities, one row each in `EntityArrays`, which `spawn`, `remove`, `clear`, `reset` and `restore` replace.
+
+    An entity stays in its row as long as it exists; afterwards another one may get the row. Every attribute may be
+    read. Write through `spawn`, `remove` and the functions of `commands`, `placement` and `lane_position`, because some
+    columns follow from others.
+
+    Attributes:
+        frame: steps done since the last reset; simulated time is frame * 20 ms.
+        seed: of all chance in the world; see `chance`.
+        paths: the paths of the entities that follow one, by id.
+        routes: (k,) int64 rows of lanes for each lane follower that has a route, by id.
+        roads: the lanes; see `lay_roads`.
+        signals: the traffic lights at this frame.
+        contacts: (m, 2) int64, ids of the pairs that touched during the last step; see `collisions`.
+        is_scoring: steps keep the scores of all egos; see `start_scoring`.
+        dynamics: the model that moves all egos.
+        is_creeping: egos under the control of pedals creep in D and R, and roll on slopes; for SINGLE_TRACK only.
+        has_stability_control: of all egos; for SINGLE_TRACK only, see `stability`.
+        has_impacts: collisions change motion; see `impacts`.
+        passing: (m, 2) int64, ids of the pairs in `contacts` that go through each other, the lower first; without
+            `has_impacts` it is empty.
+        placed_uids: ids of what was placed since the last step, while `has_impacts`.
+        turn_shares: how often drivers without a route turn; with None all lanes that follow are equally likely.
+
+    Args:
+        seed: not negative.
+        dynamics: see above.
+        is_creeping: see above.
+        has_stability_control: see above.
+        has_impacts: see above.
+        turn_shares: see above.
+    """
+
+    def __init__(
+        self,
+        seed: int = 0,
+        dynamics: Dynamics = Dynamics.KINEMATIC,
+        *,
+        is_creeping: bool = False,
+        has_stability_control: bool = True,
+        has_impacts: bool = False,
+        turn_shares: TurnShares | None = None,
+    ) -> None:
+        super().__init__()
+        self.seed = seed
+        self.dynamics, self.is_creeping = dynamics, is_creeping
+        self.has_stability_control = has_stability_control
+        self.has_impacts, self.passing = has_impacts, NO_CONTACTS
+        self.placed_uids: set[int] = set()
+        self.turn_shares = turn_shares
+        self.paths = Paths()
+        self.contacts = NO_CONTACTS
+        self.roads, self.signals = NO_ROADS, Signals(NO_PLAN)
+        self.routes: dict[int, IntArray] = {}
+        self._rows: dict[int, int] = {}  # uid -> row, in order of spawning
+        self._derived: dict[object, object] = {}
+        self.reset()
+
+    # -- the population
+
+    def spawn(
+        self,
+        kind: Kind,
+        body: Body,
+        *,
+        name: str,
+        x: float,
+        y: float,
+        z: float | None = None,
+        yaw: float = 0.0,
+        speed: float = 0.0,
+        uid: int | None = None,
+        path: FloatArray | None = None,
+        is_loop: bool = False,
+        gear: Gear = Gear.DRIVE,
+        roll: float = 0.0,
+        pitch: float = 0.0,
+        start_within: float = 0.0,
+        yields: bool = False,
+    ) -> int:
+        """Add an entity to the world and return its id.
+
+        An EGO waits for commands (pedals mode, no pedal pressed). Any other kind moves with `speed` along its heading
+        for ever. With a path it moves along that: it starts at the point of the path nearest to (x, y), its heading
+        follows the path (see `paths`), and at the end it stops or, with `is_loop`, begins again.
+
+        Args:
+            kind: kind of entity.
+            body: its size and its limits.
+            name: any text.
+            x: reference point, east [m].
+            y: reference point, north [m].
+            z: reference point, up [m]. On a map with hills the entity is put onto the ground, and this chooses between
+                a bridge and the road below it. None for the lowest road there, or 0 on a flat map.
+            yaw: heading; any angle is wrapped [rad].
+            speed: along the heading; not negative with a path [m/s].
+            uid: its id, 0..2^31-1; None for the next free one.
+            path: (m, 2) or (m, 3) waypoints, m >= 2 [m]; with two columns they are at height z.
+            is_loop: a last segment to the first point closes the path.
+            gear: of an EGO.
+            roll: kept until the entity is placed elsewhere, or moves on a map with hills [rad].
+            pitch: kept likewise, positive with the nose down [rad].
+            start_within: the entity stands until an EGO is this near, then it starts with `speed` [m]; 0 for at once.
+                Not for an EGO.
+            yields: it stops for what is ahead on its path, `speed` is the speed that it wants, and a PEDESTRIAN crosses
+                roads by light or gap. Without a path it makes no difference.
+
+        Raises:
+            ValueError: a number is not finite or out of bounds, the id is in use, the path has no length, an EGO has a
+                path or no wheelbase, or there is no such kind or gear. The world is as it was.
+        """
+        height, z = z, z or 0.0
+        check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch, start_within=start_within)
+        kind, gear = Kind(kind), Gear(gear)
+        if start_within < 0.0 or (kind == Kind.EGO and start_within > 0.0):
+            raise ValueError(f"start_within: expected at least 0 m, and 0 for an ego, got {start_within!r}")
+        if kind == Kind.EGO and (path is not None or min(body.wheelbase, body.max_accel, body.max_decel) <= 0.0):
+            raise ValueError(f"{name}: an ego has wheelbase, engine and brakes, and no path of its own")
+        uid, next_uid = self._choose_uid(uid)
+        segments = None
+        if path is not None:
+            if speed < 0.0:
+                raise ValueError(f"speed: expected >= 0 on a path, got {speed!r}")
+            segments = lay_segments(in_space(path, z), is_loop=is_loop, reach=reach_of(kind, body))
+            base = self.paths.add(uid, segments)
+
+        # Nothing below can fail.
+        row = self._take_row()
+        self._rows[uid], self._next_uid = row, next_uid
+        self.names[row], self.bodies[row] = name, body
+        self.alive[row], self.uid[row], self.kind[row] = True, uid, kind
+        self.label[row] = label_of(name, body)
+        self.gear[row], self.mode[row] = gear, Mode.PEDALS
+        for column, value in zip(
+            _BOX_COLUMNS, (body.length / 2, body.width / 2, body.height, body.centre), strict=True
+        ):
+            getattr(self, column)[row] = value
+        is_waiting = start_within > 0.0 and speed != 0.0
+        self.place(row, x=x, y=y, z=z, yaw=yaw, speed=0.0 if is_waiting else speed)
+        self.tilt(row, roll=roll, pitch=pitch)
+        if is_waiting:
+            self.start_within[row], self.start_speed[row] = start_within, speed
+        if kind == Kind.EGO:
+            self._equip(row, body)
+        if segments is not None:
+            self._join_path(row, base, segments, is_loop=is_loop)
+            self.yields[row], self.desired_speed[row] = yields, speed * yields
+        if not self.roads.is_flat:
+            settle(self, self.roads, np.array([row]), None if height is None and segments is None else self.z[[row]])
+        self.touch()
+        return uid
+
+    def follow_path(self, row: int, path: FloatArray, *, is_loop: bool) -> None:
+        """Have an entity leave its path or lane and follow another path, from the point of it nearest to the entity on.
+
+        Speed and ghost mark stay as they are.
+
+        Args:
+            row: row of an entity that is no EGO, with a speed that is not negative.
+            path: see `spawn`.
+            is_loop: see `spawn`.
+
+        Raises:
+            ValueError: the path has no length or is too long, or this row can follow none. Nothing has changed.
+        """
+        speed = float(self.speed[row])
+        if self.kind[row] == Kind.EGO or not self.alive[row] or speed < 0.0:
+            raise ValueError(f"path: expected an entity that is no ego and has a speed >= 0, got speed {speed!r}")
+        x, y, z, yaw = (float(getattr(self, name)[row]) for name in ("x", "y", "z", "yaw"))
+        is_ghost = self.is_ghost.item(row)
+        reach = reach_of(Kind(self.kind.item(row)), self.bodies[row])
+        segments = lay_segments(in_space(path, z), is_loop=is_loop, reach=reach)
+        self.paths.check_room(segments)
+        self.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
+        self._join_path(row, self.paths.add(int(self.uid[row]), segments), segments, is_loop=is_loop)
+        if not self.roads.is_flat and not is_ghost:
+            settle(self, self.roads, np.array([row]), self.z[[row]])
+        self.touch()
+
+    @contextmanager
+    def room_for(self, num: int) -> Iterator[None]:
+        """Return a context in which `num` entities can be spawned, each in a third of the usual time."""
+        num_rows = max(self.n, len(self._rows) + num)
+        if num_rows > self._floats.shape[1]:
+            self._grow(num_rows)
+        self._bind(num_rows)
+        try:
+            yield
+        finally:
+            self._trim()
+            self.touch()
+
+    def remove(self, uid: int) -> None:
+        """Remove an entity; its row is free for another one.
+
+        Raises:
+            KeyError: no entity has this id.
+        """
+        row = self._rows.pop(uid)
+        self._leave_path_or_lane(row)
+        self._floats[:, row] = 0.0
+        self._ints[:, row] = 0
+        self._bools[:, row] = False
+        self.names[row], self.bodies[row] = "", NO_BODY
+        if len(self.contacts):
+            self.contacts = self.contacts[(self.contacts != uid).all(axis=1)]
+            self.passing = self.passing[(self.passing != uid).all(axis=1)]
+        self.placed_uids.discard(uid)
+        if row == self.n - 1:
+            self._trim()
+        self.touch()
+
+    def clear(self) -> None:
+        """Remove all entities. Roads, lights, frame, random generator and the count of ids stay."""
+        self._rows = {}
+        self.routes = {}
+        self.contacts = self.passing = NO_CONTACTS
+        self.placed_uids.clear()
+        self.paths.clear()
+        self._allocate(0)
+        self.touch()
+
+    def reset(self, seed: int | None = None) -> None:
+        """Become a new, empty world at frame 0 on the same roads. Ids and the cycles of the lights begin again.
+
+        Args:
+            seed: not negative; None for the same seed as before.
+
+        Raises:
+            ValueError: the seed is negative. The world is as it was.
+        """
+        seed = self.seed if seed is None else seed
+        if seed < 0:
+            raise ValueError(f"seed: expected non-negative, got {seed}")
+        self.clear()
+        self.seed = seed
+        self.frame = 0
+        self.is_scoring = False
+        self.signals = Signals(self.signals.plan)
+        self._next_uid = FIRST_UID
+
+    def lay_roads(self, roads: Roads, plan: SignalPlan | None = None) -> None:
+        """Replace the roads. The lights begin their cycles now; lane followers stop where they are.
+
+        Entities are put onto the new ground, if it is not flat.
+
+        Args:
+            roads: the new lanes.
+            plan: their traffic lights; None for none.
+
+        Raises:
+            ValueError: the plan was made for other roads. The world is as it was.
+        """
+        plan = plan or SignalPlan(roads)
+        if len(plan.light_of_lane) != len(roads):
+            raise ValueError(f"the plan is for {len(plan.light_of_lane)} lanes, the roads have {len(roads)}")
+        for row in np.flatnonzero(self.has_lane).tolist():  # rare: the map changes while vehicles drive on it
+            self.place(row, x=self.x[row], y=self.y[row], z=self.z[row], yaw=self.yaw[row], speed=0.0)
+        was_flat = self.roads.is_flat
+        self.roads, self.signals = roads, Signals(plan, self.frame)
+        self.int_block("near_lane", "open_reds")[:] = 0  # rows of the former lanes
+        self.touch()
+        if not roads.is_flat:
+            rows = np.flatnonzero(self.alive & ~self.is_ghost)
+            settle(self, roads, rows, self.z[rows])
+        elif not was_flat:
+            keep_level(self)
+
+    def start_scoring(self) -> None:
+        """Keep the scores of all egos from this frame on, until the next `reset`; twice is no error. See `score`."""
+        if not self.is_scoring:
+            self.is_scoring = True
+            self.reset_scores()
+
+    def reset_scores(self) -> None:
+        """Begin the scores of all egos anew at this frame; nothing while none are kept."""
+        if self.is_scoring:
+            for row in self.rows(Kind.EGO).tolist():
+                self._begin_score(row)
+
+    def row(self, uid: int) -> int:
+        """Return the row of an entity.
+
+        Raises:
+            KeyError: no entity has this id.
+        """
+        return self._rows[uid]
+
+    def rows(self, kind: Kind) -> IntArray:
+        """Return the rows of a kind in order of spawning, (k,) int64; do not write into the array."""
+        return self.derived(_RowsByKind).rows[kind]
+
+    def placed(self) -> Iterator[int]:
+        """Yield the rows in use in order of spawning."""
+        return iter(self._rows.values())
+
+    def __contains__(self, uid: object) -> bool:
+        return uid in self._rows
+
+    def __len__(self) -> int:
+        return len(self._rows)
+
+    # -- snapshots
+
+    def snapshot(self) -> Snapshot:
+        """Return a copy of everything that decides what the world will do."""
+        return Snapshot(
+            frame=self.frame,
+            seed=self.seed,
+            next_uid=self._next_uid,
+            uids=tuple(self._rows.items()),
+            names=tuple(self.names),
+            bodies=tuple(self.bodies),
+            floats=self._floats[:, : self.n].copy(),
+            ints=self._ints[:, : self.n].copy(),
+            bools=self._bools[:, : self.n].copy(),
+            paths=self.paths.snapshot(),
+            contacts=self.contacts.copy(),
+            roads=self.roads,
+            signals=self.signals.snapshot(),
+            routes=dict(self.routes),
+            is_scoring=self.is_scoring,
+            dynamics=self.dynamics,
+            is_creeping=self.is_creeping,
+            has_stability_control=self.has_stability_control,
+            has_impacts=self.has_impacts,
+            passing=self.passing.copy(),
+            placed_uids=tuple(sorted(self.placed_uids)),
+            turn_shares=self.turn_shares,
+        )
+
+    def restore(self, saved: Snapshot) -> None:
+        """Become what the snapshot holds: the same calls from here on give the same bits."""
+        self.clear()
+        n = len(saved.names)
+        self._allocate(n)
+        self._floats[:, :n], self._ints[:, :n], self._bools[:, :n] = saved.floats, saved.ints, saved.bools
+        self.names, self.bodies = list(saved.names), list(saved.bodies)
+        self._rows = dict(saved.uids)
+        self.paths.restore(saved.paths)
+        self.contacts = saved.contacts.copy()
+        self.roads, self.signals = saved.roads, Signals.restored(saved.signals)
+        self.routes = dict(saved.routes)
+        self.frame, self.seed, self._next_uid = saved.frame, saved.seed, saved.next_uid
+        self.is_scoring = saved.is_scoring
+        self.dynamics, self.is_creeping = saved.dynamics, saved.is_creeping
+        self.has_stability_control = saved.has_stability_control
+        self.has_impacts, self.passing = saved.has_impacts, saved.passing.copy()
+        self.placed_uids = set(saved.placed_uids)
+        self.turn_shares = saved.turn_shares
+        self.touch()
+
+    def model_figures(self) -> bytes:
+        """Return the figures of bodies and models that `digest` leaves out, because older digests do not have them."""
+        columns = self._floats[:, : self.n].tobytes() if self.dynamics == Dynamics.KINEMATIC else b""
+        return columns + b"".join(map(figures_of, self.bodies))
+
+    def restore_driven(self, uid: int, saved: Snapshot) -> None:
+        """Restore one EGO from a snapshot; the rest of the world stays as it is.
+
+        Args:
+            uid: id of an EGO that is in the world and in the snapshot.
+            saved: the snapshot.
+        """
+        row, before = self._rows[uid], dict(saved.uids)[uid]
+        self._floats[:, row], self._ints[:, row] = saved.floats[:, before], saved.ints[:, before]
+        self._bools[:, row] = saved.bools[:, before]
+        self.touch()
+
+    def digest(self) -> str:
+        """Return a hash of the whole state, 32 hexadecimal digits: equal worlds have equal digests."""
+        state = blake2b(digest_size=16)
+        counts = (self.frame, self.seed, self._next_uid, self.n)
+        state.update(repr((counts, list(self._rows.items()))).encode())
+        num_floats, num_ints, num_bools = (None, None, None) if self.is_scoring else NUM_CORE
+        if self.has_impacts:
+            state.update(b"impacts" + repr(sorted(self.placed_uids)).encode() + self.passing.tobytes())
+        if self.turn_shares is not None:
+            state.update(b"turn shares" + np.array(astuple(self.turn_shares), dtype=np.float64).tobytes())
+        if self.dynamics == Dynamics.KINEMATIC and not self.has_impacts:
+            state.update(self._floats[KINEMATIC_ALL if self.is_scoring else KINEMATIC_CORE, : self.n].tobytes())
+            changes = self.block(LANE_CHANGE_COLUMNS[0], LANE_CHANGE_COLUMNS[-1])
+            if changes.any():
+                state.update(b"lane changes" + changes.tobytes())
+        else:
+            state.update(self.dynamics.name.lower().replace("_", "-").encode())
+            state.update(self._floats[:num_floats, : self.n].tobytes())
+        ints = self._ints[:num_ints, : self.n]
+        if not self.yields.any():  # older digests do not have this column
+            ints = np.delete(ints, _YIELDS, axis=0)
+        state.update(ints.tobytes())
+        state.update(self._bools[:num_bools, : self.n].tobytes())
+        state.update(self.contacts.tobytes())
+        state.update(self.paths.digest())
+        state.update(self.roads.digest)
+        state.update(self.signals.digest())
+        for uid, route in self.routes.items():
+            state.update(uid.to_bytes(4) + route.tobytes())
+        return state.hexdigest()
+
+    # -- for the other modules of `world`
+
+    def touch(self) -> None:
+        """Drop what was derived from the arrays: an entity has come or gone, stopped or started, or been placed."""
+        self._derived.clear()
+
+    def derived(self, make: Callable[[World], T]) -> T:
+        """Return `make(world)`, made once and kept until the next `touch`."""
+        value = self._derived.get(make)
+        if value is None:
+            value = self._derived[make] = make(self)
+        return cast("T", value)  # the key says what the value is
+
+    def place(self, row: int, *, x: float, y: float, z: float, yaw: float, speed: float) -> None:
+        """Place a row on a straight leg that never ends, without acceleration. Nothing is checked.
+
+        Args:
+            row: any row in use; it leaves its path or lane.
+            x: reference point, east [m].
+            y: reference point, north [m].
+            z: reference point, up [m].
+            yaw: heading; any angle is wrapped [rad].
+            speed: along the heading [m/s].
+        """
+        self._leave_path_or_lane(row)
+        # Numpy takes 5 us for one angle. Nearly all are wrapped already, and then keep their bits.
+        wrapped = yaw if -_SURELY_WRAPPED < yaw < _SURELY_WRAPPED else wrap_angle(yaw)
+        self.x[row], self.y[row], self.z[row], self.yaw[row] = x, y, z, wrapped
+        self.speed[row], self.accel[row], self.lateral_accel[row], self.yaw_rate[row] = speed, 0.0, 0.0, 0.0
+        self.start_within[row] = self.start_speed[row] = 0.0
+        self.arc[row], self.leg_start[row], self.leg_end[row] = 0.0, 0.0, np.inf
+        self.leg_x[row], self.leg_y[row], self.leg_z[row] = x, y, z
+        self.leg_dx[row], self.leg_dy[row], self.leg_dz[row] = math.cos(yaw), math.sin(yaw), 0.0
+        self.leg_yaw[row], self.leg_turn[row] = wrapped, 0.0
+        self.climb[row] = self.climb_accel[row] = 0.0
+        self.block("drive_lag", "roll_rate")[:, row] = 0.0
+        if self.loose[row]:
+            self.loose[row] = 0.0
+            self.touch()
+        if self.has_impacts:
+            self.placed_uids.add(self.uid.item(row))
+        if self.kind[row] != Kind.EGO:
+            self.touch()  # it may move now, or no longer
+            return
+        self.friction[row] = ROAD_FRICTION  # until the next look at the ground
+        if self.is_scoring:  # it has driven over no line on its way here
+            self.near_lane[row] = self.open_line[row] = 0
+
+    def tilt(self, row: int, *, roll: float, pitch: float) -> None:
+        """Set roll and pitch of a row and of the ground below it [rad]; nothing is checked."""
+        self.roll[row], self.pitch[row] = roll, pitch
+        if self.kind[row] == Kind.EGO:
+            self.ground_roll[row], self.ground_pitch[row] = roll, pitch
+
+    def place_all(
+        self, rows: IntArray, *, x: FloatArray, y: FloatArray, z: FloatArray, yaw: FloatArray, speed: FloatArray
+    ) -> None:
+        """Place many rows as `place` does; all arguments are (m,), and no row comes twice."""
+        for row in rows[self.has_lane[rows] | self.has_path[rows]].tolist():
+            self._leave_path_or_lane(row)
+        self.x[rows], self.y[rows], self.z[rows], self.yaw[rows] = x, y, z, wrap_angle(yaw)
+        self.speed[rows], self.accel[rows], self.lateral_accel[rows], self.yaw_rate[rows] = speed, 0.0, 0.0, 0.0
+        self.start_within[rows] = self.start_speed[rows] = 0.0
+        self.arc[rows], self.leg_start[rows], self.leg_end[rows] = 0.0, 0.0, np.inf
+        self.leg_x[rows], self.leg_y[rows], self.leg_z[rows] = x, y, z
+        headings = yaw.tolist()  # by the functions that `place` uses: numpy's can differ in the last bit
+        self.leg_dx[rows], self.leg_dy[rows] = list(map(math.cos, headings)), list(map(math.sin, headings))
+        self.leg_dz[rows] = 0.0
+        self.leg_yaw[rows], self.leg_turn[rows] = self.yaw[rows], 0.0
+        self.climb[rows] = self.climb_accel[rows] = 0.0
+        self.block("drive_lag", "roll_rate")[:, rows] = 0.0
+        self.loose[rows] = 0.0
+        if self.has_impacts:
+            self.placed_uids.update(self.uid[rows].tolist())
+        self.near_lane[rows] = self.open_line[rows] = 0
+        self.touch()
+
+    # -- internals
+
+    def _choose_uid(self, uid: int | None) -> tuple[int, int]:
+        """Return the id to give and the next one to hand out after it."""
+        if uid is None:
+            if self._next_uid > MAX_UID:
+                raise ValueError("uid: all ids were given; they begin anew with a reset")
+            return self._next_uid, self._next_uid + 1
+        if not 0 <= uid <= MAX_UID:
+            raise ValueError(f"uid: expected 0..{MAX_UID}, got {uid!r}")
+        if uid in self._rows:
+            raise ValueError(f"uid: {uid} is in use")
+        return int(uid), max(self._next_uid, int(uid) + 1)
+
+    def _begin_score(self, row: int) -> None:
+        """Begin the score of an ego anew at this frame."""
+        for block, num_core in zip((self._floats, self._ints, self._bools), NUM_CORE, strict=True):
+            block[num_core:, row] = 0
+        self.score_since[row] = self.frame
+        self.time_to_collision[row] = self.min_time_to_collision[row] = math.inf
+
+    def _trim(self) -> None:
+        """Drop the free rows at the end."""
+        alive = np.flatnonzero(self.alive)
+        self._bind(int(alive[-1]) + 1 if len(alive) else 0)
+
+    def _take_row(self) -> int:
+        """Return the first row that is free, after making one if there is none."""
+        if len(self._rows) < self.n:
+            return int(self.alive.argmin())
+        row = self.n
+        if row == self._floats.shape[1]:
+            self._grow(row + 1)
+        self._bind(row + 1)
+        return row
+
+    def _equip(self, row: int, body: Body) -> None:
+        """Write what a new EGO has of its own: the limits of its body, its controls, and its score."""
+        for column in _BODY_COLUMNS:
+            getattr(self, column)[row] = getattr(body, _BODY_COLUMNS[column])
+        self.friction[row] = ROAD_FRICTION
+        update_control_columns(self, row, is_creeping=self.is_creeping)
+        if self.is_scoring:
+            self._begin_score(row)
+
+    def _join_path(self, row: int, base: int, segments: Segments, *, is_loop: bool) -> None:
+        """Have a row follow a path that is in the store already."""
+        self.has_path[row], self.is_loop[row] = True, is_loop
+        self.path_base[row], self.path_length[row] = base, segments[-1, END]
+        self._enter_path(row, segments)
+
+    def _enter_path(self, row: int, segments: Segments) -> None:
+        """Place a row on its path, at the point nearest to it."""
+        ends = np.concatenate([segments[:, X : Z + 1], segments[-1:, X : Z + 1]])
+        ends[-1] += segments[-1, DX : DZ + 1] * (segments[-1, END] - segments[-1, START])
+        near = nearest_on_polyline(ends, self.x[row], self.y[row])
+        leg = segments[near.segment[0]]
+        # The foot point was searched in the plane; along a slope the path is longer than that.
+        flat = math.hypot(leg[DX], leg[DY])
+        part = math.hypot(near.x[0] - leg[X], near.y[0] - leg[Y]) / flat if flat > 0.0 else 0.0
+        arc = min(leg[START] + part, leg[END])
+        self.arc[row] = arc
+        self.yaw[row] = leg[YAW] + (arc - leg[START]) * leg[TURN]
+        for column, value in zip(LEG_COLUMNS, leg, strict=True):
+            getattr(self, column)[row] = value
+        self.x[row], self.y[row], self.z[row] = leg[X : Z + 1] + leg[DX : DZ + 1] * (arc - leg[START])
+
+    def _leave_path_or_lane(self, row: int) -> None:
+        """Take a row off its path and its lane."""
+        if self.has_lane[row]:
+            self.routes.pop(int(self.uid[row]), None)
+            for column in _LANE_COLUMNS:
+                getattr(self, column)[row] = 0
+            self.touch()
+        if not self.has_path[row]:
+            return
+        self.has_path[row] = self.is_loop[row] = False
+        self.path_base[row], self.path_length[row] = 0, 0.0
+        self.yields[row], self.desired_speed[row] = 0, 0.0
+        if self.paths.remove(int(self.uid[row])):
+            for other in np.flatnonzero(self.has_path):  # rare: the store was compacted
+                self.path_base[other] = self.paths.base(int(self.uid[other]))
+
+
+class _RowsByKind:
+    """The rows of each kind, in order of spawning."""
+
+    def __init__(self, world: World) -> None:
+        rows = np.fromiter((row for row in world.placed()), dtype=np.int64)
+        self.rows: dict[Kind, IntArray] = {kind: rows[world.kind[rows] == kind] for kind in Kind}

@@ -1,0 +1,276 @@
+"""Motion of driven rows: the kinematic single track model with actuator limits.
+
+The model. The reference point is the middle of the rear axle. There the velocity lies along the heading, so with speed
+v, front wheel angle d and wheelbase L
+
+    x' = v cos(yaw)     y' = v sin(yaw)     yaw' = v tan(d) / L
+
+*Steering*: d follows the command with at most `max_steer_rate`; commands are clipped at `max_steer`.
+
+*Longitudinal*: with throttle p and brake b (0..1), g = +1 in D, -1 in R, 0 in N and P,
+
+    v' = g max_accel p  -  sign(v) (max_decel b + rolling + drag v^2)        [P adds max_decel to the bracket]
+
+The bracket is friction: it slows down and holds, but never reverses the motion. So a vehicle at rest stays at exactly
+0.0 until the throttle overcomes it.
+
+*Controller* of the modes SPEED and ACCEL: the wanted acceleration a, counted in the direction of the gear, is
+(target - v) / dt within the limits of the speed mode, or the command. The pedals come from solving the line above:
+p = (a + rolling + drag v^2) / max_accel if that is positive, else b = -(...) / max_decel, both clipped at 1. So the
+reported pedals are those that act. A speed is reached without overshoot, because model and inverse are the same.
+
+*Integration* of one step. The acceleration is that at the beginning of the step, so v is linear within it and the
+distance is s = (v0 + v1) / 2 dt. The wheel angle d is that in the middle of the step. The turn is s tan(d) / L = 2h,
+and the path is a circular arc with the exact chord s sin(h) / h in the direction yaw + h. At constant steering every
+step therefore ends on the true circle for any dt; otherwise the error falls with dt.
+
+Limits of the model: no slip, so it takes any bend at any speed (beyond about 4 m/s^2 of lateral acceleration a real
+car drifts to the outside). No pitch, no slope, no load transfer, no engine lag.
+
+That is `Dynamics.KINEMATIC`. The equations of `Dynamics.SINGLE_TRACK` are in `single_track`; here they are applied to
+the rows: to few rows one by one as Python floats, to many as arrays. Both give the same bits.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.state.entity_arrays import FLOATS as COLUMNS
+from rosbridge_sim.world.state.recorded_equations import RECORDED, Recorder, Value
+from rosbridge_sim.world.state.row_program import RowProgram
+from rosbridge_sim.world.state.world import BoolArray, Dynamics, Kind, Mode, World
+from rosbridge_sim.world.vehicle.ground import find_friction
+from rosbridge_sim.world.vehicle.operators import FLOATS
+from rosbridge_sim.world.vehicle.single_track import Car, advance, make_car
+
+__all__ = ["drive"]
+
+ULP_PI: Final = math.ulp(math.pi)
+"""From pi to the next number [rad]."""
+
+FEW: Final = 4
+"""Up to this number of rows, single floats are faster than arrays: 35 us for each row, or 150 us for all."""
+
+TINY: Final = 1e-150
+"""Added to h, so that sin(h) / h is TINY / TINY = 1 at h = 0; any other h keeps all its bits."""
+
+
+def drive(world: World, dt: float) -> None:
+    """Move all driven rows; see the head of this file for the equations.
+
+    Args:
+        world: written in place.
+        dt: length of the step [s].
+    """
+    driven = world.derived(_Driven) if world.dynamics == Dynamics.KINEMATIC else world.derived(_SingleTrack)
+    if driven.num:
+        driven.advance(dt)
+
+
+def _find_driven(world: World) -> IntArray:
+    """Return the rows that the model moves, (k,) int64."""
+    return np.flatnonzero(world.alive & (world.kind == Kind.EGO) & ~world.is_ghost & (world.loose == 0.0))
+
+
+class _SingleTrack:
+    """The driven rows of the single track model. It lives until the next `World.touch`."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.rows = _find_driven(world)
+        self.num = len(self.rows)
+        self.dt = 0.0
+
+    def advance(self, dt: float) -> None:
+        """Move the rows by `dt` [s]."""
+        if dt != self.dt:
+            self._prepare(dt)
+        find_friction(self.world, self.rows)
+        if self.num > FEW:
+            self.program.run()
+        else:
+            self._advance_floats()
+
+    def _prepare(self, dt: float) -> None:
+        """Work out what follows from bodies alone."""
+        self.dt = dt
+        if self.num > FEW:
+            self._write_program()
+            return
+        world, rows = self.world, self.rows
+        self._inputs = world.block("rear_steer_cmd", "steer_cmd"), world.block("throttle", "speed")
+        self._outputs = world.block("rear_steer", "roll"), world.block("throttle", "speed")
+        body, limits = world.block("front_load", "engine_drag")[:, rows], world.block("wheelbase", "drag")[:, rows]
+        self._cars: list[tuple[int, Car[float]]] = [
+            (row, make_car(FLOATS, a, b, dt, is_stable=world.has_stability_control))
+            for row, a, b in zip(rows.tolist(), body.T.tolist(), limits.T.tolist(), strict=True)
+        ]
+
+    def _write_program(self) -> None:
+        program = self.program = RowProgram(self.world, self.rows, "front_load", "speed", written_from="rear_steer")
+        recorder = Recorder(program.num)
+
+        def columns(first: str, last: str) -> list[FloatArray]:
+            return list(program.values[COLUMNS.index(first) : COLUMNS.index(last) + 1])
+
+        def given(first: str, last: str) -> list[Value]:
+            return [recorder.given(column) for column in columns(first, last)]
+
+        car = make_car(
+            RECORDED,
+            given("front_load", "engine_drag"),
+            given("wheelbase", "drag"),
+            self.dt,
+            is_stable=self.world.has_stability_control,
+        )
+        now = given("rear_steer_cmd", "steer_cmd") + given("throttle", "speed")
+        after = advance(RECORDED, car, now, self.dt)
+        recorder.finish(program, after, columns("rear_steer", "roll") + columns("throttle", "speed"))
+
+    def _advance_floats(self) -> None:
+        (first, second), (state, pose) = self._inputs, self._outputs
+        num = len(state)
+        for row, car in self._cars:
+            after = advance(FLOATS, car, first[:, row].tolist() + second[:, row].tolist(), self.dt)
+            state[:, row] = after[:num]
+            pose[:, row] = after[num:]
+
+
+class _Driven:
+    """The driven rows of the kinematic model and the numpy calls that move them.
+
+    It lives until the next `World.touch`: until an entity comes or goes, changes gear, or switches between pedals and
+    controller. So everything that follows from body, mode and gear alone is worked out here, once. Friction and pedals
+    are counted in change of speed for each step [m/s].
+    """
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.rows = _find_driven(world)
+        self.num = len(self.rows)
+        self.dt = 0.0
+
+    def advance(self, dt: float) -> None:
+        """Move the rows by `dt` [s]."""
+        if dt != self.dt:
+            self.dt = dt
+            self._write_program()
+        self.program.run()
+
+    def _write_program(self) -> None:
+        program = self.program = RowProgram(self.world, self.rows, "target", "speed", written_from="throttle")
+        # In the order of `entity_arrays.FLOATS`; a count that does not fit fails here.
+        self.target, self.accel_max, self.accel_min, self.throttle_max = program.values[:4]
+        self.sense, self.full_throttle, self.holding, self.steer_cmd = program.values[4:8]
+        self.wheelbase, self.steer_rate, self.max_accel, self.max_decel, self.rolling, self.drag = program.values[8:14]
+        self.throttle, self.brake, self.steer, self.accel, self.lateral_accel, self.yaw_rate = program.values[14:20]
+        self.x, self.y, self.yaw, self.speed = program.values[20:]
+        resist, distance, *spare = np.empty((5, program.num))
+        self._resist(resist)
+        is_auto = self.world.mode[program.rows] != Mode.PEDALS
+        if is_auto.any():
+            self._press(is_auto, resist, *spare)
+        self._accelerate(resist, distance, *spare)
+        self._steer(distance, half_turn=resist, change=spare[0])
+        self._follow_arc(distance, resist, *spare[:2])
+
+    def _resist(self, resist: FloatArray) -> None:
+        """Add the calls for the resistance without a pedal, rolling + drag v^2."""
+        do, constant = self.program.do, self.program.constant
+        do(np.multiply, self.speed, self.speed, resist)
+        do(np.multiply, resist, constant(self.drag * self.dt), resist)
+        do(np.add, resist, constant(self.rolling * self.dt), resist)
+
+    def _press(
+        self, is_auto: BoolArray, resist: FloatArray, need: FloatArray, throttle: FloatArray, brake: FloatArray
+    ) -> None:
+        """Add the calls for the controller's pedals, from the wanted change of speed."""
+        do, constant = self.program.do, self.program.constant
+        is_all = bool(is_auto.all())
+        if is_all:
+            throttle, brake = self.throttle, self.brake
+        dt, zero, one = constant(self.dt), constant(0.0), constant(1.0)
+        do(np.multiply, self.speed, self.sense, need)
+        do(np.subtract, self.target, need, need)
+        do(np.divide, need, dt, need)
+        do(np.fmin, need, self.accel_max, need)
+        do(np.fmax, need, self.accel_min, need)
+        do(np.multiply, need, dt, need)
+        do(np.add, need, resist, need)
+        do(np.divide, need, constant(self.max_accel * self.dt), throttle)
+        do(np.fmax, throttle, zero, throttle)
+        do(np.fmin, throttle, self.throttle_max, throttle)
+        do(np.divide, need, constant(-self.max_decel * self.dt), brake)
+        do(np.fmax, brake, zero, brake)
+        do(np.fmin, brake, one, brake)
+        if not is_all:
+            do(partial(np.copyto, self.throttle, throttle, where=is_auto))
+            do(partial(np.copyto, self.brake, brake, where=is_auto))
+
+    def _accelerate(
+        self, resist: FloatArray, distance: FloatArray, push: FloatArray, friction: FloatArray, after: FloatArray
+    ) -> None:
+        """Add the calls for throttle, then friction, which takes at most all of the motion: v - clip(v, -f, f)."""
+        do, constant = self.program.do, self.program.constant
+        do(np.multiply, self.throttle, constant(self.full_throttle * self.dt), push)
+        do(np.add, self.speed, push, after)
+        do(np.multiply, self.brake, constant(self.max_decel * self.dt), friction)
+        do(np.add, friction, resist, friction)
+        do(np.add, friction, constant(self.holding * self.dt), friction)
+        do(np.negative, friction, resist)
+        do(np.fmin, after, friction, friction)
+        do(np.fmax, friction, resist, friction)
+        do(np.subtract, after, friction, after)
+        do(np.subtract, push, friction, self.accel)
+        do(np.divide, self.accel, constant(self.dt), self.accel)
+        do(np.add, self.speed, after, distance)
+        do(np.multiply, distance, constant(self.dt / 2), distance)
+        do(np.copyto, self.speed, after)
+
+    def _steer(self, distance: FloatArray, half_turn: FloatArray, change: FloatArray) -> None:
+        """Add the calls that turn the wheels, and the car by their angle in the middle of the step."""
+        do, constant = self.program.do, self.program.constant
+        do(np.subtract, self.steer_cmd, self.steer, change)
+        do(np.fmin, change, constant(self.steer_rate * self.dt), change)
+        do(np.fmax, change, constant(-self.steer_rate * self.dt), change)
+        do(np.add, self.steer, change, self.steer)
+        do(np.multiply, change, constant(0.5), change)
+        do(np.subtract, self.steer, change, half_turn)
+        do(np.tan, half_turn, half_turn)
+        do(np.divide, half_turn, constant(2.0 * self.wheelbase), half_turn)
+        do(np.multiply, half_turn, distance, half_turn)
+        do(np.multiply, half_turn, constant(2.0 / self.dt), self.yaw_rate)
+        do(np.multiply, self.yaw_rate, self.speed, self.lateral_accel)
+
+    def _follow_arc(self, distance: FloatArray, half_turn: FloatArray, course: FloatArray, part: FloatArray) -> None:
+        """Add the calls for the chord of the arc, in the direction of the heading in the middle of the step."""
+        do, constant = self.program.do, self.program.constant
+        is_outside = np.empty(self.program.num, dtype=bool)
+        do(np.add, self.yaw, half_turn, course)
+        do(np.add, course, half_turn, self.yaw)
+        do(np.add, half_turn, constant(TINY), half_turn)
+        do(np.sin, half_turn, part)
+        do(np.divide, part, half_turn, part)
+        do(np.multiply, distance, part, distance)
+        do(np.cos, course, part)
+        do(np.multiply, part, distance, part)
+        do(np.add, self.x, part, self.x)
+        do(np.sin, course, part)
+        do(np.multiply, part, distance, part)
+        do(np.add, self.y, part, self.y)
+        # A hair less, so that of the two borders -pi alone is outside: a car that goes due west costs nothing extra.
+        do(np.subtract, self.yaw, constant(ULP_PI), part)
+        do(np.absolute, part, part)
+        do(np.greater_equal, part, constant(math.pi), is_outside)
+        do(_wrap, self.yaw, is_outside)
+
+
+def _wrap(yaw: FloatArray, is_outside: BoolArray) -> None:
+    """Bring headings back into (-pi, pi], in place; this is rarely needed."""
+    if np.count_nonzero(is_outside):
+        yaw[:] = wrap_angle(yaw)

@@ -1,0 +1,67 @@
+"""Friction of the ground below driven rows: that of a road, or less beside all roads.
+
+It is looked up only where it counts: every `INTERVAL` steps, for rows whose tyres or brakes use so much of it that the
+two kinds of ground differ. Until then a row keeps the last value. On a map without lanes all is road.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.entity_types import ROAD_FRICTION
+from rosbridge_sim.world.state.world import World
+
+__all__ = ["INTERVAL", "NEAR_LIMIT", "OFF_ROAD_FRICTION", "are_on_road", "find_friction"]
+
+OFF_ROAD_FRICTION: Final = 0.6
+"""Friction of gravel (Wong, Theory of Ground Vehicles, table 1.3); dry earth has a little more."""
+
+INTERVAL: Final = 5
+"""Steps from one look to the next: a tenth of a second, in which a car at 20 m/s goes half its length."""
+
+NEAR_LIMIT: Final = 3.0
+"""A row uses its grip when its acceleration is above this, or its brake pedal could make it so [m/s^2]. It is half of
+what the ground beside roads can give: below, the two kinds of ground change the path by a few per cent."""
+
+MAX_EDGE: Final = 20.0
+"""No edge is farther from its lane's line [m]; `morai.maps` takes no farther one for the lane's own."""
+
+
+def find_friction(world: World, rows: IntArray) -> None:
+    """Bring the friction below some rows up to date, if this frame is one for a look.
+
+    Args:
+        world: written in place.
+        rows: (k,) int64, driven rows.
+    """
+    if world.frame % INTERVAL or not len(world.roads):
+        return
+    accel, lateral = world.accel[rows], world.lateral_accel[rows]
+    near = (accel * accel + lateral * lateral > NEAR_LIMIT * NEAR_LIMIT).nonzero()[0]
+    if len(near):
+        those = rows[near]
+        is_on = are_on_road(world.roads, world.x[those], world.y[those], world.z[those])
+        world.friction[those] = np.where(is_on, ROAD_FRICTION, OFF_ROAD_FRICTION)
+
+
+def are_on_road(roads: Roads, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
+    """Return which places are within the edges of any lane.
+
+    Args:
+        roads: at least one lane.
+        x: (k,) east [m].
+        y: (k,) north [m].
+        z: (k,) heights; lanes on another level do not count, unless the map is flat [m].
+    """
+    owner, places = roads.within(x, y, np.full(len(x), MAX_EDGE))
+    to_left, to_right = roads.beside(places)
+    is_within = (to_left >= 0.0) & (to_right >= 0.0)
+    if not roads.is_flat:
+        is_within &= roads.are_level(places, z[owner])
+    is_on = np.zeros(len(x), dtype=bool)
+    is_on[owner[is_within]] = True
+    return is_on

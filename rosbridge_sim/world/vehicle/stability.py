@@ -1,0 +1,121 @@
+"""Stability control of driven rows in the single track model: brake forces that leave grip across, and a yaw control.
+
+New cars in the EU must have it (Regulation (EU) 2019/2144; tests in UN Regulation 140).
+
+*Brakes*. At rest and straight on, both axles are braked in proportion to their loads, which is the ideal distribution.
+In a bend that is not enough: braking unloads the rear axle, but the force across that holds the car's tail in the bend
+stays. So an axle that carries a force F across keeps grip for `RESERVE` times as much, and along it gets at most
+
+    X = SHARE_OF_GRIP sqrt((mu N)^2 - (RESERVE F)^2)                  RESERVE F at most a share of mu N
+
+What the rear axle may not take goes to the front, within the same bound there. The rest is lost: the car brakes less.
+The same bound holds for the engine, as traction control.
+
+*Yaw control*. A car that is neither too fast nor sliding turns with the yaw rate
+
+    r_0 = u (tan(d_f) - tan(d_r)) / (L + K u^2)      K = (1 / C_f - 1 / C_r) / g, its understeer, at least 0
+
+and with no more than mu g / u. Where the car turns faster than that in either direction by more than `DEADBAND`, the
+wheels of one side are braked, which changes the yaw rate by -`GAIN` times the excess. The wheels of one side can brake
+with `SIDE_SHARE` of the grip of the whole car at half a track. So hard a brake is the least that acts: the car slows.
+
+Limits of the model: one wheel stands for an axle, so the force of one side turns the car but changes no tyre's grip by
+itself. Only turning too much is corrected, not sliding straight on.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Generic, NamedTuple
+
+from rosbridge_sim.world.vehicle.operators import Operators, V
+
+__all__ = ["FRONT_RESERVE", "REAR_RESERVE", "YawControl", "correct", "make_control", "share_along"]
+
+G: Final = 9.80665
+"""Acceleration of free fall [m/s^2]."""
+
+RESERVE: Final = 1.25
+"""Grip that is kept across, for each newton that an axle carries across. A tyre needs more slip, and so time, for more
+force than it has; with 1 a car in a bend that tightens slides before the brakes give way."""
+
+FRONT_RESERVE: Final = 0.85
+REAR_RESERVE: Final = 0.97
+"""Share of its grip that an axle can keep across. A car at full lock must still brake: at the front half of its grip is
+left along. The rear axle may give up nearly all of its brakes, as a tail that slides cannot be caught by the driver."""
+
+DEADBAND: Final = 0.06
+"""Excess of the yaw rate that is no fault [rad/s]: 3.4 degrees a second. Usual lane changes stay within it."""
+
+GAIN: Final = 12.0
+"""Change of the yaw rate for each unit of excess [1/s]: a quarter of 1 / dt, so the explicit step cannot swing."""
+
+SIDE_SHARE: Final = 0.3
+"""Force of the brakes of one side that turns the car, as a share of the grip of the car: of a half, three fifths."""
+
+HALF_TRACK: Final = 0.28
+"""Half of the track, for each metre of the wheelbase: 0.76 m of 2.7 m, usual for passenger cars."""
+
+MIN_SPEED: Final = 3.0
+"""Yaw rates are bounded as at this speed at least [m/s]; below it, tyres have no part in the motion."""
+
+
+class YawControl(NamedTuple, Generic[V]):
+    """Constants of the yaw control that follow from the body.
+
+    Attributes:
+        wheelbase: L [m].
+        understeer: K [s^2/m].
+        lever: change of the yaw rate by the brakes of one side, for each of their force [rad/m].
+    """
+
+    wheelbase: V
+    understeer: V
+    lever: V
+
+
+def make_control(to_axles: tuple[V, V], dynamic_index: V, stiffness: tuple[V, V]) -> YawControl[V]:
+    """Return the constants of a car.
+
+    Args:
+        to_axles: distances of the centre of gravity from the front and the rear axle [m].
+        dynamic_index: as in `Body`.
+        stiffness: of the front and the rear tyres, for each newton of load [1/rad].
+    """
+    (to_front, to_rear), (front, rear) = to_axles, stiffness
+    wheelbase = to_front + to_rear
+    lever = HALF_TRACK * wheelbase / (dynamic_index * to_front * to_rear)
+    return YawControl(wheelbase, (1.0 / front - 1.0 / rear) * (1.0 / G), lever)
+
+
+def correct(do: Operators[V], control: YawControl[V], grip: V, motion: tuple[V, V], turned: V) -> tuple[V, V]:
+    """Return the change of the yaw rate by brakes of one side [rad/s^2], and their force [N/kg].
+
+    Args:
+        do: of the numbers' type.
+        control: of the car.
+        grip: of all tyres, for each newton of load.
+        motion: speed along the body [m/s] and yaw rate [rad/s].
+        turned: tangent of the front wheels' angle less that of the rear wheels.
+    """
+    least, most = do.least, do.most
+    u, r = motion
+    bound = G * grip / most(do.magnitude(u), MIN_SPEED)
+    wanted = u * turned / (control.wheelbase + most(control.understeer, 0.0) * (u * u))
+    wanted = most(least(wanted, bound), -bound)
+    # Too much to the left is above the greater one of the wanted rate and straight on, to the right below the lesser.
+    left = most(r - most(wanted, 0.0) - DEADBAND, 0.0)
+    right = most(least(wanted, 0.0) - r - DEADBAND, 0.0)
+    force = least((GAIN / control.lever) * (left + right), (SIDE_SHARE * G) * grip)
+    return do.pick(right, force, -force) * control.lever, force
+
+
+def share_along(do: Operators[V], across: V, most_kept: float) -> V:
+    """Return the share of an axle's grip along the wheels that leaves its grip across.
+
+    Args:
+        do: of the numbers' type.
+        across: force across, as a share of the grip.
+        most_kept: share of the grip that it can keep.
+    """
+    kept = do.least(RESERVE * across, most_kept)
+    return do.root(1.0 - kept * kept)

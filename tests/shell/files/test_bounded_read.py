@@ -1,0 +1,36 @@
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.files.bounded_read import read_bounded
+
+
+def test_file_is_read_up_to_its_bound(tmp_path: Path) -> None:
+    path = tmp_path / "x"
+    for size in (0, 1, 2**15, 2**15 + 1):
+        path.write_bytes(b"x" * size)
+        assert read_bounded(path, size) == b"x" * size
+    with pytest.raises(DocumentError, match="expected at most 32,768 bytes; it is longer"):
+        read_bounded(path, 2**15)
+
+
+def test_device_is_refused() -> None:
+    with pytest.raises(DocumentError, match=r"^/dev/null: expected a file, got a pipe or a device; write its content"):
+        read_bounded(Path(os.devnull), 100)
+
+
+def test_pipe_is_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "fifo"
+    os.mkfifo(path)
+    with pytest.raises(DocumentError, match="expected a file, got a pipe"):
+        read_bounded(path, 100)
+
+
+def test_folder_and_missing_file_are_told(tmp_path: Path) -> None:
+    for path, why in ((tmp_path, "Is a directory"), (tmp_path / "none", "No such file or directory")):
+        with pytest.raises(DocumentError, match=f"cannot be read: {why}"):
+            read_bounded(path, 100)

@@ -1,0 +1,161 @@
+"""Drives through the town over the bus, with and without regard to lights; and its traffic."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.topics_services import Topic
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.world.scoring import read_score
+from tests.simulator.sim_harness import Client
+from tests.simulator.town import Crossroads, Driver, RouteLine, StopLineObserver
+from tests.world.traffic_observers import RedRuns, Waits
+
+pytestmark = pytest.mark.slow
+
+LEFT_ROUND = "R1222L1 J22W1N R2223L1 J23S1W R2313L1 J13E1S R1312L1 J12N1E"
+
+
+class LatestMessages(Client):
+    """A client that hears only what is said last, and reads it only when asked."""
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        super().__init__(bus, name)
+        self._last: dict[str, Message] = {}
+
+    def _hear(self, topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
+        self._last[topic.name] = message
+
+    def take(self) -> list[tuple[str, dict[str, Any]]]:
+        """What was said last on each topic since the last time."""
+        heard = [(topic, json.loads(message.json)) for topic, message in self._last.items()]
+        self._last.clear()
+        return heard
+
+
+class Rounds:
+    """Somebody who drives around the block north of the avenue, in the traffic of the built-in scene, over the bus."""
+
+    def __init__(self, *, heeds_lights: bool) -> None:
+        self.town = Crossroads.built_in("town")
+        self._road_map = self.town.node.scene.road_map
+        self._way = RouteLine(self._road_map, LEFT_ROUND.split())
+        self._heeds_lights = heeds_lights
+        self.town.put(-86.0, -1.75)
+        self._ears = LatestMessages(self.town.bus, "/ears")
+        self._ears.listen("/GetTrafficLightStatus", "/Object_topic")
+        self.watchers: list[Callable[[], None]] = []
+        self.start()
+        self.town.bus.subscribe(self._ears, "/clock", self._watch)
+        self.town.client.start(time_step=100)
+        self._tick: dict[str, Any] = self.town.client.tick()
+
+    def start(self) -> None:
+        """Begin a round."""
+        self.driver = Driver(self.town.client, self._road_map, self._way, heeds_lights=self._heeds_lights)
+        self.judge = StopLineObserver(self.town.world, self._way)
+
+    def _watch(self, *_: object) -> None:
+        """After each frame."""
+        assert not len(self.town.world.contacts), "nobody touches anybody"
+        self.judge.watch()
+        for watch in self.watchers:
+            watch()
+
+    def go_on(self) -> None:
+        """Drive for five frames; whoever watches looks at each."""
+        self.driver.hear(self._ears.take())
+        self.driver.drive(self._tick["vehicle_status"])
+        self._tick = self.town.client.tick()
+
+
+@cache  # a round takes as long as ten other tests, and several tests look at it
+def drive_round(*, heeds_lights: bool) -> Rounds:
+    rounds = Rounds(heeds_lights=heeds_lights)
+    rounds.town.world.start_scoring()
+    while not rounds.driver.is_done and rounds.town.world.frame < 25_000:
+        rounds.go_on()
+    assert rounds.driver.is_done
+    return rounds
+
+
+LIGHTS = ["TL22WL", "TL23SL", "TL13E", "TL12N"]
+
+
+def test_client_that_obeys_the_lights_runs_no_red_light() -> None:
+    rounds = drive_round(heeds_lights=True)
+    judge = rounds.judge
+    assert [name for name, _ in judge.passed] == LIGHTS
+    assert judge.red == [], judge.passed
+    assert rounds.town.world.frame * 0.02 < 400.0
+
+
+def test_client_that_ignores_the_lights_is_detected() -> None:
+    judge = drive_round(heeds_lights=False).judge
+    assert [name for name, _ in judge.passed] == LIGHTS
+    assert len(judge.red) >= 2, judge.passed
+
+
+@pytest.mark.parametrize("heeds_lights", [True, False])
+def test_score_agrees_with_the_observer_and_drives_lanes_without_invasion(*, heeds_lights: bool) -> None:
+    rounds = drive_round(heeds_lights=heeds_lights)
+    judge, world = rounds.judge, rounds.town.world
+    score = read_score(world, world.row(0))
+    assert score.num_stop_lines == len(judge.passed) == 4
+    assert score.num_red_lights == len(judge.red)
+    assert (score.num_collisions, score.num_lane_invasions, score.off_road_time) == (0, 0, 0.0)
+    assert score.distance > 400.0
+    assert score.max_lane_offset < 0.5
+    assert score.min_time_to_collision > 0.0
+
+
+@pytest.mark.parametrize("num_frames", [0, pytest.param(9_000, marks=pytest.mark.long)])
+def test_score_of_the_self_driving_ego_agrees_with_the_observer_of_drivers(num_frames: int) -> None:
+    """Until the third stop line; three minutes in the long form."""
+    town = Crossroads.built_in("town")
+    town.client.start(time_step=100)
+    town.client.ask("/Service_MoraiEventCmd", option=1, ctrl_mode=6)
+    world = town.world
+    world.start_scoring()
+    judge = RedRuns(world, np.array([0]))
+    town.node.context.hooks.after_frame.append(lambda _now: judge.watch())
+    while world.frame < num_frames or (judge.num_passed < 3 and world.frame < 9_000):
+        town.client.tick()
+    score = read_score(world, 0)
+    assert score.num_stop_lines >= judge.num_passed >= 3
+    assert (score.num_red_lights, judge.num) == (0, 0)
+    assert (score.num_lane_invasions, score.off_road_time) == (0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("num_frames", "fewest_passed", "shortest_way", "fewest_rounds"),
+    [(3_000, 30, 40.0, 0), pytest.param(30_000, 400, 1_000.0, 2, marks=pytest.mark.long)],
+    ids=["a-minute", "ten-minutes"],
+)
+def test_town_traffic_runs_no_red_light_and_never_gets_stuck(
+    num_frames: int, fewest_passed: int, shortest_way: float, fewest_rounds: int
+) -> None:
+    rounds = Rounds(heeds_lights=True)
+    world = rounds.town.world
+    reds, waits = RedRuns(world), Waits(world)
+    num_rounds = 0
+    rounds.watchers += [reds.watch, waits.watch]
+    while world.frame < num_frames:
+        rounds.go_on()
+        if rounds.driver.is_done:
+            assert rounds.judge.red == []
+            num_rounds += 1
+            rounds.start()
+    assert (len(waits.distance), reds.num) == (24, 0)
+    assert reds.num_passed > fewest_passed
+    assert waits.longest.max() < 100.0, "two cycles"
+    assert waits.distance.min() > shortest_way
+    assert num_rounds >= fewest_rounds

@@ -1,0 +1,34 @@
+"""Files that are not JSON are called what they are."""
+
+from __future__ import annotations
+
+import pytest
+from pydantic import TypeAdapter
+
+from rosbridge_sim.documents import Document, read_document
+from rosbridge_sim.errors import DocumentError
+
+GOOD = '{"a": "é",\n "b": 1}'
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (GOOD.encode("utf-16"), "x: expected UTF-8, got UTF-16; save the file as UTF-8"),
+        (GOOD.encode("utf-16-be"), "x: expected a JSON document, got a binary file"),
+        (b"\x1f\x8b\x08\x00\x00", "x: expected a JSON document, got a binary file"),
+        (b"\x89PNG\r\n\x1a\n\xff\xfe", "x: expected a JSON document, got a binary file"),
+        ('{\n "a": "é"}'.encode("latin-1"), "x:2:8: not UTF-8: byte 0xe9; save the file as UTF-8"),
+        (b'{"a": 1, // one\n}', "x:1:10: not JSON: key must be a string; JSON has no comments"),
+        (b"# mine\n{}", "x:1:1: not JSON: expected value; JSON has no comments"),
+        (b"{'a': 1}", "x:1:2: not JSON: key must be a string; JSON has double quotes"),
+        (b"vehicleList:\n  - a", "x:1:1: not JSON: expected value, got 'vehicleList:'"),
+        (b'{"a": 1,\n}', "x:2:1: not JSON: trailing comma"),
+        (b"{", "x:1:1: not JSON: EOF while parsing an object"),
+    ],
+)
+def test_text_that_is_not_json_is_explained_in_one_line(text: bytes, said: str) -> None:
+    with pytest.raises(DocumentError) as caught:
+        read_document(TypeAdapter(Document), text, "x", 1_000)
+    assert str(caught.value) == said
+    assert "\n" not in said

@@ -1,0 +1,85 @@
+"""Parameters of drivers: by class, by seed and by id."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.scenarios.catalogue import find_model
+from rosbridge_sim.world.drivers.driver_parameters import (
+    BICYCLE,
+    CAR,
+    FIGURES,
+    HEAVY,
+    LIGHT_GOODS,
+    MOTORCYCLE,
+    DriverParameters,
+    classes_of,
+)
+from rosbridge_sim.world.state.world import Body, Kind, World
+
+
+def crowd(seed: int, kind: Kind = Kind.VEHICLE) -> World:
+    world = World(seed)
+    for i in range(400):
+        world.spawn(kind, Body(), name="car", x=10.0 * i, y=0.0)
+    world.desired_speed[:] = np.inf
+    return world
+
+
+def test_figures_have_their_mean_and_deviation_and_stay_within_bounds() -> None:
+    world = crowd(3)
+    drivers = DriverParameters.of(world, np.arange(400))
+    for each in fields(DriverParameters):
+        values, figure = getattr(drivers, each.name), FIGURES[each.name][CAR]
+        assert values.mean() == pytest.approx(figure.mean, abs=0.2 * figure.deviation), each.name
+        assert values.std() == pytest.approx(figure.deviation, rel=0.15), each.name
+        assert values.min() >= figure.least
+        assert values.max() <= figure.most
+    assert abs(np.corrcoef(drivers.headway, drivers.accel)[0, 1]) < 0.15
+
+
+def test_figures_depend_on_seed_and_id_only() -> None:
+    world, rows = crowd(3), np.arange(400)
+    before = DriverParameters.of(world, rows)
+    world.remove(int(world.uid[7]))
+    after = DriverParameters.of(world, rows[10:])
+    other = DriverParameters.of(crowd(4), rows)
+    for each in fields(DriverParameters):
+        assert (getattr(before, each.name)[10:] == getattr(after, each.name)).all()
+    assert (before.headway != other.headway).mean() > 0.9
+
+
+def test_given_speed_is_kept_with_the_limit() -> None:
+    world = crowd(3)
+    world.desired_speed[5] = 40.0
+    drivers = DriverParameters.of(world, np.arange(400))
+    assert (drivers.desired_speed[5], drivers.speed_factor[5]) == (40.0, 1.0)
+
+
+def test_ego_is_the_mean_driver() -> None:
+    drivers = DriverParameters.of(crowd(3, Kind.EGO), np.arange(400))
+    for each in fields(DriverParameters):
+        assert set(getattr(drivers, each.name).tolist()) == {FIGURES[each.name][CAR].mean}
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("2016_Hyundai_Ioniq", CAR),
+        ("2014_Kia_K7", CAR),
+        ("Van", LIGHT_GOODS),
+        ("Truck", LIGHT_GOODS),
+        ("Bus", HEAVY),
+        ("Motorcycle", MOTORCYCLE),
+        ("Bicycle", BICYCLE),
+    ],
+)
+def test_size_of_a_vehicle_gives_its_class(name: str, expected: int) -> None:
+    model = find_model(name)
+    assert model is not None
+    body = model.body
+    size = (np.array([figure]) for figure in (body.length, body.width, body.height))
+    assert classes_of(*size).tolist() == [expected]

@@ -1,0 +1,133 @@
+"""Vehicles that are put onto lanes, and those that leave them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.world.drivers.lane_position import LaneStart, headings, headings_ahead, keep_lane, keep_lanes
+from rosbridge_sim.world.geometry.planar import wrap_angle
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
+from rosbridge_sim.world.state.placement import teleport
+from rosbridge_sim.world.state.world import Kind, World
+from tests.world.lane_drives import lane_of, run, world_of
+from tests.world.road_factory import CAR, built_in, car, crossing, ego, line, make, ring, road
+
+
+@pytest.mark.parametrize(
+    ("figures", "message"),
+    [
+        ({"lane": 5}, "lane: expected 0..4"),
+        ({"lane": -1}, "lane: expected 0..4"),
+        ({"s": math.nan}, "s and desired_speed"),
+        ({"desired_speed": -1.0}, "s and desired_speed"),
+        ({"desired_speed": math.nan}, "s and desired_speed"),
+        ({"route": [1, 3]}, "route: expected to begin with lane 0"),
+        ({"route": [0, 1, 2]}, "lane 2 does not follow lane 1"),
+        ({"route": [0, 99]}, "lane 99 does not follow lane 0"),
+        ({"route": [0, 1], "is_loop": True}, "lane 0 does not follow lane 1"),
+    ],
+)
+def test_invalid_argument_is_refused_and_changes_nothing(figures: dict[str, Any], message: str) -> None:
+    world = world_of(ring())
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=3.0, y=4.0, speed=5.0))
+    before = world.digest()
+    with pytest.raises(ValueError, match=message):
+        keep_lane(world, row, **({"lane": 0, "s": 1.0} | figures))
+    assert world.digest() == before
+
+
+def test_only_vehicles_follow_lanes() -> None:
+    world = world_of(ring())
+    with pytest.raises(ValueError, match="expected a vehicle"):
+        keep_lane(world, ego(world, 0.0, 0.0), 0, 1.0)
+    empty = World()
+    empty.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0)
+    with pytest.raises(ValueError, match="lane: expected"):
+        keep_lane(empty, 0, 0, 0.0)
+
+
+def test_teleported_vehicle_has_left_its_lane() -> None:
+    world = world_of(ring())
+    row = car(world, "a", 1.0, speed=5.0, route="a b")
+    run(world, 1.0)
+    teleport(world, row, x=500.0, y=500.0, z=0.0, yaw=0.0, speed=2.0)
+    run(world, 1.0)
+    assert (bool(world.has_lane[row]), world.routes) == (False, {})
+    assert world.x[row] == pytest.approx(502.0)
+
+
+def test_vehicles_stop_when_the_roads_are_replaced() -> None:
+    world = world_of(ring())
+    row = car(world, "a", 1.0, speed=5.0)
+    run(world, 1.0)
+    x = float(world.x[row])
+    world.lay_roads(road())
+    run(world, 1.0)
+    assert (float(world.x[row]), float(world.speed[row]), bool(world.has_lane[row])) == (x, 0.0, False)
+    with pytest.raises(ValueError, match="the plan is for"):
+        world.lay_roads(ring(), SignalPlan(road()))
+
+
+def test_reused_row_has_no_old_lane() -> None:
+    world = world_of(ring())
+    car(world, "a", 30.0)
+    row = car(world, "a", 1.0, route="a b")
+    world.remove(int(world.uid[row]))
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="other", x=9.0, y=9.0, speed=1.0))
+    run(world, 1.0)
+    assert (bool(world.has_lane[row]), world.routes) == (False, {})
+    assert world.x[row] == pytest.approx(10.0)
+
+
+def test_vehicle_passes_very_short_lanes() -> None:
+    snippets = {f"l{i}": (line((0.01 * i, 0), (0.01 * i + 0.01, 0)), f"l{i + 1}") for i in range(200)}
+    world = world_of(make(**snippets, l200=(line((2, 0), (300, 0)), "")))
+    row = car(world, "l0", 0.0, speed=10.0)
+    run(world, 20.0)
+    assert lane_of(world, row) == "l200"
+
+
+def test_many_vehicles_put_onto_lanes_at_once_are_as_one_by_one() -> None:
+    worlds = World(seed=4), World(seed=4)
+    starts = [("w", 10.0, ""), ("s", 195.0, "s sn n"), ("we", 15.0, ""), ("e", 500.0, "")]
+    for world in worlds:
+        world.lay_roads(crossing())
+        for _ in starts:
+            world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=3.0)
+    one, many = worlds
+    batch = []
+    for row, (lane, s, route) in enumerate(starts):
+        lanes = tuple(one.roads.row(name) for name in route.split())
+        keep_lane(one, row, one.roads.row(lane), s, desired_speed=9.0, route=lanes)
+        batch.append(LaneStart(row, one.roads.row(lane), s, 9.0, lanes))
+    keep_lanes(many, batch)
+    keep_lanes(many, [])
+    assert many.digest() == one.digest()
+
+
+def test_no_vehicle_moves_if_one_of_many_cannot_keep_its_lane() -> None:
+    world = World()
+    world.lay_roads(crossing())
+    rows = [world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0)) for _ in range(2)]
+    before = world.digest()
+    with pytest.raises(ValueError, match="lane: expected 0"):
+        keep_lanes(world, [LaneStart(rows[0], 0, 1.0), LaneStart(rows[1], 99, 1.0)])
+    assert world.digest() == before
+
+
+@pytest.mark.parametrize("name", ["town", "roundabout"])
+def test_headings_on_straights_are_those_of_both_axles(name: str) -> None:
+    roads = built_in(name).roads
+    rng = np.random.default_rng(0)
+    lane = rng.integers(len(roads), size=2000)
+    following = np.array([(*roads.successors(i).tolist(), -1)[0] for i in lane.tolist()])
+    lanes = np.stack([lane, following, *[np.full(len(lane), -1)] * 4])
+    arc, wheelbase = rng.random(len(lane)) * roads.length[lane], np.full(len(lane), 2.7)
+    point, _ = roads.locate(lane, arc)
+    moves = np.ones(len(lane), dtype=bool)
+    quick = headings_ahead(roads, lanes, arc, wheelbase, point=point, moves=moves)
+    assert np.abs(wrap_angle(quick - headings(roads, lanes, arc, wheelbase))).max() < 1e-9

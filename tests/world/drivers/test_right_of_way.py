@@ -1,0 +1,209 @@
+"""The right of way where lanes cross and join."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from rosbridge_sim.world.drivers.driver_model import GAP
+from rosbridge_sim.world.followers.lane_following import DECISION, Stop, view_driver
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.commands import command
+from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
+from rosbridge_sim.world.step import step
+from tests.world.lane_drives import NOSE, lane_of, run, world_of
+from tests.world.road_factory import CAR, arc, built_in, car, crossing, line, make, signalled
+
+
+@pytest.mark.parametrize("offset", [0.0, 3.0, 9.0, 20.0])
+def test_crossing_vehicles_take_turns(offset: float) -> None:
+    world = world_of(crossing())
+    rows = [car(world, "w", 60.0, speed=12.0), car(world, "s", 60.0 - offset, speed=12.0)]
+    run(world, 30.0)
+    assert [lane_of(world, row) for row in rows] == ["e", "n"]
+
+
+def test_nearer_vehicle_goes_first_without_braking() -> None:
+    world = world_of(crossing())
+    near = car(world, "w", 100.0, speed=12.0, desired_speed=12.0)
+    far = car(world, "s", 60.0, speed=12.0, desired_speed=12.0)
+    speeds = run(world, 20.0)
+    assert speeds[:, near].min() > 11.5
+    assert speeds[:, far].min() < 11.0
+
+
+def test_crossing_streams_both_get_through() -> None:
+    world = world_of(crossing())
+    rows = [car(world, lane, 30.0 + 25.0 * i, speed=8.0) for i in range(6) for lane in ("w", "s")]
+    run(world, 60.0)
+    assert [lane_of(world, row) for row in rows] == ["e", "n"] * 6
+
+
+def test_merging_lanes_are_entered_one_by_one() -> None:
+    roads = make(
+        a=(line((0, 0), (200, 0)), "c"),
+        b=(line((0, -90), (150, -1.5), (200, 0)), "c"),
+        c=(line((200, 0), (900, 0)), ""),
+    )
+    world = world_of(roads)
+    rows = [car(world, lane, 10.0 + 20.0 * i, speed=10.0) for i in range(5) for lane in ("a", "b")]
+    run(world, 60.0)
+    assert {lane_of(world, row) for row in rows} == {"c"}
+
+
+def test_vehicle_does_not_enter_a_crossing_that_it_cannot_leave() -> None:
+    world = world_of(crossing())
+    blocker = car(world, "e", 4.0, desired_speed=0.0)
+    waiting = car(world, "w", 100.0, speed=10.0)
+    crosses = car(world, "s", 60.0, speed=10.0)
+    run(world, 30.0)
+    assert (lane_of(world, waiting), lane_of(world, crosses)) == ("w", "n")
+    world.remove(int(world.uid[blocker]))
+    run(world, 10.0)
+    assert lane_of(world, waiting) == "e"
+
+
+@pytest.mark.parametrize(("spare", "lane"), [(-0.3, "w"), (0.3, "e")])
+def test_vehicle_enters_a_crossing_with_room_for_itself_and_its_gap_behind(spare: float, lane: str) -> None:
+    """Who enters without room for the gap comes to a stand with its tail on the crossing."""
+    world = world_of(crossing())
+    car(world, "e", CAR.rear_overhang + CAR.length + GAP + spare, desired_speed=0.0)
+    row = car(world, "w", 150.0, speed=8.0)
+    run(world, 30.0)
+    assert lane_of(world, row) == lane
+
+
+@pytest.mark.parametrize(("spare", "may_enter"), [(-0.3, False), (0.3, True)])
+def test_room_behind_a_crossing_is_reserved_for_entering_vehicles_with_their_gaps(
+    spare: float, *, may_enter: bool
+) -> None:
+    world = world_of(crossing())
+    car(world, "e", CAR.rear_overhang + 2.0 * (CAR.length + GAP) + spare, desired_speed=0.0)
+    first, second = car(world, "w", 176.0, speed=8.0), car(world, "w", 164.0, speed=8.0)
+    run(world, 4 * DECISION * DT)
+    entered = world.roads.row("we")
+    assert (world.claim[[first, second]] == entered).tolist() == [True, may_enter]
+
+
+def test_vehicle_avoids_a_full_street() -> None:
+    roads = make(
+        a=(line((0, 0), (100, 0)), "b c"),
+        b=(line((100, 0), (120, 0)), "d"),
+        c=(arc(100, 15, 15, -90, 90), "e"),
+        d=(line((120, 0), (220, 0)), ""),
+        e=(line((115, 15), (115, 115)), ""),
+        x=(line((110, -50), (110, 50)), ""),
+    )
+    for seed in range(2):
+        world = world_of(roads, seed=seed)
+        car(world, "d", 3.0, desired_speed=0.0)
+        row = car(world, "a", 70.0, speed=8.0)
+        run(world, 30.0)
+        assert lane_of(world, row) == "e"
+    world = world_of(roads)
+    car(world, "d", 3.0, desired_speed=0.0)
+    row = car(world, "a", 70.0, speed=8.0, route="a b d")
+    run(world, 20.0)
+    assert lane_of(world, row) == "a", "but not if he knows where he wants to go"
+
+
+def red_runner(world: World, speed: float, distance: float) -> None:
+    """An ego that comes from the south and stops for nothing; `distance` from the stop line [m]."""
+    uid = world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=-10.0 - NOSE - distance, yaw=math.pi / 2, speed=speed)
+    command(world, world.row(uid), mode=Mode.SPEED, steer=0.0, speed=speed)
+
+
+@pytest.mark.parametrize(("speed", "distance"), [(10.0, 64.0), (10.0, 84.0), (14.0, 82.0), (14.0, 105.0)])
+def test_drivers_with_green_brake_for_an_ego_that_runs_red(speed: float, distance: float) -> None:
+    """Each of these was hit while drivers trusted their claims."""
+    roads, plan = signalled(green=10_000)
+    world = world_of(roads, plan)
+    red_runner(world, speed, distance)
+    rows = [car(world, "w", 170.0 - 28.0 * i, speed=13.0) for i in range(5)]
+    run(world, 25.0)  # without a contact
+    assert {lane_of(world, row) for row in rows} == {"e"}, "and they go on behind it"
+
+
+def test_driver_that_cannot_stop_any_more_does_not_stop_in_the_way_of_the_ego() -> None:
+    world = world_of(crossing())
+    row = car(world, "w", 185.0, speed=14.0)
+    red_runner(world, 10.0, 14.0)
+    assert run(world, 3.0)[:, row].min() > 11.0
+
+
+def test_ego_that_stops_at_its_red_light_slows_no_driver() -> None:
+    roads, plan = signalled(green=10_000)
+    world = world_of(roads, plan)
+    row = car(world, "w", 100.0, speed=14.0, desired_speed=14.0)
+    uid = world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=-60.0, yaw=math.pi / 2, speed=10.0)
+    command(world, world.row(uid), mode=Mode.ACCEL, steer=0.0, accel=-1.3)
+    assert run(world, 10.0)[:, row].min() > 13.5
+
+
+def test_driver_that_gives_way_to_an_ego_in_the_crossing_says_so() -> None:
+    world = world_of(crossing())
+    row = car(world, "w", 150.0, speed=12.0)
+    run(world, 0.5)
+    assert world.claim[row] >= 0
+    red_runner(world, 10.0, 16.0)
+    run(world, 0.6)
+    seen = view_driver(world, row)
+    assert seen is not None
+    assert (seen.stop, seen.rival_row) == (Stop.RIGHT_OF_WAY, row + 1)
+
+
+def test_vehicle_avoids_a_crossing_in_which_something_stands() -> None:
+    roads = make(
+        a=(line((0, 0), (100, 0)), "b c"),
+        b=(line((100, 0), (120, 0)), "d"),
+        c=(arc(100, 15, 15, -90, 90), "e"),
+        d=(line((120, 0), (220, 0)), ""),
+        e=(line((115, 15), (115, 115)), ""),
+        x=(line((110, -50), (110, 50)), ""),
+    )
+    for seed in range(2):
+        world = world_of(roads, seed=seed)
+        world.spawn(Kind.OBSTACLE, Body.box(2.0, 2.0, 1.0), name="thing", x=118.5, y=0.0)
+        row = car(world, "a", 70.0, speed=8.0)
+        run(world, 25.0)
+        assert lane_of(world, row) == "e"
+
+
+def test_driver_behind_a_stop_line_waits_for_one_on_the_major_road_who_is_farther_away() -> None:
+    world = World()
+    world.lay_roads(built_in("roundabout").roads)
+    minor = car(world, "EA", 125.0, speed=9.0, route="EA JWE FA")
+    major = car(world, "NA", 285.0, speed=12.0, route="NA JNS SB")
+    speeds = run(world, 15.0)
+    assert speeds[:300, major].min() > 11.5
+    assert speeds[:, minor].min() < 3.0
+    assert [lane_of(world, row) for row in (minor, major)] == ["FA", "SB"]
+
+
+def test_driver_keeps_its_claim_until_it_has_entered_when_another_crossing_is_near() -> None:
+    world = World()
+    world.lay_roads(built_in("roundabout").roads)
+    row = car(world, "NB", 290.0, speed=12.0, route="NB IN GN CW GW OS SA")
+    into = world.roads.row("IN")
+    claims = []
+    while lane_of(world, row) == "NB":
+        step(world)
+        claims.append(world.claim.item(row))
+    first = claims.index(into)
+    assert set(claims[first:-1]) == {into}
+
+
+@pytest.mark.slow
+def test_driver_at_a_stop_line_is_let_in_beside_a_full_road() -> None:
+    """A side street stood for ten minutes beside a road on which one vehicle followed the other."""
+    ids, ahead = ["w", "we", "e", "s", "sn", "n"], [[1], [2], [], [4], [5], []]
+    lines = [line((-1500, 0), (-10, 0)), line((-10, 0), (10, 0)), line((10, 0), (900, 0))]
+    lines += [line((0, -200), (0, -10)), line((0, -10), (0, 10)), line((0, 10), (0, 400))]
+    world = world_of(Roads(ids, lines, ahead, [3.5] * 6, [12.0] * 6, is_stop=[False] * 3 + [True] + [False] * 2))
+    for i in range(80):
+        car(world, "w", 10.0 + 18.0 * i, speed=10.0)
+    waiting = car(world, "s", 60.0, speed=5.0)
+    run(world, 75.0)
+    assert lane_of(world, waiting) == "n"
+    assert (world.lane[world.has_lane] == world.roads.row("w")).any()

@@ -1,0 +1,63 @@
+"""Friction of the ground: on a road, beside it, and without a map."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.entity_types import ROAD_FRICTION
+from rosbridge_sim.world.state.placement import teleport
+from rosbridge_sim.world.state.world import Dynamics, Kind, World
+from rosbridge_sim.world.step import step
+from rosbridge_sim.world.vehicle.ground import INTERVAL, OFF_ROAD_FRICTION, are_on_road
+from tests.world.driven_cars import CAR, pedals
+
+ROAD = Roads(["a"], [np.array([[0.0, 0.0, 0.0], [400.0, 0.0, 0.0]])], [[]], [3.5], [20.0])
+
+
+def braking(y: float, roads: Roads | None = ROAD) -> World:
+    world = World(0, Dynamics.SINGLE_TRACK)
+    if roads is not None:
+        world.lay_roads(roads)
+    world.spawn(Kind.EGO, CAR, name="ego", x=50.0, y=y, speed=25.0)
+    pedals(world, brake=1.0)
+    return world
+
+
+@pytest.mark.parametrize(("y", "friction"), [(0.0, ROAD_FRICTION), (1.7, ROAD_FRICTION), (1.8, OFF_ROAD_FRICTION)])
+def test_brakes_find_the_friction_of_the_ground(y: float, friction: float) -> None:
+    world = braking(y)
+    for _ in range(60):
+        step(world)
+    assert world.friction[0] == friction
+    assert -world.accel[0] == pytest.approx(min(8.5, 0.95 * friction * 9.80665), abs=1.2)
+
+
+def test_all_is_road_without_a_map() -> None:
+    world = braking(30.0, None)
+    for _ in range(60):
+        step(world)
+    assert world.friction[0] == ROAD_FRICTION
+
+
+def test_gentle_drive_does_not_look_at_the_ground() -> None:
+    world = braking(30.0)
+    pedals(world, brake=0.2)
+    for _ in range(3 * INTERVAL):
+        step(world)
+    assert world.friction[0] == ROAD_FRICTION
+
+
+def test_placed_car_starts_with_the_friction_of_a_road() -> None:
+    world = braking(30.0)
+    for _ in range(60):
+        step(world)
+    assert world.friction[0] == OFF_ROAD_FRICTION
+    teleport(world, 0, x=60.0, y=0.0, z=0.0, yaw=0.0, speed=5.0)
+    assert world.friction[0] == ROAD_FRICTION
+
+
+def test_places_between_the_edges_are_on_the_road() -> None:
+    found = are_on_road(ROAD, np.array([10.0, 10.0, -30.0]), np.array([1.0, -9.0, 0.0]), np.zeros(3))
+    assert found.tolist() == [True, False, False]
