@@ -53,6 +53,8 @@ world: world.contacts world.drivers world.followers world.geometry world.lane_ch
 documents: * not_json
 maps: * documents units world.geometry world.roads world.state
 scenarios: * documents maps units world.drivers world.geometry world.roads world.state
+# what sensors see
+scenery: world.followers world.geometry world.roads world.state
 # MORAI's names
 morai: schema
 morai.messages: * maps morai scenarios schema units world.followers world.geometry world.roads world.state
@@ -132,6 +134,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "world": {"numpy"},
     "maps": {"numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
     "scenarios": {"numpy", "pydantic", "pydantic_core"},
+    "scenery": {"numpy"},
     "morai": {"msgspec", "numpy", "orjson"},
     "simulator": {"msgspec", "numpy", "orjson", "pydantic"},
     "documents": {"pydantic", "pydantic_core"},

@@ -22,31 +22,19 @@ from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.kernel.ego_lamps import lamps_of
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
-from rosbridge_sim.world.followers.turn_signals import find_turn_signals
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.followers.lamps import find_lamps
+from rosbridge_sim.world.geometry.planar import BoolArray, IntArray
 from rosbridge_sim.world.roads.signals import NEVER_FRAME
-from rosbridge_sim.world.state.world import DT, Gear, Kind, World
+from rosbridge_sim.world.state.world import DT, World
 
 __all__ = ["SCENE_STATE", "SceneState"]
 
 SCENE_STATE: Final = "/sim/scene/state"
 
-LEFT, RIGHT, BRAKE, REVERSE = 1, 2, 4, 8
-"""Bits of `lamps`."""
-
-_RIGHT_SIGNAL: Final = 2
-"""`turn_signal` of an ego that signals to the right."""
-
-_BRAKE_BIT, _REVERSE_BIT = 2, 3
-"""Their places in a byte."""
-
 TOUCHES: Final = 1
 """Bit of `flags`."""
-
-BRAKE_LIGHT_DECEL: Final = 1.0
-"""Deceleration from which brake lights are lit where no pedal is known [m/s^2]: in UN Regulation 13-H they must be off
-below 0.7 and on above 1.3 m/s^2."""
 
 UNKNOWN_TIME: Final = -1.0
 """Time that is left to a light of which no change is known [s]."""
@@ -92,7 +80,7 @@ class SceneState(Component):
     def _ego_lamps(self) -> list[int]:
         """Return the lamps of all egos, in the order of the layout."""
         world = self._context.world
-        return [_lamps_of(ego, world) for _, ego in world.derived(self._lay_out).egos]
+        return [lamps_of(ego, world) for _, ego in world.derived(self._lay_out).egos]
 
     def _lay_out(self, world: World) -> _Layout:
         return _Layout(world, list(self._context.egos))
@@ -103,7 +91,7 @@ class SceneState(Component):
         layout = world.derived(self._lay_out)
         rows = layout.rows
         motion = world.block("x", "z").take(rows, axis=1)
-        x, y, _, speeds, _ = motion
+        x, y = motion[:2]
         yaw, speed, z = motion[2:].astype(np.float32)
         pitch, roll = world.block("pitch", "roll").take(rows, axis=1).astype(np.float32)
         ego_lamps = self._ego_lamps()
@@ -122,25 +110,19 @@ class SceneState(Component):
             yaw,
             speed,
             *layout.box,
-            self._lamps(layout, speeds, ego_lamps),
+            self._lamps(layout, ego_lamps),
             self._flags(layout),
             *self._lights(),
         )
 
-    def _lamps(self, layout: _Layout, speed: FloatArray, ego_lamps: list[int]) -> bytes:
+    def _lamps(self, layout: _Layout, ego_lamps: list[int]) -> bytes:
         """Return the lamps of each entity.
 
         Args:
             layout: the entities.
-            speed: of each [m/s].
             ego_lamps: of the egos.
         """
-        world, rows = self._context.world, layout.rows
-        is_braking = world.accel.take(rows) < -BRAKE_LIGHT_DECEL
-        is_braking |= (speed == 0.0) & world.has_lane.take(rows)  # a driver on lanes that stands holds the brake
-        lamps = (is_braking.view(np.uint8) << _BRAKE_BIT) | ((speed < 0.0).view(np.uint8) << _REVERSE_BIT)
-        lamps |= find_turn_signals(world, rows).astype(np.uint8)  # 1 left, 2 right: the same bits
-        lamps *= layout.is_car
+        lamps = find_lamps(self._context.world, layout.rows)
         for (place, _), own in zip(layout.egos, ego_lamps, strict=True):
             lamps[place] = own
         return lamps.tobytes()
@@ -195,12 +177,11 @@ class _Layout:
         ids: (n,) uint32, numbers of the entities on the wire.
         kinds: a byte for each.
         box: length, width, height and `center_x` of each, (n,) float32 [m].
-        is_car: (n,) uint8, 1 for vehicles and egos.
         egos: those of the simulator, each with its place in `rows`.
         no_flags: the flags while nothing touches anything.
     """
 
-    __slots__ = ("box", "egos", "ids", "is_car", "kinds", "no_flags", "rows")
+    __slots__ = ("box", "egos", "ids", "kinds", "no_flags", "rows")
 
     def __init__(self, world: World, egos: Sequence[Ego]) -> None:
         rows = self.rows = np.fromiter(world.placed(), dtype=np.int64, count=len(world))
@@ -211,21 +192,6 @@ class _Layout:
             self.ids[place] = ego.index
         kinds = world.kind[rows].astype(np.uint8)
         self.kinds = kinds.tobytes()
-        self.is_car = (kinds <= Kind.VEHICLE).astype(np.uint8)
         sizes = (2.0 * world.half_length, 2.0 * world.half_width, world.height, world.centre)
         self.box = tuple([size[rows].astype(np.float32) for size in sizes])
         self.no_flags = bytes(len(rows))
-
-
-def _lamps_of(ego: Ego, world: World) -> int:
-    """Return the lamps of an ego."""
-    row = ego.row
-    is_braking = world.brake.item(row) > 0.0 or (
-        world.has_lane.item(row) and (world.speed.item(row) == 0.0 or world.accel.item(row) < -BRAKE_LIGHT_DECEL)
-    )
-    return (
-        LEFT * (ego.turn_signal == 1 or ego.emergency_signal == 1)
-        | RIGHT * (ego.turn_signal == _RIGHT_SIGNAL or ego.emergency_signal == 1)
-        | BRAKE * is_braking
-        | REVERSE * (world.gear.item(row) == Gear.REVERSE)
-    )
