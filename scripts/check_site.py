@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Check that no page of the built documentation loads anything from another host.
+"""Check the built documentation: no page loads anything from another host, and its search finds the names of the field.
 
     mkdocs build --strict && python scripts/check_site.py [build/site]
 
@@ -9,19 +9,24 @@ A link for a person to click may lead anywhere. With exit code 1 each load is li
 
 Addresses within scripts are not checked. The theme's script has some, for features that `mkdocs.yml` leaves off
 (mermaid, figures of a repository). A browser's network log showed that none of them is called.
+
+The search splits pages and queries at the separator of its index. A word that keeps a `/` is found by no shorter name.
+So each name of `NAMES` must be a word of the page where readers look for it.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Final
 
-__all__ = ["find_loads", "find_loads_in_css", "find_loads_in_html"]
+__all__ = ["NAMES", "find_loads", "find_loads_in_css", "find_loads_in_html", "find_lost_names"]
 
 LOADING: Final[dict[str, tuple[str, ...]]] = {
     "audio": ("src",),
@@ -46,7 +51,19 @@ LAZY_LINKS: Final = frozenset({"alternate", "author", "canonical", "help", "lice
 ELSEWHERE: Final = re.compile(r"(?:https?:|wss?:)?//", re.IGNORECASE)
 """The beginning of an address on another host."""
 
+TAG: Final = re.compile(r"<[^>]*>")
+
 CSS_ADDRESS: Final = re.compile(r"(?:url\(\s*|@import\s+)['\"]?((?:https?:)?//[^'\")\s;]+)", re.IGNORECASE)
+
+
+NAMES: Final = {
+    "ctrl_cmd": "reference/topics_services.html",
+    "Ego_topic": "reference/topics_services.html",
+    "SyncModeWaitForTick": "reference/synchronous_mode.html",
+    "traffic": "reference/flags.html",
+    "snapshot": "guides/snapshots.html",
+}
+"""Name that a reader types into the search -> page that must be among the results."""
 
 
 class _Loads(HTMLParser):
@@ -134,6 +151,27 @@ def find_loads(site: Path) -> Iterator[str]:
                 yield f"{path.relative_to(site)}: loads {address}"
 
 
+def find_lost_names(site: Path, names: Mapping[str, str] = NAMES) -> Iterator[str]:
+    """Find the names that the search does not find on their page.
+
+    Args:
+        site: the folder.
+        names: name -> page that must have it as a word of its own.
+
+    Yields:
+        A line for each.
+    """
+    index = json.loads((site / "search" / "search_index.json").read_bytes())
+    separator = re.compile(index["config"]["separator"])
+    words: dict[str, set[str]] = {}
+    for part in index["docs"]:
+        text = unescape(TAG.sub(" ", f"{part['title']} {part['text']}"))
+        words.setdefault(part["location"].partition("#")[0], set()).update(separator.split(text.lower()))
+    for name, page in names.items():
+        if name.lower() not in words.get(page, ()):
+            yield f"search: expected {page} among the results of {name!r}, got none there"
+
+
 def main() -> int:
     """Run the command.
 
@@ -146,10 +184,10 @@ def main() -> int:
     if not (site / "index.html").is_file():
         print(f"check_site: {site}: expected a built site; run mkdocs build first", file=sys.stderr)
         return 2
-    loads = list(find_loads(site))
-    for line in loads:
+    faults = [*find_loads(site), *find_lost_names(site)]
+    for line in faults:
         print(line, file=sys.stderr)
-    return 1 if loads else 0
+    return 1 if faults else 0
 
 
 if __name__ == "__main__":

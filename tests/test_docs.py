@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import io
+import json
 import re
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -17,7 +18,7 @@ from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.monitoring.server_topics import TOPICS
 from rosbridge_sim.simulator.sync.barrier_table import BarrierEvent
 from rosbridge_sim.simulator.sync.sync_table import SYNC_TABLE
-from scripts.check_site import find_loads, find_loads_in_css, find_loads_in_html
+from scripts.check_site import find_loads, find_loads_in_css, find_loads_in_html, find_lost_names
 from scripts.docs_pages.barrier import EVENTS as BARRIER_EVENTS
 from scripts.docs_pages.barrier import list_barrier_edges
 from scripts.docs_pages.fields import SERVER_TOPICS, FieldRow, read_fields
@@ -295,3 +296,19 @@ def test_all_files_of_a_site_are_read(tmp_path: Path) -> None:
         "a/b.html: loads https://example/c.png",
         "a/d.css: loads https://example/e.css",
     ]
+
+
+@pytest.mark.parametrize(
+    ("separator", "lost"),
+    [
+        (r"[\s\-/`,.]+", []),
+        (r"[\s\-]+", ["search: expected topics.html among the results of 'Ego_topic', got none there"]),
+    ],
+)
+def test_search_that_keeps_slashes_in_words_is_told(tmp_path: Path, separator: str, lost: list[str]) -> None:
+    text = "<p>The ego is on <code>/Ego_topic</code>, 50 Hz.</p>"
+    parts = [{"location": "topics.html#egos", "title": "Egos", "text": text}]
+    (tmp_path / "search").mkdir()
+    index = {"config": {"separator": separator}, "docs": parts}
+    (tmp_path / "search" / "search_index.json").write_text(json.dumps(index))
+    assert list(find_lost_names(tmp_path, {"Ego_topic": "topics.html"})) == lost
