@@ -10,7 +10,7 @@ from rosbridge_sim.world.roads.roads import Roads
 from tests.world.lane_drives import world_of
 from tests.world.road_factory import CAR, built_in, car, crossing, ego, line, make, road
 
-NOSE, TAIL = CAR.length - CAR.rear_overhang, CAR.rear_overhang
+NOSE = CAR.length - CAR.rear_overhang
 
 
 @pytest.mark.parametrize(("away", "is_free"), [(CAR.length + 5.1, True), (CAR.length + 4.9, False)])

@@ -94,7 +94,6 @@ class BridgeConnection:
         outbox: frames that wait for the socket in their order, never replaced by newer ones.
         fresh: topic messages that wait for the socket and are replaced by newer ones.
         flow_control: decides how much may be sent.
-        num_offered: topic messages that were given to this connection since the start.
         patience: the round trips of our calls over this socket.
         waiting: received ops that are not done yet, oldest first.
         on_released: called when the last hold has ended.
@@ -117,7 +116,6 @@ class BridgeConnection:
         self.is_open = False
         self.is_ready = False
         self.has_services = False
-        self.num_offered = 0
         self.on_released: Callable[[], None] = _nothing
         self.on_probe: Callable[[bool, float], None] = lambda _is_answered, _now: None
         self._limits = limits
@@ -180,7 +178,6 @@ class BridgeConnection:
             now: monotonic time [s].
             is_ordered: it must not be replaced by a newer one, and leaves before all later ordered frames.
         """
-        self.num_offered += 1
         if is_ordered:
             self.fresh.forget(topic)  # older ones must not come after it
             self.outbox.offer(topic, frame)

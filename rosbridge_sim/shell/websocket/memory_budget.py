@@ -81,11 +81,7 @@ class HttpReader:
 
 
 class MemoryBudget:
-    """Checks the memory of all clients, and closes the largest ones while it is too much.
-
-    Attributes:
-        num_evicted: number of clients closed for this reason.
-    """
+    """Checks the memory of all clients, and closes the largest ones while it is too much."""
 
     def __init__(
         self,
@@ -104,7 +100,6 @@ class MemoryBudget:
             budget: largest memory of all of them [bytes]; None means no limit.
             on_look: called at each check with the memory of all of them [bytes].
         """
-        self.num_evicted = 0
         self._loop = loop
         self._bus = bus
         self._clients = clients
@@ -133,7 +128,6 @@ class MemoryBudget:
         for size, client in sorted(holders, key=lambda holder: holder[0], reverse=True):
             if held <= self._budget:
                 return
-            self.num_evicted += 1
             text = f"all clients together hold {_mb(held)}, more than --memory-budget {_mb(self._budget)}"
             _log.warning("%s is closed: it holds %s; %s", client.name, _mb(size), text, extra={"client": client.name})
             client.evict(f"{text}; this one held most: {_mb(size)}")

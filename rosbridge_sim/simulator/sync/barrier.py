@@ -144,11 +144,6 @@ class Barrier:
         """The connections of all members, in the order in which the members joined."""
         return [holder for member in self._members.values() for holder in member.holders]
 
-    @property
-    def wait_until(self) -> float | None:
-        """Time at which the world moves without the missing members [s]; None while no member waits."""
-        return self._wait_until if self.state is BarrierState.GATHERING else None
-
     def due(self, now: float) -> float | None:
         """Time of the next call of `expire` that is needed [s]; None if none is."""
         if self.state is BarrierState.EMPTY:

@@ -119,14 +119,6 @@ class Rigid:
         """Radius around the centre of gravity that holds the box [m]."""
         return math.hypot(self.half_length + abs(self.centre), self.half_width)
 
-    @property
-    def energy(self) -> float:
-        """Energy of motion [J]; 0 for what nothing moves."""
-        if self.per_mass == 0.0:
-            return 0.0
-        square = self.velocity_x * self.velocity_x + self.velocity_y * self.velocity_y
-        return 0.5 * (square / self.per_mass + self.rate * self.rate / self.per_inertia)
-
 
 @dataclass(frozen=True, slots=True)
 class Contact:

@@ -53,7 +53,6 @@ class Model:
         self.told: list[tuple[str, str]] = []
         self.warned: list[tuple[str, Reason]] = []
         self.mode: list[str] = []
-        self.num_announced = 0
         self.is_slow = is_slow
         self.now = 0.0
         hooks = self.barrier.hooks
@@ -63,7 +62,6 @@ class Model:
         hooks.move.append(self._move)
         hooks.tell.append(lambda holder, text: self.told.append((holder, text)))
         hooks.warn.append(lambda holder, _text, reason: self.warned.append((holder, reason)))
-        hooks.announce.append(self._announce)
         self.sync.hooks.move.append(lambda num_frames, _now: self._compute(num_frames))
         self.sync.hooks.refuse.append(self._refuse)
 
@@ -96,9 +94,6 @@ class Model:
 
     def _refuse(self, why: str, now: float) -> None:
         self.barrier.not_moved(why, now)
-
-    def _announce(self, _now: float) -> None:
-        self.num_announced += 1
 
     def finish(self) -> None:
         """The scenario has been read."""
@@ -498,7 +493,7 @@ def test_world_moves_when_all_have_ticked() -> None:
     model.tick("b")
     status = model.barrier.status()
     assert (status.ticked, status.waited_for, model.moves) == (["b"], ["a"], [])
-    assert model.barrier.wait_until == 2.0
+    assert model.barrier.due(0.0) == 2.0
     model.tick("a")
     assert (model.moves, model.answers()) == ([2], ["", ""])
     assert model.barrier.due(0.0) is None
@@ -730,9 +725,9 @@ class AnyOrder(RuleBasedStateMachine):
             assert not status.leaving
             assert not status.ticked
         if barrier.state is BarrierState.GATHERING:
-            assert barrier.wait_until is not None
-            assert barrier.wait_until <= model.now + barrier.deadline
-            assert barrier.due(model.now) is not None, "no tick waits for ever"
+            due = barrier.due(model.now)
+            assert due is not None, "no tick waits for ever"
+            assert due <= model.now + barrier.deadline
         if not barrier.is_on:
             assert None not in model.answers()
 
