@@ -36,8 +36,11 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out the long tests; with `--long`, all but those and the ones of hypothesis."""
     is_long = config.getoption("--long")
-    chosen = [item for item in items if _is_of(item, is_long=is_long)]
-    config.hook.pytest_deselected(items=[item for item in items if item not in set(chosen)])
+    chosen: list[pytest.Item] = []
+    others: list[pytest.Item] = []
+    for item in items:
+        (chosen if _is_of(item, is_long=is_long) else others).append(item)
+    config.hook.pytest_deselected(items=others)
     items[:] = chosen
 
 
