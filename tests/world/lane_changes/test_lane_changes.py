@@ -378,6 +378,21 @@ def test_driver_opens_a_gap_for_one_whose_lane_ends_in_30_of_60_seconds(seconds:
         assert hardest > -0.2
 
 
+@pytest.mark.parametrize("is_ending", [True, False])
+def test_driver_whose_lane_ends_slows_gently_for_the_vehicle_that_it_will_follow(*, is_ending: bool) -> None:
+    world = world_of(wide_road(2, (400.0, 1200.0), ends_at=300.0 if is_ending else 0.0))
+    car(world, "l0", 180.0, speed=8.0, desired_speed=8.0)
+    row = car(world, "l1", 170.0, speed=12.0, desired_speed=12.0)
+    hardest = 0.0
+    for _ in range(80):
+        step(world)
+        hardest = min(hardest, float(world.accel[row]))
+    if is_ending:
+        assert -2.01 < hardest < -1.0
+    else:
+        assert hardest > -0.1
+
+
 def test_driver_wishes_no_change_by_choice_within_eight_seconds_of_the_last() -> None:
     world = world_of(wide_road(2, limit=15.0))
     car(world, "l1", 100.0, speed=8.0, desired_speed=8.0)
