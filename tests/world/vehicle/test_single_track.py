@@ -590,3 +590,15 @@ def test_brakes_take_grip_from_the_tyres_across() -> None:
     low = replace(CAR, cg_height=0.01)
     scarce, plenty = (rear_slip_under_the_brake(replace(low, grip=grip), 0.95, 0.08) for grip in (1.0, 3.0))
     assert scarce > 1.2 * plenty, (scarce, plenty)
+
+
+def test_car_that_brakes_hard_turns_in_half_as_much() -> None:
+    """The front tyres give to the brakes what they lack across; that ABS leaves is enough to steer."""
+    rates = []
+    for brake in (0.0, 0.95):
+        world = ego(replace(CAR, cg_height=0.01), speed=20.0)
+        pedals(world, steer=0.2, brake=brake)
+        speeds(world, 0.4)
+        rates.append(world.yaw_rate.item(0))
+    rolling, braking = rates
+    assert 0.3 * rolling < braking < 0.7 * rolling, (rolling, braking)
