@@ -7,6 +7,7 @@ CBOR do. A short text in the place of each list says where its array belongs.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Generator
 from contextlib import suppress
 from typing import Any
@@ -36,6 +37,10 @@ _OPEN, _CLOSE = b"[]"
 _ENDS_RUN = np.ones(256, np.bool_)
 _ENDS_RUN[list(b"0123456789+-.eE, \t\r\n")] = False
 
+_ENDS_WORDS = _ENDS_RUN.copy()
+_ENDS_WORDS[list(b"NaInfinity")] = False
+_WORDS = (b"N", b"I")
+
 _Numbers = npt.NDArray[Any]
 
 _decode_ints = msgspec.json.Decoder(list[int]).decode
@@ -56,13 +61,14 @@ def has_more_values(text: bytes, most: int) -> Generator[None, None, bool]:
     return False
 
 
-def take_out_lists(text: bytes) -> Generator[None, None, tuple[bytes, dict[str, _Numbers]]]:
+def take_out_lists(text: bytes, *, has_words: bool = False) -> Generator[None, None, tuple[bytes, dict[str, _Numbers]]]:
     """Take the long lists of numbers out of a JSON text; yield after each step of about a millisecond.
 
     An array is float64 if any of its numbers has a point or an exponent, otherwise int64 or uint64, if that holds all.
 
     Args:
         text: JSON text in UTF-8; it may be invalid.
+        has_words: numbers may be the words NaN, Infinity and -Infinity, which Python writes.
 
     Returns:
         The text with marks in the place of the lists, and the arrays by their marks.
@@ -70,7 +76,7 @@ def take_out_lists(text: bytes) -> Generator[None, None, tuple[bytes, dict[str, 
     Raises:
         ValueError: a long list is no valid JSON.
     """
-    spans = yield from _find(text)
+    spans = yield from _find(text, _ENDS_WORDS if has_words else _ENDS_RUN)
     parts: list[bytes] = []
     lists: dict[str, _Numbers] = {}
     position = 0
@@ -82,8 +88,13 @@ def take_out_lists(text: bytes) -> Generator[None, None, tuple[bytes, dict[str, 
     return b"".join([*parts, text[position:]]), lists
 
 
-def _find(text: bytes) -> Generator[None, None, list[tuple[int, int]]]:
-    """Return the places of the brackets around each long list of numbers outside of texts."""
+def _find(text: bytes, ends_run: npt.NDArray[np.bool_]) -> Generator[None, None, list[tuple[int, int]]]:
+    """Return the places of the brackets around each long list of numbers outside of texts.
+
+    Args:
+        text: JSON text in UTF-8; it may be invalid.
+        ends_run: False for the bytes that such a list is made of.
+    """
     data = np.frombuffer(text, np.uint8)
     spans: list[tuple[int, int]] = []
     last = num_quotes = 0
@@ -92,7 +103,7 @@ def _find(text: bytes) -> Generator[None, None, list[tuple[int, int]]]:
         part = data[start : start + _SLICE]
         marks, is_escaped = real_quotes(part, is_escaped=is_escaped)
         quotes = np.flatnonzero(marks) + start
-        ends = np.flatnonzero(_ENDS_RUN[part]) + start
+        ends = np.flatnonzero(ends_run[part]) + start
         before = np.concatenate(([last], ends[:-1])) if len(ends) else ends
         for i in np.flatnonzero(ends - before > LONG_LIST).tolist():
             first, end = int(before[i]), int(ends[i])
@@ -117,18 +128,28 @@ def _decode(text: bytes, start: int, stop: int) -> Generator[None, None, _Number
             raise ValueError("a list has a comma too many")
         start = end + 1
         yield
-    if {array.dtype.kind for array in arrays} == {"i", "u"} and all(int(array.min()) >= 0 for array in arrays):
-        arrays = [array.astype(np.uint64) for array in arrays]
-    whole = np.empty(sum(map(len, arrays)), np.result_type(*(array.dtype for array in arrays)))
-    start = 0
-    for array in arrays:  # one by one, because the system takes a millisecond to provide a megabyte
-        whole[start : start + len(array)] = array
-        start += len(array)
+    is_unsigned = {array.dtype.kind for array in arrays} == {"i", "u"} and all(
+        int(array.min()) >= 0 for array in arrays
+    )
+    kind = np.dtype(np.uint64) if is_unsigned else np.result_type(*{array.dtype for array in arrays})
+    end = sum(map(len, arrays))
+    whole = np.empty(end, kind)
+    while arrays:  # one by one, because the system takes a millisecond to provide a megabyte
+        array = arrays.pop()
+        end -= len(array)
+        whole[end : end + len(array)] = array
         yield
     return whole
 
 
 def _to_array(part: bytes) -> _Numbers:
+    """Return the numbers of a list.
+
+    Raises:
+        ValueError: it is no valid JSON, or holds a word that is no number.
+    """
+    if any(sign in part for sign in _WORDS):
+        return np.array(json.loads(part), np.float64)
     if any(sign in part for sign in (b".", b"e", b"E")):
         return np.array(_decode_floats(part), np.float64)
     numbers = _decode_ints(part)

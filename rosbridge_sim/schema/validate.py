@@ -27,6 +27,7 @@ from rosbridge_sim.printable import MAX_QUOTED, printable
 from rosbridge_sim.schema.dialect import Dialect
 from rosbridge_sim.schema.float32 import LONG_ARRAY, NumberArray, round32, round32_list
 from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.number_arrays import are_integral, to_dtype, to_floats
 from rosbridge_sim.schema.parse import INT_RANGES, MAX_FLOAT32, Field
 from rosbridge_sim.suggestions import hint, listing
 
@@ -47,7 +48,8 @@ def check(spec: MessageSpec, value: object, stamp_ns: int, root: str | None = No
 
     Args:
         spec: the message type.
-        value: the body: dicts, lists, numbers, text, and bytes from a binary encoding.
+        value: the body: dicts, lists, numbers, text, and bytes from a binary encoding. A long array that owns its
+            memory is used up: the struct may have the same memory.
         stamp_ns: the present time, for headers without a stamp and for the text `now` [ns].
         root: name of the type in error texts; None for its own.
 
@@ -251,23 +253,22 @@ class _Check:
         if len(value) < LONG_ARRAY:
             return self.array(field_spec, value.tolist())
         if is_float:
-            with np.errstate(over="ignore"):  # the next line finds it
-                floats = value.astype(kind)
-            if not np.array_equal(np.isfinite(floats), np.isfinite(value)):
+            floats = to_floats(value, kind)
+            if floats is None:
                 raise _wrong_value(kind, "a number that is out of its range")
             return floats
         low, high = self.dialect.ints[kind]
-        if value.dtype.kind == "f" and not (np.isfinite(value).all() and (np.floor(value) == value).all()):
+        if value.dtype.kind == "f" and not are_integral(value):
             raise _wrong_type(kind, 0.5)
         if int(value.min()) < low or int(value.max()) > high:
             raise _wrong_value(kind, f"a number out of its range ({low} to {high})")
-        return value.astype(_DTYPES.get(kind, kind))
+        return to_dtype(value, _DTYPES.get(kind, kind))
 
     def bytes(self, field_spec: FieldSpec, value: object) -> bytes:
         """Convert base64 (white space in it is ignored), numbers, or bytes from a binary encoding."""
         if isinstance(value, np.ndarray):
             numbers = self.numbers(field_spec, value)
-            return numbers.astype(np.uint8).tobytes() if isinstance(numbers, np.ndarray) else bytes(numbers)  # type: ignore[arg-type] # checked to be integers
+            return numbers.astype(np.uint8, copy=False).tobytes() if isinstance(numbers, np.ndarray) else bytes(numbers)  # type: ignore[arg-type] # checked to be integers
         if isinstance(value, (list, tuple)):
             return bytes(self.array(field_spec, value))  # type: ignore[arg-type] # its elements are checked to be integers
         if isinstance(value, str):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import msgspec
 import numpy as np
@@ -145,3 +146,32 @@ def test_words_that_json_lacks_are_read_in_a_step_of_their_own() -> None:
 def test_heavy_frame_is_weighed_in_slices() -> None:
     frame = publish(b"1," * 3_000_000 + b"1", b',"more":"' + b"e+" * 500_000 + b'"')
     assert len(list(decode_frame(frame))) > len(frame) // (256 * 1024)
+
+
+WORDS = b"NaN,1.5,-Infinity,2,Infinity,"
+
+
+def test_long_list_with_words_that_json_lacks_is_decoded_in_parts() -> None:
+    frame = publish(WORDS * 20_000 + b"NaN") + publish(WORDS * 9_000 + b"7")
+    steps = list(decode_frame(frame))
+    first, second = (step for step in steps if step is not None)
+    assert len(steps) > len(frame) // (32 * 1024), "others have their turn after each 32 KiB"
+    for op, num in ((first, 20_000), (second, 9_000)):
+        assert isinstance(op, Publish)
+        assert isinstance(op.msg, dict)
+        expected = [math.nan, 1.5, -math.inf, 2.0, math.inf] * num + [math.nan if op is first else 7.0]
+        np.testing.assert_array_equal(op.msg["data"], expected)
+
+
+@pytest.mark.parametrize("bad", ["NaN NaN", "NaNN", "Infinite", "--Infinity", "NaN,"])
+def test_mistake_in_a_long_list_with_words_is_told(bad: str) -> None:
+    *_, error = decode_frame(publish(WORDS * 20_000 + bad.encode()))
+    assert isinstance(error, FrameError)
+    assert "is not valid JSON" in str(error)
+    assert error.op_id == "it"
+
+
+def test_deep_nesting_beside_a_long_list_with_words_is_told() -> None:
+    *_, error = decode_frame(publish(WORDS * 20_000 + b"1", b',"deep":' + b"[" * 3_000 + b"]" * 3_000))
+    assert isinstance(error, FrameError)
+    assert "nested too deeply" in str(error)
