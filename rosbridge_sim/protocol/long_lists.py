@@ -119,19 +119,22 @@ def _find(text: bytes, ends_run: npt.NDArray[np.bool_]) -> Generator[None, None,
 def _decode(text: bytes, start: int, stop: int) -> Generator[None, None, _Numbers]:
     """Decode the numbers between two brackets."""
     arrays: list[_Numbers] = []
+    dtypes: set[np.dtype[Any]] = set()
+    is_negative: bool | np.bool_ = False
     while start <= stop:
         end = stop if stop - start <= _PART else text.find(b",", start + _PART, stop)
         end = stop if end < 0 else end
         part = text[start:end]
-        arrays.append(_to_array(b"[" + part + b"]"))
-        if not len(arrays[-1]):
+        array = _to_array(b"[" + part + b"]")
+        if not len(array):
             raise ValueError("a list has a comma too many")
+        dtypes.add(array.dtype)
+        is_negative = is_negative or array.min() < 0
+        arrays.append(_shrink(array))
         start = end + 1
         yield
-    is_unsigned = {array.dtype.kind for array in arrays} == {"i", "u"} and all(
-        int(array.min()) >= 0 for array in arrays
-    )
-    kind = np.dtype(np.uint64) if is_unsigned else np.result_type(*{array.dtype for array in arrays})
+    is_unsigned = {dtype.kind for dtype in dtypes} == {"i", "u"} and not is_negative
+    kind = np.dtype(np.uint64) if is_unsigned else np.result_type(*dtypes)
     end = sum(map(len, arrays))
     whole = np.empty(end, kind)
     while arrays:  # one by one, because the system takes a millisecond to provide a megabyte
@@ -157,6 +160,16 @@ def _to_array(part: bytes) -> _Numbers:
         with suppress(OverflowError):
             return np.array(numbers, kind)
     return np.array(numbers, np.float64)
+
+
+def _shrink(array: _Numbers) -> _Numbers:
+    """Return small integers as int16, so that the parts of a long list take less memory beside the whole."""
+    if array.dtype == np.int64 and array.min() >= -_INT16 and array.max() < _INT16:
+        return array.astype(np.int16)
+    return array
+
+
+_INT16 = 2**15
 
 
 def put_in_lists(value: JsonValue, lists: dict[str, _Numbers]) -> JsonValue:
