@@ -104,7 +104,7 @@ class CollisionDetector:
 
     def __init__(self, world: World) -> None:
         n = world.n
-        rows = np.flatnonzero(world.alive)
+        rows = world.alive.nonzero()[0]
         self._world = world
         self._uid = world.uid.copy()
         self._rows = rows[self._uid[rows].argsort()]

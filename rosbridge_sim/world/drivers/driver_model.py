@@ -151,9 +151,9 @@ def accelerate(speed: FloatArray, perception: Perception, drivers: DriverParamet
     too_fast = np.fmax((wanted_speed - speed) / SETTLING_TIME, -FIRM)
     free = np.where(speed < wanted_speed, free, too_fast)
     chosen = free
-    at = np.flatnonzero(perception.stop_distance < np.inf)
+    at = (perception.stop_distance < np.inf).nonzero()[0]
     chosen[at] = _stop(free[at], speed[at], perception.stop_distance[at])
-    at = np.flatnonzero(perception.gap < np.inf)
+    at = (perception.gap < np.inf).nonzero()[0]
     leads = (perception.gap[at], perception.lead_speed[at], perception.lead_accel[at])
     chosen[at] = np.fmin(chosen[at], _follow(at, speed, *leads, drivers))
     if perception.slow is not None:

@@ -159,7 +159,7 @@ def _find_rival(conflicts: LaneConflicts, drivers: Drivers, moving: IntArray, la
     rivals = conflicts.rivals.other[link]
     has_one = np.isin(drivers.held, rivals) | np.isin(drivers.claim, rivals)
     has_one[which] = False
-    found = np.flatnonzero(np.concatenate([has_one, np.isin(moving, rivals)]))
+    found = np.concatenate([has_one, np.isin(moving, rivals)]).nonzero()[0]
     return int(found[0]) if len(found) else -1
 
 
@@ -220,7 +220,7 @@ class _Look:
             i = i[distance[i] < horizon[i]]
             lane = lanes[i]
             is_end = lane < 0
-            if is_end.any():
+            if np.count_nonzero(is_end):
                 at = i[is_end]
                 to_end = distance[at] - drivers.nose[at]
                 perception.stop_distance[at] = np.fmin(perception.stop_distance[at], to_end)
@@ -263,7 +263,7 @@ class _Look:
         if queue.lane[position] != drivers.lanes[0, which]:
             ahead = drivers.lanes[1:, which]
             position = next(at for at in queue.first_on(ahead[ahead >= 0]).tolist() if at < queue.num)
-        entry = int(np.flatnonzero(queue.position == position)[0])
+        entry = int((queue.position == position).nonzero()[0][0])
         return num + entry - (queue.num - len(self._others.lane))
 
     def find_stop(self, which: int, distance: float) -> tuple[Stop, int]:
@@ -317,7 +317,7 @@ class _Look:
         drivers, requests = self._drivers, self.requests
         lane, exit_lane = drivers.lanes[:2]
         distance = self._conflicts.wait_point[lane] - drivers.arc - drivers.nose
-        at = np.flatnonzero(np.isfinite(distance) & (distance > 0.0) & (drivers.claim != lane) & (drivers.held != lane))
+        at = (np.isfinite(distance) & (distance > 0.0) & (drivers.claim != lane) & (drivers.held != lane)).nonzero()[0]
         requests.lane[at], requests.exit_lane[at], requests.distance[at] = lane[at], exit_lane[at], distance[at]
 
     def _obey_light(self, i: IntArray, lane: IntArray, to_line: FloatArray) -> None:
@@ -331,7 +331,7 @@ class _Look:
             to_line: (m,) from the front bumper to the start of that lane [m].
         """
         drivers, perception = self._drivers, self.perception
-        closed = np.flatnonzero(~self._may_enter[lane] & (to_line > 0.0))
+        closed = (~self._may_enter[lane] & (to_line > 0.0)).nonzero()[0]
         at = i[closed]
         needed = firm_stop(drivers.speed[at], drivers.accel[at], drivers.parameters.reaction[at])
         stops = closed[needed < to_line[closed]]
@@ -364,7 +364,7 @@ class _Look:
             leaves = np.zeros(len(drivers.arc) + 1, dtype=bool)  # the last one stands for entities without lanes
             leaves[drivers.leaving.source] = True
             counts |= leaves[queue.source[lead]]
-        at = np.flatnonzero(counts & (queue.lane[following] == queue.lane[lead]) & (lead < queue.num))
+        at = (counts & (queue.lane[following] == queue.lane[lead]) & (lead < queue.num)).nonzero()[0]
         if not len(at):
             return None
         lead, following = lead[at], following[at]

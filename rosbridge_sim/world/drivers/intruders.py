@@ -86,7 +86,7 @@ def _intruders(
     A place before the start of the lane is negative.
     """
     roads = conflicts.roads
-    at = np.flatnonzero(moving.speed > MOVES)
+    at = (moving.speed > MOVES).nonzero()[0]
     lane, tail, speed = moving.lane[at], moving.tail[at], moving.speed[at]
     nose = 2.0 * moving.s[at] - tail
     to_end = roads.length[lane] - nose

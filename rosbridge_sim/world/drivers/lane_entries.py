@@ -156,7 +156,7 @@ def find_entries(
     obstructs = (right < CORRIDOR + half_across) & (left > -CORRIDOR - half_across)
     if not roads.is_flat:
         obstructs &= roads.are_level(places, z[owner])
-    at = np.flatnonzero(obstructs)
+    at = obstructs.nonzero()[0]
     lane, s = places.lane[at], places.s[at]
     along = np.maximum(speed[owner[at]] * cos[at], 0.0)
     accel_along = accel[owner[at]] * cos[at]
@@ -175,7 +175,7 @@ def sibling_entries(conflicts: LaneConflicts, own: Entries) -> Entries:
         own: (k,) the entries of the drivers on their own lanes.
     """
     siblings = conflicts.siblings
-    at = np.flatnonzero(own.tail < conflicts.shared[own.lane])
+    at = (own.tail < conflicts.shared[own.lane]).nonzero()[0]
     index, link = siblings.of(own.lane[at])
     is_shared = own.tail[at[index]] < siblings.figure[link]
     source, other = at[index[is_shared]], siblings.other[link[is_shared]]

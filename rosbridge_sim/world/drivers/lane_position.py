@@ -140,7 +140,7 @@ def keep_lanes(world: World, starts: Sequence[LaneStart]) -> None:
     world.keeps_lane[rows] = [not start.changes_lanes for start in starts]
     world.wander_width[rows] = [start.wander for start in starts]
     lateral = np.array([start.lateral for start in starts], dtype=np.float64)
-    if lateral.any():
+    if np.count_nonzero(lateral):
         world.lateral[rows] = world.lateral_from[rows] = world.lateral_to[rows] = world.lateral_bias[rows] = lateral
         world.x[rows] -= lateral * np.sin(yaw)
         world.y[rows] += lateral * np.cos(yaw)
@@ -238,7 +238,7 @@ def join_lanes(
     RouteChoice(world, rows).plan(np.arange(len(rows)))
     # A row that is put beyond the wait point of a lane is in the conflict area already, so it occupies the lane.
     wait_point = world.roads.derived(LaneConflicts).wait_point[lane]
-    inside = np.flatnonzero(s + world.half_length[rows] + world.centre[rows] > wait_point)
+    inside = (s + world.half_length[rows] + world.centre[rows] > wait_point).nonzero()[0]
     if len(inside):
         world.held[rows[inside]], world.exit_lane[rows[inside]] = lane[inside], world.ahead_1[rows[inside]]
 
@@ -294,7 +294,7 @@ def headings_ahead(
     """
     end, yaw = roads.derived(_find_straights)
     heading: FloatArray = yaw[point]
-    at = np.flatnonzero((arc + wheelbase > end[point]) & moves)
+    at = ((arc + wheelbase > end[point]) & moves).nonzero()[0]
     heading[at] = headings(roads, lanes[:, at], arc[at], wheelbase[at])
     return heading
 
@@ -311,7 +311,7 @@ def _find_straights(roads: Roads) -> tuple[FloatArray, FloatArray]:
     is_bent = roads.curve[point].any(axis=1)
     is_end |= is_bent | roads.curve[after].any(axis=1)
     # Each takes the end of the next segment that ends a straight.
-    last = np.flatnonzero(is_end)
+    last = is_end.nonzero()[0]
     end[point] = roads.s[after[last[np.searchsorted(last, np.arange(len(point)))]]]
     end[point[is_bent]] = -np.inf  # no part of a bend is straight
     return end, yaw
@@ -332,7 +332,7 @@ def find_ahead(roads: Roads, lanes: IntArray, arc: FloatArray) -> tuple[IntArray
     lane, s = lanes[0].copy(), arc.copy()
     for following in lanes[1:]:
         length = roads.length[lane]
-        at = np.flatnonzero((s > length) & (following >= 0))
+        at = ((s > length) & (following >= 0)).nonzero()[0]
         if not len(at):
             break
         s[at] -= length[at]

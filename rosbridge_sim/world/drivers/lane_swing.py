@@ -51,7 +51,8 @@ ROUNDS: Final = 2
 def find_long(world: World, rows: IntArray) -> IntArray:
     """Return which of some lane followers are long enough to swing, (m,) int64 indices; `latBias` has none of it."""
     is_long = 2.0 * world.half_length[rows] > HEAVY_LENGTH
-    return np.flatnonzero(is_long & (world.kind[rows] == Kind.VEHICLE) & (world.lateral_bias[rows] == 0.0))
+    is_one: BoolArray = is_long & (world.kind[rows] == Kind.VEHICLE) & (world.lateral_bias[rows] == 0.0)
+    return is_one.nonzero()[0]
 
 
 def find_swinging(world: World, rows: IntArray) -> IntArray:
@@ -64,7 +65,8 @@ def find_swinging(world: World, rows: IntArray) -> IntArray:
     near = world.int_block("behind", "ahead_2")[:, rows]
     is_near = (tight[near] & (near >= 0)).any(axis=0)
     is_off = (world.lateral[rows] != 0.0) | (world.lateral_rate[rows] != 0.0)
-    return np.flatnonzero(is_free & (is_near | is_off))
+    is_one: BoolArray = is_free & (is_near | is_off)
+    return is_one.nonzero()[0]
 
 
 def plan_swings(world: World, rows: IntArray, distance: FloatArray, interval: float) -> None:

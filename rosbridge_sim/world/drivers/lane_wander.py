@@ -97,7 +97,7 @@ class LaneWander:
     def __init__(self, world: World, rows: IntArray) -> None:
         self._world = world
         may = (world.kind[rows] == Kind.VEHICLE) & (world.lateral_bias[rows] == 0.0)
-        self.which = np.flatnonzero(may & (world.wander_width[rows] > 0.0))
+        self.which = (may & (world.wander_width[rows] > 0.0)).nonzero()[0]
         mine = rows[self.which]
         is_run = len(mine) > 0 and int(mine[-1]) - int(mine[0]) + 1 == len(mine)
         self._at: slice | IntArray = slice(int(mine[0]), int(mine[-1]) + 1) if is_run else mine

@@ -57,10 +57,10 @@ def update_holds(conflicts: LaneConflicts, drivers: Drivers) -> None:
         conflicts: of the roads.
         drivers: `claim` and `held` are written.
     """
-    at = np.flatnonzero((drivers.claim >= 0) & (drivers.claim == drivers.lanes[0]))
+    at = ((drivers.claim >= 0) & (drivers.claim == drivers.lanes[0])).nonzero()[0]
     at = at[drivers.arc[at] + drivers.nose[at] >= conflicts.wait_point[drivers.claim[at]]]
     drivers.held[at], drivers.claim[at] = drivers.claim[at], -1
-    at = np.flatnonzero(drivers.held >= 0)
+    at = (drivers.held >= 0).nonzero()[0]
     is_out = _tail_on_held_lane(conflicts.roads, drivers, at) > conflicts.clear_point[drivers.held[at]]
     drivers.held[at[is_out]] = -1
 
@@ -93,7 +93,7 @@ def give_claims(
     # A driver whose lead vehicle waits itself could not use the lane, and would only keep others out.
     is_led = perception.gap <= requests.distance
     asks &= ~is_led | ((perception.lead >= 0) & (drivers.claim[perception.lead] >= 0))
-    at = np.flatnonzero(asks)
+    at = asks.nonzero()[0]
     # A driver has one claim at a time. A claim for a lane before this one must become a hold first: if it were given up
     # here, the driver would have to stop before a lane that it was about to enter.
     has_claim = (drivers.claim[at] >= 0) & (drivers.lanes[:, at] == drivers.claim[at]).any(axis=0)
@@ -141,7 +141,7 @@ def _has_room(
     exit_lane = requests.exit_lane[at]
     first = queue.first_on(exit_lane)
     free = queue.tail[first] + ROOM_TIME * queue.speed[first]
-    coming = np.flatnonzero(((drivers.claim >= 0) | (drivers.held >= 0)) & (drivers.exit_lane >= 0))
+    coming = (((drivers.claim >= 0) | (drivers.held >= 0)) & (drivers.exit_lane >= 0)).nonzero()[0]
     needs = drivers.length[coming] + GAP
     reserved = np.bincount(drivers.exit_lane[coming], weights=needs, minlength=len(wait_point))
     # Where lanes with rivals follow one another, each is claimed in turn: only a lane without rivals must have room.
@@ -152,7 +152,7 @@ def _has_room(
 def _taken(conflicts: LaneConflicts, drivers: Drivers, moving_lane: IntArray, moving_tail: FloatArray) -> FloatArray:
     """Return where on each lane the last tail is of those that have or claim it, (l,); inf where there is none [m]."""
     taken = np.full(len(conflicts.wait_point), np.inf)
-    at = np.flatnonzero(drivers.held >= 0)
+    at = (drivers.held >= 0).nonzero()[0]
     np.minimum.at(taken, drivers.held[at], _tail_on_held_lane(conflicts.roads, drivers, at))
     np.minimum.at(taken, moving_lane, moving_tail)
     taken[drivers.claim[drivers.claim >= 0]] = -np.inf

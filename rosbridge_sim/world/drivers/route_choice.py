@@ -89,7 +89,7 @@ class RouteChoice:
         length = self.length[which]
         index = np.where(self.is_loop[which] & (length > 0), turn % np.maximum(length, 1), turn)
         is_on_route = index < length
-        if is_on_route.any():
+        if np.count_nonzero(is_on_route):
             first = self.first[which[is_on_route]]
             wanted = self.route[first + index[is_on_route]]
             if self.neighbours.is_any:
@@ -138,11 +138,11 @@ class RouteChoice:
             reached by the fewest lane changes; -1 if there is none.
         """
         is_beside = lane != before
-        if not is_beside.any():
+        if not np.count_nonzero(is_beside):
             return wanted
         neighbours, roads = self.neighbours, self.world.roads
         wanted = wanted.copy()
-        for i in np.flatnonzero(is_beside).tolist():  # few: those who overtake
+        for i in is_beside.nonzero()[0].tolist():  # few: those who overtake
             following = roads.successors(int(lane[i])) if lane[i] >= 0 else _NO_ROUTE
             following = following[neighbours.group[following] == neighbours.group[wanted[i]]]
             apart = np.abs(neighbours.place[following] - neighbours.place[wanted[i]])

@@ -44,11 +44,11 @@ def follow_in_joins(conflicts: LaneConflicts, drivers: Drivers, moving: Entries,
     """
     joins = conflicts.joins
     lane = drivers.lanes[0]
-    own = np.flatnonzero(joins.join[lane] >= 0)
+    own = (joins.join[lane] >= 0).nonzero()[0]
     if not len(own):
         return accel
     num = len(own)
-    other = np.flatnonzero((moving.source < 0) & (joins.join[moving.lane] >= 0))
+    other = ((moving.source < 0) & (joins.join[moving.lane] >= 0)).nonzero()[0]
     lane = np.concatenate([lane[own], moving.lane[other]])
     place = np.concatenate([drivers.arc[own], moving.s[other]])
     tail = np.concatenate([drivers.arc[own] - drivers.rear[own], moving.tail[other]])
@@ -59,7 +59,7 @@ def follow_in_joins(conflicts: LaneConflicts, drivers: Drivers, moving: Entries,
     key = join * _APART + (to_join - nose)
     lead = np.full(num, -1, dtype=np.int64)
     for this in (0, 1):
-        mine, theirs = np.flatnonzero(side[:num] == this), np.flatnonzero(side != this)
+        mine, theirs = (side[:num] == this).nonzero()[0], (side != this).nonzero()[0]
         theirs = theirs[np.lexsort((place[theirs], key[theirs]))]
         if not (len(mine) and len(theirs)):
             continue
@@ -67,7 +67,7 @@ def follow_in_joins(conflicts: LaneConflicts, drivers: Drivers, moving: Entries,
         found = theirs[np.fmax(before, 0)]
         is_there = (before >= 0) & (join[found] == join[mine])
         lead[mine[is_there]] = found[is_there]
-    at = np.flatnonzero(lead >= 0)
+    at = (lead >= 0).nonzero()[0]
     if not len(at):
         return accel
     first, index = lead[at], own[at]

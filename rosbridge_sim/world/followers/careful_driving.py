@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry.neighbours import find_neighbours
-from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
 from rosbridge_sim.world.state.world import DT, Kind, World
 
@@ -67,8 +67,8 @@ class _Careful:
     def __init__(self, world: World) -> None:
         self.world = world
         is_one = world.alive & (world.kind == Kind.VEHICLE) & world.has_path & (world.yields > 0) & ~world.is_ghost
-        self.rows = np.flatnonzero(is_one & (world.start_within == 0.0))
-        self.bodies = np.flatnonzero(world.alive)
+        self.rows: IntArray = (is_one & (world.start_within == 0.0)).nonzero()[0]
+        self.bodies: IntArray = world.alive.nonzero()[0]
         margin = np.where(world.kind == Kind.PEDESTRIAN, PERSON_MARGIN, MARGIN)[self.bodies]
         self.half_length, self.half_width = world.half_length[self.bodies], world.half_width[self.bodies]
         self.margin = margin
@@ -98,7 +98,7 @@ class _Careful:
         ahead = (np.arange(num) * SPACING)[None, :] + nose[:, None]
         arc, length = (world.arc[rows][:, None] + ahead).ravel(), world.path_length[rows][owner]
         is_loop = world.is_loop[rows][owner]
-        at = np.flatnonzero(is_loop | (arc <= length))
+        at = (is_loop | (arc <= length)).nonzero()[0]
         owner, ahead = owner[at], ahead.ravel()[at]
         arc = np.where(is_loop[at], np.fmod(arc[at], length[at]), arc[at])
         leg = world.paths.find(world.path_base[rows][owner], arc).T
@@ -121,7 +121,7 @@ class _Careful:
         gap = np.full(len(rows), np.inf)
         lead_speed = np.zeros(len(rows))
         # Places are in rising order for each vehicle: the first pair of each is its lead.
-        first = np.flatnonzero(np.diff(one, prepend=-1) > 0)
+        first = (np.diff(one, prepend=-1) > 0).nonzero()[0]
         lead = bodies[body[first]]
         direction = leg[DX][place[first]] * np.cos(world.yaw[lead]) + leg[DY][place[first]] * np.sin(world.yaw[lead])
         gap[one[first]] = np.fmax(ahead[place[first]] - nose[one[first]], 0.0)

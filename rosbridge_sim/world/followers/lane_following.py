@@ -134,7 +134,7 @@ def view_driver(world: World, row: int) -> DriverView | None:
         drivers.exit_lane.copy(),
     )
     others, rows, num_driving = followers.others(drivers)
-    which = int(np.flatnonzero(followers.rows == row)[0])
+    which = int((followers.rows == row).nonzero()[0][0])
     sight = observe(followers.conflicts, world.signals.may_enter, drivers, others, num_driving, which=which)
     all_rows = np.concatenate([followers.rows, rows])
     light = int(world.signals.plan.light_of_lane[sight.stop_lane]) if sight.stop is Stop.LIGHT else -1
@@ -195,7 +195,7 @@ class _LaneFollowers:
         self.world = world
         # One that waits for an ego is what all things that stand are: it asks for no lane and holds none.
         follows = world.has_lane & (world.start_within == 0.0)
-        self.rows = np.flatnonzero(world.alive & follows)
+        self.rows: IntArray = (world.alive & follows).nonzero()[0]
         self.num = len(self.rows)
         if not self.num:
             return
@@ -218,10 +218,10 @@ class _LaneFollowers:
         self.wander = LaneWander(world, self.rows)
         others = world.alive & ~follows
         may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
-        still = np.flatnonzero(others & ~may_move)
+        still = (others & ~may_move).nonzero()[0]
         self.still, owner, _ = _entries_of(world, still)
         self.still_rows = still[owner]
-        self.moving = np.flatnonzero(others & may_move)
+        self.moving: IntArray = (others & may_move).nonzero()[0]
         self.on_wheels = (world.kind[self.moving] == Kind.EGO) | (world.kind[self.moving] == Kind.VEHICLE)
 
     def decide(self) -> None:
@@ -250,8 +250,8 @@ class _LaneFollowers:
         self._steer(lanes, speed, accel)
         is_turn = (world.frame // DECISION + self.uid) % MAX_WAIT_DECISIONS == 0
         gives_up = (perception.is_shut_out | perception.is_blocked) & (speed < CREEP) & is_turn
-        if gives_up.any():
-            self.choice.change(np.flatnonzero(gives_up))
+        if np.count_nonzero(gives_up):
+            self.choice.change(gives_up.nonzero()[0])
         if not isinstance(at, slice):
             world.claim[at], world.held[at], world.exit_lane[at] = drivers.claim, drivers.held, drivers.exit_lane
 
@@ -291,7 +291,7 @@ class _LaneFollowers:
         drives = self.on_wheels & (np.abs(world.speed[self.moving]) > MOVES)
         moving = np.concatenate([self.moving[drives], self.moving[~drives]])
         seen, owner, arrival = _entries_of(world, moving)
-        crossing = np.flatnonzero(world.yields[moving[owner]] >= COMMITTED)
+        crossing = (world.yields[moving[owner]] >= COMMITTED).nonzero()[0]
         if len(crossing):
             passed = _find_passed_first(self.roads, drivers, seen.at(crossing), arrival[crossing])
             left = np.setdiff1d(np.arange(len(owner)), crossing[passed], assume_unique=True)
@@ -344,7 +344,7 @@ class _LaneFollowers:
         world.speed[at], world.arc[at] = after, arc
         is_past = arc >= world.leg_end[at]
         if np.count_nonzero(is_past):
-            self._advance_lanes(np.flatnonzero(is_past))
+            self._advance_lanes(is_past.nonzero()[0])
         distance = world.arc[at] - world.leg_start[at]
         world.x[at] = world.leg_x[at] + distance * world.leg_dx[at]
         world.y[at] = world.leg_y[at] + distance * world.leg_dy[at]
@@ -355,7 +355,7 @@ class _LaneFollowers:
             world.y[at] += aside * world.leg_dx[at]
         world.z[at] = world.leg_z[at] + distance * world.leg_dz[at]
         yaw = world.yaw[at] + world.yaw_rate[at] * dt
-        beyond = np.flatnonzero(np.abs(yaw) >= math.pi)
+        beyond = (np.abs(yaw) >= math.pi).nonzero()[0]
         if len(beyond):
             yaw[beyond] = wrap_angle(yaw[beyond])
         world.yaw[at] = yaw
@@ -386,7 +386,7 @@ class _LaneFollowers:
         world, rows = self.world, self.rows[which]
         for _ in range(MAX_LANES_ENTERED):
             is_over = world.arc[rows] >= self.roads.length[world.lane[rows]]
-            if not is_over.any():
+            if not np.count_nonzero(is_over):
                 break
             self._enter_next(which[is_over])
         set_legs(world, self.conflicts, rows)
@@ -395,7 +395,7 @@ class _LaneFollowers:
         """Move vehicles on to the next lane; at a dead end they stand at the end of theirs."""
         world, rows = self.world, self.rows[which]
         is_end = world.ahead_1[rows] < 0
-        if is_end.any():
+        if np.count_nonzero(is_end):
             at_end = rows[is_end]
             world.arc[at_end] = np.nextafter(self.roads.length[world.lane[at_end]], 0.0)
             world.speed[at_end] = world.accel[at_end] = 0.0
@@ -427,7 +427,7 @@ def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray, FloatA
         time = np.fmin(time, MAX_PARTS * FORESIGHT)
         foresight = np.where(time > 0.0, np.fmin(time, FORESIGHT), foresight)
         for part in range(1, MAX_PARTS):
-            crossing = np.flatnonzero(time > part * FORESIGHT)
+            crossing = (time > part * FORESIGHT).nonzero()[0]
             index = np.concatenate([index, crossing])
             later = np.concatenate([later, np.full(len(crossing), part * FORESIGHT)])
             foresight = np.concatenate([foresight, np.fmin(time[crossing] - part * FORESIGHT, FORESIGHT)])

@@ -50,7 +50,7 @@ class _Moving:
     def __init__(self, world: World) -> None:
         self.world = world
         is_still = world.has_lane | world.is_ghost | (world.loose > 0.0) | ((world.speed == 0.0) & (world.yields == 0))
-        self.rows = np.flatnonzero(world.alive & (world.kind != Kind.EGO) & ~is_still)
+        self.rows: IntArray = (world.alive & (world.kind != Kind.EGO) & ~is_still).nonzero()[0]
         self.num = len(self.rows)
         self.dt = 0.0
 

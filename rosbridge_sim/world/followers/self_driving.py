@@ -91,7 +91,7 @@ class SelfDrivingEgos:
 
     def __init__(self, world: World, followers: IntArray) -> None:
         self._world = world
-        self.index = np.flatnonzero(world.kind[followers] == Kind.EGO)
+        self.index: IntArray = (world.kind[followers] == Kind.EGO).nonzero()[0]
         self.rows = followers[self.index]
 
     def __len__(self) -> int:

@@ -39,7 +39,7 @@ def find_turn_signals(world: World, rows: IntArray) -> IntArray:
         (k,) int64.
     """
     signals = world.signal[rows].astype(np.int64)
-    which = np.flatnonzero(world.has_lane[rows] & (world.kind[rows] == Kind.VEHICLE) & (signals == 0))
+    which = (world.has_lane[rows] & (world.kind[rows] == Kind.VEHICLE) & (signals == 0)).nonzero()[0]
     if not len(which):
         return signals
     sides, length = world.roads.derived(_turn_sides), world.roads.length

@@ -9,8 +9,7 @@ placed elsewhere stops waiting.
 
 from __future__ import annotations
 
-import numpy as np
-
+from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.world import Kind, World
 
 __all__ = ["start"]
@@ -35,7 +34,7 @@ class _Waiting:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self.rows = np.flatnonzero(world.start_within > 0.0)
+        self.rows: IntArray = (world.start_within > 0.0).nonzero()[0]
         self.egos = world.rows(Kind.EGO)
 
     def start(self) -> None:

@@ -46,7 +46,7 @@ def legs_of(first: IntArray) -> tuple[IntArray, IntArray]:
     """
     is_start = np.ones(int(first[-1]), dtype=bool)
     is_start[first[1:] - 1] = False
-    return np.flatnonzero(is_start), first - np.arange(len(first))
+    return is_start.nonzero()[0], first - np.arange(len(first))
 
 
 def end_angles(points: FloatArray, first: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -67,6 +67,6 @@ class BlockGrid:
         number = column * CELL_COLUMN + line
         start = self._number.searchsorted(number, side="left")
         count = self._number.searchsorted(number, side="right") - start
-        if not count.any():
+        if not np.count_nonzero(count):
             return count[:0], self._block[:0]
         return np.arange(len(place)).repeat(count), self._block[ranges(start, count)]

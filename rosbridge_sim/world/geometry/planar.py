@@ -75,6 +75,8 @@ def in_columns(first: FloatArray, second: FloatArray) -> FloatArray:
 def wrap_angle(angle: npt.ArrayLike) -> FloatArray:
     """Return angles within (-pi, pi] [rad], of the shape of the argument; angles already inside keep their bits."""
     value = np.asarray(angle, dtype=np.float64)
+    if not np.count_nonzero(np.abs(value) >= math.pi):
+        return np.asarray(value + 0.0)  # the usual case, in half of the time; the sum below has no -0.0 either
     wrapped = value - FULL_TURN * np.ceil((value - math.pi) / FULL_TURN)
     # A value next to the bound may be rounded beyond it by one last place: both mean pi.
     return np.asarray(np.where(np.abs(wrapped) >= math.pi, math.pi, wrapped))
@@ -236,6 +238,8 @@ def ranges(start: IntArray, count: IntArray) -> IntArray:
     Returns:
         (sum of count,) int64.
     """
-    end = np.cumsum(count)
-    total = int(end[-1]) if len(end) else 0
-    return np.asarray(np.arange(total, dtype=np.int64) + np.repeat(start - (end - count), count))
+    if len(count) == 0:
+        return np.empty(0, dtype=np.int64)
+    end = count.cumsum()
+    ahead = (start - (end - count)).repeat(count)
+    return np.asarray(ahead + np.arange(len(ahead), dtype=np.int64))

@@ -57,6 +57,7 @@ class LaneSegments:
         end: (k, 2) end points, east and north [m].
         length: (k,) in the plane, positive [m].
         direction: (k, 2) unit vectors in the plane.
+        angle: (k,) of these, counter-clockwise from east, (-pi, pi] [rad].
         height: (k,) of the start points [m].
         slope: (k,) rise for each metre in the plane.
     """
@@ -67,13 +68,13 @@ class LaneSegments:
     end: FloatArray
     length: FloatArray
     direction: FloatArray
+    angle: FloatArray
     height: FloatArray
     slope: FloatArray
 
     def yaw(self, segment: IntArray) -> FloatArray:
         """Return the directions of segments, (n,), counter-clockwise from east, (-pi, pi] [rad]."""
-        direction = self.direction[segment]
-        return np.arctan2(direction[:, 1], direction[:, 0])
+        return self.angle[segment]
 
     def project(self, place: FloatArray, segment: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return the foot points of places on segments.
@@ -159,13 +160,13 @@ class SegmentSearch:
         is_seen = _thin_out(place, owner, self._size[block])
         owner, block = owner[is_seen], block[is_seen]
         size = self._size[block]
-        owner, segment = np.repeat(owner, size), ranges(self._first[block], size)
+        owner, segment = owner.repeat(size), ranges(self._first[block], size)
         _, lateral, distance = self._segments.project(place[owner], segment)
         is_near = (distance <= radius[owner]) & (distance - np.abs(lateral) < BESIDE)
         owner, segment, distance = owner[is_near], segment[is_near], distance[is_near]
         key = owner * self._num_lanes + self._segments.lane[segment]
         order = np.lexsort((distance, key))
-        best = order[np.flatnonzero(np.diff(key[order], prepend=-1))]
+        best = order[np.diff(key[order], prepend=-1).nonzero()[0]]
         return owner[best], segment[best]
 
     def _blocks_within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
@@ -175,7 +176,7 @@ class SegmentSearch:
         owner, block = self._grid.find(place)
         is_seen = _thin_out(place, owner, np.ones_like(owner))
         owner, block = owner[is_seen], block[is_seen]
-        far = np.flatnonzero(radius > REACH)  # rare: these are compared with all blocks
+        far = (radius > REACH).nonzero()[0]  # rare: these are compared with all blocks
         if len(far):
             is_near = radius[owner] <= REACH
             num = len(self._size)
@@ -207,7 +208,7 @@ class SegmentSearch:
             score += TURN_COST * (1.0 - towards)
         start = np.cumsum(count) - count
         least = np.minimum.reduceat(score, start)
-        hit = np.flatnonzero(score == least[owner])
+        hit = (score == least[owner]).nonzero()[0]
         return np.asarray(segment[hit[np.searchsorted(hit, start)]])
 
     def _best_at(self, place: FloatArray, heading: FloatArray | None, height: FloatArray, slack: float) -> IntArray:
@@ -264,7 +265,7 @@ def first_least(score: FloatArray, owner: IntArray, num: int) -> IntArray:
     """
     start = owner.searchsorted(np.arange(num))
     least = np.minimum.reduceat(score, start)
-    hit = np.flatnonzero(score == least[owner])
+    hit = (score == least[owner]).nonzero()[0]
     return np.asarray(hit[np.searchsorted(hit, start)])
 
 

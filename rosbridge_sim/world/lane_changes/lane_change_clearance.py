@@ -88,10 +88,10 @@ def is_clear(world: World, shifts: Shifts, speed: FloatArray) -> BoolArray:
     closing = speed - shifts.lead_speed
     way = np.fmax(length_of_shift(shifts.length, across), SHIFT_TIME * speed)
     edge, bend = np.full(len(across), CORRIDOR), np.zeros(len(across))
-    seen = np.flatnonzero((gap < SEEN) & (is_tight | (shifts.lead_speed < STANDS)))
+    seen = ((gap < SEEN) & (is_tight | (shifts.lead_speed < STANDS))).nonzero()[0]
     if len(seen):
         edge[seen] = np.fmax(_find_edges(world, shifts, seen), np.where(is_tight[seen], -np.inf, CORRIDOR))
-    tight = np.flatnonzero(is_tight)
+    tight = is_tight.nonzero()[0]
     if len(tight):
         bend[tight] = TIGHT_BEND * across[tight]
         way[tight] = length_of_tight_shift(world, shifts.rows[tight], across[tight])
@@ -116,7 +116,7 @@ def _find_edges(world: World, shifts: Shifts, which: IntArray) -> FloatArray:
         which: (m,) int64, some of them.
     """
     own = shifts.rows[which]
-    alive = np.flatnonzero(world.alive)
+    alive = world.alive.nonzero()[0]
     alive = alive[world.x[alive].argsort(kind="stable")]
     x = world.x[alive]
     first, last = x.searchsorted(world.x[own] - SEEN), x.searchsorted(world.x[own] + SEEN, side="right")

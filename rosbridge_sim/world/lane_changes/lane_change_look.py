@@ -134,7 +134,7 @@ class LaneLook:
         # Nobody changes lanes on the stretch before a join, but around what stands there one may leave it.
         reach = np.fmax(BLOCKED_WAY, BLOCKED_TIME * self._speed)
         is_before_join = conflicts.joins.join[self._lanes[0]] >= 0
-        blocked = np.flatnonzero((self._gap < reach) & (self._lead_speed < STANDS) & is_before_join)
+        blocked = ((self._gap < reach) & (self._lead_speed < STANDS) & is_before_join).nonzero()[0]
         if len(blocked):
             self._to_entry[blocked] = self._find_entry(conflicts.wait_point)[blocked]
 
@@ -190,7 +190,7 @@ class LaneLook:
         chosen = _pick(options, side)
         is_tight = (reason == LaneChange.AROUND) & (self._speed < STANDS)
         is_clear = np.zeros(num, dtype=bool)
-        at = np.flatnonzero((reason > 0) & ~is_inside)
+        at = ((reason > 0) & ~is_inside).nonzero()[0]
         is_clear[at] = self._is_clear(at, side[at], is_tight[at])
         begins = (reason > 0) & ~is_new & (world.frame - since >= SIGNAL_FRAMES) & chosen.is_there & chosen.is_safe
         begins &= is_clear & (side == decision % NUM_SIDES)
@@ -219,7 +219,7 @@ class LaneLook:
         which, neighbours, choice = self._which, self._neighbours, self._choice
         world, rows = self._world, self._rows[which]
         reason, side = np.zeros(len(which), dtype=np.int64), np.zeros(len(which), dtype=np.int64)
-        ends = np.flatnonzero(np.isfinite(self._run))
+        ends = np.isfinite(self._run).nonzero()[0]
         if len(ends):
             count = (self._lanes[:, ends] >= 0).sum(axis=0) - 1
             last = self._lanes[count, ends]
@@ -234,7 +234,7 @@ class LaneLook:
             at = ends[is_near]
             reason[at] = np.where(is_route[is_near], LaneChange.ROUTE, LaneChange.LANE_END)
             side[at] = to_side[is_near] - 1
-        around = np.flatnonzero((reason == 0) & self._is_blocked())
+        around = ((reason == 0) & self._is_blocked()).nonzero()[0]
         if len(around):
             values = []
             for option in options:
@@ -255,7 +255,7 @@ class LaneLook:
         perception, world = self._perception, self._world
         reach = np.fmax(BLOCKED_WAY, BLOCKED_TIME * self._speed)
         is_near = (self._gap < reach) & (self._lead_speed < STANDS) & (self._to_entry > self._gap + LIGHT_QUEUE)
-        at = np.flatnonzero(is_near)
+        at = is_near.nonzero()[0]
         blocked = np.zeros(len(self._which), dtype=bool)
         if not len(at):
             return blocked
@@ -318,7 +318,7 @@ class LaneLook:
         narrow_from = np.where(lane >= 0, self._conflicts.joins.narrow_from[lane], np.inf)
         is_wide = s + (self._nose + SHIFT_TIME * self._speed)[own_index] < narrow_from
         option.is_there = (lane >= 0) & neighbours.may[side, own_lane] & is_wide
-        there = np.flatnonzero(option.is_there)
+        there = option.is_there.nonzero()[0]
         if not len(there):
             return [_part_of(option, part) for part in options]
         at = own_index[there]
@@ -399,7 +399,7 @@ class LaneLook:
         lead_speed = np.where(is_on, queue.speed[position], 0.0)
         distance = roads.length[lanes[0]] - s
         for lane in lanes[1:]:
-            at = np.flatnonzero(np.isinf(gap) & (lane >= 0))
+            at = (np.isinf(gap) & (lane >= 0)).nonzero()[0]
             if not len(at):
                 break
             first = queue.first_on(lane[at])
@@ -421,7 +421,7 @@ class LaneLook:
         entry = np.maximum(position - 1, 0)
         is_on = (position > 0) & (queue.lane[entry] == lane)
         distance = np.where(is_on, s - queue.s[entry], np.inf)
-        at, from_lane, way = np.flatnonzero(~is_on), lane[~is_on], s[~is_on]
+        at, from_lane, way = (~is_on).nonzero()[0], lane[~is_on], s[~is_on]
         for _ in range(LOOK_BACK):
             if not len(at):
                 break
@@ -429,7 +429,7 @@ class LaneLook:
             at, from_lane, way = at[index], before.other[link], way[index] + roads.length[before.other[link]]
             last = queue.find(from_lane, roads.length[from_lane]) - 1
             is_found = (last >= 0) & (queue.lane[last] == from_lane)
-            found = np.flatnonzero(is_found)
+            found = is_found.nonzero()[0]
             there = way[found] - queue.s[last[found]]
             # The nearest of several lanes that lead here; of equally near ones the first.
             for i in found[np.lexsort((found, there))].tolist():

@@ -60,7 +60,8 @@ def find_shifted(world: World, rows: IntArray | slice) -> IntArray:
     """Return which of some lane followers are beside the line or on their way to another offset, (k,) int64 indices."""
     state = world.block(*_COLUMNS)[:, rows]
     is_shifted = (state != 0.0).any(axis=0) | (world.lateral_left[rows] > 0.0) | (world.lateral_to[rows] != 0.0)
-    return np.flatnonzero(is_shifted)
+    which: IntArray = is_shifted.nonzero()[0]
+    return which
 
 
 def length_of_shift(length: FloatArray, across: FloatArray) -> FloatArray:
@@ -121,7 +122,7 @@ def plan_shifts(world: World, rows: IntArray, distance: FloatArray, interval: fl
     world.drift[done] = world.lateral_push[done] = world.lateral_bend[done] = 0.0
     across = np.abs(world.lateral_to[rows] - world.lateral_from[rows]) + np.abs(world.lateral_push[rows])
     way = length_of_shift(2.0 * world.half_length[rows], across)
-    tight = np.flatnonzero(world.lateral_bend[rows])
+    tight = world.lateral_bend[rows].nonzero()[0]
     if len(tight):
         way[tight] = length_of_tight_shift(world, rows[tight], across[tight])
     part = np.fmin(np.fmin(interval / SHIFT_TIME, distance / np.fmax(way, 1.0)), left)

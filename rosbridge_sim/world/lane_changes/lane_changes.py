@@ -85,7 +85,7 @@ class LaneChanges:
         world, rows = self.world, self.rows
         leaving = world.leaving[rows]
         is_near = np.abs(world.lateral[rows] - world.lateral_to[rows]) > self._off_old_lane
-        which = np.flatnonzero((leaving > 0.0) & is_near)
+        which = ((leaving > 0.0) & is_near).nonzero()[0]
         lane, s = self.neighbours.cross(
             leaving[which].astype(np.int64) - 1, drivers.lanes[0, which], drivers.arc[which]
         )
@@ -128,7 +128,7 @@ class LaneChanges:
         # A driver that must change looks for its gap at each decision; one that signals by choice, at each
         # `LOOK_EVERY`-th.
         looks |= world.change[rows] >= (LaneChange.FASTER if part >= 0 else LaneChange.ROUTE)
-        which = np.flatnonzero(is_free & looks)
+        which = (is_free & looks).nonzero()[0]
         if len(which):
             look = LaneLook(world, rows, self.choice, drivers, perception, perception.queue, desired_speed, which)
             begins = look.decide(accel, decision)
@@ -156,7 +156,7 @@ class LaneChanges:
         following = drivers.lanes[1, which]
         side = world.leaving[self.rows[which]].astype(np.int64) - 1
         beyond = np.where(following >= 0, self.neighbours.beside[side, following], -1)
-        far = np.flatnonzero(~is_on & (beyond >= 0))
+        far = (~is_on & (beyond >= 0)).nonzero()[0]
         first = queue.first_on(beyond[far])
         gap[far] = self.roads.length[entries.lane[far]] - entries.s[far] + queue.tail[first]
         lead_speed[far] = queue.speed[first]
@@ -179,7 +179,7 @@ class LaneChanges:
         soon = which[~is_clear(world, shifts, faster)]
         accel[soon] = np.fmin(accel[soon], 0.0)
         # Those that pull out from rest do it at walking speed: their wheels are turned.
-        at = np.flatnonzero(shifts.is_tight & np.isfinite(gap))
+        at = (shifts.is_tight & np.isfinite(gap)).nonzero()[0]
         walking = length_of_tight_shift(world, rows[at], shifts.across[at]) / SHIFT_TIME
         accel[which[at]] = np.fmin(accel[which[at]], (walking - now[at]) / SETTLING_TIME)
         hits = ~is_clear(world, shifts, now)
@@ -195,7 +195,7 @@ class LaneChanges:
     ) -> None:
         """Keep more room than in a queue behind what is slow and follows no lane: it may stay where it stands."""
         is_slow = (perception.lead_speed < SLOW) & (drivers.speed < SLOW) & (perception.gap < BLOCKED_WAY)
-        which = np.flatnonzero(is_slow & (perception.lead < 0) & self.neighbours.has_side[drivers.lanes[0]] & self._may)
+        which = (is_slow & (perception.lead < 0) & self.neighbours.has_side[drivers.lanes[0]] & self._may).nonzero()[0]
         if not len(which):
             return
         gap = perception.gap[which] - SPARE_ROOM

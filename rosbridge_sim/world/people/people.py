@@ -171,7 +171,7 @@ def find_ways_over(world: World) -> tuple[FloatArray, ComplexArray]:
     people = world.derived(_People)
     if people.num:
         state, rows = world.yields[people.rows], people.rows
-        at = np.flatnonzero(state >= COMMITTED)
+        at = (state >= COMMITTED).nonzero()[0]
         crossing = people.first[at] + state[at] - COMMITTED
         left = people.end[crossing] - world.arc[rows[at]]
         times[rows[at]] = np.fmax(left, 0.0) / np.fmax(world.speed[rows[at]], SLOW)
@@ -193,7 +193,7 @@ class _People:
     def __init__(self, world: World) -> None:
         self.world = world
         is_walker = world.alive & (world.kind == Kind.PEDESTRIAN) & ~world.is_ghost
-        self.rows = np.flatnonzero(is_walker & world.has_path & (world.yields > 0))
+        self.rows: IntArray = (is_walker & world.has_path & (world.yields > 0)).nonzero()[0]
         self.num = len(self.rows)
         if not self.num:
             return
@@ -202,10 +202,10 @@ class _People:
         low, high = SIDES
         share = (world.uid[rows] * 0x9E3779B1 % 2**32) / 2**32  # even, and the same in every world
         self.side = low + (high - low) * share
-        self.others = np.flatnonzero(is_walker)
+        self.others: IntArray = is_walker.nonzero()[0]
         on_ground = world.alive & ~is_walker & (world.kind != Kind.PEDESTRIAN)
-        self.solid = np.flatnonzero(on_ground)
-        self.cars = np.flatnonzero(on_ground & ((world.kind == Kind.EGO) | (world.kind == Kind.VEHICLE)))
+        self.solid: IntArray = on_ground.nonzero()[0]
+        self.cars: IntArray = (on_ground & ((world.kind == Kind.EGO) | (world.kind == Kind.VEHICLE))).nonzero()[0]
         self._find_crossings()
 
     def _find_crossings(self) -> None:
@@ -275,7 +275,7 @@ class _People:
     def _ahead(self, arc: FloatArray, distance: float) -> FloatArray:
         """Return arc lengths that are farther on; a loop begins again, another path ends."""
         there = arc + distance
-        return np.where(self.is_loop, np.fmod(there, self.length), np.fmin(there, self.length))
+        return np.asarray(np.where(self.is_loop, np.fmod(there, self.length), np.fmin(there, self.length)))
 
     def _towards(self, arc: FloatArray, x: FloatArray, y: FloatArray) -> ComplexArray:
         """Return the directions to walk in, (k,) complex of length one."""
@@ -376,7 +376,7 @@ class _People:
         has_passed = (state >= COMMITTED) & (next_of != state - COMMITTED)
         state = np.where(has_passed, 1, state)
         state = np.where(is_in & (state < COMMITTED), COMMITTED + next_of, state)  # it was put onto the road
-        asks = np.flatnonzero((state < COMMITTED) & (nearest < AT_KERB) & (wish > 0.0))
+        asks = ((state < COMMITTED) & (nearest < AT_KERB) & (wish > 0.0)).nonzero()[0]
         if len(asks):
             goes = asks[self._may_cross(self.first[asks] + next_of[asks], world.desired_speed[rows[asks]])]
             state[goes] = COMMITTED + next_of[goes]
@@ -392,7 +392,7 @@ class _People:
         number = np.arange(len(self.start)) - self.first[owner]
         before = world.leg_start[rows][owner]
         crosses = world.yields[rows][owner] == COMMITTED + number
-        held = np.flatnonzero((before < self.start) & (arc[owner] >= self.start) & ~crosses)
+        held = ((before < self.start) & (arc[owner] >= self.start) & ~crosses).nonzero()[0]
         arc = arc.copy()
         np.minimum.at(arc, owner[held], np.nextafter(self.start[held], 0.0))
         return arc
@@ -408,7 +408,7 @@ class _People:
         light = self.light[crossing]
         shown = signals.shown[np.maximum(light, 0)] if len(signals.shown) else np.zeros(len(light), dtype=np.int64)
         may = (light < 0) | (shown < 0) | (shown & int(Lamp.GREEN) != 0)
-        at = np.flatnonzero(may)
+        at = may.nonzero()[0]
         may[at] = ~self._is_endangered(crossing[at], speed[at])
         return np.asarray(may)
 

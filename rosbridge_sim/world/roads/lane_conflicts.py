@@ -99,7 +99,7 @@ class Links:
             (m,) int64, indices into `lanes`, rising, and (m,) int64, indices into `other`.
         """
         start, count = self.first[lanes], self.first[lanes + 1] - self.first[lanes]
-        return np.repeat(np.arange(len(lanes)), count), ranges(start, count)
+        return np.arange(len(lanes)).repeat(count), ranges(start, count)
 
 
 class LaneConflicts:
@@ -228,7 +228,7 @@ def _safe_speeds(roads: Roads, curvature: FloatArray) -> tuple[FloatArray, Float
 def _slope(roads: Roads, value: FloatArray) -> FloatArray:
     """Return the change from each point to the next one of its lane for each metre, (n,)."""
     slope = np.zeros(len(value))
-    at = np.flatnonzero(np.diff(roads.s) > 0.0)
+    at = (np.diff(roads.s) > 0.0).nonzero()[0]
     slope[at] = np.diff(value)[at] / np.diff(roads.s)[at]
     return slope
 
@@ -339,7 +339,7 @@ def _overlaps(roads: Roads, curvature: FloatArray) -> _Pairs:
     key = lanes.astype(np.int64) * len(roads) + others.astype(np.int64)
     order = np.argsort(key, kind="stable")
     key, on_lane, on_other = key[order], on_lane[order], on_other[order]
-    start = np.flatnonzero(np.diff(key, prepend=-1))
+    start = np.diff(key, prepend=-1).nonzero()[0]
     if not len(start):
         empty, none = np.zeros(0), np.zeros(0, dtype=np.int64)
         return _Pairs(none, none, empty, empty, empty)

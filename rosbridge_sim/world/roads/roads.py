@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
-from typing import Final, TypeVar, cast
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -82,6 +82,8 @@ class Roads:
 
     __slots__ = (
         "_derived",
+        "_last_leg",
+        "_legs_per_metre",
         "_rows",
         "_search",
         "bank",
@@ -171,7 +173,7 @@ class Roads:
         self.is_flat = not self.bank.any() and not (height != height[:1]).any()
         self._measure()
         self._search = SegmentSearch(self.segments, num) if num else None
-        self._derived: dict[object, object] = {}
+        self._derived: dict[object, Any] = {}
         self.digest = self._hash()
 
     def __len__(self) -> int:
@@ -195,10 +197,10 @@ class Roads:
 
     def derived(self, make: Callable[[Roads], T]) -> T:
         """Return `make(roads)`, made at the first call and kept."""
-        value = self._derived.get(make)
+        value: T | None = self._derived.get(make)  # the key says what the value is
         if value is None:
             value = self._derived[make] = make(self)
-        return cast("T", value)  # the key says what the value is
+        return value
 
     def at(self, lane: npt.ArrayLike, s: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
         """Return points on lanes.
@@ -210,16 +212,18 @@ class Roads:
         Returns:
             (n, 3) points east, north, up [m] and (n,) the lanes' directions there, (-pi, pi] [rad].
         """
-        lane = np.atleast_1d(np.asarray(lane, dtype=np.int64))
+        if not isinstance(lane, np.ndarray) or lane.ndim == 0:
+            lane = np.atleast_1d(np.asarray(lane, dtype=np.int64))
         point, share = self.locate(lane, np.asarray(s, dtype=np.float64))
-        start, curve = self.points[point], self.curve[point]
-        step = self.points[point + 1] - start
+        start, curve = self.points.take(point, axis=0), self.curve.take(point, axis=0)
+        step = self.points.take(point + 1, axis=0) - start
         place = start + share[:, None] * step
         # Each lane before has one segment fewer than it has points.
-        yaw = self.segments.yaw(point - lane)
+        segment = point - lane
+        yaw = self.segments.angle[segment]
         if not np.count_nonzero(curve):
             return place, yaw
-        length = self.segments.length[point - lane]
+        length = self.segments.length[segment]
         along = share * length
         aside = bends.offset(curve, along, length) / length
         place[:, 0] -= aside * step[:, 1]
@@ -253,14 +257,13 @@ class Roads:
             (n,) int64, the row of the point before each place, and (n,) the share of the distance from it to the next
             point, 0..1.
         """
-        length = self.length[lane]
-        s = np.fmin(np.fmax(s, 0.0), length)
-        first, last = self.first[lane], self.first[lane + 1] - 2
+        s = np.fmin(np.fmax(s, 0.0), self.length[lane])
+        first, last = self.first[lane], self._last_leg[lane]
         # Most lanes have their points at equal distances: then the place is known without a search.
-        point = np.minimum(first + (s * ((last + 1 - first) / length)).astype(np.int64), last)
+        point = np.minimum(first + (s * self._legs_per_metre[lane]).astype(np.int64), last)
         is_wrong = (s < self.s[point]) | (s >= self.s[point + 1])
-        if is_wrong.any():
-            at = np.flatnonzero(is_wrong)
+        if np.count_nonzero(is_wrong):
+            at = is_wrong.nonzero()[0]
             found = np.searchsorted(self.chain, self.base[lane[at]] + s[at], side="right") - 1
             point[at] = np.minimum(np.maximum(found, first[at]), last[at])
         return point, (s - self.s[point]) / self.segments.length[point - lane]
@@ -352,7 +355,7 @@ class Roads:
         """Return the places of points (n, 2) relative to the segments (n,) chosen for them."""
         segments = self.segments
         along, lateral, distance = segments.project(place, segment)
-        point, yaw = segments.point[segment], segments.yaw(segment)
+        point, yaw = segments.point[segment], segments.angle[segment]
         s, curve = self.s[point] + along, self.curve[point]
         if np.count_nonzero(curve):
             length = segments.length[segment]
@@ -367,7 +370,7 @@ class Roads:
         lane_of_point = np.repeat(np.arange(len(self), dtype=np.int64), np.diff(self.first))
         is_last = np.zeros(len(self.points), dtype=bool)
         is_last[self.first[1:] - 1] = True
-        point = np.flatnonzero(~is_last)
+        point = (~is_last).nonzero()[0]
         lane = lane_of_point[point]
         start, end = self.points[point, :2], self.points[point + 1, :2]
         step = end - start
@@ -377,7 +380,9 @@ class Roads:
         self.curve = np.zeros((len(self.points), 2))
         if len(lane):
             self.curve[point] = bends.leg_curves(length, *bends.end_angles(self.points, self.first))
-        self.segments = LaneSegments(lane, point, start, end, length, step / length[:, None], height[point], slope)
+        direction = step / length[:, None]
+        angle = np.arctan2(direction[:, 1], direction[:, 0])
+        self.segments = LaneSegments(lane, point, start, end, length, direction, angle, height[point], slope)
 
         # One rising scale for all lanes, with an unused metre between two of them: a single search serves them all.
         gap = np.ones(len(self.points))
@@ -387,6 +392,8 @@ class Roads:
         self.base = self.chain[self.first[:-1]]
         self.s = self.chain - self.base[lane_of_point]
         self.length = self.s[self.first[1:] - 1]
+        self._last_leg = self.first[1:] - 2
+        self._legs_per_metre = (self._last_leg + 1 - self.first[:-1]) / self.length
 
         yaw = self.segments.yaw(np.arange(len(lane)))
         bend = np.where(lane[1:] == lane[:-1], wrap_angle(np.diff(yaw)), 0.0)
@@ -397,7 +404,7 @@ class Roads:
         columns = (self.points, self.border, self.first, self.width, self.speed_limit, self.left, self.right)
         for column in (*columns, self.is_stop, self.first_successor, self.successor):
             state.update(column.tobytes())
-        if self.bank.any():
+        if np.count_nonzero(self.bank):
             state.update(self.bank.tobytes())
         return state.digest()
 

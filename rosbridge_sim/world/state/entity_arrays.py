@@ -128,6 +128,9 @@ NUM_CORE: Final = (FLOATS.index("score_distance"), INTS.index("score_since"), BO
 """Columns of each block without those of `score`, which are zeros while no scores are kept."""
 
 
+_FLOAT_LINES: Final = {name: line for line, name in enumerate(FLOATS)}
+_INT_LINES: Final = {name: line for line, name in enumerate(INTS)}
+
 KINEMATIC_CORE: Final = np.array([FLOATS.index(name) for name in _KINEMATIC[:_SCORE]])
 """Rows of the float block that the kinematic model has, in its own order, without those of `score`: its digests do not
 depend on the columns of other models."""
@@ -419,11 +422,11 @@ class EntityArrays:
 
     def block(self, first: str, last: str) -> FloatArray:
         """Return the float columns from `first` to `last`, given by name, as one (columns, n) view."""
-        return self._floats[FLOATS.index(first) : FLOATS.index(last) + 1, : self.n]
+        return self._floats[_FLOAT_LINES[first] : _FLOAT_LINES[last] + 1, : self.n]
 
     def int_block(self, first: str, last: str) -> IntArray:
         """Return the integer columns from `first` to `last`, given by name, as one (columns, n) view."""
-        return self._ints[INTS.index(first) : INTS.index(last) + 1, : self.n]
+        return self._ints[_INT_LINES[first] : _INT_LINES[last] + 1, : self.n]
 
     def _allocate(self, n: int) -> None:
         """Take new blocks, with n free rows."""

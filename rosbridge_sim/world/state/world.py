@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass
 from hashlib import blake2b
-from typing import Final, TypeVar, cast
+from typing import Any, Final, TypeVar
 
 import numpy as np
 
@@ -220,7 +220,7 @@ class World(EntityArrays):
         self.roads, self.signals = NO_ROADS, Signals(NO_PLAN)
         self.routes: dict[int, IntArray] = {}
         self._rows: dict[int, int] = {}  # uid -> row, in order of spawning
-        self._derived: dict[object, object] = {}
+        self._derived: dict[object, Any] = {}
         self.reset()
 
     # -- the population
@@ -573,10 +573,10 @@ class World(EntityArrays):
 
     def derived(self, make: Callable[[World], T]) -> T:
         """Return `make(world)`, made once and kept until the next `touch`."""
-        value = self._derived.get(make)
+        value: T | None = self._derived.get(make)  # the key says what the value is
         if value is None:
             value = self._derived[make] = make(self)
-        return cast("T", value)  # the key says what the value is
+        return value
 
     def place(self, row: int, *, x: float, y: float, z: float, yaw: float, speed: float) -> None:
         """Place a row on a straight leg that never ends, without acceleration. Nothing is checked.

@@ -74,7 +74,8 @@ def drive(world: World, dt: float) -> None:
 
 def _find_driven(world: World) -> IntArray:
     """Return the rows that the model moves, (k,) int64."""
-    return np.flatnonzero(world.alive & (world.kind == Kind.EGO) & ~world.is_ghost & (world.loose == 0.0))
+    is_driven: BoolArray = world.alive & (world.kind == Kind.EGO) & ~world.is_ghost & (world.loose == 0.0)
+    return is_driven.nonzero()[0]
 
 
 class _SingleTrack:
@@ -173,7 +174,7 @@ class _Driven:
         resist, distance, *spare = np.empty((5, program.num))
         self._resist(resist)
         is_auto = self.world.mode[program.rows] != Mode.PEDALS
-        if is_auto.any():
+        if np.count_nonzero(is_auto):
             self._press(is_auto, resist, *spare)
         self._accelerate(resist, distance, *spare)
         self._steer(distance, half_turn=resist, change=spare[0])
