@@ -204,14 +204,14 @@ class EntryQueue:
         self._roads = roads
         # One whole number for each entry, of its place and its index: equal places have an order then, and a sort of
         # plain numbers is faster than one of indices.
-        place = roads.base[entries.lane] + np.clip(entries.s, 0.0, roads.length[entries.lane])
+        place = roads.base[entries.lane] + np.minimum(np.maximum(entries.s, 0.0), roads.length[entries.lane])
         key = ((place * _TICKS).astype(np.int64) << _INDEX_BITS) | np.arange(self.num)
         key.sort()
         order = key & _INDEX_MASK
         self.position = np.empty(self.num, dtype=np.int64)
         self.position[order] = np.arange(self.num)
         self._key = key
-        self._first_key = (roads.base * _TICKS).astype(np.int64) << _INDEX_BITS
+        self._first_key = roads.derived(_first_keys)
         self.lane = _in_order(entries.lane, order, -1)
         self.s = _in_order(entries.s, order, np.inf)
         self.tail = _in_order(entries.tail, order, np.inf)
@@ -226,7 +226,7 @@ class EntryQueue:
             lane: (k,) int64, rows of lanes.
             s: (k,) arc lengths, held within the lanes [m].
         """
-        place = self._roads.base[lane] + np.clip(s, 0.0, self._roads.length[lane])
+        place = self._roads.base[lane] + np.minimum(np.maximum(s, 0.0), self._roads.length[lane])
         return self._key.searchsorted((place * _TICKS).astype(np.int64) << _INDEX_BITS)
 
     def first_on(self, lane: IntArray) -> IntArray:
@@ -235,9 +235,14 @@ class EntryQueue:
         return np.where(self.lane[position] == lane, position, self.num)
 
 
+def _first_keys(roads: Roads) -> IntArray:
+    """Return the key of the start of each lane, (l,) int64."""
+    return (roads.base * _TICKS).astype(np.int64) << _INDEX_BITS
+
+
 def _in_order(values: npt.NDArray[_Number], order: IntArray, end: float) -> npt.NDArray[_Number]:
     """Return values (m,) in an order, with one more at the end, (m + 1,)."""
     ordered = np.empty(len(values) + 1, dtype=values.dtype)
-    np.take(values, order, out=ordered[:-1], mode="clip")
+    values.take(order, out=ordered[:-1], mode="clip")
     ordered[-1] = end
     return ordered

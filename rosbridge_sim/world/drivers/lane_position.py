@@ -36,6 +36,7 @@ __all__ = [
     "keep_lane",
     "keep_lanes",
     "leave_lane",
+    "rear_axles",
     "set_legs",
 ]
 
@@ -268,12 +269,20 @@ def headings(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArr
     Returns:
         (k,) counter-clockwise from east, (-pi, pi] [rad].
     """
-    rear, _ = roads.at(*find_ahead(roads, lanes, arc))
-    front, yaw = roads.at(*find_ahead(roads, lanes, arc + wheelbase))
-    step = front - rear
+    return rear_axles(roads, lanes, arc, wheelbase)[1]
+
+
+def rear_axles(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the places of the rear axles, (k, 3) [m], and what `headings` returns, with one search for both axles."""
+    arcs = np.concatenate([arc, arc + wheelbase])
+    places, yaw = roads.at(*find_ahead(roads, np.concatenate([lanes, lanes], axis=1), arcs))
+    num = len(arc)
+    rear = places[:num]
+    step = places[num:] - rear
+    east, north = step[:, 0], step[:, 1]
     # At the end of the last lane there is no line for the front axle: take the direction of the lane.
-    is_short = np.hypot(step[:, 0], step[:, 1]) < 0.5 * wheelbase
-    return np.where(is_short, yaw, np.arctan2(step[:, 1], step[:, 0]))
+    is_short = np.hypot(east, north) < 0.5 * wheelbase
+    return rear, np.where(is_short, yaw[num:], np.arctan2(north, east))
 
 
 def headings_ahead(
@@ -295,6 +304,8 @@ def headings_ahead(
     end, yaw = roads.derived(_find_straights)
     heading: FloatArray = yaw[point]
     at = ((arc + wheelbase > end[point]) & moves).nonzero()[0]
+    if not len(at):
+        return heading
     heading[at] = headings(roads, lanes[:, at], arc[at], wheelbase[at])
     return heading
 

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH
-from rosbridge_sim.world.drivers.lane_position import find_ahead, headings
+from rosbridge_sim.world.drivers.lane_position import find_ahead, rear_axles
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
@@ -63,7 +63,7 @@ def find_swinging(world: World, rows: IntArray) -> IntArray:
     is_free = (world.lateral_left[rows] == 0.0) & (world.leaving[rows] == 0.0)
     tight = world.roads.derived(_are_tight)
     near = world.int_block("behind", "ahead_2")[:, rows]
-    is_near = (tight[near] & (near >= 0)).any(axis=0)
+    is_near = np.logical_or.reduce(tight[near] & (near >= 0))
     is_off = (world.lateral[rows] != 0.0) | (world.lateral_rate[rows] != 0.0)
     is_one: BoolArray = is_free & (is_near | is_off)
     return is_one.nonzero()[0]
@@ -96,20 +96,22 @@ def _offsets(world: World, rows: IntArray, distance: FloatArray) -> FloatArray:
     arc = world.arc[rows] + distance
     wheelbase, centre = world.wheelbase[rows], world.centre[rows]
     half_length, half_width = world.half_length[rows], world.half_width[rows]
-    rear, _ = roads.at(*find_ahead(roads, lanes[1:], arc))
-    yaw = headings(roads, lanes[1:], arc, wheelbase)
+    rear, yaw = rear_axles(roads, lanes[1:], arc, wheelbase)
     # All places are counted from the start of the lane behind, where the tail may be.
     is_first = lanes[0] < 0
     lanes = np.where(is_first, np.concatenate([lanes[1:], lanes[-1:]]), lanes)
     arc = arc + np.where(is_first, 0.0, roads.length[lanes[0]])
     # Both corners of the tail, both sides in the middle of the wheelbase, and both corners of the nose
-    along = np.concatenate([centre - half_length, 0.5 * wheelbase, centre + half_length] * NUM_SIDES)
-    across = np.concatenate([half_width] * NUM_PARTS + [-half_width] * NUM_PARTS)
-    num = NUM_PARTS * NUM_SIDES
-    cos, sin, x, y, arc = (np.tile(each, num) for each in (np.cos(yaw), np.sin(yaw), rear[:, 0], rear[:, 1], arc))
-    x, y = x + along * cos - across * sin, y + along * sin + across * cos
-    beyond = _beyond(roads, np.tile(lanes, num), arc + along, x, y)
-    left, right = (each.reshape(num, len(rows)).max(axis=0) for each in beyond)
+    num = len(rows)
+    along = np.empty((NUM_SIDES, NUM_PARTS, num))
+    along[:, 0], along[:, 1], along[:, 2] = centre - half_length, 0.5 * wheelbase, centre + half_length
+    across = np.empty((NUM_SIDES, 1, num))
+    across[0], across[1] = half_width, -half_width
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    x, y = rear[:, 0] + along * cos - across * sin, rear[:, 1] + along * sin + across * cos
+    lanes = lanes[:, np.arange(NUM_SIDES * NUM_PARTS * num) % num]
+    beyond = _beyond(roads, lanes, (arc + along).ravel(), x.ravel(), y.ravel())
+    left, right = (np.maximum.reduce(each.reshape(-1, num)) for each in beyond)
     to_right = np.fmin(np.fmax(left, 0.0), np.fmax(0.5 * (left - right), 0.0))
     to_left = np.fmin(np.fmax(right, 0.0), np.fmax(0.5 * (right - left), 0.0))
     return np.asarray(np.fmin(np.fmax(to_left - to_right, -MAX_OFFSET), MAX_OFFSET))
@@ -127,14 +129,13 @@ def _beyond(
         x: (m,) east [m].
         y: (m,) north [m].
     """
-    lateral = np.zeros(len(s))
-    lane, here = lanes[0], s
-    for _ in range(ROUNDS):
+    for i in range(ROUNDS):
         lane, here = find_ahead(roads, lanes, s)
         foot, yaw = roads.at(lane, here)
-        east, north = x - foot[:, 0], y - foot[:, 1]
-        s = s + east * np.cos(yaw) + north * np.sin(yaw)
-        lateral = north * np.cos(yaw) - east * np.sin(yaw)
+        east, north, cos, sin = x - foot[:, 0], y - foot[:, 1], np.cos(yaw), np.sin(yaw)
+        if i < ROUNDS - 1:
+            s = s + east * cos + north * sin
+    lateral = north * cos - east * sin
     point, share = roads.locate(lane, here)
     border = roads.border[point] + share[:, None] * (roads.border[point + 1] - roads.border[point])
     return lateral - border[:, 0] + MARGIN, -lateral - border[:, 1] + MARGIN

@@ -310,8 +310,12 @@ class _LaneFollowers:
         swinging = self.long[find_swinging(world, self.rows[self.long])] if len(self.long) else self.long
         if len(swinging):
             plan_swings(world, self.rows[swinging], distance[swinging], _INTERVAL)
-            shifting = np.setdiff1d(self.shifted, swinging, assume_unique=True)
-            self.shifted = np.union1d(shifting, swinging[find_shifted(world, self.rows[swinging])])
+            is_shifted = np.zeros(self.num, dtype=bool)
+            is_shifted[self.shifted] = True
+            is_shifted[swinging] = False
+            shifting = is_shifted.nonzero()[0]
+            is_shifted[swinging[find_shifted(world, self.rows[swinging])]] = True
+            self.shifted = is_shifted.nonzero()[0]
         else:
             shifting = self.shifted
         self.wander.plan(distance, heading, lanes[0], self.shifted, _INTERVAL)

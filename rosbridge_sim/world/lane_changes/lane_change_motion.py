@@ -59,7 +59,7 @@ _COLUMNS: Final = ("lateral", "drift_rate")
 def find_shifted(world: World, rows: IntArray | slice) -> IntArray:
     """Return which of some lane followers are beside the line or on their way to another offset, (k,) int64 indices."""
     state = world.block(*_COLUMNS)[:, rows]
-    is_shifted = (state != 0.0).any(axis=0) | (world.lateral_left[rows] > 0.0) | (world.lateral_to[rows] != 0.0)
+    is_shifted = np.logical_or.reduce(state != 0.0) | (world.lateral_left[rows] > 0.0) | (world.lateral_to[rows] != 0.0)
     which: IntArray = is_shifted.nonzero()[0]
     return which
 
