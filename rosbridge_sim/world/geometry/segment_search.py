@@ -166,7 +166,10 @@ class SegmentSearch:
         owner, segment, distance = owner[is_near], segment[is_near], distance[is_near]
         key = owner * self._num_lanes + self._segments.lane[segment]
         order = np.lexsort((distance, key))
-        best = order[np.diff(key[order], prepend=-1).nonzero()[0]]
+        key = key[order]
+        is_first = np.ones(len(key), dtype=bool)
+        np.not_equal(key[1:], key[:-1], out=is_first[1:])
+        best = order[is_first]
         return owner[best], segment[best]
 
     def _blocks_within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
@@ -174,10 +177,11 @@ class SegmentSearch:
         if self._grid is None:  # made at the first search for all lanes near a place
             self._grid = BlockGrid(self._low, self._high)
         owner, block = self._grid.find(place)
-        is_seen = _thin_out(place, owner, np.ones_like(owner))
-        owner, block = owner[is_seen], block[is_seen]
-        far = (radius > REACH).nonzero()[0]  # rare: these are compared with all blocks
-        if len(far):
+        if len(owner) > MAX_SEGMENTS:
+            is_seen = _thin_out(place, owner, np.ones_like(owner))
+            owner, block = owner[is_seen], block[is_seen]
+        if np.count_nonzero(radius > REACH):  # rare: these are compared with all blocks
+            far = (radius > REACH).nonzero()[0]
             is_near = radius[owner] <= REACH
             num = len(self._size)
             owner = np.concatenate([owner[is_near], far.repeat(num)])

@@ -209,12 +209,17 @@ class _People:
         self._find_crossings()
 
     def _find_crossings(self) -> None:
-        """Lay the crossings of all paths end to end: `first[i]` is the first one of pedestrian i."""
+        """Lay the crossings of all paths end to end: `first[i]` is the first one of pedestrian i.
+
+        `owner` and `number` say for each crossing whose it is, and which one on that path.
+        """
         world = self.world
         known = world.roads.derived(_KnownCrossings)
         found = [known.of(world, int(world.uid[row])) for row in self.rows.tolist()]
         count = np.array([len(each.start) for each in found], dtype=np.int64)
         self.first = np.append(0, np.cumsum(count))
+        self.owner = np.arange(self.num).repeat(count)
+        self.number = np.arange(len(self.owner)) - self.first[self.owner]
         self.start = np.concatenate([each.start for each in found])
         self.end = np.concatenate([each.end for each in found])
         self.light = np.concatenate([each.light for each in found])
@@ -245,7 +250,7 @@ class _People:
         speed = np.abs(after)
         stands = speed < STANDS
         speed[stands] = 0.0
-        yaw = np.where(stands, world.yaw[rows], np.angle(after))
+        yaw = np.where(stands, world.yaw[rows], np.arctan2(after.imag, after.real))
         world.accel[rows] = (speed - world.speed[rows]) / _SECONDS
         world.speed[rows], world.yaw[rows] = speed, yaw
         world.arc[rows] = world.leg_start[rows] = arc
@@ -325,8 +330,9 @@ class _People:
         other = solid[other]
         turn = np.exp(-1j * world.yaw[other])
         local = (x[one] - world.x[other] + 1j * (y[one] - world.y[other])) * turn - world.centre[other]
-        beyond_x = local.real - np.clip(local.real, -world.half_length[other], world.half_length[other])
-        beyond_y = local.imag - np.clip(local.imag, -world.half_width[other], world.half_width[other])
+        half_length, half_width = world.half_length[other], world.half_width[other]
+        beyond_x = local.real - np.minimum(np.maximum(local.real, -half_length), half_length)
+        beyond_y = local.imag - np.minimum(np.maximum(local.imag, -half_width), half_width)
         away = np.hypot(beyond_x, beyond_y)
         body = world.half_width[self.rows[one]]
         size = WALL * np.exp(-np.fmax(away - body, 0.0) / WALL_DECAY)
@@ -336,7 +342,7 @@ class _People:
         against = (towards[one] * turn * np.conj(force)).real
         course_against = (course[one] * turn * np.conj(force)).real
         faces = (against < 0.0) & (np.fmin(against, course_against) < -AGAINST) & (away < body + NEAR)
-        from_hub = local - NOSE_SHARE * world.half_length[other]
+        from_hub = local - NOSE_SHARE * half_length
         is_left = (np.conj(course[one] * turn) * from_hub).imag >= 0.0
         along = np.where(is_left, -1j, 1j) * force
         return self._sum(one, size * force / turn), self._sum(one, np.where(faces, AROUND * along, 0.0) / turn)
@@ -357,9 +363,7 @@ class _People:
         """Return the speeds that are wanted, with stops at the kerb; note who begins and ends to cross."""
         world, rows = self.world, self.rows
         state = world.yields[rows]
-        num = np.diff(self.first)
-        owner = np.arange(self.num).repeat(num)
-        number = np.arange(len(self.start)) - self.first[owner]
+        owner, number = self.owner, self.number
         # The distance to each kerb, and the crossing that is next on the way: the nearest kerb that is not behind.
         to_kerb = self.start - arc[owner]
         is_inside = (to_kerb <= 0.0) & (arc[owner] <= self.end)
@@ -388,13 +392,13 @@ class _People:
     def _hold_at_kerb(self, arc: FloatArray) -> FloatArray:
         """Return arc lengths before the kerb for those who may not cross: near a corner a place has several."""
         world, rows = self.world, self.rows
-        owner = np.arange(self.num).repeat(np.diff(self.first))
-        number = np.arange(len(self.start)) - self.first[owner]
+        owner, number = self.owner, self.number
         before = world.leg_start[rows][owner]
         crosses = world.yields[rows][owner] == COMMITTED + number
         held = ((before < self.start) & (arc[owner] >= self.start) & ~crosses).nonzero()[0]
-        arc = arc.copy()
-        np.minimum.at(arc, owner[held], np.nextafter(self.start[held], 0.0))
+        if len(held):
+            arc = arc.copy()
+            np.minimum.at(arc, owner[held], np.nextafter(self.start[held], 0.0))
         return arc
 
     def _may_cross(self, crossing: IntArray, speed: FloatArray) -> BoolArray:
@@ -437,7 +441,7 @@ class _People:
         hits = local.real + arrival * turned.real * pace
         comes = (across > CREEPS) & (hits > -ASIDE) & (hits < width[one] + ASIDE)
         # A driver on lanes may turn towards the crossing: it counts if it comes nearer at all.
-        foot = np.clip(local.real, 0.0, width[one])
+        foot = np.minimum(np.maximum(local.real, 0.0), width[one])
         away = np.fmax(np.abs(foot - local) - half, 0.0)
         nears = ((foot - local) * np.conj(turned)).real > TURN * np.abs(foot - local)
         is_driver = world.has_lane[car] & (world.kind[car] != Kind.EGO)
