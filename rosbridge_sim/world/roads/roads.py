@@ -393,7 +393,9 @@ class Roads:
         self.s = self.chain - self.base[lane_of_point]
         self.length = self.s[self.first[1:] - 1]
         self._last_leg = self.first[1:] - 2
-        self._legs_per_metre = (self._last_leg + 1 - self.first[:-1]) / self.length
+        num_legs = (self._last_leg + 1 - self.first[:-1]).astype(np.float64)
+        # A lane of a nanometre behind many kilometres of lanes has no length here.
+        self._legs_per_metre = np.divide(num_legs, self.length, out=num_legs, where=self.length > 0.0)
 
         yaw = self.segments.yaw(np.arange(len(lane)))
         bend = np.where(lane[1:] == lane[:-1], wrap_angle(np.diff(yaw)), 0.0)

@@ -34,7 +34,8 @@ the rows: to few rows one by one as Python floats, to many as arrays. Both give 
 from __future__ import annotations
 
 import math
-from functools import partial
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from typing import Final
 
 import numpy as np
@@ -44,9 +45,9 @@ from rosbridge_sim.world.state.entity_arrays import FLOATS as COLUMNS
 from rosbridge_sim.world.state.recorded_equations import RECORDED, Recorder, Value
 from rosbridge_sim.world.state.row_program import RowProgram
 from rosbridge_sim.world.state.world import BoolArray, Dynamics, Kind, Mode, World
+from rosbridge_sim.world.state.written_equations import Script, Term, WrittenOperators
 from rosbridge_sim.world.vehicle.ground import find_friction
-from rosbridge_sim.world.vehicle.operators import FLOATS
-from rosbridge_sim.world.vehicle.single_track import Car, advance, make_car
+from rosbridge_sim.world.vehicle.single_track import advance, make_car
 
 __all__ = ["drive"]
 
@@ -54,7 +55,13 @@ ULP_PI: Final = math.ulp(math.pi)
 """From pi to the next number [rad]."""
 
 FEW: Final = 4
-"""Up to this number of rows, single floats are faster than arrays: 35 us for each row, or 150 us for all."""
+"""Up to this number of rows, single floats are faster than arrays: 20 us for each row, or 150 us for all."""
+
+_FIRST, _LAST = "front_load", "speed"
+"""First and last of the columns that the single track model knows."""
+
+_LINES: Final = {name: line for line, name in enumerate(COLUMNS)}
+_JERK_LIMIT: Final = _LINES["jerk_limit"] - _LINES[_FIRST]
 
 TINY: Final = 1e-150
 """Added to h, so that sin(h) / h is TINY / TINY = 1 at h = 0; any other h keeps all its bits."""
@@ -103,13 +110,11 @@ class _SingleTrack:
         if self.num > FEW:
             self._write_program()
             return
-        world, rows = self.world, self.rows
-        self._inputs = world.block("rear_steer_cmd", "steer_cmd"), world.block("throttle", "speed")
+        world = self.world
+        self._inputs = world.block(_FIRST, _LAST)
         self._outputs = world.block("rear_steer", "roll"), world.block("throttle", "speed")
-        body, limits = world.block("front_load", "engine_drag")[:, rows], world.block("wheelbase", "drag")[:, rows]
-        self._cars: list[tuple[int, Car[float]]] = [
-            (row, make_car(FLOATS, a, b, dt, is_stable=world.has_stability_control))
-            for row, a, b in zip(rows.tolist(), body.T.tolist(), limits.T.tolist(), strict=True)
+        self._advance = [
+            _write_advance(dt, is_stable=world.has_stability_control, has_controller=has) for has in (False, True)
         ]
 
     def _write_program(self) -> None:
@@ -134,12 +139,38 @@ class _SingleTrack:
         recorder.finish(program, after, columns("rear_steer", "roll") + columns("throttle", "speed"))
 
     def _advance_floats(self) -> None:
-        (first, second), (state, pose) = self._inputs, self._outputs
+        inputs, (state, pose) = self._inputs, self._outputs
         num = len(state)
-        for row, car in self._cars:
-            after = advance(FLOATS, car, first[:, row].tolist() + second[:, row].tolist(), self.dt)
+        for row in self.rows.tolist():
+            now = inputs[:, row].tolist()
+            after = self._advance[now[_JERK_LIMIT] > 0.0](now)
             state[:, row] = after[:num]
             pose[:, row] = after[num:]
+
+
+@lru_cache(maxsize=8)
+def _write_advance(
+    dt: float, *, is_stable: bool, has_controller: bool
+) -> Callable[[Sequence[float]], tuple[float, ...]]:
+    """Return the equations of one car as one function of the columns `_FIRST` to `_LAST`.
+
+    Args:
+        dt: length of a step [s].
+        is_stable: with stability control.
+        has_controller: `jerk_limit` is positive: the controller presses the pedals.
+
+    Returns:
+        A function that returns the columns `rear_steer` to `roll`, then `throttle` to `speed`.
+    """
+    script = Script(_LINES[_LAST] - _LINES[_FIRST] + 1)
+
+    def given(first: str, last: str) -> list[Term]:
+        return script.given[_LINES[first] - _LINES[_FIRST] : _LINES[last] - _LINES[_FIRST] + 1]
+
+    do = WrittenOperators(script, is_any=has_controller)
+    car = make_car(do, given("front_load", "engine_drag"), given("wheelbase", "drag"), dt, is_stable=is_stable)
+    now = given("rear_steer_cmd", "steer_cmd") + given("throttle", "speed")
+    return script.compile(advance(do, car, now, dt))
 
 
 class _Driven:

@@ -1,8 +1,8 @@
 """Motion of driven rows: a dynamic single track model with tyres, lags of the actuators, and a body that leans.
 
-One frame of one car: the equations stand here once. `V` is a Python float, or a `recorded.Value`, which stands for an
-array with one entry for each car. Both give the same bits: sums, products, quotients and roots are correctly rounded in
-both, and the few other functions are numpy's in both (`Operators`).
+One frame of one car: the equations stand here once. `V` is a written `Term`, which stands for a Python float, or a
+recorded `Value`, which stands for an array with one entry for each car. Both give the same bits: sums, products,
+quotients and roots are correctly rounded in both, and the few other functions are numpy's in both (`Operators`).
 
 *State*: place and heading of the middle of the rear axle, there the speed u along the heading and w to the left, the
 yaw rate r, the angles of the wheels, the pedals as engine and brakes follow them, and the lean of the body.
