@@ -120,4 +120,4 @@ def ghosts(num: int, spacing: float = 0.0) -> dict[str, Any]:
         }
         for i in range(num)
     ]
-    return {"op": "publish", "topic": "/NpcGhost_Cmd", "type": "morai_msgs/NpcGhostCmd", "msg": {"npc_list": ghosts}}
+    return {"op": "publish", "topic": "/NpcGhost_Topic", "type": "morai_msgs/NpcGhostCmd", "msg": {"npc_list": ghosts}}

@@ -82,9 +82,7 @@ class Ghosts:
             if ghost.unique_id not in models:
                 self._check_vehicle(ghost.unique_id)
         self._trails = {uid: trail for uid, trail in self._trails.items() if uid in self._world}
-        with self._world.room_for(len(models)):
-            for uid, model in models.items():
-                self._scene.add_as(uid, model, x=0.0, y=0.0, z=0.0, yaw=0.0)
+        self._scene.add_all(models)
         rows = np.array([self._world.row(ghost.unique_id) for ghost in ghosts], dtype=np.int64)
         speeds = [g.pose.speed if g.has_speed else self._work_out_speed(g.unique_id, g.pose) for g in ghosts]
         poses = [

@@ -13,11 +13,14 @@ same file gets new ids. The first ego always has the id 0, also when it is a new
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import count
 from typing import Final
+
+import numpy as np
+import numpy.typing as npt
 
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.maps.road_map import RoadMap
@@ -233,22 +236,33 @@ class Scene:
         self._next_uid += 1
         return uid
 
-    def add_as(self, uid: int, model: Model, *, x: float, y: float, z: float, yaw: float) -> None:
-        """Add an object to the world, under an id that a client has chosen.
+    def add_all(self, models: Mapping[int, Model]) -> None:
+        """Add vehicles to the world at the origin, at rest, under ids that a client has chosen.
 
         Args:
-            uid: its id; not in use.
-            model: its model.
-            x: east [m].
-            y: north [m].
-            z: up [m].
-            yaw: counter-clockwise from east [rad].
+            models: their models, by id; no id is in use.
 
         Raises:
-            ValueError: the id or the pose is out of range. The world is unchanged.
+            ValueError: an id is out of range. The world is unchanged.
         """
-        self.world.spawn(model.kind, model.body, name=model.name, x=x, y=y, z=z, yaw=yaw, uid=uid)
-        self._next_uid = max(self._next_uid, uid + 1)
+        named = [(model.name, model.body) for model in models.values()]
+        self.world.spawn_all(Kind.VEHICLE, named, list(models), speed=np.zeros(len(models)))
+        self._next_uid = max([self._next_uid, *[uid + 1 for uid in models]])
+
+    def add_vehicles(self, models: Sequence[Model], speed: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+        """Add vehicles to the world at the origin; return their rows, (m,) int64.
+
+        Args:
+            models: their models.
+            speed: (m,) their speeds [m/s].
+
+        Raises:
+            ValueError: no ids are left, or a speed is out of range. The world is unchanged.
+        """
+        uids = range(self._next_uid, self._next_uid + len(models))
+        rows = self.world.spawn_all(Kind.VEHICLE, [(model.name, model.body) for model in models], uids, speed=speed)
+        self._next_uid += len(models)
+        return rows
 
     def add_actor(self, uid: int, kind: Kind, body: Body, name: str, *, x: float, y: float) -> int:
         """Add an object of a recording to the world.

@@ -330,15 +330,16 @@ class Traffic(Component):
         order = np.random.Generator(np.random.PCG64((world.seed, world.frame))).permutation(len(free))
         num = min(self._wanted - num_there, len(free), MAX_ENTITIES - len(world))
         chosen = free[order[: max(num, 0)]]
-        starts = []
+        models = []
+        for _ in range(len(chosen)):
+            models.append(self._choose_model())
+            self._fill_made += 1
+        wander = self._wander
         with scene.all_or_none(), world.room_for(len(chosen)):
-            for slot in chosen.tolist():
-                uid = scene.add_agent(_spawn(self._choose_model(), float(slots.speed[slot])))
-                place = int(slots.lane[slot]), float(slots.s[slot])
-                starts.append(LaneStart(world.row(uid), *place, wander=self._wander))
-                self._owner[uid] = _FILL
-                self._fill_made += 1
-            keep_lanes(world, starts)
+            rows = scene.add_vehicles(models, slots.speed[chosen])
+            places = zip(rows.tolist(), slots.lane[chosen].tolist(), slots.s[chosen].tolist(), strict=True)
+            keep_lanes(world, [LaneStart(row, lane, s, wander=wander) for row, lane, s in places])
+        self._owner.update(dict.fromkeys(world.uid[rows].tolist(), _FILL))
         self._target = num_there + len(chosen)
         self._fill_due = 0
         level = logging.INFO if self._target == self._wanted else logging.WARNING

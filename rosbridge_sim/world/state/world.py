@@ -11,7 +11,7 @@ vehicle is the middle of its rear axle on the ground, that of a pedestrian or an
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass
 from hashlib import blake2b
@@ -316,6 +316,48 @@ class World(EntityArrays):
             settle(self, self.roads, np.array([row]), None if height is None and segments is None else self.z[[row]])
         self.touch()
         return uid
+
+    def spawn_all(
+        self, kind: Kind, models: Sequence[tuple[str, Body]], uids: Sequence[int], *, speed: FloatArray
+    ) -> IntArray:
+        """Add many entities at the origin at once, as `spawn` does one by one; return their rows, (m,) int64.
+
+        They are meant to be placed elsewhere at once.
+
+        Args:
+            kind: of all of them; not EGO.
+            models: name and body of each.
+            uids: their ids, 0..2^31-1, none twice.
+            speed: (m,) along the heading, which is east [m/s].
+
+        Raises:
+            ValueError: an id is in use or out of range, or a speed is out of bounds. The world is as it was.
+        """
+        if kind == Kind.EGO:
+            raise ValueError("expected entities that are no egos")
+        if len(speed) and not np.abs(speed).max() <= MAX_SPEED:
+            raise ValueError(f"speed: expected numbers within +-{MAX_SPEED:g}")
+        for uid in uids:
+            self._choose_uid(uid)
+        if len(set(uids)) < len(uids):
+            raise ValueError("uids: expected none twice")
+        num = len(uids)
+        with self.room_for(num):
+            rows = np.flatnonzero(~self.alive)[:num]
+            for row, uid, (name, body) in zip(rows.tolist(), uids, models, strict=True):
+                self._rows[uid], self.names[row], self.bodies[row] = row, name, body
+            self._next_uid = max([self._next_uid, *[uid + 1 for uid in uids]])
+            self.alive[rows], self.uid[rows], self.kind[rows] = True, uids, kind
+            self.label[rows] = [label_of(name, body) for name, body in models]
+            self.gear[rows], self.mode[rows] = Gear.DRIVE, Mode.PEDALS
+            boxes = [(body.length / 2, body.width / 2, body.height, body.centre) for _, body in models]
+            for column, values in zip(_BOX_COLUMNS, np.array(boxes, np.float64).reshape(-1, 4).T, strict=True):
+                getattr(self, column)[rows] = values
+            zero = np.zeros(num)
+            self.place_all(rows, x=zero, y=zero, z=zero, yaw=zero, speed=speed)
+            if not self.roads.is_flat:
+                settle(self, self.roads, rows, zero)
+        return rows
 
     def follow_path(self, row: int, path: FloatArray, *, is_loop: bool) -> None:
         """Have an entity leave its path or lane and follow another path, from the point of it nearest to the entity on.

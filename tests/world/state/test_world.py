@@ -3,15 +3,17 @@ from __future__ import annotations
 import math
 import pickle
 import tracemalloc
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, EntityArrays
 from rosbridge_sim.world.state.placement import teleport
-from rosbridge_sim.world.state.world import MAX_UID, Body, Gear, Kind, Mode, World
+from rosbridge_sim.world.state.world import MAX_UID, Body, Dynamics, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 
 CAR = Body()
@@ -375,3 +377,39 @@ def test_names_are_released_with_their_entities() -> None:
     size, _ = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert size < 1_000_000
+
+
+@pytest.mark.parametrize("dynamics", list(Dynamics))
+@pytest.mark.parametrize("is_hilly", [False, True])
+def test_many_entities_at_once_are_those_spawned_one_by_one(dynamics: Dynamics, *, is_hilly: bool) -> None:
+    worlds = [World(3, dynamics, has_impacts=is_hilly) for _ in range(2)]
+    for world in worlds:
+        if is_hilly:
+            world.lay_roads(DiskLibrary().map("hills").roads)
+        for uid in range(1, 6):
+            world.spawn(Kind.VEHICLE, CAR, name="old", x=1.0, y=uid, uid=uid, speed=1.0)
+        world.remove(2)
+        world.remove(4)
+    one, other = worlds
+    models = [("car", CAR), ("other", replace(CAR, length=9.0)), ("car", CAR), ("car", CAR)]
+    uids, speed = [40, 7, 2, 41], np.array([0.0, 3.5, -2.0, 1.0])
+    rows = one.spawn_all(Kind.VEHICLE, models, uids, speed=speed)
+    for uid, (name, body), v in zip(uids, models, speed.tolist(), strict=True):
+        other.spawn(Kind.VEHICLE, body, name=name, x=0.0, y=0.0, z=0.0, speed=v, uid=uid)
+    assert rows.tolist() == [other.row(uid) for uid in uids]
+    assert one.digest() == other.digest()
+    assert one.placed_uids == other.placed_uids
+    assert one.spawn(Kind.VEHICLE, CAR, name="next", x=0.0, y=0.0) == 42
+
+
+@pytest.mark.parametrize(
+    ("uids", "speed", "why"),
+    [([1, 50], 0.0, "in use"), ([50, 50], 0.0, "twice"), ([50, -1], 0.0, "expected 0"), ([50, 51], np.nan, "speed")],
+)
+def test_many_entities_are_all_added_or_none(uids: list[int], speed: float, why: str) -> None:
+    world = World()
+    world.spawn(Kind.VEHICLE, CAR, name="old", x=0.0, y=0.0, uid=1)
+    before = world.digest()
+    with pytest.raises(ValueError, match=why):
+        world.spawn_all(Kind.VEHICLE, [("car", CAR)] * 2, uids, speed=np.array([0.0, speed]))
+    assert world.digest() == before
