@@ -51,7 +51,7 @@ _POSITIVE: Final = (
 """Columns that the equations of driven rows divide by."""
 
 _LANE_COLUMNS: Final = ("claim", "held", "exit_lane", "behind", "lane", *(f"ahead_{i}" for i in range(1, 6)))
-_LANE_CHANGE_CODES: Final = {"signal": 2, "leaving": 2, "keeps_lane": 1, "change": MAX_REASON}
+_LANE_CHANGE_CODES: Final = {"signal": 2, "leaving": 2, "came_from": 2, "keeps_lane": 1, "change": MAX_REASON}
 _OFFSETS: Final = tuple(name for name in LANE_CHANGE_COLUMNS if name not in {*_LANE_CHANGE_CODES, "change_since"})
 MAX_OFFSET: Final = 1e4
 """Bound of offsets from a lane [m], and of their rates and slopes: far beyond any lane beside, but still on the map."""

@@ -44,7 +44,7 @@ from rosbridge_sim.world.followers.turn_signals import find_turn_signals
 from rosbridge_sim.world.geometry.bends import offset
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges, wrap_angle
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
-from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts
+from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts, time_of_shift
 from rosbridge_sim.world.lane_changes.lane_changes import LaneChanges
 from rosbridge_sim.world.people.people import COMMITTED, find_ways_over
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
@@ -320,7 +320,8 @@ class _LaneFollowers:
             shifting = self.shifted
         self.wander.plan(distance, heading, lanes[0], self.shifted, _INTERVAL)
         if len(self.shifted):
-            plan_shifts(world, self.rows[shifting], distance[shifting], _INTERVAL)
+            duration = time_of_shift(self.parameters.change_time[shifting], speed[shifting])
+            plan_shifts(world, self.rows[shifting], duration, distance[shifting], _INTERVAL)
             heading = heading + (world.drift[at] + world.drift_rate[at] * _INTERVAL)
         turn = np.where(moves, wrap_angle(heading - world.yaw[at]), 0.0)
         world.yaw_rate[at] = turn / _INTERVAL

@@ -17,7 +17,6 @@ from rosbridge_sim.world.drivers.driver_model import CREEP
 from rosbridge_sim.world.drivers.lane_entries import CORRIDOR
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
 from rosbridge_sim.world.lane_changes.lane_change_motion import (
-    SHIFT_TIME,
     TIGHT_BEND,
     bend_slope,
     bend_way,
@@ -25,6 +24,7 @@ from rosbridge_sim.world.lane_changes.lane_change_motion import (
     length_of_shift,
     length_of_tight_shift,
     slope_of,
+    time_of_shift,
 )
 from rosbridge_sim.world.roads.lane_change_map import LEFT
 from rosbridge_sim.world.state.world import World
@@ -62,6 +62,7 @@ class Shifts:
         gap: to the lead vehicle in the old lane, inf for none [m].
         lead_speed: of it [m/s].
         is_tight: bool, they pull out from rest.
+        change_time: of the drivers, see `driver_parameters` [s].
     """
 
     rows: IntArray
@@ -73,6 +74,7 @@ class Shifts:
     gap: FloatArray
     lead_speed: FloatArray
     is_tight: BoolArray
+    change_time: FloatArray
 
 
 def is_clear(world: World, shifts: Shifts, speed: FloatArray) -> BoolArray:
@@ -86,7 +88,7 @@ def is_clear(world: World, shifts: Shifts, speed: FloatArray) -> BoolArray:
     speed = np.fmax(speed, CREEP)
     across, gap, is_tight = shifts.across, shifts.gap, shifts.is_tight
     closing = speed - shifts.lead_speed
-    way = np.fmax(length_of_shift(shifts.length, across), SHIFT_TIME * speed)
+    way = np.fmax(length_of_shift(shifts.length, across), time_of_shift(shifts.change_time, speed) * speed)
     edge, bend = np.full(len(across), CORRIDOR), np.zeros(len(across))
     seen = ((gap < SEEN) & (is_tight | (shifts.lead_speed < STANDS))).nonzero()[0]
     if len(seen):

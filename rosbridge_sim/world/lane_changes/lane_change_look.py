@@ -13,10 +13,10 @@ from rosbridge_sim.world.drivers.route_choice import RouteChoice
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_changes.lane_change_clearance import STANDS, Shifts, is_clear
 from rosbridge_sim.world.lane_changes.lane_change_model import KEEP_RIGHT_BIAS, THRESHOLD, LaneChange, find_safe, follow
-from rosbridge_sim.world.lane_changes.lane_change_motion import CAR_LENGTH, LANE, SHIFT_TIME
+from rosbridge_sim.world.lane_changes.lane_change_motion import CAR_LENGTH, LANE, time_of_shift
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
-from rosbridge_sim.world.state.world import World
+from rosbridge_sim.world.state.world import DT, World
 
 __all__ = ["BLOCKED_WAY", "LaneLook"]
 
@@ -30,8 +30,12 @@ REST: Final = 400
 """Frames after a change, or after one was given up, before a driver wishes one that it need not make: 8 s."""
 
 RETURN: Final = 750
-"""Frames after a change before a driver wishes to keep right: 15 s. So one that has overtaken goes back when it is well
-past, and not to where it came from a moment ago."""
+"""Frames after a change before a driver wishes to keep right, or to go back to the lane that it left: 15 s. So one that
+has overtaken goes back when it is well past, and not to where it came from a moment ago."""
+
+GOOD_REASON: Final = 2.0
+"""Advantage for which a driver goes back earlier, after `REST` [m/s^2]: the comfortable braking. So a lane that comes
+to a halt is left, but small differences of two lanes are not worth a second change."""
 
 MUST_TIME, MUST_WAY = 12.0, 100.0
 """A driver begins to look for a gap this time [s] and at least this far [m] before it must have changed, for each lane
@@ -40,9 +44,9 @@ that it must cross."""
 WAY_ON: Final = 300.0
 """A lane that goes on for this length is no worse than one that goes on for ever [m]: room to overtake and return."""
 
-ENTRY_WAY, ENTRY_TIME = 20.0, 5.5
-"""Changes of choice begin only farther from an intersection than this length [m] and the way of this time at the
-present speed [s]: as long as the signal and the change take."""
+ENTRY_WAY: Final = 20.0
+"""Changes of choice begin only farther from an intersection than this length [m] and the way that signal and change
+take at the present speed."""
 
 LIGHT_QUEUE: Final = 15.0
 """A vehicle that stands nearer to an intersection than this may wait for it [m]. So nobody passes it."""
@@ -126,6 +130,7 @@ class LaneLook:
         self._which = which
         self._lanes = drivers.lanes[:, which]
         self._arc, self._speed = drivers.arc[which], drivers.speed[which]
+        self._shift_time = time_of_shift(drivers.parameters.change_time[which], self._speed)
         self._nose, self._rear, self._length = drivers.nose[which], drivers.rear[which], drivers.length[which]
         self._gap, self._lead_speed = perception.gap[which], perception.lead_speed[which]
         self._run = self._find_run(self._lanes, self._arc)
@@ -159,7 +164,7 @@ class LaneLook:
         is_inside = (self._to_entry <= 0.0) | (drivers.held[which] >= 0)
         # Changes of choice
         bias = KEEP_RIGHT_BIAS * neighbours.keeps_right[self._lanes[0]]
-        is_far = self._to_entry > ENTRY_WAY + ENTRY_TIME * self._speed
+        is_far = self._to_entry > ENTRY_WAY + (SIGNAL_FRAMES * DT + self._shift_time) * self._speed
         advantages = []
         for i, option in enumerate(options):
             advantage = option.advantage + (bias if i == RIGHT else -bias)
@@ -170,7 +175,8 @@ class LaneLook:
         safe = np.where(best == RIGHT, options[RIGHT].is_safe, options[0].is_safe)
         most = np.fmax(advantages[0], advantages[RIGHT])
         is_right = (best == RIGHT) & (options[RIGHT].advantage < THRESHOLD)
-        has_rested = (since == 0.0) | (world.frame - since >= np.where(is_right, RETURN, REST))
+        is_back = (world.came_from[rows] == best + 1.0) & (most < GOOD_REASON)
+        has_rested = (since == 0.0) | (world.frame - since >= np.where(is_right | is_back, RETURN, REST))
         wishes = ~must & (now == 0) & (most > THRESHOLD) & safe & has_rested
         side = np.where(wishes, best, side)
         reason = np.where(wishes, np.where(is_right, LaneChange.KEEP_RIGHT, LaneChange.FASTER), reason)
@@ -211,6 +217,7 @@ class LaneLook:
             gap=self._gap[at],
             lead_speed=self._lead_speed[at],
             is_tight=is_tight,
+            change_time=self._drivers.parameters.change_time[self._which[at]],
         )
         return is_clear(self._world, shifts, self._speed[at])
 
@@ -316,7 +323,7 @@ class LaneLook:
         lane, s = neighbours.cross(side, own_lane, self._arc[own_index])
         # Before a join there must be time to finish: from there on vehicles of two lanes share the room.
         narrow_from = np.where(lane >= 0, self._conflicts.joins.narrow_from[lane], np.inf)
-        is_wide = s + (self._nose + SHIFT_TIME * self._speed)[own_index] < narrow_from
+        is_wide = s + (self._nose + self._shift_time * self._speed)[own_index] < narrow_from
         option.is_there = (lane >= 0) & neighbours.may[side, own_lane] & is_wide
         there = option.is_there.nonzero()[0]
         if not len(there):

@@ -25,9 +25,14 @@ import numpy as np
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.world import World
 
-SHIFT_TIME: Final = 4.0
-"""Time that a lane change takes on a free road [s]: drivers take 3 to 6 s (Toledo and Zohar 2007, mean 4.6 s); a width
-of 3.5 m then has a lateral acceleration of 1.3 m/s^2 at most."""
+MIN_SHIFT_TIME, MAX_SHIFT_TIME = 3.0, 6.0
+"""Bounds of the time that a lane change takes on a free road [s]. A width of 3.5 m then has a lateral acceleration of
+2.2 m/s^2 at most, with which drivers of cars also take bends."""
+
+USUAL_SPEED: Final = 20.0
+LONGER_PER_SPEED: Final = 0.009
+"""At this speed a lane change takes the driver's own time [m/s], and longer by this share for each m/s more. Drivers
+take 5.8 s on motorways where they take 5.0 s in cities (Tijerina, Garrott, Stoltzfus, Parmer 2005)."""
 
 LANE: Final = 3.5
 """A shift by this much is a lane change [m]; a smaller one needs less way."""
@@ -54,6 +59,17 @@ CAR_LENGTH: Final = 4.5
 """Length of a usual car [m]."""
 
 _COLUMNS: Final = ("lateral", "drift_rate")
+
+
+def time_of_shift(change_time: FloatArray, speed: FloatArray) -> FloatArray:
+    """Return the times that lane changes take at given speeds, (k,) [s].
+
+    Args:
+        change_time: (k,) of the drivers, see `driver_parameters` [s].
+        speed: (k,) [m/s].
+    """
+    longer = 1.0 + LONGER_PER_SPEED * (speed - USUAL_SPEED)
+    return np.asarray(np.fmin(np.fmax(change_time * longer, MIN_SHIFT_TIME), MAX_SHIFT_TIME))
 
 
 def find_shifted(world: World, rows: IntArray | slice) -> IntArray:
@@ -105,12 +121,13 @@ def shift(world: World, rows: IntArray, target: FloatArray) -> None:
     world.lateral_left[rows] = np.where(is_there, 0.0, 1.0)
 
 
-def plan_shifts(world: World, rows: IntArray, distance: FloatArray, interval: float) -> None:
+def plan_shifts(world: World, rows: IntArray, time: FloatArray, distance: FloatArray, interval: float) -> None:
     """Work out the lateral motion until the next decision: `lateral_rate` and `drift_rate`.
 
     Args:
         world: written in place.
         rows: (k,) int64, from `find_shifted`.
+        time: (k,) that a lane change takes, from `time_of_shift` [s].
         distance: (k,) that each will drive until then [m].
         interval: until then [s].
     """
@@ -125,7 +142,7 @@ def plan_shifts(world: World, rows: IntArray, distance: FloatArray, interval: fl
     tight = world.lateral_bend[rows].nonzero()[0]
     if len(tight):
         way[tight] = length_of_tight_shift(world, rows[tight], across[tight])
-    part = np.fmin(np.fmin(interval / SHIFT_TIME, distance / np.fmax(way, 1.0)), left)
+    part = np.fmin(np.fmin(interval / time, distance / np.fmax(way, 1.0)), left)
     share = 1.0 - (left - part)
     lateral = np.where(is_done, world.lateral[rows], _offset(world, rows, share))
     angle = np.arctan2(_slope(world, rows, share) * part, np.fmax(distance, 1e-9))

@@ -30,7 +30,7 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray,
 from rosbridge_sim.world.lane_changes.lane_change_clearance import Shifts, is_clear
 from rosbridge_sim.world.lane_changes.lane_change_look import BLOCKED_WAY, LaneLook
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange, follow
-from rosbridge_sim.world.lane_changes.lane_change_motion import SHIFT_TIME, TIGHT_BEND, length_of_tight_shift
+from rosbridge_sim.world.lane_changes.lane_change_motion import TIGHT_BEND, length_of_tight_shift, time_of_shift
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.state.world import Kind, World
@@ -172,6 +172,7 @@ class LaneChanges:
             gap=gap,
             lead_speed=lead_speed,
             is_tight=world.lateral_bend[rows] != 0.0,
+            change_time=drivers.parameters.change_time[which],
         )
         now = drivers.speed[which]
         # The faster a vehicle drives, the later it is off the old lane: before it must brake, it stops to accelerate.
@@ -180,7 +181,8 @@ class LaneChanges:
         accel[soon] = np.fmin(accel[soon], 0.0)
         # Those that pull out from rest do it at walking speed: their wheels are turned.
         at = (shifts.is_tight & np.isfinite(gap)).nonzero()[0]
-        walking = length_of_tight_shift(world, rows[at], shifts.across[at]) / SHIFT_TIME
+        duration = time_of_shift(shifts.change_time[at], now[at])
+        walking = length_of_tight_shift(world, rows[at], shifts.across[at]) / duration
         accel[which[at]] = np.fmin(accel[which[at]], (walking - now[at]) / SETTLING_TIME)
         hits = ~is_clear(world, shifts, now)
         at = which[hits]
@@ -237,5 +239,5 @@ class LaneChanges:
         bend = TIGHT_BEND * (world.lateral_to[rows] - lateral)
         world.lateral_bend[rows] = np.where(is_tight, bend, 0.0)
         world.drift[rows] = wrap_angle(own_yaw - yaw)
-        world.leaving[rows] = NUM_SIDES - side
+        world.leaving[rows] = world.came_from[rows] = NUM_SIDES - side
         set_legs(world, self.conflicts, rows)

@@ -90,7 +90,7 @@ LANE_CHANGE_COLUMNS: Final = (
     *("lateral", "lateral_rate", "drift", "drift_rate"),
     *("lateral_from", "lateral_to", "lateral_push", "lateral_bend", "lateral_left"),
     # of lane_changes
-    *("lateral_bias", "signal", "change", "change_since", "leaving", "keeps_lane"),
+    *("lateral_bias", "signal", "change", "change_since", "leaving", "came_from", "keeps_lane"),
     # of lane_wander
     *("wander_width", "wander", "wander_slope", "wander_slope_rate"),
     *("wander_x", "wander_y", "wander_x_rate", "wander_y_rate"),
@@ -206,6 +206,7 @@ class EntityArrays:
         change: reason of the lane change that the driver makes or wants; see `lane_change_model.LaneChange`. 0 none.
         change_since: frame from which on it has wanted it; without a change, the frame at which the last one ended.
         leaving: side on which the lane lies that the driver leaves, as in `signal`; 0 if it changes none.
+        came_from: side on which the lane lies that it left by its last change, as in `signal`; 0 before the first one.
         keeps_lane: 1 for a driver that never changes lanes.
         wander_width: standard deviation with which a driver wanders within its lane [m]; 0 for one that does not.
         wander: displacement by it at the next decision, left positive [m]; see `lane_wander`.
@@ -346,6 +347,7 @@ class EntityArrays:
     change: FloatArray
     change_since: FloatArray
     leaving: FloatArray
+    came_from: FloatArray
     keeps_lane: FloatArray
     wander_width: FloatArray
     wander: FloatArray

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -29,5 +31,31 @@ def test_driver_that_moves_over_keeps_off_what_stands_askew(beside: float, *, cl
         gap=np.array([tail - world.x[row] - nose]),
         lead_speed=np.zeros(1),
         is_tight=np.array([False]),
+        change_time=np.array([4.4]),
     )
     assert is_clear(world, shifts, np.array([8.0])).tolist() == [clear]
+
+
+def test_driver_that_moves_over_slowly_needs_a_longer_gap() -> None:
+    world = world_of(wide_road(2))
+    row = car(world, "l0", 100.0, speed=20.0)
+    gaps = np.arange(5.0, 60.0, 0.5)
+    num = len(gaps)
+    shifts = Shifts(
+        rows=np.full(num, row),
+        nose=np.full(num, 3.7),
+        length=np.full(num, 4.5),
+        side=np.full(num, RIGHT),
+        done=np.zeros(num),
+        across=np.full(num, 3.5),
+        gap=gaps,
+        lead_speed=np.full(num, 10.0),
+        is_tight=np.zeros(num, dtype=bool),
+        change_time=np.full(num, 3.3),
+    )
+    least = [
+        gaps[is_clear(world, replace(shifts, change_time=np.full(num, time)), np.full(num, 20.0))].min()
+        for time in (3.3, 5.0)
+    ]
+    # Both come beside the lead vehicle after the same share of the way across.
+    assert least[1] / least[0] == pytest.approx(5.0 / 3.3, rel=0.06)

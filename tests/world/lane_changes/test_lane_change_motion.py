@@ -47,6 +47,23 @@ def test_a_shift_is_smooth_and_along_the_heading(line: str) -> None:
     assert beside == pytest.approx(3.5, abs=0.1)
 
 
+@pytest.mark.parametrize(("speed", "usual"), [(10.0, 4.0), (30.0, 4.8)])
+def test_lane_changes_take_three_to_six_seconds_by_driver_and_speed(speed: float, usual: float) -> None:
+    world = world_of(road(9000.0, limit=40.0))
+    rows = np.array([car(world, "a", 80.0 * i, speed=speed, desired_speed=speed) for i in range(100)])
+    shift(world, rows, np.full(len(rows), 3.5))
+    world.touch()
+    frames = np.zeros(len(rows))
+    for _ in range(350):
+        frames += world.lateral_left[rows] > 0.0
+        step(world)
+    times = frames * DT
+    assert times.mean() == pytest.approx(usual, abs=0.3)
+    assert np.ptp(times) > 1.8
+    assert times.min() >= 3.0
+    assert times.max() < 6.3  # the steps of decisions
+
+
 def test_what_stands_does_not_slide_to_the_side() -> None:
     world = world_of(road())
     row = car(world, "a", 30.0, desired_speed=0.0)

@@ -297,6 +297,7 @@ def test_snapshot_with_an_impossible_change_is_refused() -> None:
     world, rows = crowd(each=1)
     for name, value in (
         ("leaving", 3.0),
+        ("came_from", 3.0),
         ("signal", 0.5),
         ("change", -1.0),
         ("lateral_left", 1.5),
@@ -355,6 +356,34 @@ def test_driver_keeps_right_only_fifteen_seconds_after_its_last_change() -> None
     run(world, 3.0)
     assert world.signal[row] == 2.0
     assert LaneChange(int(world.change[row])) is LaneChange.KEEP_RIGHT
+
+
+@pytest.mark.parametrize(
+    ("came_from", "ahead", "seconds", "changes"),
+    [
+        (LEFT, 40.0, 9.0, False),  # a slower lead vehicle is no reason to go back at once
+        (LEFT, 40.0, 14.5, True),
+        (RIGHT, 40.0, 9.0, True),  # it does not go back
+        (LEFT, 20.0, 9.0, True),  # it would have to brake firmly
+    ],
+)
+def test_driver_goes_back_to_the_lane_that_it_left_only_for_a_reason(
+    came_from: int, ahead: float, seconds: float, *, changes: bool
+) -> None:
+    world = world_of(wide_road(2, limit=15.0))
+    row = car(world, "l1", 50.0, speed=12.0, desired_speed=12.0)
+    car(world, "l1", 50.0 + ahead, speed=8.0, desired_speed=8.0)
+    world.came_from[row], world.change_since[row] = came_from + 1.0, -seconds / DT
+    run(world, 1.4)
+    assert (world.signal[row] == 1.0) == changes
+
+
+def test_driver_remembers_the_side_that_it_came_from() -> None:
+    world = world_of(wide_road(2))
+    row = car(world, "l0", 20.0, speed=20.0)
+    assert world.came_from[row] == 0.0
+    run(world, 9.0)
+    assert (lane_of(world, row), world.leaving[row], world.came_from[row]) == ("l1", 0.0, LEFT + 1.0)
 
 
 def signal(world: World, row: int, reason: LaneChange, side: int, seconds_ago: float) -> None:
