@@ -41,7 +41,7 @@ from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.drivers.zip_merge import follow_in_joins
 from rosbridge_sim.world.followers.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.followers.turn_signals import find_turn_signals
-from rosbridge_sim.world.geometry.bends import offset
+from rosbridge_sim.world.geometry.bends import offset, stretch
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges, wrap_angle
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts, time_of_shift
@@ -305,7 +305,7 @@ class _LaneFollowers:
         time = np.where(speed + accel * _INTERVAL < 0.0, speed / np.fmax(-accel, CREEP), _INTERVAL)
         distance = time * (speed + 0.5 * accel * time)
         moves = distance > 0.0
-        arc = world.arc[at] + distance
+        arc = world.arc[at] + self._on_chords(distance)
         heading = headings_ahead(self.roads, lanes, arc, self.wheelbase, point=world.point[at], moves=moves)
         swinging = self.long[find_swinging(world, self.rows[self.long])] if len(self.long) else self.long
         if len(swinging):
@@ -345,11 +345,11 @@ class _LaneFollowers:
             step += np.fmin(np.fmax(bend * (dt * world.wander[at]), -most), most)
         if len(self.shifted):
             step[self.shifted] = self._along(step[self.shifted], dt)
-        arc = world.arc[at] + step
+        arc = world.arc[at] + self._on_chords(step)
         world.speed[at], world.arc[at] = after, arc
         is_past = arc >= world.leg_end[at]
         if np.count_nonzero(is_past):
-            self._advance_lanes(is_past.nonzero()[0])
+            self._pass_ends(is_past.nonzero()[0])
         distance = world.arc[at] - world.leg_start[at]
         world.x[at] = world.leg_x[at] + distance * world.leg_dx[at]
         world.y[at] = world.leg_y[at] + distance * world.leg_dy[at]
@@ -369,6 +369,35 @@ class _LaneFollowers:
             nudge(world, self.rows[self.shifted], dt)
         if saved is not None:
             self.egos.restore_poses(saved)
+
+    def _pass_ends(self, which: IntArray) -> None:
+        """Bring lane and leg up to date for vehicles that are beyond the ends of their legs."""
+        if not self.roads.has_long_legs:
+            self._advance_lanes(which)
+            return
+        world, rows = self.world, self.rows[which]
+        before = self._stretch(rows, 0.0)
+        self._advance_lanes(which)
+        # Beyond the end of a leg the way is that on the next one.
+        beyond = world.arc[rows] - world.leg_start[rows]
+        world.arc[rows] += beyond * (before / self._stretch(rows, 0.0) - 1.0)
+
+    def _on_chords(self, distance: FloatArray) -> FloatArray:
+        """Return by how much arc lengths, which are those of legs, rise on ways along smooth lines, (n,) [m].
+
+        Args:
+            distance: (n,) of the ways, shorter than legs that turn much [m].
+        """
+        if not self.roads.has_long_legs:
+            return distance
+        return distance / self._stretch(self.at, distance)
+
+    def _stretch(self, rows: slice | IntArray, distance: FloatArray | float) -> FloatArray:
+        """Return the way of rows for each metre of their legs, in the middle of the `distance` ahead [m], (k,)."""
+        world = self.world
+        length = world.leg_end[rows] - world.leg_start[rows]
+        along = np.fmin(world.arc[rows] - world.leg_start[rows] + 0.5 * distance, length)
+        return stretch(self.roads.curve.take(world.point[rows], axis=0), along, length)
 
     def _along(self, step: FloatArray, dt: float) -> FloatArray:
         """Return by how much the arc lengths of the `shifted` rise, (k,) [m].

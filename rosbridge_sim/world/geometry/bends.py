@@ -7,7 +7,8 @@ a little off turn it little. With the distance d along the chord of length l, th
     y = d (l - d) (p + q d)
 
 which is the cubic with those directions at both ends. An arc that turns by less than 0.1 rad has q = 0, and is longer
-than its chord by less than a thousandth. So arc lengths are those of the chords.
+than its chord by less than a thousandth. So arc lengths are those of the chords. What drives on a line with longer legs
+needs more way for them; see `stretch`.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
 
-__all__ = ["end_angles", "leg_curves", "legs_of", "offset", "slope"]
+__all__ = ["end_angles", "is_longer", "leg_curves", "legs_of", "offset", "slope", "stretch"]
 
 CORNER: Final = 0.6
 """A line that turns by more than this at a point has a corner there [rad]. A quarter of a circle that is drawn with
@@ -30,6 +31,11 @@ MAX_BULGE: Final = 0.25
 
 ALIKE: Final = 2.0
 """The legs between two points belong to one arc, if the curvatures there differ by at most this factor."""
+
+TOLD_LATERAL: Final = 3.2
+TOLD_ERROR: Final = 0.03
+"""Where vehicles with the first number as lateral acceleration [m/s^2], the most that drivers of cars accept, are
+faster on a line than on its chords by more than the second number [m/s], that matters."""
 
 _NO_BEND: Final = 1e-9
 """A smaller angle is rounding [rad]."""
@@ -150,3 +156,16 @@ def slope(curve: FloatArray, along: FloatArray, length: FloatArray) -> FloatArra
     """Return by how much they go to the left for each metre, (n,); arguments as for `offset`."""
     p, q = curve[:, 0], curve[:, 1]
     return np.asarray(length * p + along * (2.0 * (length * q - p) - 3.0 * q * along))
+
+
+def stretch(curve: FloatArray, along: FloatArray, length: FloatArray) -> FloatArray:
+    """Return the way on lines for each metre along their chords, (n,); arguments as for `offset`."""
+    slant = slope(curve, along, length)
+    return np.asarray(np.sqrt(1.0 + slant * slant))
+
+
+def is_longer(length: FloatArray, head: FloatArray, tail: FloatArray) -> bool:
+    """Return whether any line is so much longer than its chord that it matters; arguments as for `leg_curves`."""
+    angle = np.fmax(np.abs(head), np.abs(tail))
+    speed = np.sqrt(TOLD_LATERAL * length / np.fmax(2.0 * np.sin(angle), _NO_BEND))
+    return bool((speed * (1.0 / np.cos(angle) - 1.0) > TOLD_ERROR).any())

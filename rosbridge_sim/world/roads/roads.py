@@ -71,6 +71,7 @@ class Roads:
             map does not say [m].
         bank: (n, 2) rise across the lane for each metre to the left, in its left and its right half, at each point; 0
             where the map does not say.
+        has_long_legs: whether smooth lines are so much longer than their legs that it matters, see `bends.is_longer`.
         is_flat: whether all of it has one height.
         segments: the straight segments of all lanes.
         first_successor, successor: (l + 1,) and (k,) int64; `successor[first_successor[i]:first_successor[i + 1]]`
@@ -94,6 +95,7 @@ class Roads:
         "digest",
         "first",
         "first_successor",
+        "has_long_legs",
         "ids",
         "is_flat",
         "is_stop",
@@ -378,8 +380,11 @@ class Roads:
         height = self.points[:, 2]
         slope = (height[point + 1] - height[point]) / length
         self.curve = np.zeros((len(self.points), 2))
+        self.has_long_legs = False
         if len(lane):
-            self.curve[point] = bends.leg_curves(length, *bends.end_angles(self.points, self.first))
+            head, tail = bends.end_angles(self.points, self.first)
+            self.curve[point] = bends.leg_curves(length, head, tail)
+            self.has_long_legs = bends.is_longer(length, head, tail)
         direction = step / length[:, None]
         angle = np.arctan2(direction[:, 1], direction[:, 0])
         self.segments = LaneSegments(lane, point, start, end, length, direction, angle, height[point], slope)
