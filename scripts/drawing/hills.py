@@ -20,7 +20,8 @@ __all__ = ["hills_files", "hills_scenario"]
 RADIUS = 80.0  # of both bends, and the length of each straight from the crossing to a bend [m]
 BEND = 1.5 * math.pi * RADIUS
 LENGTH = 4.0 * RADIUS + 2.0 * BEND
-STEP = 2.5  # between points [m]; the chord leaves the line by 1 cm in the plane and 2 mm in height
+STEP = 1.0  # between points of a lane [m]
+BORDER_STEP = 2.5  # of its edges [m]; the chord leaves the line by 1 cm in the plane and 2 mm in height
 LIMIT = 50  # [km/h]; on a radius of 80 m the lateral acceleration is 2.4 m/s^2
 DECK = 6.5  # height of the bridge above the road below it [m]
 BANK = 0.04  # rise across the road to the outside of a bend
@@ -93,8 +94,9 @@ def at(s: float, offset: float = 0.0) -> Point:
     return x, y, _height(s) + offset * _bank(s)
 
 
-def _line(start: float, end: float, offset: float) -> list[Point]:
-    num = math.ceil((end - start) / STEP - 1e-9)
+def _line(start: float, end: float, offset: float, step: float) -> list[Point]:
+    longest = max(1.0, 1.0 - offset * _SECTIONS[_section(0.5 * (start + end))].curvature)
+    num = math.ceil((end - start) * longest / step - 1e-9)
     return [at(start + (end - start) * i / num, offset) for i in range(num + 1)]
 
 
@@ -104,7 +106,7 @@ def hills_files() -> dict[str, bytes]:
     Returns:
         File name -> content, in MGeo format.
     """
-    files = MapFiles(330000.0, 4120000.0)
+    files = MapFiles(330000.0, 4120000.0, digits=4)
     num = len(_CUTS) - 1
     for way, offset in (("F", -0.5 * LANE), ("B", 0.5 * LANE)):
         stop = _CROSSING if way == "F" else _CROSSING + 1
@@ -112,14 +114,14 @@ def hills_files() -> dict[str, bytes]:
             files.node(f"N{way}{i}", at(s, offset), is_stop=i == stop)
     for i, (start, end) in enumerate(pairwise(_CUTS)):
         marks = [
-            files.border(f"C{i}", "centre", _line(start, end, 0.0)),
-            files.border(f"R{i}", "edge", _line(start, end, -LANE)),
-            files.border(f"L{i}", "edge", _line(start, end, LANE)),
+            files.border(f"C{i}", "centre", _line(start, end, 0.0, BORDER_STEP)),
+            files.border(f"R{i}", "edge", _line(start, end, -LANE, BORDER_STEP)),
+            files.border(f"L{i}", "edge", _line(start, end, LANE, BORDER_STEP)),
         ]
         is_lit = i == _CROSSING
         more: dict[str, Any] = {"link_type": "1", "related_signal": "straight"} if is_lit else {}
         nodes = f"{i}", f"{(i + 1) % num}"
-        forward, back = _line(start, end, -0.5 * LANE), _line(start, end, 0.5 * LANE)[::-1]
+        forward, back = _line(start, end, -0.5 * LANE, STEP), _line(start, end, 0.5 * LANE, STEP)[::-1]
         for way, line, side, (a, b) in (("F", forward, 1, nodes), ("B", back, 2, nodes[::-1])):
             edges = {"lane_mark_left": [marks[0]], "lane_mark_right": [marks[side]]}
             files.link(f"{way}{i}", f"N{way}{a}", f"N{way}{b}", line, LIMIT, road_id=str(i), **edges, **more)

@@ -11,7 +11,8 @@ from scripts.drawing.section import Section, bend, lay, straight
 __all__ = ["loop", "loop_files", "loop_scenario"]
 
 OFFSETS = (LANE, 0.0, -LANE)  # lane 1 is the innermost, as everywhere [m]
-STEP = 8.0  # between points of a lane [m]; on the tightest bend the chord leaves the arc by 3 cm
+STEP, STRAIGHT_STEP = 1.0, 50.0  # between points of a lane, in bends and on straights [m]
+BORDER_STEP = 8.0  # of its edges [m]; on the tightest bend the chord leaves the arc by 3 cm
 LIMIT = 100  # [km/h]
 
 
@@ -46,18 +47,20 @@ def loop_files() -> dict[str, bytes]:
         File name -> content, in MGeo format.
     """
     sections = loop()
-    files = MapFiles(350000.0, 4140000.0)
+    files = MapFiles(350000.0, 4140000.0, digits=4)
     for i, section in enumerate(sections):
         for border, kind in enumerate(("edge", "lane", "lane", "edge")):
             offset = (1.5 - border) * LANE
-            files.border(f"B{border}_{i:02}", kind, section.points(offset, STEP if section.curvature else math.inf))
+            files.border(
+                f"B{border}_{i:02}", kind, section.points(offset, BORDER_STEP if section.curvature else math.inf)
+            )
         for lane, offset in enumerate(OFFSETS, start=1):
             files.node(f"N{lane}_{i:02}", section.at(0.0, offset))
             files.link(
                 f"L{lane}_{i:02}",
                 f"N{lane}_{i:02}",
                 f"N{lane}_{(i + 1) % len(sections):02}",
-                section.points(offset, STEP),
+                section.points(offset, STEP if section.curvature else STRAIGHT_STEP),
                 section.max_speed_kmh,
                 left_lane_change_dst_link_idx=f"L{lane - 1}_{i:02}" if lane > 1 else None,
                 right_lane_change_dst_link_idx=f"L{lane + 1}_{i:02}" if lane < len(OFFSETS) else None,

@@ -23,8 +23,9 @@ __all__ = ["motorway", "motorway_files", "motorway_scenario", "rush_hour_scenari
 OFFSETS = (LANE, 0.0, -LANE)  # lane 1 is the innermost, as everywhere [m]
 BESIDE = -2.0 * LANE  # lane 4
 SERVICE = -2.0 * LANE - 18.0  # the service road: 12 m of grass lie between it and the motorway
-STEP = 10.0  # between points of a lane [m]; on the tightest bend the chord leaves the arc by 3 cm
-RAMP_STEP = 5.0  # where a lane moves sideways [m]
+STEP, STRAIGHT_STEP = 1.0, 50.0  # between points of a lane, in bends and on straights [m]
+BORDER_STEP = 10.0  # of its edges [m]; on the tightest bend the chord leaves the arc by 3 cm
+RAMP_BORDER_STEP = 5.0  # of the edges of a lane that moves sideways [m]
 LIMIT, BESIDE_LIMIT, ENTRY_LIMIT, SERVICE_LIMIT = 120, 100, 80, 60  # [km/h]
 
 Point = tuple[float, float]
@@ -112,6 +113,19 @@ def _line(start: float, end: float, offset: float | Offset, step: float) -> list
     return [at(s, offset if isinstance(offset, float) else offset(s)) for s in places]
 
 
+def _lane(start: float, end: float, offset: float | Offset) -> list[Point]:
+    """Return the points of a lane: close together where it bends, far apart where it is straight."""
+    cuts = [start, *(s for s in _STARTS if start + 1e-6 < s < end - 1e-6), end]
+    points = []
+    for low, high in pairwise(cuts):
+        curvature = _SECTIONS[_section(low)].curvature
+        is_straight = curvature == 0.0 and isinstance(offset, float)
+        # A lane on the outside of a bend is longer than the middle one; where it moves sideways, by 2 % more.
+        longest = max(1.0, 1.0 - offset * curvature) if isinstance(offset, float) else 1.02 - SERVICE * abs(curvature)
+        points += _line(low, high, offset, STRAIGHT_STEP if is_straight else STEP / longest)[:-1]
+    return [*points, at(end, offset if isinstance(offset, float) else offset(end))]
+
+
 def _sideways(start: float, end: float, before: float, after: float) -> Offset:
     """Return a line that moves sideways as half a cosine wave does."""
     return lambda s: before + (after - before) * 0.5 * (1.0 - math.cos(math.pi * (s - start) / (end - start)))
@@ -142,7 +156,7 @@ def motorway_files() -> dict[str, bytes]:
     Returns:
         File name -> content, in MGeo format.
     """
-    files = MapFiles(360000.0, 4150000.0)
+    files = MapFiles(360000.0, 4150000.0, digits=4)
     num = len(_CUTS) - 1
     beside = {_piece(start) for each in INTERCHANGES for start in (each.exit_lane, each.entry_lane)}
     open_right = beside | {_piece(start) for each in INTERCHANGES for start in (each.fork, each.join)}
@@ -154,7 +168,9 @@ def motorway_files() -> dict[str, bytes]:
         is_straight = _section(start) == _section(end - 1.0) and _SECTIONS[_section(start)].curvature == 0.0
         for border, kind in enumerate(kinds):
             files.border(
-                f"B{border}_{i:02}", kind, _line(start, end, (1.5 - border) * LANE, math.inf if is_straight else STEP)
+                f"B{border}_{i:02}",
+                kind,
+                _line(start, end, (1.5 - border) * LANE, math.inf if is_straight else BORDER_STEP),
             )
         for lane, offset in enumerate(OFFSETS, start=1):
             is_rightmost = lane == len(OFFSETS) and i not in beside
@@ -162,7 +178,7 @@ def motorway_files() -> dict[str, bytes]:
                 f"L{lane}_{i:02}",
                 f"N{lane}_{i:02}",
                 f"N{lane}_{(i + 1) % num:02}",
-                _line(start, end, offset, STEP),
+                _lane(start, end, offset),
                 LIMIT,
                 left_lane_change_dst_link_idx=f"L{lane - 1}_{i:02}" if lane > 1 else None,
                 right_lane_change_dst_link_idx=None if is_rightmost else f"L{lane + 1}_{i:02}",
@@ -198,7 +214,7 @@ def _ramps(files: MapFiles, number: int, places: Interchange) -> None:
         name, offset = names[k], offsets[k]
         is_lane = isinstance(offset, float)
         link = name if name.startswith("L4") else f"{name}{number}"
-        step = STEP if is_lane else RAMP_STEP
+        step = BORDER_STEP if is_lane else RAMP_BORDER_STEP
         sides = {
             side: (offset + away if isinstance(offset, float) else _beside(offset, away))
             for side, away in (("L", 0.5 * LANE), ("R", -0.5 * LANE))
@@ -214,7 +230,7 @@ def _ramps(files: MapFiles, number: int, places: Interchange) -> None:
             link,
             nodes[k],
             nodes[k + 1],
-            _line(start, end, offset, step),
+            _lane(start, end, offset),
             limits[k],
             left_lane_change_dst_link_idx=f"L3_{piece:02}" if name.startswith("L4") else None,
             road_id=f"{piece}" if piece is not None else f"S{number}",
@@ -310,7 +326,9 @@ def _opening(ego: float, lane: int) -> dict[str, Any]:
 def _service_point(number: int, part: float) -> int:
     """Return a point of a service road, by the part of its length, 0..1."""
     places = INTERCHANGES[number]
-    return round(part * (places.entry_ramp - places.service) / STEP)
+    there = at(places.service + part * (places.entry_ramp - places.service), SERVICE)
+    line = _lane(places.service, places.entry_ramp, SERVICE)
+    return min(range(len(line)), key=lambda i: math.dist(line[i], there))
 
 
 def _npc(model: str, place: Point, link: tuple[str, float], speed: int | None, now: int) -> dict[str, Any]:

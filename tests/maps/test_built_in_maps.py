@@ -25,7 +25,7 @@ def test_map_files_equal_the_output_of_their_script() -> None:
     drawn = runpy.run_path(str(ROOT / "scripts" / "draw_maps.py"))["drawn"]()
     data = ROOT / "rosbridge_sim" / "data"
     assert {path: path.read_bytes() for path in data.rglob("*.json")} == drawn
-    assert sum(map(len, drawn.values())) < 1_400_000
+    assert sum(map(len, drawn.values())) < 1_800_000  # lanes have points 1 m apart in bends
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -39,6 +39,21 @@ def test_every_lane_continues_in_the_same_direction(name: str) -> None:
             assert math.dist(ends[0], ends[1]) < 0.002
             # A chord of the tightest arc leaves its tangent by 4 degrees.
             assert abs(math.remainder(yaws[1] - yaws[0], math.tau)) < math.radians(5.0), roads.ids[lane]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_bends_have_points_each_metre(name: str) -> None:
+    roads = built_in(name).roads
+    num = 0
+    for lane in range(len(roads)):
+        step = np.diff(roads.points[roads.first[lane] : roads.first[lane + 1], :2], axis=0)
+        length, yaw = np.hypot(*step.T), np.arctan2(step[:, 1], step[:, 0])
+        turn = np.abs(np.remainder(np.diff(yaw) + math.pi, math.tau) - math.pi)
+        is_bent = turn / np.minimum(length[:-1], length[1:]) > 1.0 / 3000.0
+        in_bend = length[1:-1][is_bent[:-1] & is_bent[1:]]
+        num += len(in_bend)
+        assert in_bend.max(initial=0.0) < 1.002, roads.ids[lane]  # files are rounded to the millimetre
+    assert num > 200
 
 
 @pytest.mark.parametrize("name", NAMES)
