@@ -10,6 +10,7 @@ import os
 import re
 import shlex
 import shutil
+import socket
 import subprocess
 import sys
 import threading
@@ -110,10 +111,15 @@ def at_port(script: str, port: int) -> str:
     return script.replace("9090", str(port))
 
 
+def run_program(command: list[str], cwd: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    """A program that has ended."""
+    env = {**os.environ, "PYTHONPATH": str(ROOT), **variables}
+    return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=3 * PATIENCE, check=False)
+
+
 def run(command: list[str], cwd: Path, **variables: str) -> str:
     """Output of a program; it must write nothing to stderr."""
-    env = {**os.environ, "PYTHONPATH": str(ROOT), **variables}
-    done = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=3 * PATIENCE, check=False)
+    done = run_program(command, cwd, **variables)
     assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
     return done.stdout
 
@@ -125,12 +131,17 @@ def run_python(mark: str, port: int, folder: Path) -> str:
     return run([sys.executable, str(script)], folder)
 
 
-def run_node(mark: str, port: int, folder: Path) -> str:
-    """What a marked JavaScript program prints when it talks to this port."""
+def node_command(mark: str, port: int, folder: Path) -> list[str]:
+    """Command that runs a marked JavaScript program, which talks to this port."""
     script = folder / f"{mark}.mjs"
     script.write_text(at_port(example(mark), port))
     (folder / "node_modules").symlink_to(require_node_modules())
-    return run([require_tool("node"), "--preserve-symlinks", str(script)], folder)
+    return [require_tool("node"), "--preserve-symlinks", str(script)]
+
+
+def run_node(mark: str, port: int, folder: Path) -> str:
+    """What a marked JavaScript program prints when it talks to this port."""
+    return run(node_command(mark, port, folder), folder)
 
 
 # Drives
@@ -197,6 +208,16 @@ def test_roslibpy_lines_show_a_status(server: ServerProcess, tmp_path: Path) -> 
 @pytest.mark.slow
 def test_roslib_lines_show_a_status(server: ServerProcess, tmp_path: Path) -> None:
     assert run_node("status-node", server.port, tmp_path).startswith(SHOWN)
+
+
+@pytest.mark.client
+@pytest.mark.slow
+@pytest.mark.parametrize("mark", ["node", "step-node", "scene-node", "status-node"])
+def test_javascript_that_finds_no_server_ends_with_a_sentence(tmp_path: Path, mark: str) -> None:
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))  # it does not listen, so connections are refused
+        done = run_program(node_command(mark, silent.getsockname()[1], tmp_path), tmp_path)
+    assert (done.returncode, done.stderr) == (1, "no connection: is the server running?\n")
 
 
 @pytest.mark.client
