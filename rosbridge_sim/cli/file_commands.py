@@ -40,11 +40,19 @@ def run_schema(argv: Sequence[str]) -> int:
     parser.add_argument("type", metavar="TYPE", help="pkg/Type, or Type of any package")
     parser.add_argument("--full", action="store_true", help="with the definitions of all types in it")
     _add_folders(parser)
+
+    parser = add("typescript", _write_typescript, "print TypeScript declarations of a package, for roslib.js")
+    parser.add_argument("package", metavar="PACKAGE", help="such as morai_msgs")
+    _add_choice(parser)
     return run_command(group, argv)
 
 
 def _add_folders(parser: Parser) -> None:
     add_json(parser)
+    _add_choice(parser)
+
+
+def _add_choice(parser: Parser) -> None:
     add_definitions(parser)
     parser.add_argument("--ros", metavar="1|2", help="ROS generation of the standard messages")
 
@@ -59,6 +67,12 @@ def _show_type(options: Options) -> int:
     from rosbridge_sim.cli.tools import schema  # noqa: PLC0415
 
     return schema.show_type(options.type, definition_sources_of(options), is_full=options.full, is_json=options.json)
+
+
+def _write_typescript(options: Options) -> int:
+    from rosbridge_sim.cli.tools import schema  # noqa: PLC0415
+
+    return schema.write_typescript(options.package, definition_sources_of(options))
 
 
 # bag

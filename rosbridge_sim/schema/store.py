@@ -206,6 +206,37 @@ class Store:
             text = self._full_texts[spec.name] = full_text(spec)
         return text
 
+    def definition(self, name: str) -> Definition:
+        """Return the parsed definition of a message.
+
+        Args:
+            name: `pkg/Type`, in any spelling.
+
+        Raises:
+            TypeNameError: as for `message`.
+            DefinitionError: the text cannot be read.
+        """
+        return self._definition(self.canonical(name))
+
+    def definitions(self, package: str) -> list[Definition]:
+        """Return the parsed definitions of a package: its messages, and the parts of its services and actions.
+
+        Args:
+            package: its name.
+
+        Raises:
+            DefinitionError: a text cannot be read.
+        """
+        own = [name for name in self.names("msg") if name.partition("/")[0] == package]
+        found = [self._definition(name) for name in own]
+        for name in self.names("srv"):
+            if name.partition("/")[0] == package:
+                found += self._service_parts(name)
+        for name in self.names("action"):
+            if name.partition("/")[0] == package:
+                found += self._action_parts(name) or ()
+        return found
+
     def time_value(self, stamp_ns: int) -> msgspec.Struct:
         """Return the value of a `time` field at a time [ns]."""
         return self._dialect.time(stamp_ns)
@@ -234,13 +265,17 @@ class Store:
     def _service(self, name: str) -> ServiceType:
         compiled = self._services.get(name)
         if compiled is None:
-            package, _, short = name.partition("/")
-            text = self._texts.get((package, "srv", short))
-            if text is None:
-                raise self._unknown(package, name, "srv", "service")
-            request, response = parse_service(name, text, f"{package}/srv/{short}.srv", self.ros)
+            request, response = self._service_parts(name)
             compiled = self._services[name] = ServiceType(name, self._compile(request), self._compile(response))
         return compiled
+
+    def _service_parts(self, name: str) -> tuple[Definition, Definition]:
+        """Return request and response of a service."""
+        package, _, short = name.partition("/")
+        text = self._texts.get((package, "srv", short))
+        if text is None:
+            raise self._unknown(package, name, "srv", "service")
+        return parse_service(name, text, f"{package}/srv/{short}.srv", self.ros)
 
     def _action(self, name: str) -> ActionType:
         parts = self._action_parts(name)

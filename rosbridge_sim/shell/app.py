@@ -55,6 +55,7 @@ from rosbridge_sim.shell.monitoring.metrics import Metrics
 from rosbridge_sim.shell.monitoring.refusal_log import RefusalLog
 from rosbridge_sim.shell.monitoring.server_topics import ServerTopics
 from rosbridge_sim.shell.page.page_address import open_browser, page_urls
+from rosbridge_sim.shell.page.type_files import TypeFiles
 from rosbridge_sim.shell.page.web_page import WebPage
 from rosbridge_sim.shell.port_file import PortFile
 from rosbridge_sim.shell.scheduler import Clock, Scheduler
@@ -284,7 +285,7 @@ class Simulator:
         recordings.on_done = reader.on_done = scheduler.look
         server = Server(bus, limits, scheduler.turn)
         _tell_of_world(server, node, reader)
-        server.page = WebPage(loop, settings.page_frame_ancestors) if settings.page else None
+        server.page = _web_page_of(settings, loop)
         await self._listen(server, certificate)
         try:
             await _check_bridges(settings.attach, server)
@@ -444,6 +445,12 @@ class Simulator:
     def _give_up(self) -> None:
         """Stop, because the world has failed; the connections of clients are closed."""
         self._stopping = asyncio.get_running_loop().create_task(self.stop())
+
+
+def _web_page_of(settings: Settings, loop: asyncio.AbstractEventLoop) -> WebPage | None:
+    if not settings.page:
+        return None
+    return WebPage(loop, TypeFiles(loop, settings.release, settings.ros), settings.page_frame_ancestors)
 
 
 def _tell_of_world(server: Server, node: SimulatorNode | None, reader: Reader) -> None:

@@ -16,11 +16,12 @@ from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.parse import Definition
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.schema.typescript import declare_package
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["DefinitionSources", "list_types", "open_store", "show_type"]
+__all__ = ["DefinitionSources", "list_types", "open_store", "show_type", "write_typescript"]
 
 Kind = Literal["msg", "srv", "action"]
 
@@ -79,8 +80,8 @@ def list_types(package: str | None, choice: DefinitionSources, *, is_json: bool)
         RefusedError: the package is unknown.
     """
     store = open_store(choice)
-    if package is not None and package not in store.packages():
-        raise RefusedError(f"no package {safe(package)} is known{hint(package, store.packages())}")
+    if package is not None:
+        _check_package(store, package)
     types = sorted(
         (name, kind)
         for kind in KINDS
@@ -91,6 +92,37 @@ def list_types(package: str | None, choice: DefinitionSources, *, is_json: bool)
         put_json([{"type": name, "kind": kind} for name, kind in types])
     else:
         put_table(("TYPE", "KIND"), types)
+    return 0
+
+
+def _check_package(store: Store, package: str) -> None:
+    if package not in store.packages():
+        raise RefusedError(f"no package {safe(package)} is known{hint(package, store.packages())}")
+
+
+# typescript
+
+
+def write_typescript(package: str, choice: DefinitionSources) -> int:
+    """Print the TypeScript declarations of a package.
+
+    Args:
+        package: its name.
+        choice: the choice of definitions.
+
+    Returns:
+        The exit code.
+
+    Raises:
+        DocumentError: a setting, a folder or a file cannot be used, or a definition names an unknown type.
+        RefusedError: the package is unknown.
+    """
+    store = open_store(choice)
+    _check_package(store, package)
+    try:
+        put(declare_package(store, package).rstrip("\n"))
+    except TypeNameError as error:
+        raise RefusedError(str(error)) from None
     return 0
 
 

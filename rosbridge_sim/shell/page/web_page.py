@@ -10,12 +10,13 @@ import asyncio
 from collections.abc import Mapping, Sequence
 from functools import cache
 from importlib.resources import files
-from typing import Final
+from typing import Final, Protocol
 
-from rosbridge_sim.shell.page.doc_site import DocSite
+from rosbridge_sim.shell.page.doc_site import DOCS_PATH, DocSite
 from rosbridge_sim.shell.page.joining import join_modules
 from rosbridge_sim.shell.page.made_once import MadeOnce
 from rosbridge_sim.shell.page.page_file import PageFile, make_page_file
+from rosbridge_sim.shell.page.type_files import TYPES_PATH, TypeFiles
 
 __all__ = ["PATHS", "WebPage", "page_files", "page_source"]
 
@@ -31,22 +32,34 @@ PATHS: Final = {
 """Source file and content type by path. No other file of the folder is served."""
 
 
+class Folder(Protocol):
+    """Files that are made at their first request."""
+
+    async def read(self, path: str) -> PageFile | None:
+        """Return a file; None if there is none of this name.
+
+        Args:
+            path: path of the request.
+        """
+
+
 class WebPage:
     """The page of one server.
 
     Attributes:
-        docs: the documentation, which is served beside it.
+        folders: what is served beside it, by the path of its folder: the documentation, and declarations of messages.
         headers: rules for the browser, in the answer to each request.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, frame_ancestors: Sequence[str] = ()) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, types: TypeFiles, frame_ancestors: Sequence[str] = ()) -> None:
         """Read nothing yet.
 
         Args:
             loop: where requests are answered.
+            types: declarations of the messages.
             frame_ancestors: origins whose pages may show this one in a frame.
         """
-        self.docs = DocSite(loop)
+        self.folders: Mapping[str, Folder] = {DOCS_PATH: DocSite(loop), TYPES_PATH: types}
         self._files: MadeOnce[Mapping[str, PageFile]] = MadeOnce(loop)
         self.headers: Mapping[str, str] = {
             "Content-Security-Policy": f"{_POLICY}; frame-ancestors {' '.join(frame_ancestors) or _NOBODY}",
@@ -55,6 +68,10 @@ class WebPage:
             "Cross-Origin-Resource-Policy": "same-origin",
             "Cache-Control": "no-cache",  # ask again each time: the next version of the server has another page
         }
+
+    def folder_of(self, path: str) -> str | None:
+        """Return the folder of `folders` that a path lies in; None if it lies in none of them."""
+        return next((folder for folder in self.folders if path.startswith(folder)), None)
 
     def ask(self) -> asyncio.Future[Mapping[str, PageFile]]:
         """Return all files by path, once they are read; after a failure the next request tries again."""

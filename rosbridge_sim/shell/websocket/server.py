@@ -34,7 +34,6 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.shell.map_page import MapText
-from rosbridge_sim.shell.page.doc_site import DOCS_PATH
 from rosbridge_sim.shell.page.web_page import PATHS, WebPage
 from rosbridge_sim.shell.websocket.access import Refusal
 from rosbridge_sim.shell.websocket.byte_totals import Traffic
@@ -364,10 +363,11 @@ class Server:
             return refusal or self._tell_links(connection, request)
         if self.page is not None and (path or "/") in PATHS:
             return refusal or self._answer_page(connection, request, self.page, path or "/")
-        if self.page is not None and path.startswith(DOCS_PATH):
-            return refusal or self._answer_docs(connection, request, self.page, path)
-        if self.page is not None and path == DOCS_PATH.rstrip("/"):
+        page = self.page
+        if page is not None and path + "/" in page.folders:
             return answer_moved(connection, path)
+        if page is not None and (folder := page.folder_of(path)) is not None:
+            return refusal or self._answer_below(connection, request, page, folder)
         return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; rosbridge is at /\n")
 
     async def _answer_page(self, connection: ServerConnection, request: Request, page: WebPage, path: str) -> Response:
@@ -378,20 +378,24 @@ class Server:
             return self._regret_request(connection)
         return answer_file(connection, request, file, page.headers)
 
-    async def _answer_docs(self, connection: ServerConnection, request: Request, page: WebPage, path: str) -> Response:
-        """Answer with a page of the documentation or one of its pictures, for which nothing needs to be shown."""
+    async def _answer_below(
+        self, connection: ServerConnection, request: Request, page: WebPage, folder: str
+    ) -> Response:
+        """Answer with a file of a folder beside the page, for which nothing needs to be shown."""
+        path = request.path.partition("?")[0]
         try:
-            file = await page.docs.read(path)
+            file = await page.folders[folder].read(path)
         except Exception:  # noqa: BLE001 - an internal error; see `_process_request`
             return self._regret_request(connection)
         if file is None:
-            return connection.respond(HTTPStatus.NOT_FOUND, f"There is no page at {path}; {DOCS_PATH} lists all\n")
+            return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; {folder} lists all\n")
         return answer_file(connection, request, file, page.headers)
 
     def _tell_links(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
         """Answer a program that wants no HTML: name and links, and the version for those who may know it."""
-        pages = {"": self.page, "docs/": self.page, "map.json": self.ask_map, "metrics": self.render_metrics}
-        paths = [*(path for path, part in pages.items() if part is not None), "healthz", "version"]
+        pages = {"map.json": self.ask_map, "metrics": self.render_metrics}
+        paths = [] if self.page is None else ["", *(folder.lstrip("/") for folder in self.page.folders)]
+        paths += [*(path for path, part in pages.items() if part is not None), "healthz", "version"]
         access = self._limits.access
         body = links_of(paths, has_version=access.judge_data(request, self.own_names) is None)
         response = answer_with(connection, HTTPStatus.OK, body, JSON_KIND)

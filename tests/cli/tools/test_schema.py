@@ -121,3 +121,18 @@ def test_ambiguous_name_shows_all_matching_types(own: str) -> None:
     ]
     accounts = run("schema", "show", "Wheel", "--schema-path", own, "--json").json
     assert [account["kind"] for account in accounts] == ["msg", "srv"]
+
+
+# typescript
+
+
+def test_typescript_has_the_types_of_the_users_folder(own: str) -> None:
+    done = run("schema", "typescript", "garage_msgs", "--schema-path", own, "--ros", "2")
+    assert (done.code, done.err) == (0, "")
+    assert "  export interface Car {" in done.lines
+    assert "    wheels: Wheel[];" in done.lines
+
+
+def test_typescript_of_an_unknown_package_names_a_near_one() -> None:
+    done = run("schema", "typescript", "morai_msg")
+    assert (done.code, done.err) == (1, "rosbridge-sim: no package morai_msg is known (did you mean morai_msgs?)\n")
