@@ -30,7 +30,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, NamedTuple
 
-__all__ = ["ForkedProgram", "start"]
+__all__ = ["ForkServer", "ForkedProgram", "start"]
 
 _ROOT = Path(__file__).parent.parent
 
@@ -99,19 +99,11 @@ class ForkedProgram:
 
 def start(module: str, words: Sequence[str], env: Mapping[str, str], stderr: IO[bytes]) -> ForkedProgram:
     """Start `python -m MODULE WORDS...` in the project's folder, with its stdout in a pipe."""
-    out, program_out = os.pipe()
-    status, program_status = os.pipe()
-    request = json.dumps({"module": module, "words": [*words], "env": dict(env)}).encode()
-    try:
-        _server().send(request, [program_out, stderr.fileno(), program_status])
-    finally:
-        os.close(program_out)
-        os.close(program_status)
-    return ForkedProgram(_read_number(status), os.fdopen(out), status)
+    return _server().start(module, words, env, stderr)
 
 
-class _ForkServer:
-    """The process of which programs are forked, as the tests know it."""
+class ForkServer:
+    """The process of which programs are forked, as the tests know it. When it is closed, they are killed."""
 
     def __init__(self) -> None:
         self._control, theirs = socket.socketpair()
@@ -126,19 +118,32 @@ class _ForkServer:
         self._lock = threading.Lock()
         atexit.register(self.close)
 
-    def send(self, request: bytes, descriptors: Sequence[int]) -> None:
+    def start(self, module: str, words: Sequence[str], env: Mapping[str, str], stderr: IO[bytes]) -> ForkedProgram:
+        """Start a program; see `start` of this module."""
+        out, program_out = os.pipe()
+        status, program_status = os.pipe()
+        request = json.dumps({"module": module, "words": [*words], "env": dict(env)}).encode()
+        try:
+            self._send(request, [program_out, stderr.fileno(), program_status])
+        finally:
+            os.close(program_out)
+            os.close(program_status)
+        return ForkedProgram(_read_number(status), os.fdopen(out), status)
+
+    def _send(self, request: bytes, descriptors: Sequence[int]) -> None:
         with self._lock:
             socket.send_fds(self._control, [len(request).to_bytes(_LENGTH, "big")], [*descriptors])
             self._control.sendall(request)
 
     def close(self) -> None:
+        """End all programs, and the process."""
         self._control.close()
         self._process.wait()
 
 
 @cache
-def _server() -> _ForkServer:
-    return _ForkServer()
+def _server() -> ForkServer:
+    return ForkServer()
 
 
 def _read_number(status: int) -> int:
@@ -188,6 +193,8 @@ def _serve(control: socket.socket) -> _Request | None:
         if control.fileno() in ready:
             request = _receive(control)
             if request is None:
+                for pid in running:  # the tests were broken off
+                    os.kill(pid, signal.SIGKILL)
                 return None
             pid = os.fork()
             if not pid:

@@ -56,6 +56,16 @@ def test_killed_program_has_the_number_of_its_signal(tmp_path: Path) -> None:
         assert other.wait(PATIENCE) == 0
 
 
+def test_programs_end_with_the_tests_that_started_them(tmp_path: Path) -> None:
+    with (tmp_path / "log").open("wb") as stderr:
+        server = fork_server.ForkServer()
+        program = server.start("rosbridge_sim", ("serve", "--port", "0", "--no-world"), os.environ, stderr)
+    with program.stdout:
+        assert read_line(program)
+        server.close()
+        assert program.stdout.read() == ""  # its end closes the pipe
+
+
 def test_program_keeps_no_descriptor_of_another(tmp_path: Path) -> None:
     with (tmp_path / "log").open("wb") as stderr:
         words = ("serve", "--port", "0", "--no-world")

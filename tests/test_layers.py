@@ -87,7 +87,7 @@ client: * link protocol
 shell: * graph graph.attach graph.tf link maps morai protocol scenarios schema shell.bags shell.config shell.files
     shell.monitoring shell.page shell.websocket simulator simulator.bus simulator.plain simulator.replays
     simulator.scene simulator.sim_services version world.geometry world.roads world.state
-shell.page: *
+shell.page: * schema
 shell.monitoring: * graph protocol schema shell.websocket simulator version
 shell.websocket: * graph link protocol shell shell.page version
 shell.config: * link simulator.bus

@@ -450,7 +450,11 @@ class Simulator:
 def _web_page_of(settings: Settings, loop: asyncio.AbstractEventLoop) -> WebPage | None:
     if not settings.page:
         return None
-    return WebPage(loop, TypeFiles(loop, settings.release, settings.ros), settings.page_frame_ancestors)
+
+    def make_store() -> Store:
+        return Store(read_definitions(settings.release), leniency=LENIENCY, ros=settings.ros)
+
+    return WebPage(loop, TypeFiles(loop, make_store), settings.page_frame_ancestors)
 
 
 def _tell_of_world(server: Server, node: SimulatorNode | None, reader: Reader) -> None:

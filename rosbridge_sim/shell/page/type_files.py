@@ -7,14 +7,12 @@ because these files need no token. `rosbridge-sim schema typescript` prints them
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from functools import partial
 from typing import Final
 
-from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.schema.typescript import declare_package
-from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.page.made_once import MadeOnce
 from rosbridge_sim.shell.page.page_file import PageFile, make_page_file
 
@@ -29,15 +27,14 @@ _SUFFIX: Final = ".d.ts"
 class TypeFiles:
     """The declarations of one server."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, release: str, ros: Generation) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, make_store: Callable[[], Store]) -> None:
         """Read nothing yet.
 
         Args:
             loop: where requests are answered.
-            release: release of `morai_msgs`.
-            ros: ROS generation of the messages.
+            make_store: makes the store of the declared types, in a thread; nobody else may use it.
         """
-        self._release, self._ros = release, ros
+        self._make_store = make_store
         self._store: MadeOnce[Store] = MadeOnce(loop)
         self._files: MadeOnce[PageFile] = MadeOnce(loop)
 
@@ -56,9 +53,6 @@ class TypeFiles:
         if name and (not name.endswith(_SUFFIX) or name.removesuffix(_SUFFIX) not in store.packages()):
             return None
         return await asyncio.shield(self._files.ask(name, partial(_make, store, name)))
-
-    def _make_store(self) -> Store:
-        return Store(read_definitions(self._release), leniency=LENIENCY, ros=self._ros)
 
 
 def _make(store: Store, name: str) -> PageFile:
