@@ -13,32 +13,19 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from hashlib import blake2b
-from typing import Any, Final, TypeVar
+from typing import Final, TypeVar
 
 import numpy as np
 
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, nearest_on_polyline, wrap_angle
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.paths import (
-    DX,
-    DY,
-    DZ,
-    END,
-    START,
-    TURN,
-    YAW,
-    Paths,
-    PathsSnapshot,
-    Segments,
-    X,
-    Y,
-    Z,
     lay_segments,
 )
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
-from rosbridge_sim.world.roads.signals import Signals, SignalsSnapshot
+from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.control_columns import update_control_columns
 from rosbridge_sim.world.state.entity_arrays import (
@@ -46,11 +33,9 @@ from rosbridge_sim.world.state.entity_arrays import (
     KINEMATIC_ALL,
     KINEMATIC_CORE,
     LANE_CHANGE_COLUMNS,
-    LEG_COLUMNS,
     NO_BODY,
     NUM_CORE,
     BoolArray,
-    EntityArrays,
 )
 from rosbridge_sim.world.state.entity_types import (
     MAX_COORDINATE,
@@ -63,7 +48,9 @@ from rosbridge_sim.world.state.entity_types import (
     Mode,
 )
 from rosbridge_sim.world.state.labels import check_pose, figures_of, in_space, label_of, reach_of
+from rosbridge_sim.world.state.row_motion import RowMotion
 from rosbridge_sim.world.state.settling import keep_level, settle
+from rosbridge_sim.world.state.snapshot import Snapshot
 
 __all__ = [
     "DT",
@@ -94,10 +81,6 @@ MAX_UID: Final = 2**31 - 1
 FIRST_UID: Final = 1
 """The first id that is given out; 0 is left to the first ego, whose id is fixed."""
 
-_SURELY_WRAPPED: Final = 3.14
-"""Angles within this are certainly wrapped, however the last place of pi is rounded [rad]."""
-
-
 T = TypeVar("T")
 
 
@@ -127,44 +110,9 @@ _BODY_COLUMNS: Final = {
 
 _YIELDS: Final = INTS.index("yields")
 _BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
-_LANE_COLUMNS: Final = (
-    "desired_speed",
-    *INTS[INTS.index("turns") : INTS.index("ahead_5") + 1],
-    "has_lane",
-    "is_loop",
-    *LANE_CHANGE_COLUMNS,
-)
 
 
-@dataclass(frozen=True, slots=True)
-class Snapshot:
-    """A copy of a whole world. It can be restored any number of times, into any world."""
-
-    frame: int
-    seed: int
-    next_uid: int
-    uids: tuple[tuple[int, int], ...]  # (uid, row) in order of spawning
-    names: tuple[str, ...]
-    bodies: tuple[Body, ...]
-    floats: FloatArray
-    ints: IntArray
-    bools: BoolArray
-    paths: PathsSnapshot
-    contacts: IntArray
-    roads: Roads
-    signals: SignalsSnapshot
-    routes: dict[int, IntArray]
-    is_scoring: bool
-    dynamics: Dynamics
-    is_creeping: bool
-    has_stability_control: bool
-    has_impacts: bool
-    passing: IntArray
-    placed_uids: tuple[int, ...]
-    turn_shares: TurnShares | None
-
-
-class World(EntityArrays):
+class World(RowMotion):
     """All entities, one row each in `EntityArrays`, which `spawn`, `remove`, `clear`, `reset` and `restore` replace.
 
     An entity stays in its row as long as it exists; afterwards another one may get the row. Every attribute may be
@@ -174,19 +122,14 @@ class World(EntityArrays):
     Attributes:
         frame: steps done since the last reset; simulated time is frame * 20 ms.
         seed: of all chance in the world; see `chance`.
-        paths: the paths of the entities that follow one, by id.
-        routes: (k,) int64 rows of lanes for each lane follower that has a route, by id.
         roads: the lanes; see `lay_roads`.
         signals: the traffic lights at this frame.
         contacts: (m, 2) int64, ids of the pairs that touched during the last step; see `collisions`.
-        is_scoring: steps keep the scores of all egos; see `start_scoring`.
         dynamics: the model that moves all egos.
         is_creeping: egos under the control of pedals creep in D and R, and roll on slopes; for SINGLE_TRACK only.
         has_stability_control: of all egos; for SINGLE_TRACK only, see `stability`.
-        has_impacts: collisions change motion; see `impacts`.
         passing: (m, 2) int64, ids of the pairs in `contacts` that go through each other, the lower first; without
             `has_impacts` it is empty.
-        placed_uids: ids of what was placed since the last step, while `has_impacts`.
         turn_shares: how often drivers without a route turn; with None all lanes that follow are equally likely.
 
     Args:
@@ -194,7 +137,7 @@ class World(EntityArrays):
         dynamics: see above.
         is_creeping: see above.
         has_stability_control: see above.
-        has_impacts: see above.
+        has_impacts: see `RowMotion`.
         turn_shares: see above.
     """
 
@@ -213,14 +156,10 @@ class World(EntityArrays):
         self.dynamics, self.is_creeping = dynamics, is_creeping
         self.has_stability_control = has_stability_control
         self.has_impacts, self.passing = has_impacts, NO_CONTACTS
-        self.placed_uids: set[int] = set()
         self.turn_shares = turn_shares
-        self.paths = Paths()
         self.contacts = NO_CONTACTS
         self.roads, self.signals = NO_ROADS, Signals(NO_PLAN)
-        self.routes: dict[int, IntArray] = {}
         self._rows: dict[int, int] = {}  # uid -> row, in order of spawning
-        self._derived: dict[object, Any] = {}
         self.reset()
 
     # -- the population
@@ -609,80 +548,12 @@ class World(EntityArrays):
 
     # -- for the other modules of `world`
 
-    def touch(self) -> None:
-        """Drop what was derived from the arrays: an entity has come or gone, stopped or started, or been placed."""
-        self._derived.clear()
-
     def derived(self, make: Callable[[World], T]) -> T:
         """Return `make(world)`, made once and kept until the next `touch`."""
         value: T | None = self._derived.get(make)  # the key says what the value is
         if value is None:
             value = self._derived[make] = make(self)
         return value
-
-    def place(self, row: int, *, x: float, y: float, z: float, yaw: float, speed: float) -> None:
-        """Place a row on a straight leg that never ends, without acceleration. Nothing is checked.
-
-        Args:
-            row: any row in use; it leaves its path or lane.
-            x: reference point, east [m].
-            y: reference point, north [m].
-            z: reference point, up [m].
-            yaw: heading; any angle is wrapped [rad].
-            speed: along the heading [m/s].
-        """
-        self._leave_path_or_lane(row)
-        # Numpy takes 5 us for one angle. Nearly all are wrapped already, and then keep their bits.
-        wrapped = yaw if -_SURELY_WRAPPED < yaw < _SURELY_WRAPPED else wrap_angle(yaw)
-        self.x[row], self.y[row], self.z[row], self.yaw[row] = x, y, z, wrapped
-        self.speed[row], self.accel[row], self.lateral_accel[row], self.yaw_rate[row] = speed, 0.0, 0.0, 0.0
-        self.start_within[row] = self.start_speed[row] = 0.0
-        self.arc[row], self.leg_start[row], self.leg_end[row] = 0.0, 0.0, np.inf
-        self.leg_x[row], self.leg_y[row], self.leg_z[row] = x, y, z
-        self.leg_dx[row], self.leg_dy[row], self.leg_dz[row] = math.cos(yaw), math.sin(yaw), 0.0
-        self.leg_yaw[row], self.leg_turn[row] = wrapped, 0.0
-        self.climb[row] = self.climb_accel[row] = 0.0
-        self.block("drive_lag", "roll_rate")[:, row] = 0.0
-        if self.loose[row]:
-            self.loose[row] = 0.0
-            self.touch()
-        if self.has_impacts:
-            self.placed_uids.add(self.uid.item(row))
-        if self.kind[row] != Kind.EGO:
-            self.touch()  # it may move now, or no longer
-            return
-        self.friction[row] = ROAD_FRICTION  # until the next look at the ground
-        if self.is_scoring:  # it has driven over no line on its way here
-            self.near_lane[row] = self.open_line[row] = 0
-
-    def tilt(self, row: int, *, roll: float, pitch: float) -> None:
-        """Set roll and pitch of a row and of the ground below it [rad]; nothing is checked."""
-        self.roll[row], self.pitch[row] = roll, pitch
-        if self.kind[row] == Kind.EGO:
-            self.ground_roll[row], self.ground_pitch[row] = roll, pitch
-
-    def place_all(
-        self, rows: IntArray, *, x: FloatArray, y: FloatArray, z: FloatArray, yaw: FloatArray, speed: FloatArray
-    ) -> None:
-        """Place many rows as `place` does; all arguments are (m,), and no row comes twice."""
-        for row in rows[self.has_lane[rows] | self.has_path[rows]].tolist():
-            self._leave_path_or_lane(row)
-        self.x[rows], self.y[rows], self.z[rows], self.yaw[rows] = x, y, z, wrap_angle(yaw)
-        self.speed[rows], self.accel[rows], self.lateral_accel[rows], self.yaw_rate[rows] = speed, 0.0, 0.0, 0.0
-        self.start_within[rows] = self.start_speed[rows] = 0.0
-        self.arc[rows], self.leg_start[rows], self.leg_end[rows] = 0.0, 0.0, np.inf
-        self.leg_x[rows], self.leg_y[rows], self.leg_z[rows] = x, y, z
-        headings = yaw.tolist()  # by the functions that `place` uses: numpy's can differ in the last bit
-        self.leg_dx[rows], self.leg_dy[rows] = list(map(math.cos, headings)), list(map(math.sin, headings))
-        self.leg_dz[rows] = 0.0
-        self.leg_yaw[rows], self.leg_turn[rows] = self.yaw[rows], 0.0
-        self.climb[rows] = self.climb_accel[rows] = 0.0
-        self.block("drive_lag", "roll_rate")[:, rows] = 0.0
-        self.loose[rows] = 0.0
-        if self.has_impacts:
-            self.placed_uids.update(self.uid[rows].tolist())
-        self.near_lane[rows] = self.open_line[rows] = 0
-        self.touch()
 
     # -- internals
 
@@ -728,44 +599,6 @@ class World(EntityArrays):
         update_control_columns(self, row, is_creeping=self.is_creeping)
         if self.is_scoring:
             self._begin_score(row)
-
-    def _join_path(self, row: int, base: int, segments: Segments, *, is_loop: bool) -> None:
-        """Have a row follow a path that is in the store already."""
-        self.has_path[row], self.is_loop[row] = True, is_loop
-        self.path_base[row], self.path_length[row] = base, segments[-1, END]
-        self._enter_path(row, segments)
-
-    def _enter_path(self, row: int, segments: Segments) -> None:
-        """Place a row on its path, at the point nearest to it."""
-        ends = np.concatenate([segments[:, X : Z + 1], segments[-1:, X : Z + 1]])
-        ends[-1] += segments[-1, DX : DZ + 1] * (segments[-1, END] - segments[-1, START])
-        near = nearest_on_polyline(ends, self.x[row], self.y[row])
-        leg = segments[near.segment[0]]
-        # The foot point was searched in the plane; along a slope the path is longer than that.
-        flat = math.hypot(leg[DX], leg[DY])
-        part = math.hypot(near.x[0] - leg[X], near.y[0] - leg[Y]) / flat if flat > 0.0 else 0.0
-        arc = min(leg[START] + part, leg[END])
-        self.arc[row] = arc
-        self.yaw[row] = leg[YAW] + (arc - leg[START]) * leg[TURN]
-        for column, value in zip(LEG_COLUMNS, leg, strict=True):
-            getattr(self, column)[row] = value
-        self.x[row], self.y[row], self.z[row] = leg[X : Z + 1] + leg[DX : DZ + 1] * (arc - leg[START])
-
-    def _leave_path_or_lane(self, row: int) -> None:
-        """Take a row off its path and its lane."""
-        if self.has_lane[row]:
-            self.routes.pop(int(self.uid[row]), None)
-            for column in _LANE_COLUMNS:
-                getattr(self, column)[row] = 0
-            self.touch()
-        if not self.has_path[row]:
-            return
-        self.has_path[row] = self.is_loop[row] = False
-        self.path_base[row], self.path_length[row] = 0, 0.0
-        self.yields[row], self.desired_speed[row] = 0, 0.0
-        if self.paths.remove(int(self.uid[row])):
-            for other in np.flatnonzero(self.has_path):  # rare: the store was compacted
-                self.path_base[other] = self.paths.base(int(self.uid[other]))
 
 
 class _RowsByKind:

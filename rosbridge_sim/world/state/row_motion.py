@@ -1,0 +1,152 @@
+"""What moves each row of the world: a straight leg, a path or lanes; and how a row is placed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Final
+
+import numpy as np
+
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, nearest_on_polyline, wrap_angle
+from rosbridge_sim.world.roads.paths import DX, DY, DZ, END, START, TURN, YAW, Paths, Segments, X, Y, Z
+from rosbridge_sim.world.state.entity_arrays import INTS, LANE_CHANGE_COLUMNS, LEG_COLUMNS, EntityArrays
+from rosbridge_sim.world.state.entity_types import ROAD_FRICTION, Kind
+
+__all__ = ["RowMotion"]
+
+_SURELY_WRAPPED: Final = 3.14
+"""Angles within this are certainly wrapped, however the last place of pi is rounded [rad]."""
+
+_LANE_COLUMNS: Final = (
+    "desired_speed",
+    *INTS[INTS.index("turns") : INTS.index("ahead_5") + 1],
+    "has_lane",
+    "is_loop",
+    *LANE_CHANGE_COLUMNS,
+)
+
+
+class RowMotion(EntityArrays):
+    """The columns of all entities, and the functions that change what moves a row.
+
+    Attributes:
+        paths: the paths of the entities that follow one, by id.
+        routes: (k,) int64 rows of lanes for each lane follower that has a route, by id.
+        is_scoring: steps keep the scores of all egos; see `World.start_scoring`.
+        has_impacts: collisions change motion; see `impacts`.
+        placed_uids: ids of what was placed since the last step, while `has_impacts`.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.paths = Paths()
+        self.routes: dict[int, IntArray] = {}
+        self.is_scoring = self.has_impacts = False
+        self.placed_uids: set[int] = set()
+        self._derived: dict[object, Any] = {}
+
+    def touch(self) -> None:
+        """Drop what was derived from the arrays: an entity has come or gone, stopped or started, or been placed."""
+        self._derived.clear()
+
+    def place(self, row: int, *, x: float, y: float, z: float, yaw: float, speed: float) -> None:
+        """Place a row on a straight leg that never ends, without acceleration. Nothing is checked.
+
+        Args:
+            row: any row in use; it leaves its path or lane.
+            x: reference point, east [m].
+            y: reference point, north [m].
+            z: reference point, up [m].
+            yaw: heading; any angle is wrapped [rad].
+            speed: along the heading [m/s].
+        """
+        self._leave_path_or_lane(row)
+        # Numpy takes 5 us for one angle. Nearly all are wrapped already, and then keep their bits.
+        wrapped = yaw if -_SURELY_WRAPPED < yaw < _SURELY_WRAPPED else wrap_angle(yaw)
+        self.x[row], self.y[row], self.z[row], self.yaw[row] = x, y, z, wrapped
+        self.speed[row], self.accel[row], self.lateral_accel[row], self.yaw_rate[row] = speed, 0.0, 0.0, 0.0
+        self.start_within[row] = self.start_speed[row] = 0.0
+        self.arc[row], self.leg_start[row], self.leg_end[row] = 0.0, 0.0, np.inf
+        self.leg_x[row], self.leg_y[row], self.leg_z[row] = x, y, z
+        self.leg_dx[row], self.leg_dy[row], self.leg_dz[row] = math.cos(yaw), math.sin(yaw), 0.0
+        self.leg_yaw[row], self.leg_turn[row] = wrapped, 0.0
+        self.climb[row] = self.climb_accel[row] = 0.0
+        self.block("drive_lag", "roll_rate")[:, row] = 0.0
+        if self.loose[row]:
+            self.loose[row] = 0.0
+            self.touch()
+        if self.has_impacts:
+            self.placed_uids.add(self.uid.item(row))
+        if self.kind[row] != Kind.EGO:
+            self.touch()  # it may move now, or no longer
+            return
+        self.friction[row] = ROAD_FRICTION  # until the next look at the ground
+        if self.is_scoring:  # it has driven over no line on its way here
+            self.near_lane[row] = self.open_line[row] = 0
+
+    def tilt(self, row: int, *, roll: float, pitch: float) -> None:
+        """Set roll and pitch of a row and of the ground below it [rad]; nothing is checked."""
+        self.roll[row], self.pitch[row] = roll, pitch
+        if self.kind[row] == Kind.EGO:
+            self.ground_roll[row], self.ground_pitch[row] = roll, pitch
+
+    def place_all(
+        self, rows: IntArray, *, x: FloatArray, y: FloatArray, z: FloatArray, yaw: FloatArray, speed: FloatArray
+    ) -> None:
+        """Place many rows as `place` does; all arguments are (m,), and no row comes twice."""
+        for row in rows[self.has_lane[rows] | self.has_path[rows]].tolist():
+            self._leave_path_or_lane(row)
+        self.x[rows], self.y[rows], self.z[rows], self.yaw[rows] = x, y, z, wrap_angle(yaw)
+        self.speed[rows], self.accel[rows], self.lateral_accel[rows], self.yaw_rate[rows] = speed, 0.0, 0.0, 0.0
+        self.start_within[rows] = self.start_speed[rows] = 0.0
+        self.arc[rows], self.leg_start[rows], self.leg_end[rows] = 0.0, 0.0, np.inf
+        self.leg_x[rows], self.leg_y[rows], self.leg_z[rows] = x, y, z
+        headings = yaw.tolist()  # by the functions that `place` uses: numpy's can differ in the last bit
+        self.leg_dx[rows], self.leg_dy[rows] = list(map(math.cos, headings)), list(map(math.sin, headings))
+        self.leg_dz[rows] = 0.0
+        self.leg_yaw[rows], self.leg_turn[rows] = self.yaw[rows], 0.0
+        self.climb[rows] = self.climb_accel[rows] = 0.0
+        self.block("drive_lag", "roll_rate")[:, rows] = 0.0
+        self.loose[rows] = 0.0
+        if self.has_impacts:
+            self.placed_uids.update(self.uid[rows].tolist())
+        self.near_lane[rows] = self.open_line[rows] = 0
+        self.touch()
+
+    def _join_path(self, row: int, base: int, segments: Segments, *, is_loop: bool) -> None:
+        """Have a row follow a path that is in the store already."""
+        self.has_path[row], self.is_loop[row] = True, is_loop
+        self.path_base[row], self.path_length[row] = base, segments[-1, END]
+        self._enter_path(row, segments)
+
+    def _enter_path(self, row: int, segments: Segments) -> None:
+        """Place a row on its path, at the point nearest to it."""
+        ends = np.concatenate([segments[:, X : Z + 1], segments[-1:, X : Z + 1]])
+        ends[-1] += segments[-1, DX : DZ + 1] * (segments[-1, END] - segments[-1, START])
+        near = nearest_on_polyline(ends, self.x[row], self.y[row])
+        leg = segments[near.segment[0]]
+        # The foot point was searched in the plane; along a slope the path is longer than that.
+        flat = math.hypot(leg[DX], leg[DY])
+        part = math.hypot(near.x[0] - leg[X], near.y[0] - leg[Y]) / flat if flat > 0.0 else 0.0
+        arc = min(leg[START] + part, leg[END])
+        self.arc[row] = arc
+        self.yaw[row] = leg[YAW] + (arc - leg[START]) * leg[TURN]
+        for column, value in zip(LEG_COLUMNS, leg, strict=True):
+            getattr(self, column)[row] = value
+        self.x[row], self.y[row], self.z[row] = leg[X : Z + 1] + leg[DX : DZ + 1] * (arc - leg[START])
+
+    def _leave_path_or_lane(self, row: int) -> None:
+        """Take a row off its path and its lane."""
+        if self.has_lane[row]:
+            self.routes.pop(int(self.uid[row]), None)
+            for column in _LANE_COLUMNS:
+                getattr(self, column)[row] = 0
+            self.touch()
+        if not self.has_path[row]:
+            return
+        self.has_path[row] = self.is_loop[row] = False
+        self.path_base[row], self.path_length[row] = 0, 0.0
+        self.yields[row], self.desired_speed[row] = 0, 0.0
+        if self.paths.remove(int(self.uid[row])):
+            for other in np.flatnonzero(self.has_path):  # rare: the store was compacted
+                self.path_base[other] = self.paths.base(int(self.uid[other]))
