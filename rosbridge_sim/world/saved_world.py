@@ -51,8 +51,7 @@ _POSITIVE: Final = (
 """Columns that the equations of driven rows divide by."""
 
 _LANE_COLUMNS: Final = ("claim", "held", "exit_lane", "behind", "lane", *(f"ahead_{i}" for i in range(1, 6)))
-_LANE_CHANGE_CODES: Final = {"signal": 2, "leaving": 2, "came_from": 2, "keeps_lane": 1, "change": MAX_REASON}
-_OFFSETS: Final = tuple(name for name in LANE_CHANGE_COLUMNS if name not in {*_LANE_CHANGE_CODES, "change_since"})
+_LANE_CHANGE_CODES: Final = {"signal": 2, "leaving": 2, "came_from": 2, "change": MAX_REASON, "change_since": MAX_COUNT}
 MAX_OFFSET: Final = 1e4
 """Bound of offsets from a lane [m], and of their rates and slopes: far beyond any lane beside, but still on the map."""
 
@@ -231,11 +230,7 @@ class _Reader:
             column = floats[FLOATS.index(name)]
             # A step may move an entity past the bound that holds for a placement.
             _expect(bool((np.abs(column) <= 2 * MAX_COORDINATE).all()), f"floats.{name}", "a place on the map")
-        for name, most in _LANE_CHANGE_CODES.items():
-            column = floats[FLOATS.index(name)]
-            is_code = (column >= 0.0) & (column <= most) & (column == np.floor(column))
-            _expect(bool(is_code.all()), f"floats.{name}", f"whole numbers 0..{most}")
-        for name in _OFFSETS:
+        for name in LANE_CHANGE_COLUMNS:
             is_near = np.abs(floats[FLOATS.index(name)]) <= MAX_OFFSET
             _expect(bool(is_near.all()), f"floats.{name}", f"figures within +-{MAX_OFFSET:g}")
         width = floats[FLOATS.index("wander_width")]
@@ -261,6 +256,8 @@ class _Reader:
         within("turns", 0, MAX_COUNT)
         within("yields", 0, MAX_COUNT)
         within("yields", 0, 0, alive & ~has_path)
+        for name, most in _LANE_CHANGE_CODES.items():
+            within(name, 0, most)
         for name in _LANE_COLUMNS:
             within(name, -1, len(self._roads) - 1, has_lane)
             within(name, -1, max(0, len(self._roads) - 1))

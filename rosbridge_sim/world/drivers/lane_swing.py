@@ -60,7 +60,7 @@ def find_swinging(world: World, rows: IntArray) -> IntArray:
 
     Vehicles that change lanes are none of them.
     """
-    is_free = (world.lateral_left[rows] == 0.0) & (world.leaving[rows] == 0.0)
+    is_free = (world.lateral_left[rows] == 0.0) & (world.leaving[rows] == 0)
     tight = world.roads.derived(_are_tight)
     near = world.int_block("behind", "ahead_2")[:, rows]
     is_near = np.logical_or.reduce(tight[near] & (near >= 0))

@@ -149,7 +149,7 @@ def view_driver(world: World, row: int) -> DriverView | None:
         rival_row=int(all_rows[sight.rival]) if sight.rival >= 0 else -1,
         change=LaneChange(int(world.change[row])),
         signal=int(find_turn_signals(world, np.array([row]))[0]),
-        is_changing=bool(world.leaving[row] > 0.0),
+        is_changing=bool(world.leaving[row] > 0),
     )
 
 

@@ -38,7 +38,7 @@ def find_turn_signals(world: World, rows: IntArray) -> IntArray:
     Returns:
         (k,) int64.
     """
-    signals = world.signal[rows].astype(np.int64)
+    signals: IntArray = world.signal[rows]  # a copy
     which = (world.has_lane[rows] & (world.kind[rows] == Kind.VEHICLE) & (signals == 0)).nonzero()[0]
     if not len(which):
         return signals

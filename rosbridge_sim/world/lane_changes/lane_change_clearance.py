@@ -131,7 +131,7 @@ def _find_edges(world: World, shifts: Shifts, which: IntArray) -> FloatArray:
     row = own[i]
     along_yaw = world.yaw[row] - world.drift[row]
     sign = np.where(shifts.side[which[i]] == LEFT, 1.0, -1.0)
-    moved = np.where(world.leaving[row] > 0.0, world.lateral[row] - world.lateral_from[row], 0.0)
+    moved = np.where(world.leaving[row] > 0, world.lateral[row] - world.lateral_from[row], 0.0)
     cos, sin = np.cos(along_yaw), np.sin(along_yaw)
     turn = world.yaw[near] - along_yaw
     east = world.x[near] + world.centre[near] * np.cos(world.yaw[near]) - world.x[row]

@@ -157,8 +157,7 @@ class LaneLook:
         world, rows = self._world, self._rows[which]
         num = len(which)
         options = self._look_aside()
-        now, since = world.change[rows].astype(np.int64), world.change_since[rows]
-        signal = world.signal[rows].astype(np.int64)
+        now, since, signal = world.change[rows], world.change_since[rows], world.signal[rows]
         reason, side = self._find_must(options)
         must = reason > 0
         is_inside = (self._to_entry <= 0.0) | (drivers.held[which] >= 0)
@@ -175,8 +174,8 @@ class LaneLook:
         safe = np.where(best == RIGHT, options[RIGHT].is_safe, options[0].is_safe)
         most = np.fmax(advantages[0], advantages[RIGHT])
         is_right = (best == RIGHT) & (options[RIGHT].advantage < THRESHOLD)
-        is_back = (world.came_from[rows] == best + 1.0) & (most < GOOD_REASON)
-        has_rested = (since == 0.0) | (world.frame - since >= np.where(is_right | is_back, RETURN, REST))
+        is_back = (world.came_from[rows] == best + 1) & (most < GOOD_REASON)
+        has_rested = (since == 0) | (world.frame - since >= np.where(is_right | is_back, RETURN, REST))
         wishes = ~must & (now == 0) & (most > THRESHOLD) & safe & has_rested
         side = np.where(wishes, best, side)
         reason = np.where(wishes, np.where(is_right, LaneChange.KEEP_RIGHT, LaneChange.FASTER), reason)
@@ -189,7 +188,7 @@ class LaneLook:
         # The signals from now on
         shows = np.where(reason > 0, side + 1, 0)
         is_new = shows != signal
-        since = np.where(is_new, float(world.frame), since)
+        since = np.where(is_new, world.frame, since)
         world.change[rows], world.signal[rows], world.change_since[rows] = reason, shows, since
         # The drivers that begin
         index = np.arange(num)
@@ -249,7 +248,7 @@ class LaneLook:
                 is_good = option.is_there & goes_on & (option.gap > self._gap + self._length)
                 values.append(np.where(is_good, option.advantage + option.is_safe, -np.inf)[around])
             # One that signals already keeps its side, or it would never come to begin.
-            signal = world.signal[rows[around]].astype(np.int64)
+            signal = world.signal[rows[around]]
             values = [np.where((signal == i + 1) & (value > -np.inf), np.inf, value) for i, value in enumerate(values)]
             has_one = np.fmax(values[0], values[1]) > -np.inf
             reason[around[has_one]] = LaneChange.AROUND
@@ -268,7 +267,7 @@ class LaneLook:
             return blocked
         lead = perception.lead[self._which[at]]
         rows = self._rows[lead]
-        is_stuck = (world.change[rows] == LaneChange.AROUND) | (world.leaving[rows] > 0.0)
+        is_stuck = (world.change[rows] == LaneChange.AROUND) | (world.leaving[rows] > 0)
         is_stuck &= world.frame - world.change_since[rows] > STUCK
         is_parked = (lead < 0) | (world.desired_speed[rows] < STANDS) | is_stuck
         # The entry of the lead vehicle, if it is on the same lane, and the one ahead of it

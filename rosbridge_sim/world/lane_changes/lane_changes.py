@@ -73,7 +73,7 @@ class LaneChanges:
         self.roads = world.roads
         self.neighbours = world.roads.derived(LaneNeighbours)
         self.conflicts = world.roads.derived(LaneConflicts)
-        self._may = (world.kind[rows] != Kind.EGO) & (world.keeps_lane[rows] == 0.0)
+        self._may = (world.kind[rows] != Kind.EGO) & ~world.keeps_lane[rows]
         is_long = 2.0 * world.half_length[rows] > HEAVY_LENGTH
         self._off_old_lane = np.where(is_long, OFF_OLD_LANE_LONG, OFF_OLD_LANE)
         self.is_possible = self.neighbours.is_any and bool(self._may.any())
@@ -121,7 +121,7 @@ class LaneChanges:
         if drivers.leaving is not None:
             self._mind_old_lane(drivers, perception.queue, desired_speed, accel)
         self._leave_room(drivers, perception, desired_speed, accel)
-        is_free = self._may & (world.leaving[rows] == 0.0)
+        is_free = self._may & (world.leaving[rows] == 0)
         part = decision // LOOK_EVERY if decision % LOOK_EVERY == 0 else -1
         is_turn = np.full(len(rows), part >= 0) & (drivers.uid % LOOK_PARTS == part % LOOK_PARTS)
         looks = is_turn & self.neighbours.has_side[drivers.lanes[0]]
@@ -139,8 +139,8 @@ class LaneChanges:
     def _end_changes(self) -> None:
         """End the changes of those that have arrived."""
         world, rows = self.world, self.rows
-        done = rows[(world.leaving[rows] > 0.0) & (world.lateral_left[rows] == 0.0)]
-        world.leaving[done] = world.signal[done] = world.change[done] = 0.0
+        done = rows[(world.leaving[rows] > 0) & (world.lateral_left[rows] == 0.0)]
+        world.leaving[done] = world.signal[done] = world.change[done] = 0
         world.change_since[done] = world.frame
 
     def _mind_old_lane(self, drivers: Drivers, queue: EntryQueue, desired_speed: FloatArray, accel: FloatArray) -> None:
@@ -154,7 +154,7 @@ class LaneChanges:
         gap = np.where(is_on, queue.tail[after] - entries.s, np.inf)
         lead_speed = np.where(is_on, queue.speed[after], 0.0)
         following = drivers.lanes[1, which]
-        side = world.leaving[self.rows[which]].astype(np.int64) - 1
+        side = world.leaving[self.rows[which]] - 1
         beyond = np.where(following >= 0, self.neighbours.beside[side, following], -1)
         far = (~is_on & (beyond >= 0)).nonzero()[0]
         first = queue.first_on(beyond[far])

@@ -21,6 +21,7 @@ __all__ = [
     "INTS",
     "KINEMATIC_ALL",
     "KINEMATIC_CORE",
+    "LANE_CHANGE_CODES",
     "LANE_CHANGE_COLUMNS",
     "LEG_COLUMNS",
     "NUM_CORE",
@@ -36,93 +37,96 @@ MIN_ROWS: Final = 32
 NO_BODY: Final = Body()
 """The body of a free row."""
 
-# Columns of float64. The order matters: the columns that `dynamics` reads are one run, those that it writes are a run
-# inside it, and likewise for `path_following`. So one call gathers a run. Those modules name a run by its first and
-# last column. The names are no part of digests or snapshots; the order is.
-_SINGLE_TRACK: Final = (
-    # of the body
+# Groups of columns, by the module or the subject that owns them. The order matters: the columns that `dynamics` reads
+# are one run, those that it writes are a run inside it, and likewise for `path_following`. So one call gathers a run.
+# Those modules name a run by its first and last column. The names are no part of digests or snapshots; the order is.
+
+# Egos: their bodies, what is commanded, and the ground below
+_TYRE_BODY: Final = (
     *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "front_drive"),
     *("pitch_gain", "roll_gain", "launch_accel", "power", "top_speed", "air_drag", "engine_drag"),
-    # of commands and ground
-    *("rear_steer_cmd", "creep", "rolls", "jerk_limit", "friction", "grade", "ground_pitch", "ground_roll"),
-    # written by single_track
+)
+_TYRE_COMMANDS: Final = ("rear_steer_cmd", "creep", "rolls", "jerk_limit")
+_GROUND: Final = ("friction", "grade", "ground_pitch", "ground_roll")
+_CONTROLS: Final = ("target", "accel_max", "accel_min", "throttle_max", "sense", "drive", "holding", "steer_cmd")
+_LIMITS: Final = ("wheelbase", "steer_rate", "max_accel", "max_decel", "rolling", "drag")
+_COMMANDS: Final = ("speed_cmd", "accel_cmd", "max_steer", "speed_accel", "speed_decel")
+
+# Egos: written by `single_track`, and by `dynamics`
+_TYRES: Final = (
     *("rear_steer", "drive_lag", "brake_lag", "lateral_speed", "yaw_accel"),
     *("front_slip", "rear_slip", "front_force", "rear_force"),
-    *("lean_pitch", "lean_roll", "pitch_rate", "roll_rate", "pitch", "roll"),
+    *("lean_pitch", "lean_roll", "pitch_rate", "roll_rate"),
 )
-_KINEMATIC: Final = (
-    # read by dynamics
-    *("target", "accel_max", "accel_min", "throttle_max", "sense", "drive", "holding", "steer_cmd"),
-    *("wheelbase", "steer_rate", "max_accel", "max_decel", "rolling", "drag"),
-    # written by dynamics
-    *("throttle", "brake", "steer", "accel", "lateral_accel", "yaw_rate"),
-    # written by both
-    *("x", "y", "yaw", "speed"),
-    # written by path_following
-    *("z", "arc", "leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
-    *("leg_yaw", "leg_turn"),
-    # neither
-    *(
-        "path_length",
-        "desired_speed",
-        "roll",
-        "pitch",
-        "speed_cmd",
-        "accel_cmd",
-        "max_steer",
-        "speed_accel",
-        "speed_decel",
-    ),
-    # written by waiting
-    *("start_within", "start_speed"),
-    # read by motion
-    *("lateral_speed", "climb", "climb_accel"),
-    # read by collisions
-    *("half_length", "half_width", "height", "centre"),
-    # written by score
-    *("score_distance", "time_to_collision", "min_time_to_collision"),
-    *("lane_offset", "lane_offset_sum", "max_lane_offset"),
-    *("jerk", "max_jerk", "jerk_square_sum", "max_lateral_accel", "lateral_accel_square_sum"),
-)
-_SCORE: Final = _KINEMATIC.index("score_distance")
-LANE_CHANGE_COLUMNS: Final = (
-    # of lane_change_motion; the first four are one run
-    *("lateral", "lateral_rate", "drift", "drift_rate"),
-    *("lateral_from", "lateral_to", "lateral_push", "lateral_bend", "lateral_left"),
-    # of lane_changes
-    *("lateral_bias", "signal", "change", "change_since", "leaving", "came_from", "keeps_lane"),
-    # of lane_wander
-    *("wander_width", "wander", "wander_slope", "wander_slope_rate"),
-    *("wander_x", "wander_y", "wander_x_rate", "wander_y_rate"),
-)
-"""One run. They are zeros for all but lane followers, so that a digest needs them only where lanes are changed."""
-FLOATS: Final = (
-    *_SINGLE_TRACK,
-    *(name for name in _KINEMATIC[:_SCORE] if name not in _SINGLE_TRACK),
-    "loose",  # of impacts
-    *LANE_CHANGE_COLUMNS,
-    *_KINEMATIC[_SCORE:],
-)
+_PEDALS: Final = ("throttle", "brake", "steer")
+
+# All: pose and motion; the last group is that of ghosts
+_TILT: Final = ("pitch", "roll")
+_CHANGE_OF_MOTION: Final = ("accel", "lateral_accel", "yaw_rate")
+_POSE: Final = ("x", "y", "yaw", "speed")
+_CLIMB: Final = ("climb", "climb_accel")
+
+# All but egos: of `path_following`, of paths, and of `waiting`
 LEG_COLUMNS: Final = (
     *("leg_start", "leg_end", "leg_x", "leg_y", "leg_z", "leg_dx", "leg_dy", "leg_dz"),
     *("leg_yaw", "leg_turn"),
 )
-INTS: Final = (
-    *("uid", "kind", "gear", "mode", "path_base", "label", "yields"),
-    # of lane_following; `behind`, `lane` and the lanes ahead are one run
-    *("turns", "claim", "held", "exit_lane", "point", "behind"),
+_PROGRESS: Final = ("z", "arc", *LEG_COLUMNS)
+_PATH: Final = ("path_length", "desired_speed")
+_WAITING: Final = ("start_within", "start_speed")
+
+# All: the box, and what `impacts` writes
+_BOX: Final = ("half_length", "half_width", "height", "centre")
+_IMPACT: Final = ("loose",)
+
+# Lane followers: of `lane_change_motion`, whose first four are one run, of `lane_changes`, and of `lane_wander`
+LANE_CHANGE_COLUMNS: Final = (
+    *("lateral", "lateral_rate", "drift", "drift_rate"),
+    *("lateral_from", "lateral_to", "lateral_push", "lateral_bend", "lateral_left"),
+    "lateral_bias",
+    *("wander_width", "wander", "wander_slope", "wander_slope_rate"),
+    *("wander_x", "wander_y", "wander_x_rate", "wander_y_rate"),
+)
+"""One run. They are zeros for all but lane followers, so that a digest needs them only where lanes are changed."""
+
+LANE_CHANGE_CODES: Final = ("signal", "change", "change_since", "leaving", "came_from")
+"""One run of integers of `lane_changes`, and zeros likewise."""
+
+_LANES: Final = (
+    *("turns", "claim", "held", "exit_lane", "point", "behind"),  # from `behind` on they are one run
     *("lane", "ahead_1", "ahead_2", "ahead_3", "ahead_4", "ahead_5"),
-    # of score; the contacts are one run
+)
+
+# Egos, while scores are kept; the contacts are one run
+_SCORE: Final = (
+    *("score_distance", "time_to_collision", "min_time_to_collision"),
+    *("lane_offset", "lane_offset_sum", "max_lane_offset"),
+    *("jerk", "max_jerk", "jerk_square_sum", "max_lateral_accel", "lateral_accel_square_sum"),
+)
+_SCORE_COUNTS: Final = (
     *("score_since", "score_frames", "road_frames", "off_road_frames"),
     *("num_collisions", "num_red_lights", "num_stop_lines", "num_lane_invasions"),
     *("near_lane", "open_line", "open_reds"),
     *("contact_1", "contact_2", "contact_3", "contact_4", "contact_5", "contact_6", "contact_7", "contact_8"),
 )
-BOOLS: Final = (
-    *("alive", "has_path", "is_loop", "has_lane", "is_ghost"),
-    # of score
-    *("has_collided", "has_passed_red", "is_off_road", "is_over_left", "is_over_right"),
+_SCORE_STATES: Final = ("has_collided", "has_passed_red", "is_off_road", "is_over_left", "is_over_right")
+
+FLOATS: Final = (
+    # read by the single track model, from `_TYRES` on written by it; `path_following` writes from `x` on
+    *(*_TYRE_BODY, *_TYRE_COMMANDS, *_GROUND, *_TYRES, *_TILT),
+    # read by the kinematic model, from `_PEDALS` on written by it
+    *(*_CONTROLS, *_LIMITS, *_PEDALS, *_CHANGE_OF_MOTION, *_POSE),
+    *(*_PROGRESS, *_PATH, *_COMMANDS, *_WAITING, *_CLIMB, *_BOX, *_IMPACT),
+    *LANE_CHANGE_COLUMNS,
+    *_SCORE,
 )
+INTS: Final = (
+    *("uid", "kind", "gear", "mode", "path_base", "label", "yields"),
+    *_LANES,
+    *LANE_CHANGE_CODES,
+    *_SCORE_COUNTS,
+)
+BOOLS: Final = ("alive", "has_path", "is_loop", "has_lane", "is_ghost", "keeps_lane", *_SCORE_STATES)
 
 NUM_CORE: Final = (FLOATS.index("score_distance"), INTS.index("score_since"), BOOLS.index("has_collided"))
 """Columns of each block without those of `score`, which are zeros while no scores are kept."""
@@ -131,11 +135,15 @@ NUM_CORE: Final = (FLOATS.index("score_distance"), INTS.index("score_since"), BO
 _FLOAT_LINES: Final = {name: line for line, name in enumerate(FLOATS)}
 _INT_LINES: Final = {name: line for line, name in enumerate(INTS)}
 
-KINEMATIC_CORE: Final = np.array([FLOATS.index(name) for name in _KINEMATIC[:_SCORE]])
+_KINEMATIC: Final = (
+    *(*_CONTROLS, *_LIMITS, *_PEDALS, *_CHANGE_OF_MOTION, *_POSE, *_PROGRESS, *_PATH, "roll", "pitch"),
+    *(*_COMMANDS, *_WAITING, "lateral_speed", *_CLIMB, *_BOX),
+)
+KINEMATIC_CORE: Final = np.array([FLOATS.index(name) for name in _KINEMATIC])
 """Rows of the float block that the kinematic model has, in its own order, without those of `score`: its digests do not
 depend on the columns of other models."""
 
-KINEMATIC_ALL: Final = np.array([FLOATS.index(name) for name in _KINEMATIC])
+KINEMATIC_ALL: Final = np.array([FLOATS.index(name) for name in (*_KINEMATIC, *_SCORE)])
 """The same, with those of `score`."""
 
 
@@ -202,12 +210,14 @@ class EntityArrays:
         lateral_from, lateral_to, lateral_push, lateral_bend, lateral_left: of a motion to another offset, its start,
             its end, its first slope and second derivative [m], and the share that is left; see `lane_change_motion`.
         lateral_bias: the offset that the driver keeps in its lane [m].
-        signal: of a driver on lanes: 0 none, 1 left, 2 right.
-        change: reason of the lane change that the driver makes or wants; see `lane_change_model.LaneChange`. 0 none.
-        change_since: frame from which on it has wanted it; without a change, the frame at which the last one ended.
-        leaving: side on which the lane lies that the driver leaves, as in `signal`; 0 if it changes none.
-        came_from: side on which the lane lies that it left by its last change, as in `signal`; 0 before the first one.
-        keeps_lane: 1 for a driver that never changes lanes.
+        signal: int64, of a driver on lanes: 0 none, 1 left, 2 right.
+        change: int64, reason of the lane change that the driver makes or wants, 0 for none; see
+            `lane_change_model.LaneChange`.
+        change_since: int64, frame from which on it has wanted it; without a change, the frame at which the last one
+            ended.
+        leaving: int64, side on which the lane lies that the driver leaves, as in `signal`; 0 if it changes none.
+        came_from: int64, side on which the lane lies that it left by its last change, as in `signal`; 0 before that.
+        keeps_lane: bool, the driver never changes lanes.
         wander_width: standard deviation with which a driver wanders within its lane [m]; 0 for one that does not.
         wander: displacement by it at the next decision, left positive [m]; see `lane_wander`.
         wander_slope, wander_slope_rate: its slope now, and the change of that [1/s].
@@ -244,6 +254,57 @@ class EntityArrays:
         `path_following` explains leg_*.
     """
 
+    # Identity, and the box of the body
+    alive: BoolArray
+    uid: IntArray
+    kind: IntArray
+    label: IntArray
+    half_length: FloatArray
+    half_width: FloatArray
+    height: FloatArray
+    centre: FloatArray
+    # Pose and motion
+    x: FloatArray
+    y: FloatArray
+    yaw: FloatArray
+    speed: FloatArray
+    z: FloatArray
+    pitch: FloatArray
+    roll: FloatArray
+    accel: FloatArray
+    lateral_accel: FloatArray
+    yaw_rate: FloatArray
+    lateral_speed: FloatArray
+    climb: FloatArray
+    climb_accel: FloatArray
+    is_ghost: BoolArray
+    loose: FloatArray
+    # Egos: bodies, commands and controls
+    gear: IntArray
+    mode: IntArray
+    wheelbase: FloatArray
+    steer_rate: FloatArray
+    max_accel: FloatArray
+    max_decel: FloatArray
+    rolling: FloatArray
+    drag: FloatArray
+    speed_cmd: FloatArray
+    accel_cmd: FloatArray
+    max_steer: FloatArray
+    speed_accel: FloatArray
+    speed_decel: FloatArray
+    target: FloatArray
+    accel_max: FloatArray
+    accel_min: FloatArray
+    throttle_max: FloatArray
+    sense: FloatArray
+    drive: FloatArray
+    holding: FloatArray
+    steer_cmd: FloatArray
+    throttle: FloatArray
+    brake: FloatArray
+    steer: FloatArray
+    # Egos: the single track model
     front_load: FloatArray
     cg_height: FloatArray
     dynamic_index: FloatArray
@@ -269,7 +330,6 @@ class EntityArrays:
     rear_steer: FloatArray
     drive_lag: FloatArray
     brake_lag: FloatArray
-    lateral_speed: FloatArray
     yaw_accel: FloatArray
     front_slip: FloatArray
     rear_slip: FloatArray
@@ -279,33 +339,13 @@ class EntityArrays:
     lean_roll: FloatArray
     pitch_rate: FloatArray
     roll_rate: FloatArray
-    pitch: FloatArray
-    roll: FloatArray
-    target: FloatArray
-    accel_max: FloatArray
-    accel_min: FloatArray
-    throttle_max: FloatArray
-    sense: FloatArray
-    drive: FloatArray
-    holding: FloatArray
-    steer_cmd: FloatArray
-    wheelbase: FloatArray
-    steer_rate: FloatArray
-    max_accel: FloatArray
-    max_decel: FloatArray
-    rolling: FloatArray
-    drag: FloatArray
-    throttle: FloatArray
-    brake: FloatArray
-    steer: FloatArray
-    accel: FloatArray
-    lateral_accel: FloatArray
-    yaw_rate: FloatArray
-    x: FloatArray
-    y: FloatArray
-    yaw: FloatArray
-    speed: FloatArray
-    z: FloatArray
+    # Paths, and constant motion
+    has_path: BoolArray
+    is_loop: BoolArray
+    path_base: IntArray
+    yields: IntArray
+    path_length: FloatArray
+    desired_speed: FloatArray
     arc: FloatArray
     leg_start: FloatArray
     leg_end: FloatArray
@@ -317,64 +357,10 @@ class EntityArrays:
     leg_dz: FloatArray
     leg_yaw: FloatArray
     leg_turn: FloatArray
-    path_length: FloatArray
-    desired_speed: FloatArray
-    speed_cmd: FloatArray
-    accel_cmd: FloatArray
-    max_steer: FloatArray
-    speed_accel: FloatArray
-    speed_decel: FloatArray
     start_within: FloatArray
     start_speed: FloatArray
-    climb: FloatArray
-    climb_accel: FloatArray
-    half_length: FloatArray
-    half_width: FloatArray
-    height: FloatArray
-    centre: FloatArray
-    loose: FloatArray
-    lateral: FloatArray
-    lateral_rate: FloatArray
-    drift: FloatArray
-    drift_rate: FloatArray
-    lateral_from: FloatArray
-    lateral_to: FloatArray
-    lateral_push: FloatArray
-    lateral_bend: FloatArray
-    lateral_left: FloatArray
-    lateral_bias: FloatArray
-    signal: FloatArray
-    change: FloatArray
-    change_since: FloatArray
-    leaving: FloatArray
-    came_from: FloatArray
-    keeps_lane: FloatArray
-    wander_width: FloatArray
-    wander: FloatArray
-    wander_slope: FloatArray
-    wander_slope_rate: FloatArray
-    wander_x: FloatArray
-    wander_y: FloatArray
-    wander_x_rate: FloatArray
-    wander_y_rate: FloatArray
-    score_distance: FloatArray
-    time_to_collision: FloatArray
-    min_time_to_collision: FloatArray
-    lane_offset: FloatArray
-    lane_offset_sum: FloatArray
-    max_lane_offset: FloatArray
-    jerk: FloatArray
-    max_jerk: FloatArray
-    jerk_square_sum: FloatArray
-    max_lateral_accel: FloatArray
-    lateral_accel_square_sum: FloatArray
-    uid: IntArray
-    kind: IntArray
-    gear: IntArray
-    mode: IntArray
-    path_base: IntArray
-    label: IntArray
-    yields: IntArray
+    # Lanes
+    has_lane: BoolArray
     turns: IntArray
     claim: IntArray
     held: IntArray
@@ -387,6 +373,43 @@ class EntityArrays:
     ahead_3: IntArray
     ahead_4: IntArray
     ahead_5: IntArray
+    # Lane changes and wander
+    signal: IntArray
+    change: IntArray
+    change_since: IntArray
+    leaving: IntArray
+    came_from: IntArray
+    keeps_lane: BoolArray
+    lateral: FloatArray
+    lateral_rate: FloatArray
+    drift: FloatArray
+    drift_rate: FloatArray
+    lateral_from: FloatArray
+    lateral_to: FloatArray
+    lateral_push: FloatArray
+    lateral_bend: FloatArray
+    lateral_left: FloatArray
+    lateral_bias: FloatArray
+    wander_width: FloatArray
+    wander: FloatArray
+    wander_slope: FloatArray
+    wander_slope_rate: FloatArray
+    wander_x: FloatArray
+    wander_y: FloatArray
+    wander_x_rate: FloatArray
+    wander_y_rate: FloatArray
+    # Scores
+    score_distance: FloatArray
+    time_to_collision: FloatArray
+    min_time_to_collision: FloatArray
+    lane_offset: FloatArray
+    lane_offset_sum: FloatArray
+    max_lane_offset: FloatArray
+    jerk: FloatArray
+    max_jerk: FloatArray
+    jerk_square_sum: FloatArray
+    max_lateral_accel: FloatArray
+    lateral_accel_square_sum: FloatArray
     score_since: IntArray
     score_frames: IntArray
     road_frames: IntArray
@@ -406,11 +429,6 @@ class EntityArrays:
     contact_6: IntArray
     contact_7: IntArray
     contact_8: IntArray
-    alive: BoolArray
-    has_path: BoolArray
-    is_loop: BoolArray
-    has_lane: BoolArray
-    is_ghost: BoolArray
     has_collided: BoolArray
     has_passed_red: BoolArray
     is_off_road: BoolArray

@@ -9,7 +9,13 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, nearest_on_polyline, wrap_angle
 from rosbridge_sim.world.roads.paths import DX, DY, DZ, END, START, TURN, YAW, Paths, Segments, X, Y, Z
-from rosbridge_sim.world.state.entity_arrays import INTS, LANE_CHANGE_COLUMNS, LEG_COLUMNS, EntityArrays
+from rosbridge_sim.world.state.entity_arrays import (
+    INTS,
+    LANE_CHANGE_CODES,
+    LANE_CHANGE_COLUMNS,
+    LEG_COLUMNS,
+    EntityArrays,
+)
 from rosbridge_sim.world.state.entity_types import ROAD_FRICTION, Kind
 
 __all__ = ["RowMotion"]
@@ -23,6 +29,8 @@ _LANE_COLUMNS: Final = (
     "has_lane",
     "is_loop",
     *LANE_CHANGE_COLUMNS,
+    *LANE_CHANGE_CODES,
+    "keeps_lane",
 )
 
 

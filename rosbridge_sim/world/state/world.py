@@ -29,9 +29,11 @@ from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.control_columns import update_control_columns
 from rosbridge_sim.world.state.entity_arrays import (
+    BOOLS,
     INTS,
     KINEMATIC_ALL,
     KINEMATIC_CORE,
+    LANE_CHANGE_CODES,
     LANE_CHANGE_COLUMNS,
     NO_BODY,
     NUM_CORE,
@@ -109,6 +111,8 @@ _BODY_COLUMNS: Final = {
 }
 
 _YIELDS: Final = INTS.index("yields")
+_LANE_CHANGE_CODES: Final = [INTS.index(name) for name in LANE_CHANGE_CODES]
+_KEEPS_LANE: Final = BOOLS.index("keeps_lane")
 _BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
 
 
@@ -525,19 +529,21 @@ class World(RowMotion):
             state.update(b"impacts" + repr(sorted(self.placed_uids)).encode() + self.passing.tobytes())
         if self.turn_shares is not None:
             state.update(b"turn shares" + np.array(astuple(self.turn_shares), dtype=np.float64).tobytes())
+        changes = self.block(LANE_CHANGE_COLUMNS[0], LANE_CHANGE_COLUMNS[-1])
+        codes = self.int_block(LANE_CHANGE_CODES[0], LANE_CHANGE_CODES[-1])
+        has_changes = bool(changes.any() or codes.any() or self.keeps_lane.any())
         if self.dynamics == Dynamics.KINEMATIC and not self.has_impacts:
             state.update(self._floats[KINEMATIC_ALL if self.is_scoring else KINEMATIC_CORE, : self.n].tobytes())
-            changes = self.block(LANE_CHANGE_COLUMNS[0], LANE_CHANGE_COLUMNS[-1])
-            if changes.any():
+            if has_changes:
                 state.update(b"lane changes" + changes.tobytes())
         else:
             state.update(self.dynamics.name.lower().replace("_", "-").encode())
             state.update(self._floats[:num_floats, : self.n].tobytes())
-        ints = self._ints[:num_ints, : self.n]
-        if not self.yields.any():  # older digests do not have this column
-            ints = np.delete(ints, _YIELDS, axis=0)
-        state.update(ints.tobytes())
-        state.update(self._bools[:num_bools, : self.n].tobytes())
+        ints, bools = self._ints[:num_ints, : self.n], self._bools[:num_bools, : self.n]
+        # Older digests do not have these columns.
+        left_out = ([] if self.yields.any() else [_YIELDS]) + ([] if has_changes else _LANE_CHANGE_CODES)
+        state.update((np.delete(ints, left_out, axis=0) if left_out else ints).tobytes())
+        state.update((bools if has_changes else np.delete(bools, _KEEPS_LANE, axis=0)).tobytes())
         state.update(self.contacts.tobytes())
         state.update(self.paths.digest())
         state.update(self.roads.digest)

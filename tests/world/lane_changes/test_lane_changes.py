@@ -296,10 +296,11 @@ def test_snapshot_in_the_middle_of_changes_goes_on_with_the_same_bits() -> None:
 def test_snapshot_with_an_impossible_change_is_refused() -> None:
     world, rows = crowd(each=1)
     for name, value in (
-        ("leaving", 3.0),
-        ("came_from", 3.0),
-        ("signal", 0.5),
-        ("change", -1.0),
+        ("leaving", 3),
+        ("came_from", 3),
+        ("signal", 3),
+        ("change", -1),
+        ("change_since", -1),
         ("lateral_left", 1.5),
         ("lateral_bend", 1e5),
     ):
@@ -307,7 +308,8 @@ def test_snapshot_with_an_impossible_change_is_refused() -> None:
         copy = World()
         copy.restore(world.snapshot())
         getattr(copy, name)[rows[0]] = value
-        saved["floats"] = copy.snapshot().floats
+        forged = copy.snapshot()
+        saved["floats"], saved["ints"] = forged.floats, forged.ints
         with pytest.raises(ValueError, match=name):
             from_plain(saved, world.roads, world.signals.plan)
 
@@ -373,7 +375,7 @@ def test_driver_goes_back_to_the_lane_that_it_left_only_for_a_reason(
     world = world_of(wide_road(2, limit=15.0))
     row = car(world, "l1", 50.0, speed=12.0, desired_speed=12.0)
     car(world, "l1", 50.0 + ahead, speed=8.0, desired_speed=8.0)
-    world.came_from[row], world.change_since[row] = came_from + 1.0, -seconds / DT
+    world.came_from[row], world.change_since[row] = came_from + 1, -seconds / DT
     run(world, 1.4)
     assert (world.signal[row] == 1.0) == changes
 
@@ -381,9 +383,9 @@ def test_driver_goes_back_to_the_lane_that_it_left_only_for_a_reason(
 def test_driver_remembers_the_side_that_it_came_from() -> None:
     world = world_of(wide_road(2))
     row = car(world, "l0", 20.0, speed=20.0)
-    assert world.came_from[row] == 0.0
+    assert world.came_from[row] == 0
     run(world, 9.0)
-    assert (lane_of(world, row), world.leaving[row], world.came_from[row]) == ("l1", 0.0, LEFT + 1.0)
+    assert (lane_of(world, row), world.leaving[row], world.came_from[row]) == ("l1", 0, LEFT + 1)
 
 
 def signal(world: World, row: int, reason: LaneChange, side: int, seconds_ago: float) -> None:
