@@ -14,22 +14,50 @@ TABLE = Table()
 
 RED, YELLOW, GREEN, LEFT = 1, 4, 16, 32
 
+CROSSING = 10
+"""The one in the middle, with TL22W; it has four phases of 11 s and more, and those with green end with 3 s of yellow."""
+
+LASTS = 3.3, 0.3
+"""Of each phase these times before its end are looked at [s]: green and then yellow, yellow and then the next phase."""
+
+
+async def skip(play: SceneClient, left: float) -> None:
+    """Leave out the time until so much of the crossing's phase is left [s]. `/IntscnTL_topic` must be heard."""
+    name = "/IntscnTL_topic"
+
+    async def look() -> tuple[int, float]:
+        await play.tick(0.1)
+        said = play.last(name)
+        place = said["idx"].index(f"IntTL{CROSSING}")
+        return said["state"][place], said["delta_time"][place]
+
+    async def be_in(phase: int, seconds: float) -> None:
+        at = {"intersection_status": phase, "intersection_status_time": seconds}
+        await play.send("/InsnControl", intersection_index=str(CROSSING), **at)
+
+    phase, _ = await look()
+    await be_in(phase, 0.0)
+    _, rest = await look()
+    await be_in(phase, rest + 0.1 - left)
+
 
 @TABLE.row(
     "/GetTrafficLightStatus",
-    done="the ego waits on the avenue through a whole cycle of its light, and is then put behind the stop line",
+    done="the ego waits on the avenue through a whole cycle of its light, in short, and is then put behind the stop line",
     seen="the light's name and type, and its green, yellow and red as /Morai_TLSrv has them; behind the line silence",
 )
 async def _(play: SceneClient) -> None:
-    await play.listen("/GetTrafficLightStatus")
+    await play.listen("/GetTrafficLightStatus", "/IntscnTL_topic")
     shown = []
-    await play.lead(1000)
-    for _ in range(60):
-        await play.tick(1.0)
-        said = play.last("/GetTrafficLightStatus")
-        assert (said["trafficLightIndex"], said["trafficLightType"]) == ("TL22W", 0)
-        assert said["trafficLightStatus"] == await play.light("TL22W")
-        shown.append(said["trafficLightStatus"])
+    await play.lead(100)
+    for left in LASTS * 4:
+        await skip(play, left)
+        for _ in range(6):
+            await play.tick(0.1)
+            said = play.last("/GetTrafficLightStatus")
+            assert (said["trafficLightIndex"], said["trafficLightType"]) == ("TL22W", 0)
+            assert said["trafficLightStatus"] == await play.light("TL22W")
+            shown.append(said["trafficLightStatus"])
     changes = [value for i, value in enumerate(shown) if not i or value != shown[i - 1]]
     assert set(changes) == {RED, YELLOW, GREEN}
     assert all(after == YELLOW for now, after in pairwise(changes) if now == GREEN)
@@ -41,13 +69,13 @@ async def _(play: SceneClient) -> None:
 
 @TABLE.row(
     "/SetTrafficLight",
-    done="the light before a car is held at red for half a minute, then set to green, then handed back (-1)",
+    done="the light before a car is held at red for a quarter of a minute, then set to green, then handed back (-1)",
     seen="the car waits before the line and goes when it is green; all of a group show it, others do not",
 )
 async def _(play: SceneClient) -> None:
     await play.listen("/Object_topic")
     await play.lead(1000)
-    for _ in range(30):
+    for _ in range(15):
         await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=RED)
         await play.tick(1.0)
     car = (await play.objects())[9]
@@ -55,8 +83,9 @@ async def _(play: SceneClient) -> None:
         "its rear axle; the line is at -14"
     )
     assert await play.light("TL22W") == RED
+    other = await play.light("TL22E")
     await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=GREEN + LEFT)
-    assert [await play.light(name) for name in ("TL22W", "TL22E")] == [GREEN + LEFT, RED]
+    assert [await play.light(name) for name in ("TL22W", "TL22E")] == [GREEN + LEFT, other]
     await play.tick(6.0)  # the command holds until the crossing's next phase
     assert (await play.objects())[9]["position"]["x"] > -14.0
     await play.send("/SetTrafficLight", trafficLightIndex="TL22W", trafficLightStatus=-1)
@@ -79,8 +108,9 @@ async def _(play: SceneClient) -> None:
     assert play.heard("/InsnStatus") == []
     await play.put(0.0, -5.25)
     await play.lead(1000)
+    await skip(play, 2.5)
     phases = []
-    for _ in range(30):
+    for _ in range(5):
         await play.tick(1.0)
         said, everything = play.last("/InsnStatus"), play.last("/IntscnTL_topic")
         place = everything["idx"].index(f"IntTL{said['intersection_index']}")
@@ -119,9 +149,11 @@ async def _(play: SceneClient) -> None:
 )
 async def _(play: SceneClient) -> None:
     shown = set()
-    await play.lead(1000)
-    for _ in range(60):
-        await play.tick(1.0)
+    await play.listen("/IntscnTL_topic")
+    await play.lead(100)
+    for left in LASTS * 4:
+        await skip(play, left)
+        await play.tick(0.6)
         info = await play.ask("/Morai_TLSrv", idx="TL22W")
         assert info["idx"] == "TL22W"
         shown.add(info["status"])
