@@ -15,7 +15,7 @@ from typing import Literal, Self
 
 __all__ = ["BrokenProxy", "Fate", "draw_fates"]
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 """How long an event is waited for [s]; here once more, for scripts that use the proxy have no pytest at hand."""
 
 Way = Literal["up", "down"]

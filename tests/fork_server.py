@@ -7,7 +7,8 @@ ordinary way; so do tests of the command line.
 
 The process of the first fork is started when it is wanted, one for each process of tests, and ends with it:
 `python -m tests.fork_server FD`, where FD is a socket. A request is the length of a text, the text, and three file
-descriptors: stdout and stderr of the program, and a pipe for its process id and later its exit code.
+descriptors: stdout and stderr of the program, and a pipe for its process id and later its exit code. A fourth one is
+for the program itself, which finds it as `CHANNEL`.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, NamedTuple
 
-__all__ = ["ForkServer", "ForkedProgram", "start"]
+__all__ = ["CHANNEL", "ForkServer", "ForkedProgram", "start"]
 
 _ROOT = Path(__file__).parent.parent
 
@@ -49,8 +50,11 @@ _MODULES = (
 _LENGTH = 4
 """Of the head of a request [bytes]."""
 
-_LEAST_FREE = 3
-"""The first file descriptor that is no standard stream."""
+CHANNEL = 3
+"""The descriptor that a program may have beside its standard streams."""
+
+_MOST_DESCRIPTORS = 4
+"""Of a request."""
 
 
 # The side of the tests
@@ -97,9 +101,11 @@ class ForkedProgram:
         self.send_signal(signal.SIGKILL)
 
 
-def start(module: str, words: Sequence[str], env: Mapping[str, str], stderr: IO[bytes]) -> ForkedProgram:
-    """Start `python -m MODULE WORDS...` in the project's folder, with its stdout in a pipe."""
-    return _server().start(module, words, env, stderr)
+def start(
+    module: str, words: Sequence[str], env: Mapping[str, str], stderr: IO[bytes], channel: int | None = None
+) -> ForkedProgram:
+    """Start `python -m MODULE WORDS...` in the project's folder, with its stdout in a pipe, and perhaps a `CHANNEL`."""
+    return _server().start(module, words, env, stderr, channel)
 
 
 class ForkServer:
@@ -118,13 +124,16 @@ class ForkServer:
         self._lock = threading.Lock()
         atexit.register(self.close)
 
-    def start(self, module: str, words: Sequence[str], env: Mapping[str, str], stderr: IO[bytes]) -> ForkedProgram:
+    def start(
+        self, module: str, words: Sequence[str], env: Mapping[str, str], stderr: IO[bytes], channel: int | None = None
+    ) -> ForkedProgram:
         """Start a program; see `start` of this module."""
         out, program_out = os.pipe()
         status, program_status = os.pipe()
         request = json.dumps({"module": module, "words": [*words], "env": dict(env)}).encode()
         try:
-            self._send(request, [program_out, stderr.fileno(), program_status])
+            more = [] if channel is None else [channel]
+            self._send(request, [program_out, stderr.fileno(), program_status, *more])
         finally:
             os.close(program_out)
             os.close(program_status)
@@ -166,6 +175,7 @@ class _Request(NamedTuple):
     stdout: int
     stderr: int
     status: int
+    channel: int | None = None
 
 
 def _main() -> None:
@@ -203,10 +213,12 @@ def _serve(control: socket.socket) -> _Request | None:
             os.write(request.status, b"%d\n" % pid)
             os.close(request.stdout)
             os.close(request.stderr)
+            if request.channel is not None:
+                os.close(request.channel)
 
 
 def _receive(control: socket.socket) -> _Request | None:
-    head, descriptors, _, _ = socket.recv_fds(control, _LENGTH, 3)
+    head, descriptors, _, _ = socket.recv_fds(control, _LENGTH, _MOST_DESCRIPTORS)
     if not head:
         return None
     size, text = int.from_bytes(head, "big"), b""
@@ -234,7 +246,9 @@ def _run(request: _Request) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     os.dup2(request.stdout, 1)
     os.dup2(request.stderr, 2)
-    os.closerange(_LEAST_FREE, os.sysconf("SC_OPEN_MAX"))
+    if request.channel is not None:
+        os.dup2(request.channel, CHANNEL)
+    os.closerange(CHANNEL + (request.channel is not None), os.sysconf("SC_OPEN_MAX"))
     os.environ.clear()
     os.environ.update(request.env)
     time.tzset()

@@ -48,7 +48,7 @@ __all__ = [
 
 ROOT = Path(__file__).parent.parent
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 """How long an event is waited for [s]: never reached by a server that works, on however busy a machine."""
 
 T = TypeVar("T")

@@ -58,7 +58,7 @@ from scripts.soak.fuzz_tape import Tape  # noqa: E402
 
 __all__ = ["Report", "fuzz"]
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 """Longest wait for an answer before it counts as lost [s]."""
 
 FRAGMENTS = 1.0

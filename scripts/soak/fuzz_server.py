@@ -21,7 +21,7 @@ __all__ = ["CONFIGURATIONS", "Configuration", "FuzzError", "Server", "make_data"
 
 ROOT = Path(__file__).resolve().parents[2]
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 """Longest time for the end of a server [s]; after that it hangs."""
 
 _BAD_WORDS = ("Traceback", "internal error", "bug of ours")

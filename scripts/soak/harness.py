@@ -7,6 +7,7 @@ import json
 import os
 import resource
 import select
+import signal
 import socket
 import struct
 import subprocess
@@ -18,7 +19,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO, Any, Self
+from typing import IO, Any, ClassVar, Protocol, Self
 
 import orjson
 from websockets.asyncio.client import ClientConnection, connect
@@ -48,7 +49,7 @@ __all__ = [
 
 ROOT = Path(__file__).resolve().parents[2]
 
-PATIENCE = 30.0
+PATIENCE = 60.0
 """Longest wait for an answer or an end [s]; a working server never needs it, even on a busy machine."""
 
 Frame = dict[str, Any]
@@ -90,14 +91,59 @@ class Figures:
     cpu: float
 
 
+class Program(Protocol):
+    """A process: a part of `subprocess.Popen`."""
+
+    @property
+    def pid(self) -> int:
+        """Its number."""
+
+    @property
+    def stdout(self) -> IO[str] | None:
+        """Its output."""
+
+    def poll(self) -> int | None:
+        """Return its exit code, None while it runs."""
+
+    def wait(self, timeout: float | None = None, /) -> int:
+        """Return its exit code once it has ended."""
+
+    def send_signal(self, sig: int, /) -> None:
+        """Send it a signal."""
+
+    def kill(self) -> None:
+        """End it at once."""
+
+
+def _start_program(words: Sequence[str], channel: int, stderr: int | IO[bytes]) -> subprocess.Popen[str]:
+    """Start `counting_tasks.py`.
+
+    Args:
+        words: behind the descriptor.
+        channel: the descriptor, a socket.
+        stderr: file for its log, or `PIPE`.
+    """
+    return subprocess.Popen(  # noqa: S603 - our own program
+        [sys.executable, str(ROOT / "scripts" / "soak" / "counting_tasks.py"), str(channel), *words],
+        cwd=ROOT,
+        pass_fds=(channel,),
+        stdout=subprocess.PIPE,
+        stderr=stderr,
+        text=True,
+    )
+
+
 class WatchedServer:
     """A `rosbridge-sim serve` in its own process, on a free loopback port.
 
     Attributes:
+        start_program: starts those whose log is a file; the tests have a quicker way.
         pid: of the process.
         url, port: its address.
         code: exit code, once it has ended.
     """
+
+    start_program: ClassVar[Callable[[Sequence[str], int, IO[bytes]], Program]] = staticmethod(_start_program)
 
     def __init__(
         self,
@@ -117,20 +163,20 @@ class WatchedServer:
         """
         self._log = log
         self._counts, theirs = socket.socketpair()
-        program = [sys.executable, str(ROOT / "scripts" / "soak" / "counting_tasks.py"), str(theirs.fileno())]
-        with theirs, log.open("ab") as stderr:
-            self._process = subprocess.Popen(  # noqa: S603 - our own program
-                [*program, "serve", "--port", "0", *flags],
-                cwd=ROOT,
-                pass_fds=(theirs.fileno(),),
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE if is_log_piped else stderr,
-            )
-        self.pid = self._process.pid
+        words = ["serve", "--port", "0", *flags]
+        self._process: Program
+        self._stderr: IO[str] | None = None
         self._carrier: threading.Thread | None = None
-        if self._process.stderr is not None:
-            self._carrier = threading.Thread(target=_carry, args=(self._process.stderr, log), daemon=True)
-            self._carrier.start()
+        with theirs, log.open("ab") as stderr:
+            if is_log_piped:
+                self._process = piped = _start_program(words, theirs.fileno(), subprocess.PIPE)
+                assert piped.stderr is not None
+                self._stderr = piped.stderr
+                self._carrier = threading.Thread(target=_carry, args=(self._stderr, log), daemon=True)
+                self._carrier.start()
+            else:
+                self._process = type(self).start_program(words, theirs.fileno(), stderr)
+        self.pid = self._process.pid
         line = _read_line(self._process.stdout)
         if " listening on ws://" not in line:
             self.kill()
@@ -238,7 +284,7 @@ class WatchedServer:
         Raises:
             SoakError: it does not end.
         """
-        self._process.terminate()
+        self._process.send_signal(signal.SIGTERM)
         try:
             return self._process.wait(PATIENCE)
         except subprocess.TimeoutExpired:
@@ -254,7 +300,7 @@ class WatchedServer:
         if self._carrier is not None:
             self._carrier.join(PATIENCE)
         self._counts.close()
-        for pipe in (self._process.stdout, self._process.stderr):
+        for pipe in (self._process.stdout, self._stderr):
             if pipe is not None:
                 pipe.close()
 
@@ -282,14 +328,14 @@ class WatchedServer:
         return SoakError(f"the server has ended with {self.code}; its log ends with:\n{self.log[-2000:]}")
 
 
-def _read_line(pipe: IO[bytes] | None) -> str:
+def _read_line(pipe: IO[str] | None) -> str:
     assert pipe is not None
     is_ready, _, _ = select.select([pipe], [], [], PATIENCE)
-    return pipe.readline().decode() if is_ready else ""
+    return pipe.readline() if is_ready else ""
 
 
-def _carry(pipe: IO[bytes], log: Path) -> None:
-    with log.open("ab", buffering=0) as file:
+def _carry(pipe: IO[str], log: Path) -> None:
+    with log.open("a", buffering=1) as file:
         for line in pipe:
             file.write(line)
 

@@ -69,7 +69,7 @@ SETTLING = 10.0
 """Time between an attack and the next measurement of memory [s]."""
 
 DONE = b'"id":"the last one"'
-PATIENCE = 120.0
+PATIENCE = 300.0
 
 
 class Attacker:

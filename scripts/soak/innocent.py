@@ -26,7 +26,7 @@ __all__ = ["PREFIX", "Innocent", "InnocentError"]
 PREFIX = "/innocent"
 """Prefix of its own topics and services, which the malicious clients do not use."""
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 """Longest silence before a failure [s]; short stalls are measured elsewhere, here nothing may be lost."""
 
 PAUSE = 0.005

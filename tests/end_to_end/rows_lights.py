@@ -15,7 +15,7 @@ TABLE = Table()
 RED, YELLOW, GREEN, LEFT = 1, 4, 16, 32
 
 CROSSING = 10
-"""The one in the middle, with TL22W; it has four phases of 11 s and more, and those with green end with 3 s of yellow."""
+"""The one in the middle, with TL22W; of its four phases, those with green end with 3 s of yellow."""
 
 LASTS = 3.3, 0.3
 """Of each phase these times before its end are looked at [s]: green and then yellow, yellow and then the next phase."""
@@ -43,7 +43,7 @@ async def skip(play: SceneClient, left: float) -> None:
 
 @TABLE.row(
     "/GetTrafficLightStatus",
-    done="the ego waits on the avenue through a whole cycle of its light, in short, and is then put behind the stop line",
+    done="the ego waits on the avenue through a short cycle of its light, and is then put behind the stop line",
     seen="the light's name and type, and its green, yellow and red as /Morai_TLSrv has them; behind the line silence",
 )
 async def _(play: SceneClient) -> None:

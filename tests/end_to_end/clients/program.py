@@ -10,7 +10,7 @@ import roslibpy
 
 __all__ = ["PATIENCE", "run", "say", "serve", "settle"]
 
-PATIENCE = 20.0
+PATIENCE = 60.0
 """[s]"""
 
 UNITS = {"secs": 1.0, "nsecs": 1e-9, "sec": 1.0, "nanosec": 1e-9}

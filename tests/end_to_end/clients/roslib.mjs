@@ -2,7 +2,7 @@
 // `roslib` (2.x), `roslib1` (1.4) or Lichtblick's fork of 1.1: their classes take the same options, and plain objects for
 // messages and requests.
 
-const PATIENCE = 20_000 // [ms]
+const PATIENCE = 60_000 // [ms]
 
 export const [library, port, role, ...words] = process.argv.slice(2)
 

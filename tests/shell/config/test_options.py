@@ -13,6 +13,7 @@ from typing import Literal, Union, get_args, get_origin, get_type_hints
 
 import pytest
 
+from rosbridge_sim import Simulator
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import SHORT_FORMS, Settings
 from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
@@ -44,7 +45,15 @@ def test_option_takes_each_value_of_its_setting(name: str) -> None:
     assert parts_of(OPTIONS[name]) >= parts_of(SETTINGS[name])
 
 
-@pytest.mark.slow
+def refused_by_type_checkers() -> None:
+    """Mistakes that mypy finds: without one it would call the comment unused, and nobody calls this function."""
+    Simulator(port=0, scenario="town", publishers={"/Ego_topic": {"rate": 10}}, max_frame_size="1MiB")
+    Simulator(prot=0)  # type: ignore[call-arg]
+    Simulator(port="zero")  # type: ignore[arg-type]
+    Simulator(start="later")  # type: ignore[arg-type]
+
+
+@pytest.mark.long  # lint does the same for `refused_by_type_checkers`
 def test_type_checker_refuses_what_the_run_refuses(tmp_path: Path) -> None:
     if importlib.util.find_spec("mypy") is None:
         miss("needs mypy: pip install -e '.[lint]'")

@@ -864,5 +864,7 @@ async def test_hundred_failing_clients_are_disconnected_with_a_short_log(
         assert {await close_code_of(client) for client in bad} == {1011}
         assert await good.settle() == []
         assert sim.num_bugs == 100
-    assert len(failures(caplog)) == PLACE_BURST / TRACEBACK_COST
-    assert any("80 more lines of connected_client.py" in line for line in caplog.messages)
+    least = PLACE_BURST / TRACEBACK_COST
+    assert least <= len(failures(caplog)) < 2 * least  # on a busy machine there is time for more than the burst
+    told = [re.search(r"(\d+) more lines of connected_client.py", line) for line in caplog.messages]
+    assert len(failures(caplog)) + sum(int(found[1]) for found in told if found) == 100
