@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import time
-from collections.abc import AsyncIterator, Iterator, Sequence
+from collections.abc import AsyncIterator, Generator, Iterator, Sequence
 from contextlib import AsyncExitStack, ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, Protocol
@@ -120,6 +120,17 @@ def _chromium(profile: Path, flags: Sequence[str]) -> Iterator[str]:
         process.terminate()
 
 
+HAS_FAILED = pytest.StashKey[bool]()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Note at a test whether it has failed."""
+    report = yield
+    item.stash[HAS_FAILED] = item.stash.get(HAS_FAILED, False) or report.failed
+    return report
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the tests of the page in one event loop: Playwright belongs to a loop, and its start takes half a second."""
     for item in items:
@@ -148,7 +159,7 @@ async def connect() -> AsyncIterator[Connect]:
 
 @pytest_asyncio.fixture(loop_scope="session")
 async def open_page(chromiums: Chromiums, tmp_path: Path, request: pytest.FixtureRequest) -> AsyncIterator[OpenPage]:
-    """Opens pages; at the end, no page may have logged an error. Pictures of them are in the test's folder."""
+    """Opens pages; at the end, no page may have logged an error. A failed test has pictures of them in its folder."""
     mistakes: list[str] = []
     pages: list[Page] = []
 
@@ -188,8 +199,9 @@ async def open_page(chromiums: Chromiums, tmp_path: Path, request: pytest.Fixtur
             return page
 
         yield start
+        has_failed = bool(mistakes) or request.node.stash.get(HAS_FAILED, False)
         for number, page in enumerate(pages):
-            if not page.is_closed():
+            if has_failed and not page.is_closed():
                 await page.screenshot(path=tmp_path / f"page{number}.png")
         assert not mistakes, f"the page of {request.node.name} logged:\n" + "\n".join(mistakes)
 

@@ -10,7 +10,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import pytest
 
 from rosbridge_sim.client import Client
 from tests.conftest import Serve
-from tests.support import PATIENCE, ROOT, require_node_modules, require_tool
+from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
@@ -28,6 +28,7 @@ LANGUAGES = ("python", "javascript", "shell")
 USER = "page-test"
 
 
+@cache
 def programs(url: str, *words: str) -> dict[str, dict[str, Any]]:
     """Programs by the name of the page's function."""
     command = (require_tool("node"), "--disable-warning=ExperimentalWarning", "tests/page/print_code.mjs", url, *words)
@@ -99,33 +100,52 @@ IN_REAL_TIME = {"pauseRequest", "factorRequest", "replayRequest", "controlMessag
 """Requests that are made while real time moves the world; the others find it in synchronous mode, at frame 0."""
 
 
-@cache
-def requests_of_the_page() -> list[str]:
-    return list(programs("ws://127.0.0.1:1"))
-
-
 def test_each_request_of_the_page_has_an_effect_here() -> None:
-    assert set(requests_of_the_page()) == set(EFFECTS)
+    assert set(programs("ws://127.0.0.1:1")) == set(EFFECTS)
+
+
+@pytest.fixture(scope="module")
+def towns(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[bool], ServerProcess]]:
+    """Gives the server in real time or the one in synchronous mode, each with the snapshot "start"."""
+    servers: dict[bool, ServerProcess] = {}
+
+    def get(is_free: bool) -> ServerProcess:  # noqa: FBT001 - the one thing that tells them apart
+        if is_free not in servers:
+            flags = ["--scenario", "town", *([] if is_free else ["--start", "sync"])]
+            servers[is_free] = ServerProcess(tmp_path_factory.mktemp("town") / "log.txt", flags)
+            with Client(servers[is_free].url, timeout=PATIENCE) as client:
+                if not is_free:
+                    client.start_sync(user_id=USER)
+                client.snapshot("start")
+        return servers[is_free]
+
+    yield get
+    for server in servers.values():
+        server.stop_cleanly()
 
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))
-def test_program_does_what_the_page_does(serve: Serve, tmp_path: Path, name: str) -> None:
+def test_program_does_what_the_page_does(towns: Callable[[bool], ServerProcess], tmp_path: Path, name: str) -> None:
     is_free = name in IN_REAL_TIME
-    server = serve("--scenario", "town", *([] if is_free else ["--start", "sync"]))
-    with Client(server.url) as client:
-        if not is_free:
-            client.start_sync(user_id=USER)
-        client.snapshot("start")
+    server = towns(is_free)
+    with Client(server.url, timeout=PATIENCE) as client:
         for language in LANGUAGES:
             begin_anew(client, is_free=is_free)
             printed = run(language, programs(server.url)[name][language], tmp_path)
             assert EFFECTS[name](client, printed), f"{language}\n{printed}"
+        if is_free:
+            pause(client, is_paused=True)  # until another test wants it
+
+
+def pause(client: Client, *, is_paused: bool) -> None:
+    """Stop or continue the simulation."""
+    client.ask("/Service_MoraiEventCmd", option=8, set_pause=is_paused)
 
 
 def begin_anew(client: Client, *, is_free: bool) -> None:
     """Undo what a program before has done."""
     if is_free:
-        client.ask("/Service_MoraiEventCmd", option=8, set_pause=False)
+        pause(client, is_paused=False)
         client.real_time_factor(1.0)
     else:
         client.start_sync(user_id=USER)
