@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Write the JSON Schemas of the files that we read: schemas/scenario.schema.json, schemas/sensor_noise.schema.json.
+"""Write the JSON Schemas of the files that we read: schemas/*.schema.json, for scenarios, sensors and their noise.
 
     python scripts/write_schemas.py
 
@@ -18,6 +18,7 @@ if __name__ == "__main__":
 
 from rosbridge_sim.scenarios.scenario_model import scenario_schema  # noqa: E402
 from rosbridge_sim.simulator.sensors.sensor_noise import noise_schema  # noqa: E402
+from rosbridge_sim.simulator.sensors.sensor_presets import rig_schema  # noqa: E402
 
 
 def schema_files() -> dict[Path, str]:
@@ -26,7 +27,7 @@ def schema_files() -> dict[Path, str]:
     Returns:
         Path -> text.
     """
-    schemas = {"scenario": scenario_schema(), "sensor_noise": noise_schema()}
+    schemas = {"scenario": scenario_schema(), "sensor_noise": noise_schema(), "sensors": rig_schema()}
     return {
         ROOT / "schemas" / f"{name}.schema.json": json.dumps(schema, indent=2) + "\n"
         for name, schema in schemas.items()

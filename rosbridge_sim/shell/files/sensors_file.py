@@ -1,0 +1,60 @@
+"""The cameras, lidars and radars that the user chooses: by a name, or in a file of ours or of MORAI."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+
+from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.shell.config.toml_text import read_toml
+from rosbridge_sim.shell.files.bounded_read import read_bounded
+from rosbridge_sim.simulator.sensors.morai_sensor_file import is_morai_file, read_morai_sensors
+from rosbridge_sim.simulator.sensors.sensor_presets import MAX_SENSORS_BYTES, PRESETS, read_rig
+from rosbridge_sim.simulator.sensors.sensor_specs import Rig
+from rosbridge_sim.suggestions import hint
+
+__all__ = ["read_sensors"]
+
+_log = logging.getLogger("rosbridge_sim.app")
+
+
+def read_sensors(choice: str) -> Rig:
+    """Return the sensors of each ego; what a file of MORAI has and this simulator has not is logged.
+
+    Args:
+        choice: the name of a preset, or the path of a *.toml or *.json file.
+
+    Raises:
+        DocumentError: the file cannot be read or used.
+    """
+    rig = PRESETS.get(choice)
+    if rig is not None:
+        return rig
+    path = Path(choice)
+    if not path.suffix and not path.exists():
+        names = ", ".join(PRESETS)
+        raise DocumentError(f"--sensors: expected {names} or a file, got {choice[:80]!r}{hint(choice, PRESETS)}")
+    if path.suffix.lower() == ".toml":
+        try:
+            return read_rig(read_toml(path)[1], str(path))
+        except SettingError as error:
+            raise DocumentError(str(error)) from None
+    text = read_bounded(path, MAX_SENSORS_BYTES)
+    document = _parse(text)
+    if document is not None and not is_morai_file(document):
+        if not isinstance(document, dict):
+            raise DocumentError(f"{path}: expected an object with a list for each kind of sensor")
+        return read_rig(document, str(path))
+    rig, remarks = read_morai_sensors(text, str(path))  # tells where a text is not JSON, too
+    for remark in remarks:
+        _log.info("%s: %s", path, remark)
+    return rig
+
+
+def _parse(text: bytes) -> object:
+    """Return a JSON value; None if it is none."""
+    try:
+        return json.loads(text.removeprefix(b"\xef\xbb\xbf"))
+    except (ValueError, RecursionError):
+        return None

@@ -1,0 +1,210 @@
+"""Echoes of a radar, from the boxes of the entities around it.
+
+An echo comes from the point of an entity's box nearest to the radar, at half of its height. It is there if the point is
+in one of the two beams and the echo is strong enough. All lengths in metres, with R the distance of the point.
+
+*Cross-section.* s [dB over 1 m^2] = s_class + 10 lg(w / width) + 10 lg(visible), where w is how wide the box looks from
+the radar (its width from the front, its length from the side). s_class is that of the front or rear at 77 GHz: 10 for a
+car, -8 for a pedestrian, -3 for a bicycle, 0 for an obstacle, and 20 for a vehicle that is longer than 6 m. These are
+our estimates: what is published scatters by 10 dB, with the model and with the angle.
+
+*Occlusion.* `visible` is the share of the box's angle that no nearer box covers, in steps of `_BIN`. Radar sees beneath
+and past vehicles, but this model lets nothing through; an echo with less than `MIN_VISIBLE` is lost.
+
+*Strength.* amplitude [dB] = s + 40 lg(range of the beam / R) - 10: the radar equation, over the limit at which a car is
+just seen at the end of the beam. An echo below 0 is lost: a pedestrian is seen up to 0.35 of the range.
+
+*Range rate.* The velocity of the point along the line of sight, minus that of the radar, both with the turning of their
+vehicles. It is positive when the distance grows.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.simulator.sensors.sensor_specs import RadarSpec
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, Vector, chain, quaternion, rotate
+from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.vehicle.sensor_readings import Mounting, locate
+
+__all__ = ["RadarEchoes", "find_echoes"]
+
+_CLASS: Final = {Kind.EGO: 10.0, Kind.VEHICLE: 10.0, Kind.PEDESTRIAN: -8.0, Kind.OBSTACLE: 0.0}
+_BICYCLE: Final = -3.0
+_LONG: Final = 20.0
+"""Cross-sections from the front [dB over 1 m^2]; see the head of this file."""
+
+_LONG_FROM: Final = 6.0
+"""Length from which a vehicle counts as a lorry or a bus [m]; a large car has 5.5 m."""
+
+_NARROW: Final = 1.0
+"""Width below which a vehicle counts as a bicycle [m]."""
+
+_LIMIT: Final = 10.0
+"""Cross-section that is just seen at the end of a beam [dB over 1 m^2]: that of a car."""
+
+_BIN: Final = math.radians(0.25)
+"""Step of the angles in which boxes hide each other; a car at 174 m covers two of them."""
+
+MIN_VISIBLE: Final = 0.1
+"""Least share of a box that must be visible for an echo."""
+
+MAX_COMPARED: Final = 300
+"""Boxes that may hide each other or give echoes, the nearest first; the others are out of sight in any such crowd."""
+
+
+@dataclass(frozen=True, slots=True)
+class RadarEchoes:
+    """Echoes of one scan, the nearest first; (k,) float64 each unless noted.
+
+    Attributes:
+        rows: int64, rows of the entities.
+        position: (k, 3) places of the points in the frame of the radar [m].
+        distance: from the radar [m].
+        azimuth: direction, positive to the left [rad].
+        range_rate: change of the distance [m/s].
+        amplitude: strength over the limit of detection [dB].
+    """
+
+    rows: IntArray
+    position: FloatArray
+    distance: FloatArray
+    azimuth: FloatArray
+    range_rate: FloatArray
+    amplitude: FloatArray
+
+
+def find_echoes(world: World, row: int, mounting: Mounting, spec: RadarSpec) -> RadarEchoes:
+    """Return the echoes of all other entities.
+
+    Args:
+        world: read only.
+        row: row of the vehicle with the radar.
+        mounting: of the radar.
+        spec: of the radar.
+    """
+    here = locate(world, row, mounting)
+    axes = chain(quaternion(*(array.item(row) for array in (world.roll, world.pitch, world.yaw))), mounting.orientation)
+    reach = max(spec.near_range, spec.far_range)
+    others = _nearest(world, row, here, reach)
+    if not len(others):
+        return _no_echoes()
+    feet = _Footprints(world, others, here)
+    x, y = feet.nearest_points()
+    away = np.stack([x, y, world.z[others] + 0.5 * world.height[others] - here[2]])
+    distance = np.maximum(np.sqrt(np.square(away).sum(axis=0)), 1e-3)
+    columns = np.array([rotate(axes, unit) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
+    seen = (columns[:, :, None] * away).sum(axis=1)  # no matmul: its bits depend on the library behind it
+    azimuth = np.arctan2(seen[1], seen[0])
+    elevation = np.arctan2(seen[2], np.hypot(seen[0], seen[1]))
+    visible, shown_width = feet.sight(distance)
+    section = _cross_sections(world, others)
+    section += 10.0 * np.log10(shown_width / np.maximum(2.0 * feet.half_width, 0.05))
+    section += 10.0 * np.log10(np.maximum(visible, 1e-6))
+    amplitude = np.full(len(others), -np.inf)
+    in_height = np.abs(elevation) <= 0.5 * math.radians(spec.vertical_fov)
+    for beam_range, fov in ((spec.near_range, spec.near_fov), (spec.far_range, spec.far_fov)):
+        inside = in_height & (np.abs(azimuth) <= 0.5 * math.radians(fov)) & (distance <= beam_range)
+        strength = section + 40.0 * np.log10(beam_range / distance) - _LIMIT
+        amplitude = np.where(inside, np.maximum(amplitude, strength), amplitude)
+    east, north = _relative_velocities(world, row, others, here, (x, y))
+    rate = (east * x + north * y) / distance
+    found = np.flatnonzero((amplitude >= 0.0) & (visible >= MIN_VISIBLE))
+    found = found[np.argsort(distance[found], kind="stable")][: spec.max_echoes]
+    return RadarEchoes(
+        others[found], seen[:, found].T.copy(), distance[found], azimuth[found], rate[found], amplitude[found]
+    )
+
+
+def _no_echoes() -> RadarEchoes:
+    none = np.zeros(0)
+    return RadarEchoes(np.zeros(0, dtype=np.int64), np.zeros((0, 3)), none, none, none, none)
+
+
+def _nearest(world: World, row: int, here: Vector, reach: float) -> IntArray:
+    """Return the rows of the nearest other entities in reach, the nearest first."""
+    others = np.flatnonzero(world.alive)
+    others = others[others != row]
+    apart = np.hypot(world.x[others] - here[0], world.y[others] - here[1])
+    size = np.hypot(world.half_length[others] + np.abs(world.centre[others]), world.half_width[others])
+    order = np.argsort(apart, kind="stable")
+    order = order[(apart <= reach + size)[order]]
+    found: IntArray = others[order[:MAX_COMPARED]]
+    return found
+
+
+def _cross_sections(world: World, rows: IntArray) -> FloatArray:
+    kind = world.kind[rows]
+    section = np.zeros(len(rows))
+    for each, figure in _CLASS.items():
+        section[kind == each] = figure
+    is_vehicle = (kind == Kind.VEHICLE) | (kind == Kind.EGO)
+    section[is_vehicle & (2.0 * world.half_length[rows] > _LONG_FROM)] = _LONG
+    section[is_vehicle & (2.0 * world.half_width[rows] < _NARROW)] = _BICYCLE
+    return section
+
+
+class _Footprints:
+    """Boxes in the plane of the map, relative to the radar.
+
+    Attributes:
+        x, y: their middles [m].
+        half_length, half_width: [m].
+    """
+
+    def __init__(self, world: World, rows: IntArray, here: Vector) -> None:
+        """Place the boxes of some rows around a place."""
+        self._cos, self._sin = np.cos(world.yaw[rows]), np.sin(world.yaw[rows])
+        self.half_length, self.half_width = world.half_length[rows], world.half_width[rows]
+        self.x = world.x[rows] + world.centre[rows] * self._cos - here[0]
+        self.y = world.y[rows] + world.centre[rows] * self._sin - here[1]
+
+    def nearest_points(self) -> tuple[FloatArray, FloatArray]:
+        """Return x and y of the point of each box that is nearest to the radar [m]."""
+        cos, sin = self._cos, self._sin
+        ahead = np.clip(-self.x * cos - self.y * sin, -self.half_length, self.half_length)
+        left = np.clip(self.x * sin - self.y * cos, -self.half_width, self.half_width)
+        return self.x + ahead * cos - left * sin, self.y + ahead * sin + left * cos
+
+    def sight(self, distance: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the visible share of each box, and how wide it looks [m].
+
+        Args:
+            distance: of the boxes; the nearer one hides the farther one [m].
+        """
+        along, across = np.array([1.0, 1.0, -1.0, -1.0])[:, None], np.array([1.0, -1.0, 1.0, -1.0])[:, None]
+        corner_x = along * self.half_length * self._cos - across * self.half_width * self._sin
+        corner_y = along * self.half_length * self._sin + across * self.half_width * self._cos
+        middle = np.arctan2(self.y, self.x)
+        # Angles of the corners from the direction of the middle, so that none of them is on both sides of +-pi.
+        turned = np.arctan2(self.y + corner_y, self.x + corner_x) - middle
+        turned = (turned + math.pi) % (2.0 * math.pi) - math.pi
+        low, high = middle + turned.min(axis=0), middle + turned.max(axis=0)
+        shown_width = 2.0 * np.abs(np.cos(middle) * corner_y - np.sin(middle) * corner_x).max(axis=0)
+        num_bins = round(2.0 * math.pi / _BIN)
+        is_covered = np.zeros(num_bins, dtype=bool)
+        visible = np.ones(len(distance))
+        for i in np.argsort(distance, kind="stable").tolist():
+            first = math.floor(low.item(i) / _BIN)
+            bins = np.arange(first, max(first + 1, math.ceil(high.item(i) / _BIN))) % num_bins
+            visible[i] = 1.0 - np.count_nonzero(is_covered[bins]) / len(bins)
+            is_covered[bins] = True
+        return visible, shown_width
+
+
+def _relative_velocities(
+    world: World, row: int, others: IntArray, here: Vector, point: tuple[FloatArray, FloatArray]
+) -> tuple[FloatArray, FloatArray]:
+    """Return the velocities of points of the others as the radar sees them: to the east and to the north [m/s]."""
+    own_yaw, own_speed, own_rate = world.yaw.item(row), world.speed.item(row), world.yaw_rate.item(row)
+    own_x, own_y = here[0] - world.x.item(row), here[1] - world.y.item(row)
+    yaw, speed, turn = world.yaw[others], world.speed[others], world.yaw_rate[others]
+    x, y = point[0] + here[0] - world.x[others], point[1] + here[1] - world.y[others]
+    return (
+        speed * np.cos(yaw) - turn * y - (own_speed * math.cos(own_yaw) - own_rate * own_y),
+        speed * np.sin(yaw) + turn * x - (own_speed * math.sin(own_yaw) + own_rate * own_x),
+    )

@@ -1,0 +1,105 @@
+"""Rigs of sensors that the user chooses: presets by name, and a file of ours.
+
+A file of ours is a table with a list for each kind of sensor: `[[camera]]`, `[[lidar3d]]`, `[[lidar2d]]`, `[[radar]]`.
+The sensors are numbered in this order of kinds.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import Annotated, Any, Final
+
+from pydantic import Field, TypeAdapter
+
+from rosbridge_sim.documents import Document, keys_beside, read_document, sort_keys
+from rosbridge_sim.errors import DocumentError, FieldError
+from rosbridge_sim.simulator.sensors.sensor_specs import (
+    MAX_SENSORS,
+    CameraSpec,
+    Lidar2dSpec,
+    Lidar3dSpec,
+    RadarSpec,
+    Rig,
+    check_rig,
+)
+from rosbridge_sim.suggestions import hint
+
+__all__ = ["MAX_SENSORS_BYTES", "PRESETS", "SensorList", "read_rig", "rig_of", "rig_schema"]
+
+MAX_SENSORS_BYTES: Final = 1 << 20
+"""Longest file [bytes]; MORAI writes about 2 kB for a sensor."""
+
+_CAMERA: Final = CameraSpec(x=1.8, z=2.0, pitch=7.0)
+"""Camera of MORAI-EDU's lane programs: 640 x 480, 90 deg, at (1.8, 0, 2.0), 7 deg down (sensor_params.json)."""
+
+_LIDAR: Final = Lidar3dSpec(x=2.0, z=1.25)
+"""Lidar of MORAI-EDU's programs: (2, 0, 1.25), level (ex_calib_velodyne.py)."""
+
+PRESETS: Final[Mapping[str, Rig]] = {
+    "none": (),
+    "camera": (_CAMERA,),
+    "lidar": (_LIDAR,),
+    "teaching": (_CAMERA, _LIDAR),
+    "all": (
+        _CAMERA,
+        CameraSpec(frame_id="Camera-depth", picture="depth", topic="/image", x=1.8, z=2.0, pitch=7.0),
+        _LIDAR,
+        Lidar2dSpec(x=3.8, z=0.5),
+        RadarSpec(x=3.8, z=0.5),
+    ),
+}
+"""Rigs by name. The level lidar and the radar of `all` are behind the front bumper of a usual car."""
+
+
+class SensorList(Document):
+    """The sensors of an ego, by kind."""
+
+    camera: Annotated[tuple[CameraSpec, ...], Field(max_length=MAX_SENSORS)] = ()
+    lidar3d: Annotated[tuple[Lidar3dSpec, ...], Field(max_length=MAX_SENSORS)] = ()
+    lidar2d: Annotated[tuple[Lidar2dSpec, ...], Field(max_length=MAX_SENSORS)] = ()
+    radar: Annotated[tuple[RadarSpec, ...], Field(max_length=MAX_SENSORS)] = ()
+
+    @property
+    def rig(self) -> Rig:
+        """All of them, in the order of their numbers."""
+        return (*self.camera, *self.lidar3d, *self.lidar2d, *self.radar)
+
+
+_DOCUMENT: Final = TypeAdapter(SensorList)
+
+
+def read_rig(document: Mapping[str, Any], source: str) -> Rig:
+    """Read a file of ours.
+
+    Args:
+        document: the parsed file.
+        source: its name, for errors.
+
+    Raises:
+        DocumentError: one line with the place, what was expected, and what came.
+    """
+    for path in sort_keys(SensorList, document).passed_over:
+        key = path.rpartition(".")[2]
+        known = keys_beside(SensorList, path)
+        raise DocumentError(f"{source}: {path}: expected one of {', '.join(known)}{hint(key, known)}")
+    text = json.dumps(document, default=str).encode()  # a date of TOML is no value of any key
+    return rig_of(read_document(_DOCUMENT, text, source, MAX_SENSORS_BYTES), source)
+
+
+def rig_of(sensors: SensorList, source: str) -> Rig:
+    """Return the rig of a list that was read.
+
+    Raises:
+        DocumentError: an ego cannot have these sensors together.
+    """
+    try:
+        check_rig(sensors.rig)
+    except FieldError as error:
+        raise DocumentError(f"{source}: {error}") from None
+    return sensors.rig
+
+
+def rig_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of these files."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_DOCUMENT.json_schema()}

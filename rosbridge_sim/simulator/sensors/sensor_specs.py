@@ -1,0 +1,389 @@
+"""Specifications of cameras, lidars and radars: what a user chooses of a sensor, with bounds.
+
+A *rig* is the cameras, lidars and radars of one ego. Places are in the frame of the vehicle: x forward, y left of the
+middle of the rear axle, z up from the ground below it [m]. Angles in specifications are degrees, because files and
+MORAI's panels have degrees: roll, pitch (positive is down), yaw (positive is left).
+
+The `frame_id` is the name of a sensor: of its frame in `/tf_static`, in the headers of its messages, and for commands.
+Several cameras may publish on one topic; their messages differ in the `frame_id`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from fractions import Fraction
+from functools import lru_cache
+from typing import Annotated, ClassVar, Final, Literal, TypeAlias
+
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic_core import PydanticCustomError
+
+from rosbridge_sim.documents import Document, read_number
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.simulator.kernel.tf_publisher import BASE, CENTER, MAP
+from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
+from rosbridge_sim.world.vehicle.sensor_readings import Mounting
+
+__all__ = [
+    "FRAME_RATE",
+    "LIDAR_NAMES",
+    "MAX_LEVER",
+    "MAX_SENSORS",
+    "CameraSpec",
+    "Lidar2dSpec",
+    "Lidar3dSpec",
+    "RadarSpec",
+    "Rig",
+    "SensorSpec",
+    "check_rig",
+    "frames_of",
+    "is_due",
+    "topics_of",
+]
+
+MAX_SENSORS: Final = 32
+"""Cameras, lidars and radars of one ego; more than any test vehicle has."""
+
+MAX_SIDE: Final = 8192
+"""Longest side of a picture [pixels]: the least of what OpenGL 4.1 promises is 16,384, with room for antialiasing."""
+
+MAX_PIXELS: Final = 8_388_608
+"""Pixels of all cameras of one ego together: one picture of 3840 x 2160, or 27 of 640 x 480. As raw colours that is
+25 MB, which the server's loop encodes in less than the 50 ms that a client may have to wait."""
+
+MAX_RAYS: Final = 1_000_000
+"""Rays of a turn of all lidars of one ego together; the largest lidars on the market have 262,144 (128 x 2048)."""
+
+MAX_RINGS: Final = 256
+"""Rings of one lidar."""
+
+MAX_RANGE: Final = 1000.0
+"""Longest range of a sensor [m]."""
+
+MAX_LEVER: Final = 100.0
+"""Largest distance of a sensor from its vehicle's rear axle along each axis [m]; longer than any road train."""
+
+FRAME_RATE: Final = 50.0
+"""Frames in a second of simulated time, and so the highest rate [Hz]."""
+
+MIN_RATE: Final = 0.1
+"""Lowest rate [Hz]."""
+
+MAX_NAME: Final = 100
+"""Longest frame and topic [characters]: the prefix of a further ego is added, and the bus takes 256."""
+
+LIDAR_NAMES: Final = ("/lidar3D", "/velodyne_points")
+"""Two names for the messages of a 3D lidar: MORAI's own, and that of the velodyne driver, which most programs use."""
+
+_FRAME_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
+_TOPIC: Final = re.compile(r"(?:/[A-Za-z][A-Za-z0-9_]*)+")
+_TAKEN_FRAMES: Final = frozenset({MAP, BASE, CENTER, *SENSOR_FRAMES})
+
+
+def _check_frame(value: str) -> str:
+    if len(value) > MAX_NAME or not _FRAME_ID.fullmatch(value):
+        raise PydanticCustomError("frame", "expected letters, digits, _, . and -, at most 100")
+    if value in _TAKEN_FRAMES:
+        raise PydanticCustomError("frame", "expected a name that no other frame of the vehicle has")
+    return value
+
+
+def _check_topic(value: str) -> str:
+    if len(value) > MAX_NAME or not _TOPIC.fullmatch(value):
+        raise PydanticCustomError("topic", "expected the name of a topic, such as /lidar3D, at most 100 characters")
+    return value
+
+
+def _schema(low: float, high: float, kind: str = "number") -> WithJsonSchema:
+    return WithJsonSchema({"type": [kind, "string"], "minimum": low, "maximum": high})
+
+
+_FrameId = Annotated[
+    str, AfterValidator(_check_frame), WithJsonSchema({"type": "string", "pattern": f"^{_FRAME_ID.pattern}$"})
+]
+_Topic = Annotated[
+    str, AfterValidator(_check_topic), WithJsonSchema({"type": "string", "pattern": f"^{_TOPIC.pattern}$"})
+]
+_Metres = Annotated[
+    float, BeforeValidator(read_number), Field(ge=-MAX_LEVER, le=MAX_LEVER), _schema(-MAX_LEVER, MAX_LEVER)
+]
+_Degrees = Annotated[float, BeforeValidator(read_number), Field(ge=-360.0, le=360.0), _schema(-360.0, 360.0)]
+_Rate = Annotated[float, BeforeValidator(read_number), Field(ge=MIN_RATE, le=FRAME_RATE), _schema(MIN_RATE, FRAME_RATE)]
+_Range = Annotated[float, BeforeValidator(read_number), Field(ge=0.1, le=MAX_RANGE), _schema(0.1, MAX_RANGE)]
+_Near = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_RANGE), _schema(0.0, MAX_RANGE)]
+_Fov = Annotated[float, BeforeValidator(read_number), Field(ge=1.0, le=179.0), _schema(1.0, 179.0)]
+_Elevation = Annotated[float, BeforeValidator(read_number), Field(ge=-90.0, le=90.0), _schema(-90.0, 90.0)]
+_Side = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=MAX_SIDE), _schema(1, MAX_SIDE, "integer")]
+_Quality = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=100), _schema(1, 100, "integer")]
+_Count = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=MAX_RAYS), _schema(1, MAX_RAYS, "integer")]
+_Index = Annotated[int, BeforeValidator(read_number), Field(ge=0, le=MAX_RAYS), _schema(0, MAX_RAYS, "integer")]
+_Coefficient = Annotated[float, BeforeValidator(read_number), Field(ge=-10.0, le=10.0), _schema(-10.0, 10.0)]
+
+
+class MountedSpec(Document):
+    """Specification of a sensor on a vehicle.
+
+    Attributes:
+        frame_id: name of the sensor and of its frame.
+        topic: where it publishes; a further ego's has the ego's prefix.
+        rate: messages a second of simulated time [Hz].
+        x, y, z: forward, left and up of the middle of the rear axle on the ground [m].
+        roll, pitch, yaw: orientation [deg]; a positive pitch looks down, a positive yaw to the left.
+    """
+
+    kind: ClassVar[str] = ""
+    frame_id: _FrameId
+    topic: _Topic
+    rate: _Rate = 10.0
+    x: _Metres = 0.0
+    y: _Metres = 0.0
+    z: _Metres = 0.0
+    roll: _Degrees = 0.0
+    pitch: _Degrees = 0.0
+    yaw: _Degrees = 0.0
+
+    @property
+    def mounting(self) -> Mounting:
+        """Place and orientation on the vehicle."""
+        return Mounting(self.x, self.y, self.z, *map(math.radians, (self.roll, self.pitch, self.yaw)))
+
+
+class CameraSpec(MountedSpec):
+    """A camera with square pixels and the principal point in the middle.
+
+    Attributes:
+        width, height: of the picture [pixels].
+        fov: horizontal field of view [deg].
+        picture: what is seen: colours, distance along the optical axis [m], class, or instance.
+        encoding: of colours: `jpeg` gives a CompressedImage, `raw` an Image. The other pictures are always an Image.
+        quality: of the JPEG.
+        distortion: k1, k2, p1, p2, k3 of the plumb bob model; all 0 for a pinhole.
+    """
+
+    kind: ClassVar[str] = "camera"
+    frame_id: _FrameId = "Camera"
+    topic: _Topic = "/image_jpeg/compressed"
+    rate: _Rate = 30.0
+    width: _Side = 640
+    height: _Side = 480
+    fov: _Fov = 90.0
+    picture: Literal["rgb", "depth", "semantic", "instance"] = "rgb"
+    encoding: Literal["jpeg", "raw"] = "jpeg"
+    quality: _Quality = 90
+    distortion: tuple[_Coefficient, _Coefficient, _Coefficient, _Coefficient, _Coefficient] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _choose_topic(cls, value: object) -> object:
+        """Give another picture than colours a topic of its own, unless it has one."""
+        if isinstance(value, dict) and "topic" not in value:
+            name = _CAMERA_TOPICS.get((str(value.get("picture", "rgb")), str(value.get("encoding", "jpeg"))))
+            name = name or _CAMERA_TOPICS.get((str(value.get("picture")), "raw"))
+            return value if name is None else {**value, "topic": name}
+        return value
+
+    @property
+    def is_jpeg(self) -> bool:
+        """True if it publishes compressed colours."""
+        return self.picture == "rgb" and self.encoding == "jpeg"
+
+    @property
+    def num_pixels(self) -> int:
+        """Pixels of a picture."""
+        return self.width * self.height
+
+    @property
+    def base_topic(self) -> str:
+        """Topic without the name of the encoding: its other topics are below it."""
+        head, _, last = self.topic.rpartition("/")
+        return head if head and last.startswith("compressed") else self.topic
+
+
+_CAMERA_TOPICS: Final = {
+    ("rgb", "jpeg"): "/image_jpeg/compressed",
+    ("rgb", "raw"): "/image_raw",
+    ("depth", "raw"): "/image",
+    ("semantic", "raw"): "/image_semantic",
+    ("instance", "raw"): "/image_instance",
+}
+"""Picture and encoding -> default topic. `/image` is that of MORAI's depth camera; the last three are ours."""
+
+
+class Lidar3dSpec(MountedSpec):
+    """A lidar that turns, with one beam for each ring.
+
+    Attributes:
+        model: the product, which has the angles of the rings; `own` for `elevations`.
+        elevations: angles of the rings from the lowest to the highest [deg], for the model `own`.
+        columns: beams of a ring in a turn; 0 for those of the model.
+        min_range, max_range: nearest and farthest echo [m].
+    """
+
+    kind: ClassVar[str] = "lidar3d"
+    frame_id: _FrameId = "velodyne"
+    topic: _Topic = "/lidar3D"
+    model: Literal["VLP-16", "HDL-32E", "OS1-64", "OS1-128", "own"] = "VLP-16"
+    elevations: Annotated[tuple[_Elevation, ...], Field(max_length=MAX_RINGS)] = ()
+    columns: _Index = 0
+    min_range: _Near = 0.5
+    max_range: _Range = 100.0
+
+    @property
+    def num_rings(self) -> int:
+        """Number of rings."""
+        return len(self.elevations) if self.model == "own" else LIDAR_SIZES[self.model][0]
+
+    @property
+    def num_columns(self) -> int:
+        """Beams of a ring in a turn."""
+        return self.columns or (1800 if self.model == "own" else LIDAR_SIZES[self.model][1])
+
+
+LIDAR_SIZES: Final = {"VLP-16": (16, 1800), "HDL-32E": (32, 1800), "OS1-64": (64, 1024), "OS1-128": (128, 1024)}
+"""Model -> rings and columns. Columns of Velodyne are those of a step of 0.2 deg, as at 10 turns a second (VLP-16 user
+manual, 63-9243); those of Ouster are its default mode (OS1 datasheet, 1024 x 10)."""
+
+
+class Lidar2dSpec(MountedSpec):
+    """A lidar with one level ring; a message is a LaserScan of a full turn.
+
+    Attributes:
+        num_values: ranges of a turn.
+        ahead: index of the range that looks ahead; the angle grows to the left with the index.
+        min_range, max_range: nearest and farthest echo [m].
+    """
+
+    kind: ClassVar[str] = "lidar2d"
+    frame_id: _FrameId = "lidar2D"
+    topic: _Topic = "/lidar2D"
+    num_values: _Count = 360
+    ahead: _Index = 180
+    min_range: _Near = 0.1
+    max_range: _Range = 30.0
+
+
+class RadarSpec(MountedSpec):
+    """A radar with a wide beam for what is near and a narrow beam for what is far.
+
+    The defaults are those of the Delphi ESR 2.5, for which MORAI's newer presets have a list: 60 m within +-45 deg,
+    174 m within +-10 deg, 64 echoes, 20 Hz (product data sheet).
+
+    Attributes:
+        near_range, far_range: of the two beams [m].
+        near_fov, far_fov: horizontal angles of the beams, left and right together [deg].
+        vertical_fov: vertical angle of both [deg].
+        max_echoes: largest number of echoes in a message; the nearest are kept.
+    """
+
+    kind: ClassVar[str] = "radar"
+    frame_id: _FrameId = "radar"
+    topic: _Topic = "/radar"
+    rate: _Rate = 20.0
+    near_range: _Range = 60.0
+    far_range: _Range = 174.0
+    near_fov: _Fov = 90.0
+    far_fov: _Fov = 20.0
+    vertical_fov: _Fov = 10.0
+    max_echoes: Annotated[int, BeforeValidator(read_number), Field(ge=1, le=1000), _schema(1, 1000, "integer")] = 64
+
+
+SensorSpec: TypeAlias = CameraSpec | Lidar3dSpec | Lidar2dSpec | RadarSpec
+
+Rig: TypeAlias = tuple[SensorSpec, ...]
+"""The cameras, lidars and radars of an ego, in the order of their numbers."""
+
+
+def is_due(rate: float, frame: int) -> bool:
+    """Return whether a message of a rate belongs to a frame, as for all topics of the simulator.
+
+    At 30 Hz these are the frames 2, 4, 5, 7, 9, 10, ...: 40 or 20 ms apart.
+
+    Args:
+        rate: at most `FRAME_RATE` [Hz].
+        frame: of the world.
+    """
+    up, down = _step(rate)
+    return frame * up // down > (frame - 1) * up // down
+
+
+@lru_cache(maxsize=64)
+def _step(rate: float) -> tuple[int, int]:
+    """Return the messages of a frame, as a fraction."""
+    step = Fraction(rate).limit_denominator(10_000) / int(FRAME_RATE)
+    return step.numerator, step.denominator
+
+
+def topics_of(spec: SensorSpec) -> list[tuple[str, str]]:
+    """Return the topics of a sensor, each with its type; the first one is its own, the others go with it."""
+    if isinstance(spec, CameraSpec):
+        kind = "sensor_msgs/CompressedImage" if spec.is_jpeg else "sensor_msgs/Image"
+        return [(spec.topic, kind), (spec.base_topic + "/camera_info", "sensor_msgs/CameraInfo")]
+    if isinstance(spec, Lidar3dSpec):
+        names = LIDAR_NAMES if spec.topic in LIDAR_NAMES else (spec.topic,)
+        return [(name, "sensor_msgs/PointCloud2") for name in names]
+    if isinstance(spec, Lidar2dSpec):
+        return [(spec.topic, "sensor_msgs/LaserScan")]
+    return [(spec.topic, "morai_msgs/RadarDetections")]
+
+
+def frames_of(spec: SensorSpec) -> list[str]:
+    """Return the frames of a sensor: its own, and that of a camera's picture."""
+    return [spec.frame_id, f"{spec.frame_id}_optical"] if isinstance(spec, CameraSpec) else [spec.frame_id]
+
+
+def check_rig(rig: Sequence[SensorSpec]) -> None:
+    """Check that an ego can have these sensors together.
+
+    Raises:
+        FieldError: a limit is exceeded, or two sensors have one name, or one topic would have two types.
+    """
+    if len(rig) > MAX_SENSORS:
+        raise FieldError(f"sensors: expected at most {MAX_SENSORS} for an ego, got {len(rig)}")
+    cameras = [spec for spec in rig if isinstance(spec, CameraSpec)]
+    num_pixels = sum(spec.num_pixels for spec in cameras)
+    if num_pixels > MAX_PIXELS:
+        raise FieldError(f"cameras: expected at most {MAX_PIXELS:,} pixels for all of an ego, got {num_pixels:,}")
+    for spec in rig:
+        _check(spec)
+    num_rays = sum(map(_num_rays, rig))
+    if num_rays > MAX_RAYS:
+        raise FieldError(f"lidars: expected at most {MAX_RAYS:,} rays a turn for all of an ego, got {num_rays:,}")
+    _refuse_twice(frame for spec in rig for frame in frames_of(spec))
+    types: dict[str, str] = {}
+    for spec in rig:
+        for name, type_name in topics_of(spec):
+            other = types.setdefault(name, type_name)
+            if other != type_name:
+                raise FieldError(
+                    f"{spec.frame_id}: topic {name}: expected {other}, as another sensor has, got {type_name}"
+                )
+
+
+def _check(spec: SensorSpec) -> None:
+    where = spec.frame_id
+    if isinstance(spec, Lidar3dSpec):
+        if (spec.model == "own") != bool(spec.elevations):
+            raise FieldError(f"{where}.elevations: expected angles for model 'own', and none for any other model")
+        if any(high <= low for low, high in zip(spec.elevations, spec.elevations[1:], strict=False)):
+            raise FieldError(f"{where}.elevations: expected angles that grow, from the lowest to the highest")
+    if isinstance(spec, Lidar2dSpec) and spec.ahead >= spec.num_values:
+        raise FieldError(f"{where}.ahead: expected an index below num_values = {spec.num_values}, got {spec.ahead}")
+    if isinstance(spec, Lidar2dSpec | Lidar3dSpec) and spec.min_range >= spec.max_range:
+        raise FieldError(
+            f"{where}.min_range: expected less than max_range = {spec.max_range:g}, got {spec.min_range:g}"
+        )
+
+
+def _num_rays(spec: SensorSpec) -> int:
+    if isinstance(spec, Lidar3dSpec):
+        return spec.num_rings * spec.num_columns
+    return spec.num_values if isinstance(spec, Lidar2dSpec) else 0
+
+
+def _refuse_twice(frames: Iterable[str]) -> None:
+    for frame, num in Counter(frames).items():
+        if num > 1:
+            raise FieldError(f"frame_id: expected different names, got {frame} {num} times")

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import json
+import math
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.simulator.sensors.morai_sensor_file import is_morai_file, read_morai_sensors
+from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar3dSpec
+
+
+def item(block: str, number: int, kind: int, place: tuple[str, ...], **keys: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
+    """An entry as MORAI saves it: numbers as texts, and keys that nothing here reads."""
+    x, y, z, roll, pitch, yaw = place
+    ros = {"RosBridgeIP": "127.0.0.1", "RosBridgePort": "9090", "RosMessageOnOff": "True", "childFrameID": ""}
+    return {
+        "m_TargetUniqueID": "0",
+        "m_SensorUniqueID": str(number),
+        "m_SensorType": str(kind),
+        "pos": {"x": x, "y": y, "z": z},
+        "rot": {"roll": roll, "pitch": pitch, "yaw": yaw},
+        block: {
+            "commType": 3,
+            "sensorPeriod": "0.1",
+            **keys,
+            "rosConfig": {**ros, "Topic": keys.get("Topic", ""), "frameID": keys.get("frameID", "")},
+        },
+    }
+
+
+CAMERA = item(
+    *("cc", 4, 1, ("1.530", "0.000", "1.400", "0.000", "355.000", "0.000")),
+    sensorPeriod="0.0333",
+    Topic="/image_jpeg/compressed",
+    frameID="Camera-4",
+    cameraFOV=70,
+    focalLengthpixel=457.1,
+    principalPoint={"x": 320, "y": 240},
+    compressedRatio=90,
+)
+LIDAR = item(
+    *("lc", 2, 2, ("1.700", "0.000", "1.250", "0.000", "0.000", "0.000")), commType=1, lidar3DType=0, fireDistance=100
+)
+
+
+def read(**lists: Any) -> tuple[tuple[Any, ...], list[str]]:  # noqa: ANN401 - JSON
+    return read_morai_sensors(json.dumps(lists).encode(), "saved.json")
+
+
+def test_camera_of_a_saved_preset() -> None:
+    (camera,), remarks = read(cameraList=[CAMERA], Lidar3DList=[])
+    assert camera == CameraSpec(
+        frame_id="Camera-4", rate=30.0, x=1.53, z=1.4, pitch=-5.0, fov=70.0, quality=90, width=640, height=480
+    )
+    assert math.degrees(camera.mounting.pitch) == pytest.approx(-5.0)  # up: positive is down
+    assert not remarks
+
+
+def test_lidar_by_udp_publishes_its_usual_topic() -> None:
+    (lidar,), remarks = read(Lidar3DList=[LIDAR])
+    assert lidar == Lidar3dSpec(x=1.7, z=1.25, rate=10.0)
+    assert remarks == ["velodyne: its packets over UDP are not served; it publishes /lidar3D"]
+
+
+def test_principal_point_gives_the_size_in_each_form() -> None:
+    for middle in ("640,360", [640, 360], {"x": "640", "y": "360"}):
+        block = CAMERA["cc"] | {"principalPoint": middle}
+        ((camera,), _) = read(cameraList=[CAMERA | {"cc": block}])
+        assert (camera.width, camera.height) == (1280, 720)
+
+
+def test_focal_length_gives_the_width_without_a_principal_point() -> None:
+    block = {key: value for key, value in CAMERA["cc"].items() if key != "principalPoint"}
+    ((camera,), remarks) = read(cameraList=[CAMERA | {"cc": block}])
+    assert (camera.width, camera.height) == (640, 480)
+    assert remarks == ["Camera-4: no principalPoint: the picture is 640 x 480"]
+
+
+def test_frame_that_stands_there_twice_gets_a_number() -> None:
+    rig, remarks = read(cameraList=[CAMERA, CAMERA])
+    assert [camera.frame_id for camera in rig] == ["Camera-4", "Camera-4-2"]
+    assert "stands there twice" in remarks[0]
+
+
+def test_what_is_not_simulated_becomes_a_remark() -> None:
+    other = LIDAR | {"m_TargetUniqueID": "7"}
+    _, remarks = read(cameraList=[CAMERA], Lidar3DList=[other], UltrasonicList=[{}], GPSList=[{}])
+    assert len(remarks) == 3
+    assert "belongs to vehicle 7" in remarks[0]
+
+
+@pytest.mark.parametrize(
+    ("lists", "text"),
+    [
+        ({"cameraList": [CAMERA | {"pos": {"x": "abc"}}]}, "cameraList[0].pos.x: expected a number, got 'abc'"),
+        ({"cameraList": [CAMERA | {"cc": CAMERA["cc"] | {"cameraFOV": 180}}]}, "camera[0].fov: expected at most 179"),
+        ({"cameraList": []}, "expected cameras, lidars or radars, got none"),
+        ({"cameraList": 3}, "cameraList: expected a list"),
+    ],
+)
+def test_mistake_is_told_with_its_place(lists: dict[str, Any], text: str) -> None:
+    with pytest.raises(DocumentError) as caught:
+        read(**lists)
+    assert str(caught.value).startswith("saved.json: ")
+    assert text in str(caught.value)
+
+
+def test_file_of_ours_is_no_preset_of_morai() -> None:
+    assert is_morai_file({"cameraList": []})
+    assert not is_morai_file({"camera": []})
+    assert not is_morai_file([])

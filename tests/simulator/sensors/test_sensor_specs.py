@@ -1,0 +1,128 @@
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import pytest
+from pydantic import ValidationError
+
+from rosbridge_sim.errors import FieldError
+from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
+from rosbridge_sim.simulator.sensors.sensor_presets import PRESETS
+from rosbridge_sim.simulator.sensors.sensor_specs import (
+    CameraSpec,
+    Lidar2dSpec,
+    Lidar3dSpec,
+    RadarSpec,
+    SensorSpec,
+    check_rig,
+    is_due,
+    topics_of,
+)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_an_ego_can_have_each_preset(name: str) -> None:
+    check_rig(PRESETS[name])
+
+
+def test_teaching_preset_has_the_mounting_of_the_lane_programs() -> None:
+    camera, lidar = PRESETS["teaching"]
+    assert isinstance(camera, CameraSpec)
+    assert (camera.width, camera.height, camera.fov) == (640, 480, 90.0)
+    assert camera.mounting.place == (1.8, 0.0, 2.0)
+    assert math.degrees(camera.mounting.pitch) == pytest.approx(7.0)
+    assert lidar.mounting.place == (2.0, 0.0, 1.25)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("fov", 0),
+        ("fov", 180),
+        ("width", 0),
+        ("width", 8193),
+        ("rate", 1000),
+        ("rate", 0),
+        ("x", math.nan),
+        ("pitch", math.inf),
+        ("z", 101),
+        ("quality", 0),
+        ("topic", "image jpeg"),
+        ("topic", "image"),
+        ("topic", "/"),
+        ("frame_id", ""),
+        ("frame_id", "/Camera"),
+        ("frame_id", "base_link"),
+        ("frame_id", "imu_link"),
+        ("picture", "photo"),
+        ("distortion", (1.0,)),
+        ("distortion", (math.nan, 0.0, 0.0, 0.0, 0.0)),
+    ],
+)
+def test_camera_beyond_a_bound_is_refused(field: str, value: object) -> None:
+    with pytest.raises(ValidationError, match=field):
+        CameraSpec.model_validate({field: value})
+
+
+@pytest.mark.parametrize(
+    ("rig", "text"),
+    [
+        ([CameraSpec(frame_id=f"c{i}", width=8, height=8) for i in range(33)], "at most 32 for an ego, got 33"),
+        ([CameraSpec(width=8192, height=4320)], "at most 8,388,608 pixels for all of an ego, got 35,389,440"),
+        ([Lidar3dSpec(model="own", elevations=tuple(range(64)), columns=20_000)], "at most 1,000,000 rays a turn"),
+        ([Lidar3dSpec(model="own")], "velodyne.elevations: expected angles for model 'own'"),
+        ([Lidar3dSpec(elevations=(1.0,))], "velodyne.elevations: expected angles for model 'own', and none for any"),
+        ([Lidar3dSpec(model="own", elevations=(1.0, 1.0))], "velodyne.elevations: expected angles that grow"),
+        ([Lidar2dSpec(num_values=100)], "ahead: expected an index below num_values = 100, got 180"),
+        ([Lidar2dSpec(min_range=30.0)], "min_range: expected less than max_range = 30, got 30"),
+        ([CameraSpec(), CameraSpec()], "different names, got Camera 2 times"),
+        ([CameraSpec(frame_id="a"), RadarSpec(frame_id="a_optical")], "different names, got a_optical 2 times"),
+        (
+            [CameraSpec(), Lidar3dSpec(topic="/image_jpeg/compressed")],
+            "expected sensor_msgs/CompressedImage, as another",
+        ),
+    ],
+)
+def test_rig_beyond_a_bound_is_refused_with_the_limit(rig: list[SensorSpec], text: str) -> None:
+    with pytest.raises(FieldError) as caught:
+        check_rig(rig)
+    assert text in str(caught.value)
+
+
+def test_cameras_may_share_a_topic_under_different_frames() -> None:
+    check_rig([CameraSpec(frame_id=f"Camera-{i}", width=1280, height=720, rate=20) for i in (1, 2, 3)])
+
+
+def test_frames_of_30_hz_are_40_or_20_ms_apart() -> None:
+    due = [frame for frame in range(1, 51) if is_due(30.0, frame)]
+    assert due[:6] == [2, 4, 5, 7, 9, 10]
+    assert len(due) == 30
+    assert {after - before for before, after in pairwise(due)} == {1, 2}
+
+
+@pytest.mark.parametrize("rate", [0.1, 5.0, 10.0, 15.0, 29.97, 30.0, 1.0 / 0.0333, 50.0])
+def test_sensors_are_due_at_the_frames_of_a_topic_with_their_rate(rate: float) -> None:
+    publisher = PeriodicPublisher("/x", "std_msgs/Empty", lambda: None, rate=rate)
+    publisher.tune(rate)
+    assert [is_due(rate, frame) for frame in range(1, 2000)] == [bool(publisher.num_due(i)) for i in range(1, 2000)]
+
+
+def test_lidar_has_both_names() -> None:
+    assert topics_of(Lidar3dSpec()) == [
+        ("/lidar3D", "sensor_msgs/PointCloud2"),
+        ("/velodyne_points", "sensor_msgs/PointCloud2"),
+    ]
+    assert topics_of(Lidar3dSpec(topic="/front/points")) == [("/front/points", "sensor_msgs/PointCloud2")]
+
+
+def test_picture_that_is_no_colours_has_a_topic_of_its_own() -> None:
+    assert CameraSpec(picture="depth").topic == "/image"
+    assert CameraSpec(picture="instance", topic="/ids").topic == "/ids"
+    assert CameraSpec(encoding="raw").topic == "/image_raw"
+    assert topics_of(CameraSpec(picture="depth"))[0] == ("/image", "sensor_msgs/Image")
+
+
+def test_camera_info_stands_beside_the_picture() -> None:
+    assert topics_of(CameraSpec(topic="/image_jpeg/compressed2"))[1][0] == "/image_jpeg/camera_info"
+    assert topics_of(CameraSpec(topic="/front"))[1][0] == "/front/camera_info"
