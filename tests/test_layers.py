@@ -67,8 +67,8 @@ simulator.scene: * graph maps morai morai.messages scenarios simulator.bus simul
     world.roads world.state
 simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain simulator.scene simulator.sync
     world.drivers world.followers world.geometry world.roads world.state world.vehicle
-simulator.sensors: * documents graph maps morai.messages simulator.bus simulator.kernel simulator.plain world.geometry
-    world.state world.vehicle
+simulator.sensors: * documents graph maps morai.messages scenery simulator.bus simulator.kernel simulator.plain
+    world.geometry world.state world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensors simulator.sync world.contacts world.roads world.state
 simulator.sim_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
@@ -136,7 +136,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "scenarios": {"numpy", "pydantic", "pydantic_core"},
     "scenery": {"numpy"},
     "morai": {"msgspec", "numpy", "orjson"},
-    "simulator": {"msgspec", "numpy", "orjson", "pydantic"},
+    "simulator": {"msgspec", "numpy", "orjson", "pydantic", "pydantic_core"},
     "documents": {"pydantic", "pydantic_core"},
     "errors": set(),
     "loose_types": set(),

@@ -16,6 +16,7 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import CtrlMode
 from rosbridge_sim.simulator.kernel.ego_interfaces import EgoInterfaces
 from rosbridge_sim.simulator.kernel.egos import EgoRegistry
+from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.hooks import Hooks
 from rosbridge_sim.simulator.kernel.real_time import set_real_time_factor
@@ -37,6 +38,8 @@ from rosbridge_sim.simulator.replays.replay import Replay
 from rosbridge_sim.simulator.scene.load import Library
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
+from rosbridge_sim.simulator.sensors.drawing import SensorWorker
+from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_files import SensorDataStore
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
 from rosbridge_sim.simulator.sensors.sensors import Sensors
@@ -76,6 +79,7 @@ def make_node(
     networks: Networks | None = None,
     reader: Reader | None = None,
     shelf: ScenarioShelf | None = None,
+    worker: SensorWorker | None = None,
 ) -> SimulatorNode:
     """Return the simulator with its opening scene, on the bus; clients see nothing of it before it is complete.
 
@@ -90,6 +94,7 @@ def make_node(
         networks: source of scenarios' network settings; None for no such settings.
         reader: reads documents that clients load; with None all clients wait meanwhile.
         shelf: lists what can be loaded; None for no lists.
+        worker: draws what cameras and lidars see; None where nothing can.
 
     Raises:
         DocumentError: the scenario does not fit its map, or the network settings do not fit.
@@ -97,6 +102,7 @@ def make_node(
     chosen = settings or NodeSettings()
     context = _make_context(bus, world, library, scenario, chosen)
     sensors = Sensors(context, archive, chosen.sensor_noise)
+    mounted = MountedSensors(context, chosen.sensors, worker)
     CommandExecutor(context, sensors)
     reader = reader or AtOnce()
     replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
@@ -106,6 +112,7 @@ def make_node(
         StatePublishers(context),
         TrafficLightTopics(context),
         sensors,
+        mounted,
         Loads(context, reader, networks, has_traffic=chosen.traffic > 0),
         Services(context),
         CommandTopics(context),
@@ -176,6 +183,7 @@ def _make_context(
     sync_info = SyncInfo(bus.store, world, sync, publishers)
     static_tf = StaticTf(transforms, egos, publishers)
     pacer = RealTimePacer()
+    gate = FrameGate()
     stepper = FrameStepper(
         world=world,
         step=step,
@@ -196,6 +204,7 @@ def _make_context(
         publishers=publishers,
         hooks=hooks,
         failure=failure,
+        gate=gate,
     )
     ego_interfaces = EgoInterfaces(interfaces, publishers, hooks)
     scene_changes = SceneChanges(
@@ -231,6 +240,7 @@ def _make_context(
         pacer=pacer,
         sync_info=sync_info,
         static_tf=static_tf,
+        gate=gate,
         stepper=stepper,
         sync_driver=sync_driver,
         ego_interfaces=ego_interfaces,

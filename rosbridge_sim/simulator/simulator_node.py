@@ -33,6 +33,7 @@ from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sensors.missing_sensors import advise
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
+from rosbridge_sim.simulator.sensors.sensor_specs import Rig
 from rosbridge_sim.simulator.sim_services.scene_markers import SCENE_MAP, SCENE_OBJECTS
 from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.world.state.world import World
@@ -64,6 +65,7 @@ class NodeSettings:
         traffic: vehicles on the lanes besides those of the scenario, at most.
         traffic_wander: these vehicles wander within their lanes.
         sensor_noise: errors of GPS and IMU; None for exact readings.
+        sensors: cameras, lidars and radars of each ego.
         on_world_failure: `exit` raises the exception of a failed step to the caller of `advance`; `serve` stops the
             world and refuses every call.
     """
@@ -84,6 +86,7 @@ class NodeSettings:
     traffic: int = 0
     traffic_wander: bool = True
     sensor_noise: SensorNoise | None = None
+    sensors: Rig = ()
     on_world_failure: Literal["exit", "serve"] = "exit"
 
 

@@ -22,6 +22,7 @@ from rosbridge_sim.simulator.bus.network_settings import InterfaceKind, NetworkS
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
+from rosbridge_sim.simulator.sensors.drawing import SensorWorker
 from rosbridge_sim.simulator.simulator_node import NodeSettings
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Dynamics, World
@@ -304,6 +305,7 @@ class SimHarness:
         release: str = "22.R2",
         recordings: Recordings | None = None,
         reader: Reader | None = None,
+        worker: SensorWorker | None = None,
         network: Mapping[str, Any] | None = None,
         dynamics: Dynamics = Dynamics.KINEMATIC,
         is_creeping: bool = False,
@@ -327,6 +329,7 @@ class SimHarness:
             recordings=recordings,
             networks=self.networks,
             reader=reader,
+            worker=worker,
         )
         self.now = 100.0
         self._num_clients = 0

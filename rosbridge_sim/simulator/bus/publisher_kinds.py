@@ -68,7 +68,12 @@ class TopicPublisher(Interface):
 
 
 class PeriodicPublisher(TopicPublisher):
-    """A topic that is published with the frames."""
+    """A topic that is published with the frames.
+
+    Attributes:
+        takers: get each message that `Publishers.deliver` publishes, beside the subscribers; such a message is made
+            while there are any.
+    """
 
     def __init__(
         self,
@@ -92,6 +97,7 @@ class PeriodicPublisher(TopicPublisher):
         self.is_in_frames = is_in_frames
         self.is_sampled = is_sampled
         self.is_shown_in_pause = is_shown_in_pause
+        self.takers: list[Callable[[Message], object]] = []
         self.free_at = -math.inf  # where wall time limits the rate: when the next message may go out [s]
         self._rate = Fraction(1)
         self._most: Fraction | None = None

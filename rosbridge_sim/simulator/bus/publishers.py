@@ -262,6 +262,31 @@ class Publishers:
         if publisher.topic is not None:
             self._bus.announce(self._owner, publisher.topic, Message(publisher.topic.type, publisher.make()), now)
 
+    def deliver(self, publisher: PeriodicPublisher, value: Struct, now: float) -> None:
+        """Publish a message of a frame that was made behind it, such as a picture.
+
+        Args:
+            publisher: from `add`; its `make` returns None, so that nothing goes out with the frame.
+            value: a generated struct of its type.
+            now: monotonic time [s].
+        """
+        if publisher.topic is None:
+            return
+        message = Message(publisher.topic.type, value)
+        for take in publisher.takers:
+            take(message)
+        self._bus.announce(self._owner, publisher.topic, message, now)
+
+    def drop(self, publisher: PeriodicPublisher, now: float) -> None:
+        """Stop to publish a topic.
+
+        Args:
+            publisher: from `add`.
+            now: monotonic time [s].
+        """
+        self._periodic.remove(publisher)
+        self._items.remove([publisher], now)
+
     def show_latched(self, now: float) -> None:
         """Publish all latched topics anew, because their stamp has changed.
 

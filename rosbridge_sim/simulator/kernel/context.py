@@ -18,6 +18,7 @@ from rosbridge_sim.simulator.bus.warn_once import WarnOnce
 from rosbridge_sim.simulator.bus.world_failure import WorldFailure
 from rosbridge_sim.simulator.kernel.ego_interfaces import EgoInterfaces
 from rosbridge_sim.simulator.kernel.egos import EgoRegistry
+from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.hooks import Hooks
 from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
@@ -59,6 +60,7 @@ class SimulatorContext:
         pacer: the frames that real time owes.
         sync_info: publishes the mode.
         static_tf: publishes the frames that are fixed to the egos.
+        gate: closed while something of the last frame is missing.
         stepper: computes one frame.
         sync_driver: carries out ticks and changes of the mode.
         ego_interfaces: topics and services of further egos.
@@ -83,6 +85,7 @@ class SimulatorContext:
     pacer: RealTimePacer
     sync_info: SyncInfo
     static_tf: StaticTf
+    gate: FrameGate
     stepper: FrameStepper
     sync_driver: SyncDriver
     ego_interfaces: EgoInterfaces

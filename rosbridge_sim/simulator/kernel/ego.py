@@ -65,6 +65,7 @@ class Ego:
         turn_signal: 0 none, 1 left, 2 right.
         emergency_signal: 0 off, 1 on.
         mountings: places of its sensors, by their frames, in the order of the table of sensors.
+        optical_frames: those of the sensors that are cameras: each has a frame of its picture, too.
         is_replayed: a recording moves it, and commands are ignored.
         commander: the participant whose command it followed last, for people who watch; None for none that is known.
         command_frame: frame at which the last command of `/ctrl_cmd` came, for leases.
@@ -98,6 +99,7 @@ class Ego:
         self.turn_signal = 0
         self.emergency_signal = 0
         self.mountings = dict.fromkeys(sensor_frames, Mounting())
+        self.optical_frames: tuple[str, ...] = ()
         self.is_replayed = False
         self.commander: Participant | None = None
         self.command_frame = 0

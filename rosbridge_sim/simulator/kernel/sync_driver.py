@@ -4,7 +4,8 @@ A service call moves the frames of one time step, and everything that those fram
 before the answer is given. A tick of one frame is carried out within the call. All others wait, and `take_turns`
 carries them out; their caller is held meanwhile. These are ticks whose frames need a scenario that is still being read,
 ticks of several frames, and the ticks of a call for many steps. They are done in turns of a few milliseconds, so that
-all others are served in between. A turn ends after any frame.
+all others are served in between. A turn ends after any frame. While the gate behind a frame is closed (`FrameGate`),
+there are no turns, and what has ended is not answered.
 
 `Sync` decides, and calls the functions that are registered here. All changes of the mode go through this file.
 """
@@ -22,6 +23,7 @@ from rosbridge_sim.graph.participant import Participant, hold
 from rosbridge_sim.printable import printable
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.world_failure import WorldFailure
+from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.hooks import Hooks
 from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
@@ -48,6 +50,8 @@ _AFTER_LOSS: Final = {
     SyncState.OPEN_PAUSED: "the world is paused and waits for a new master",
 }
 """Texts for the log: state of the world after its master was lost."""
+
+_WAS_RESET: Final = "the simulation was reset before the sensors' messages of the tick were made"
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -187,6 +191,7 @@ class SyncDriver:
         publishers: Publishers,
         hooks: Hooks,
         failure: WorldFailure,
+        gate: FrameGate,
     ) -> None:
         """Register with `sync` and `barrier`; no tick waits.
 
@@ -199,6 +204,7 @@ class SyncDriver:
             publishers: stop what only real time has, and publish in a pause.
             hooks: `after_move` and `on_mode_change` are called.
             failure: refuses ticks, and records a failed step.
+            gate: holds frames and answers while something of the last frame is missing.
         """
         self.num_ticks = 0
         self.read_clock: Callable[[], float] | None = None
@@ -210,6 +216,10 @@ class SyncDriver:
         self._publishers = publishers
         self._hooks = hooks
         self._failure = failure
+        self._gate = gate
+        # The calls that have ended behind a closed gate, oldest first.
+        self._unanswered: deque[tuple[_Waiting, TickResult]] = deque()
+        self._barrier_call: _Waiting | None = None  # the last tick of a barrier
         # The calls that wait, oldest first; `sync` has the ticks that they have left.
         self._calls: deque[_Waiting] = deque()
         self._call_in_hand: _Waiting | None = None
@@ -223,6 +233,7 @@ class SyncDriver:
         barrier.hooks.end.append(self._end_for_barrier)
         barrier.hooks.lose.append(self._lose_for_barrier)
         barrier.hooks.move.append(self._tick_for_barrier)
+        gate.on_open.append(self._go_on)
 
     # The mode
 
@@ -280,6 +291,7 @@ class SyncDriver:
     def forget(self, now: float) -> None:
         """Refuse what waits for frames of the world before: it has begun anew."""
         self._sync.forget(now)
+        self._refuse_unanswered(_WAS_RESET, now)
         self._barrier.reset(now)
 
     def _note_loss(self, lost: SyncOutcome | None, master: str, how: str, now: float) -> None:
@@ -304,11 +316,17 @@ class SyncDriver:
         self._settle(now)
 
     def _end_for_barrier(self, now: float) -> None:
+        self._forget_barrier_call()
         self._sync.unmute(self._barrier, now)
         self._sync.stop(BARRIER_ID, now)
         self._settle(now)
 
+    def _forget_barrier_call(self) -> None:
+        """Answer no tick of a barrier that is no more; its members have been answered."""
+        self._unanswered = deque(entry for entry in self._unanswered if entry[0] is not self._barrier_call)
+
     def _lose_for_barrier(self, now: float) -> None:
+        self._forget_barrier_call()
         self._sync.unmute(self._barrier, now)
         self._note_loss(self._sync.leave(self._barrier, now), BARRIER_ID, "has lost its last member", now)
 
@@ -324,16 +342,26 @@ class SyncDriver:
 
         self._ended_at = now
         named, call = world.frame + sync.num_frames, _Waiting(_OneTick(end), sync.num_frames)
+        self._barrier_call = call
         wait = partial(self._calls.append, call)
         try:
-            outcome = sync.tick(BARRIER_ID, named, world.frame, barrier, now, on_wait=wait, is_in_turns=True)
+            outcome = sync.tick(
+                BARRIER_ID,
+                named,
+                world.frame,
+                barrier,
+                now,
+                on_wait=wait,
+                is_in_turns=True,
+                is_held=not self._gate.is_open,
+            )
         except GraphError as error:  # the world has failed; it is told elsewhere
             barrier.not_moved(str(error), now)
             return
         if not outcome.is_accepted:
             barrier.not_moved(sync.why(outcome), now)
         elif outcome.state is not SyncState.WAITING:
-            barrier.moved(now)
+            self._answer(call, TickResult(is_accepted=True, is_paused=False), now)
         else:
             self._begin(call, now)
 
@@ -361,15 +389,25 @@ class SyncDriver:
         is_paused = sync.is_paused  # before the frames of this tick, which may bring a pause
         call = _Waiting(_OneTick(on_end), sync.num_frames)
         wait = partial(self._calls.append, call)
-        outcome = sync.tick(user_id, named, self._world.frame, caller, now, on_wait=wait, is_in_turns=True)
+        outcome = sync.tick(
+            user_id,
+            named,
+            self._world.frame,
+            caller,
+            now,
+            on_wait=wait,
+            is_in_turns=True,
+            is_held=not self._gate.is_open,
+        )
         if not outcome.is_accepted:
             on_end(TickResult(is_accepted=False, is_paused=is_paused, why=sync.why(outcome), reason=outcome.reason))
-        elif outcome.state is not SyncState.WAITING:
-            on_end(TickResult(is_accepted=True, is_paused=is_paused))
+            return
+        if outcome.state is not SyncState.WAITING:
+            self._answer(call, TickResult(is_accepted=True, is_paused=is_paused), now)
         else:
             self._begin(call, now)
-            if not call.is_over:
-                call.release = self.hold(caller)
+        if not call.is_over:
+            call.release = self.hold(caller)
 
     def _begin(self, call: _Waiting, now: float) -> None:
         """Let a tick that has come have its first turn at once, unless others wait before it."""
@@ -419,7 +457,11 @@ class SyncDriver:
     def has_turn(self) -> bool:
         """Return whether `take_turns` has something to do now."""
         calls = self._calls
-        return bool(calls) and (self._sync.has_turn(self._world.frame) or not calls[0].steps.is_wanted)
+        return (
+            bool(calls)
+            and self._gate.is_open
+            and (self._sync.has_turn(self._world.frame) or not calls[0].steps.is_wanted)
+        )
 
     def take_turns(self, now: float) -> None:
         """Carry out the ticks that wait, as far as what they wait for has been read, and until the turn is over.
@@ -427,11 +469,11 @@ class SyncDriver:
         Call it again while `has_turn`, when all others have been served.
         """
         read_clock, sync, calls = self.read_clock, self._sync, self._calls
-        if self._stepper.is_moving:
+        if self._stepper.is_moving or not self._gate.is_open:
             return
         self._turn_until = None if read_clock is None else read_clock() + TURN_TIME
         self._is_turn_over = False
-        while calls and not self._is_turn_over:
+        while calls and not self._is_turn_over and self._gate.is_open:
             call = calls.popleft()
             if not call.steps.is_wanted and not sync.is_in_tick:
                 self._finish(call, now)
@@ -440,16 +482,16 @@ class SyncDriver:
         self._end_waits(now)
 
     def wait_for_tick(self, caller: Participant, act: Callable[[float], object]) -> bool:
-        """Have a change of the world wait until the tick that has begun is over, because it takes several turns.
+        """Have a change of the world wait until the tick that has begun is over and answered.
 
         Args:
             caller: held until then.
             act: makes the change; takes monotonic time [s].
 
         Returns:
-            False if no tick has begun; then `act` is not called, and the change can be made at once.
+            False if there is no such tick; then `act` is not called, and the change can be made at once.
         """
-        if self._stepper.is_moving or not self._sync.is_in_tick:
+        if self._stepper.is_moving or (self._gate.is_open and not self._sync.is_in_tick):
             return False
         self._behind_tick.append((act, self.hold(caller)))
         return True
@@ -457,7 +499,7 @@ class SyncDriver:
     def _end_waits(self, now: float) -> None:
         """Make the changes that have waited for a tick, if it is over."""
         is_over = self._failure.why is not None or not self._sync.is_in_tick
-        while self._behind_tick and is_over and not self._stepper.is_moving:
+        while self._behind_tick and is_over and self._gate.is_open and not self._stepper.is_moving:
             act, release = self._behind_tick.popleft()
             try:
                 act(now)
@@ -484,7 +526,7 @@ class SyncDriver:
         num_done = self.num_ticks - num_ticks
         is_enough = num_done > 0 and steps.after_ticks(num_done)
         if call.why is not None and steps.num_left:  # the tick has brought it about
-            call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=call.why), now)
+            self._answer(call, TickResult(is_accepted=False, is_paused=sync.is_paused, why=call.why), now)
         elif is_enough or not steps.num_left:
             self._finish(call, now)
         else:
@@ -496,7 +538,30 @@ class SyncDriver:
         num_left, call.steps.num_left = call.steps.num_left, 0
         if num_left:
             self._sync.give_up(num_left, now)
-        call.end(TickResult(is_accepted=True, is_paused=False), now)
+        self._answer(call, TickResult(is_accepted=True, is_paused=False), now)
+
+    def _answer(self, call: _Waiting, result: TickResult, now: float) -> None:
+        """Answer a call whose frames have been computed: as soon as nothing of them is missing."""
+        if self._gate.is_open:
+            call.end(result, now)
+        else:
+            self._unanswered.append((call, result))
+
+    def _refuse_unanswered(self, why: str, now: float) -> None:
+        """Refuse what has ended behind a closed gate: what is missing will never come."""
+        unanswered, self._unanswered = self._unanswered, deque()
+        for call, _ in unanswered:
+            call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=why), now)
+
+    def _go_on(self, now: float) -> None:
+        """Answer what has ended behind the gate, which is open now, and carry out the ticks that wait."""
+        if self._stepper.is_moving:  # it was opened within the frame that closed it
+            return
+        self._ended_at = now
+        while self._unanswered and self._gate.is_open:
+            call, result = self._unanswered.popleft()
+            call.end(result, now)
+        self.take_turns(now)
 
     def hold(self, participant: Participant) -> Callable[[float], None]:
         """Hold back a peer's input while its request is being carried out; its lease does not run out meanwhile.
@@ -545,7 +610,7 @@ class SyncDriver:
                 if call is not None and call.why is not None:  # what a tick brings about does not stop that tick
                     if is_last:
                         break
-                elif self._is_turn_over:
+                elif self._is_turn_over or not self._gate.is_open:
                     break
         except Exception as error:
             raise GraphError(failure.note(error)) from error

@@ -5,6 +5,8 @@
         vehicle_center   the middle of its bounding box; static, and different for each model
         gps_link         its GPS antenna; static until a client moves it
         imu_link         its inertial unit, the same
+        Camera           a camera of --sensors, for example; lidars and radars likewise
+          Camera_optical its picture: x right, y down, z ahead (REP 103)
       Ego-2/base_link    a further ego, and so on
         Ego-2/vehicle_center, ...
 
@@ -16,6 +18,7 @@ A static message holds all static frames and is latched, so a late subscriber ge
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -38,6 +41,10 @@ TF: Final = "tf2_msgs/TFMessage"
 MAP: Final = "map"
 BASE: Final = "base_link"
 CENTER: Final = "vehicle_center"
+
+
+_OPTICAL: Final = Mounting(roll=-0.5 * math.pi, yaw=-0.5 * math.pi)
+"""From x forward, y left, z up to x right, y down, z ahead."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,13 +108,14 @@ class TfPublisher:
             egos: the egos; each stands in the world.
 
         Returns:
-            The middle of the bounding box and the sensors of each ego, in the egos' order.
+            The middle of the bounding box and the sensors of each ego, in the egos' order, and the pictures' frames.
         """
         found = []
         for ego in egos:
             body, prefix = self._world.bodies[ego.row], frame_prefix(ego)
             mountings = {CENTER: Mounting(x=body.centre, z=0.5 * body.height)} | ego.mountings
             found += [Mount(prefix + BASE, prefix + name, mounting) for name, mounting in mountings.items()]
+            found += [Mount(prefix + name, f"{prefix}{name}_optical", _OPTICAL) for name in ego.optical_frames]
         return tuple(found)
 
     def static(self, mounts: Sequence[Mount]) -> Struct:

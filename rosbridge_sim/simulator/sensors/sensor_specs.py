@@ -28,6 +28,7 @@ from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
 __all__ = [
+    "BOXES",
     "FRAME_RATE",
     "LIDAR_NAMES",
     "MAX_LEVER",
@@ -50,9 +51,12 @@ MAX_SENSORS: Final = 32
 MAX_SIDE: Final = 8192
 """Longest side of a picture [pixels]: the least of what OpenGL 4.1 promises is 16,384, with room for antialiasing."""
 
-MAX_PIXELS: Final = 8_388_608
+MAX_PIXELS: Final = 8_294_400
 """Pixels of all cameras of one ego together: one picture of 3840 x 2160, or 27 of 640 x 480. As raw colours that is
 25 MB, which the server's loop encodes in less than the 50 ms that a client may have to wait."""
+
+MAX_FOV: Final = 170.0
+"""Largest horizontal field of view [deg]: a plane picture of 180 has no width."""
 
 MAX_RAYS: Final = 1_000_000
 """Rays of a turn of all lidars of one ego together; the largest lidars on the market have 262,144 (128 x 2048)."""
@@ -77,6 +81,9 @@ MAX_NAME: Final = 100
 
 LIDAR_NAMES: Final = ("/lidar3D", "/velodyne_points")
 """Two names for the messages of a 3D lidar: MORAI's own, and that of the velodyne driver, which most programs use."""
+
+BOXES: Final = "rosbridge_sim_msgs/BoundingBoxes"
+"""Type of the boxes of what a camera shows."""
 
 _FRAME_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _TOPIC: Final = re.compile(r"(?:/[A-Za-z][A-Za-z0-9_]*)+")
@@ -114,13 +121,13 @@ _Degrees = Annotated[float, BeforeValidator(read_number), Field(ge=-360.0, le=36
 _Rate = Annotated[float, BeforeValidator(read_number), Field(ge=MIN_RATE, le=FRAME_RATE), _schema(MIN_RATE, FRAME_RATE)]
 _Range = Annotated[float, BeforeValidator(read_number), Field(ge=0.1, le=MAX_RANGE), _schema(0.1, MAX_RANGE)]
 _Near = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_RANGE), _schema(0.0, MAX_RANGE)]
-_Fov = Annotated[float, BeforeValidator(read_number), Field(ge=1.0, le=179.0), _schema(1.0, 179.0)]
+_Fov = Annotated[float, BeforeValidator(read_number), Field(ge=1.0, le=MAX_FOV), _schema(1.0, MAX_FOV)]
 _Elevation = Annotated[float, BeforeValidator(read_number), Field(ge=-90.0, le=90.0), _schema(-90.0, 90.0)]
 _Side = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=MAX_SIDE), _schema(1, MAX_SIDE, "integer")]
 _Quality = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=100), _schema(1, 100, "integer")]
 _Count = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=MAX_RAYS), _schema(1, MAX_RAYS, "integer")]
 _Index = Annotated[int, BeforeValidator(read_number), Field(ge=0, le=MAX_RAYS), _schema(0, MAX_RAYS, "integer")]
-_Coefficient = Annotated[float, BeforeValidator(read_number), Field(ge=-10.0, le=10.0), _schema(-10.0, 10.0)]
+_Coefficient = Annotated[float, BeforeValidator(read_number), Field(ge=-1.0, le=1.0), _schema(-1.0, 1.0)]
 
 
 class MountedSpec(Document):
@@ -317,10 +324,14 @@ def _step(rate: float) -> tuple[int, int]:
 
 
 def topics_of(spec: SensorSpec) -> list[tuple[str, str]]:
-    """Return the topics of a sensor, each with its type; the first one is its own, the others go with it."""
+    """Return the topics of a sensor, each with its type.
+
+    Of a camera they are the picture, its CameraInfo and its boxes; of a lidar all names of its one message.
+    """
     if isinstance(spec, CameraSpec):
         kind = "sensor_msgs/CompressedImage" if spec.is_jpeg else "sensor_msgs/Image"
-        return [(spec.topic, kind), (spec.base_topic + "/camera_info", "sensor_msgs/CameraInfo")]
+        beside = [("camera_info", "sensor_msgs/CameraInfo"), ("boxes", BOXES)]
+        return [(spec.topic, kind), *((f"{spec.base_topic}/{name}", type_name) for name, type_name in beside)]
     if isinstance(spec, Lidar3dSpec):
         names = LIDAR_NAMES if spec.topic in LIDAR_NAMES else (spec.topic,)
         return [(name, "sensor_msgs/PointCloud2") for name in names]

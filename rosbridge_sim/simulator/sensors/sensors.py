@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Final
 
@@ -25,13 +25,11 @@ from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.sensors.sensor_files import SensorDataStore, boxes_text
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
+from rosbridge_sim.simulator.sensors.sensor_specs import MAX_LEVER
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES, SENSORS
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, find_boxes
 
 __all__ = ["Sensors", "mountings_of"]
-
-MAX_LEVER: Final = 100.0
-"""Largest distance of a sensor from its vehicle's rear axle along each axis [m]; longer than any road train."""
 
 BOX_REACH: Final = 200.0
 """Largest distance of an object in the file of boxes [m], which is the range of good lidars."""
@@ -78,7 +76,7 @@ class Sensors(Component):
     def _reset(self) -> None:
         """Put the sensors back where they were at the start."""
         for ego in self._context.egos:
-            ego.mountings = dict.fromkeys(SENSOR_FRAMES, Mounting())
+            ego.mountings |= dict.fromkeys(SENSOR_FRAMES, Mounting())
 
     def save_state(self) -> PlainData:
         """Return the settings of the noise, so that a snapshot goes on with the same readings."""
@@ -111,7 +109,7 @@ class Sensors(Component):
     # In
 
     def _move(self, ego: Ego, message: Struct, sender: Participant, now: float) -> None:
-        moved = mountings_of(message)
+        moved = mountings_of(message, tuple(ego.mountings))
         ego.mountings |= moved
         self._context.static_tf.announce(now)
         _log.debug("ego %d: %s moved by %s", ego.index, ", ".join(moved) or "no sensor", sender.name)
@@ -148,11 +146,12 @@ class Sensors(Component):
         }
 
 
-def mountings_of(message: Struct) -> dict[str, Mounting]:
+def mountings_of(message: Struct, frames: Sequence[str] = SENSOR_FRAMES) -> dict[str, Mounting]:
     """Read a SensorPosControl.
 
     Args:
         message: a generated struct; places in metres, angles in radians, in the frame of the vehicle.
+        frames: of the vehicle's sensors, by their numbers.
 
     Returns:
         The new places of the sensors that it names, by the sensors' frames.
@@ -170,15 +169,15 @@ def mountings_of(message: Struct) -> dict[str, Mounting]:
             raise FieldError(f"{where}.{name}: expected {len(indices)} entries as sensor_index has, got {num}")
     moved: dict[str, Mounting] = {}
     for i, index in enumerate(indices):
-        if not 0 <= index < len(SENSOR_FRAMES):
-            known = ", ".join(f"{number} ({name})" for number, name in enumerate(SENSOR_FRAMES))
+        if not 0 <= index < len(frames):
+            known = ", ".join(f"{number} ({name})" for number, name in enumerate(frames))
             raise FieldError(f"{where}.sensor_index: expected {known}, got {index}")
-        if SENSOR_FRAMES[index] in moved:
+        if frames[index] in moved:
             raise FieldError(f"{where}.sensor_index: {index} is named twice")
         place, angles = ([getattr(message, name)[i] for name in names] for names in (_FIELDS[:3], _FIELDS[3:]))
         if not all(-MAX_LEVER <= figure <= MAX_LEVER for figure in place):
             raise FieldError(f"{where}[{i}]: expected a place within +-{MAX_LEVER:g} m, got {tuple(place)}")
         if not all(map(math.isfinite, angles)):
             raise FieldError(f"{where}[{i}]: expected finite angles, got {tuple(angles)}")
-        moved[SENSOR_FRAMES[index]] = Mounting(*place, *angles)
+        moved[frames[index]] = Mounting(*place, *angles)
     return moved

@@ -17,8 +17,9 @@ subscribe to a topic may not ask for it here.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
@@ -122,6 +123,7 @@ class _StepCall:
         self._is_plain = not (plan.commands or plan.watch or self._sampled)
         self._hook = self._after_frame if plan.watch is not None or self._sampled else None
         self._is_hooked = False
+        self._taken: list[tuple[PeriodicPublisher, Callable[[Message], None]]] = []
 
     @property
     def num_at_once(self) -> int:
@@ -146,6 +148,7 @@ class _StepCall:
         if self._hook is not None:
             context.hooks.after_frame.append(self._hook)
             self._is_hooked = True
+        self._take()
 
     def after_ticks(self, num: int) -> bool:
         """Count steps as done; return whether a condition to stop is met."""
@@ -153,6 +156,16 @@ class _StepCall:
         self.num_left -= num
         self._unhook()
         return self.plan.watch is not None and bool(self.plan.watch.met)
+
+    def _take(self) -> None:
+        """Have the messages made that come behind a frame, and keep the last one of each topic."""
+        if self._taken:
+            return
+        for sample in self._sampled:
+            if isinstance(sample.publisher, PeriodicPublisher):
+                take = partial(setattr, sample, "message")
+                self._taken.append((sample.publisher, take))
+                sample.publisher.takers.append(take)
 
     def _unhook(self) -> None:
         if self._hook is not None and self._is_hooked:
@@ -162,6 +175,9 @@ class _StepCall:
     def end(self, result: TickResult) -> None:
         """Answer the caller."""
         self._unhook()  # a step that was interrupted in its middle has no `after_ticks`
+        for publisher, take in self._taken:
+            publisher.takers.remove(take)
+        self._taken = []
         if self._call.is_done:  # given up, or the caller has left
             return
         self._service.answer(self._call, self, result)

@@ -344,7 +344,8 @@ def _read_egos(data: object, world: Snapshot, sensor_frames: tuple[str, ...]) ->
         and (egos[0].index, egos[0].uid) == (FIRST_EGO, FIRST_EGO)
         and all(FIRST_FREE_EGO <= ego.index <= MAX_UID for ego in egos[1:])
         and all(ego.uid in rows and kinds[rows[ego.uid]] == Kind.EGO for ego in egos)
-        and all(tuple(name for name, _ in ego.mountings) == sensor_frames for ego in egos)
+        and all(tuple(name for name, _ in ego.mountings)[: len(sensor_frames)] == sensor_frames for ego in egos)
+        and all(len(ego.mountings) == len(dict(ego.mountings)) for ego in egos)
         and all(0 <= lamp <= most for ego in egos for lamp, most in zip(ego.lamps, MAX_LAMPS, strict=True))
     )
     if not is_good:

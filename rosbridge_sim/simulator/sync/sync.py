@@ -240,6 +240,7 @@ class Sync(Generic[C]):
         *,
         on_wait: Callable[[], object] | None = None,
         is_in_turns: bool = False,
+        is_held: bool = False,
     ) -> SyncOutcome:
         """Handle a request to move the world by one time step.
 
@@ -252,6 +253,7 @@ class Sync(Generic[C]):
             on_wait: called if the tick waits. Then call `take_turn`, and whenever a command has become ready or was
                 withdrawn.
             is_in_turns: let a tick of several frames wait, so that `take_turn` can divide it.
+            is_held: let the tick wait, because something of the last frame is missing.
 
         Returns:
             The outcome. If it is accepted, the frames of the tick have been computed, or it waits.
@@ -263,7 +265,7 @@ class Sync(Generic[C]):
         end = frame + self._num_owed + num_frames
         if self._is_strict and named != end:
             return self._follow(SyncHappening(SyncEvent.TICK_MISFIT, now))
-        waits = (is_in_turns and num_frames > 1) or self._is_early(end)
+        waits = is_held or (is_in_turns and num_frames > 1) or self._is_early(end)
         event = SyncEvent.TICK_EARLY if waits else SyncEvent.TICK_BY_MASTER
         return self._follow(SyncHappening(event, now, num_frames, on_wait=on_wait))
 

@@ -95,7 +95,7 @@ def test_what_is_not_simulated_becomes_a_remark() -> None:
     ("lists", "text"),
     [
         ({"cameraList": [CAMERA | {"pos": {"x": "abc"}}]}, "cameraList[0].pos.x: expected a number, got 'abc'"),
-        ({"cameraList": [CAMERA | {"cc": CAMERA["cc"] | {"cameraFOV": 180}}]}, "camera[0].fov: expected at most 179"),
+        ({"cameraList": [CAMERA | {"cc": CAMERA["cc"] | {"cameraFOV": 180}}]}, "camera[0].fov: expected at most 170"),
         ({"cameraList": []}, "expected cameras, lidars or radars, got none"),
         ({"cameraList": 3}, "cameraList: expected a list"),
     ],

@@ -69,7 +69,7 @@ def test_camera_beyond_a_bound_is_refused(field: str, value: object) -> None:
     ("rig", "text"),
     [
         ([CameraSpec(frame_id=f"c{i}", width=8, height=8) for i in range(33)], "at most 32 for an ego, got 33"),
-        ([CameraSpec(width=8192, height=4320)], "at most 8,388,608 pixels for all of an ego, got 35,389,440"),
+        ([CameraSpec(width=8192, height=4320)], "at most 8,294,400 pixels for all of an ego, got 35,389,440"),
         ([Lidar3dSpec(model="own", elevations=tuple(range(64)), columns=20_000)], "at most 1,000,000 rays a turn"),
         ([Lidar3dSpec(model="own")], "velodyne.elevations: expected angles for model 'own'"),
         ([Lidar3dSpec(elevations=(1.0,))], "velodyne.elevations: expected angles for model 'own', and none for any"),
