@@ -67,7 +67,7 @@ simulator.scene: * graph maps morai morai.messages scenarios simulator.bus simul
     world.roads world.state
 simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain simulator.scene simulator.sync
     world.drivers world.followers world.geometry world.roads world.state world.vehicle
-simulator.sensors: * documents graph maps morai.messages scenery simulator.bus simulator.kernel simulator.plain
+simulator.sensors: * documents graph maps morai.messages scenery schema simulator.bus simulator.kernel simulator.plain
     world.geometry world.state world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensors simulator.sync world.contacts world.roads world.state

@@ -101,8 +101,8 @@ def make_node(
     """
     chosen = settings or NodeSettings()
     context = _make_context(bus, world, library, scenario, chosen)
-    sensors = Sensors(context, archive, chosen.sensor_noise)
     mounted = MountedSensors(context, chosen.sensors, worker)
+    sensors = Sensors(context, archive, chosen.sensor_noise, mounted)
     CommandExecutor(context, sensors)
     reader = reader or AtOnce()
     replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)

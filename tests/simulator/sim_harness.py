@@ -187,19 +187,28 @@ class MemoryDataStore:
     """An archive in memory.
 
     Attributes:
-        saved: (folder, name, contents by file name), in order.
+        saved: (folder, name, contents by file name), in order; those of *.csv and *.txt as text.
         refusal: why nothing can be saved; None while it can.
     """
 
     def __init__(self) -> None:
-        self.saved: list[tuple[str, str, dict[str, str]]] = []
+        self.saved: list[tuple[str, str, dict[str, Any]]] = []
         self.refusal: str | None = None
 
     def save(self, folder: str, name: str, files: Mapping[str, bytes], source: str) -> None:
         if self.refusal is not None:
             raise DocumentError(self.refusal)
         assert source
-        self.saved.append((folder, name, {file: content.decode() for file, content in files.items()}))
+        self.saved.append(
+            (
+                folder,
+                name,
+                {
+                    file: content.decode() if file.endswith((".csv", ".txt")) else content
+                    for file, content in files.items()
+                },
+            )
+        )
 
 
 class Client:

@@ -50,6 +50,7 @@ _TICK: Final = _calling("/SyncModeWaitForTick")
 _STEP: Final = _calling("/sim/step")
 _SCENE: Final = (*_hearing("/sim/scene/state"), *_calling("/sim/describe"))
 _MARKERS: Final = _hearing("/sim/scene/objects")
+_SEEN: Final = _hearing("/image_jpeg/compressed", "/image_jpeg/boxes", "/lidar3D", "/lidar2D", "/radar")
 
 _SAME: Final = (
     _publishing("/ctrl_cmd", "/ctrl_cmd_0"),
@@ -60,6 +61,7 @@ _SAME: Final = (
     (*_hearing("/sim/score"), *_calling("/sim/score")),
     (*_hearing("/sim/state_hash"), *_calling("/sim/state_hash")),
     (*_hearing("/sim/scene/map"), *_calling("/sim/map")),
+    _hearing("/lidar3D", "/velodyne_points"),
 )
 """Each row: default names of one topic or service."""
 
@@ -99,6 +101,9 @@ _EFFECTS: Final = (
         (*_LOADS, *_calling("/Morai_SimProc")),
     ),
     PolicyEffect("keep or remove snapshots", _calling("/sim/snapshot", "/sim/snapshots")),
+    PolicyEffect(
+        "add, move or remove an ego's sensors", (*_publishing("/SensorPosControl"), *_calling("/sim/sensors"))
+    ),
     PolicyEffect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
     PolicyEffect(
         "learn where an ego is",
@@ -114,7 +119,7 @@ _EFFECTS: Final = (
     PolicyEffect(
         "learn where others are",
         _hearing("/Object_topic"),
-        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_MARKERS, *_SCENE),
+        (*_hearing("/CollisionData", "/VehicleCollisionData", "/ReplayInfo_topic"), *_MARKERS, *_SCENE, *_SEEN, *_STEP),
     ),
     PolicyEffect(
         "learn of collisions",

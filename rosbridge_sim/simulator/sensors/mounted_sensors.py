@@ -17,8 +17,9 @@ import json
 import logging
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError, FieldError, PeerError
@@ -47,6 +48,7 @@ from rosbridge_sim.simulator.sensors.sensor_specs import (
     FRAME_RATE,
     CameraSpec,
     Lidar2dSpec,
+    Lidar3dSpec,
     RadarSpec,
     Rig,
     SensorSpec,
@@ -60,10 +62,11 @@ from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
 __all__ = ["MountedSensors"]
 
+MAX_CAPTURES: Final = 4
+"""Captures that are drawn at once: each has copies of its frame, and pictures of up to 25 MB."""
+
 MEASURED_FRAMES: Final = 100
 """Frames over which a rate is measured: two seconds."""
-
-_SOURCE: Final = "/sim/sensors"
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -137,6 +140,7 @@ class MountedSensors(Component):
         self._messages = SensorMessages(context.bus.store)
         self._epoch = 0  # number of resets and restores
         self._num_failures = 0
+        self._num_captures = 0  # being drawn
         store = context.bus.store
         self._make_info = maker(
             store,
@@ -162,11 +166,10 @@ class MountedSensors(Component):
         """Offer the service."""
         bindings.provide("sim/sensors", "rosbridge_sim_msgs/Sensors", self._serve)
 
-    def topics_like(self, type_name: str) -> list[str]:
-        """Return the topics of a type that sensors of the first ego publish."""
+    def has_topic_like(self, type_name: str) -> bool:
+        """Return whether a sensor of the first ego publishes messages of a type."""
         rig = self._rigs[self._context.egos.first.index]
-        names = [one.topic.name for one in rig.publishers.values() if one.topic and one.type_name == type_name]
-        return list(dict.fromkeys(names))
+        return any(one.topic is not None and one.type_name == type_name for one in rig.publishers.values())
 
     def _mount(self, rig: _EgoRig, specs: Rig, now: float) -> None:
         """Give an ego another rig; a sensor that stays keeps its figures.
@@ -312,7 +315,14 @@ class MountedSensors(Component):
         own = Pose(*mounting.place, mounting.roll, mounting.pitch, mounting.yaw)
         return Motion(vehicle, own, world.speed.item(row), world.yaw_rate.item(row))
 
-    def _submit(self, worker: SensorWorker, plan: _Plan, *, is_tick: bool) -> None:
+    def _submit(
+        self,
+        worker: SensorWorker,
+        plan: _Plan,
+        *,
+        is_tick: bool,
+        end: Callable[[Exception | None, float], None] | None = None,
+    ) -> None:
         context, epoch = self._context, self._epoch
         world, found = context.world, context.scene.found_map
         looks = [EgoLook(ego.row, ego.index, lamps_of(ego, world)) for ego in context.egos if ego.is_there]
@@ -322,9 +332,11 @@ class MountedSensors(Component):
             try:
                 if isinstance(results, Exception):
                     self._note_failure(results)
-                elif epoch == self._epoch:
+                elif epoch == self._epoch or end is not None:  # a file is of the frame that was asked for
                     for finish, result in zip(plan.finishes, results, strict=True):
                         finish(result, now)
+                if end is not None:
+                    end(results if isinstance(results, Exception) else None, now)
             finally:
                 if is_tick:
                     context.gate.open(now)
@@ -357,6 +369,46 @@ class MountedSensors(Component):
             for publisher in own:
                 if _is_wanted(publisher):
                     deliver(publisher, cloud, now)
+
+    # Files
+
+    def draw_files(self, ego: Ego, then: Callable[[Mapping[str, bytes] | Exception, float], None]) -> bool:
+        """Have the cameras and 3D lidars of an ego drawn for files: the frame of now.
+
+        Args:
+            ego: the ego.
+            then: called once with the contents by file names, and monotonic time [s]; `{}` in a name stands for the
+                name of the capture. In synchronous mode the next tick waits for it.
+
+        Returns:
+            False if there is nothing to draw; then `then` is not called.
+
+        Raises:
+            DocumentError: too many captures are being drawn already.
+        """
+        rig, worker = self._rigs.get(ego.index), self._worker
+        specs = (
+            [] if rig is None else [one.spec for one in rig.sensors if isinstance(one.spec, CameraSpec | Lidar3dSpec)]
+        )
+        if worker is None or not specs:
+            return False
+        if self._num_captures >= MAX_CAPTURES:
+            raise DocumentError(f"{MAX_CAPTURES} captures are being drawn already; expected fewer at once")
+        self._num_captures += 1
+        prefix = frame_prefix(ego)
+        plan, files = _Plan(), dict[str, bytes]()
+        for spec in specs:
+            plan.sights.append(Sight(spec, self._motion(ego, spec), ego.index, is_for_file=True))
+            is_camera = isinstance(spec, CameraSpec)
+            kind, suffix = ("CAMERA", "jpeg") if is_camera else ("LIDAR", "bin")
+            plan.finishes.append(partial(_keep_file, files, f"{prefix}{kind}_{spec.frame_id}_{{}}.{suffix}"))
+
+        def end(error: Exception | None, now: float) -> None:
+            self._num_captures -= 1
+            then(files if error is None else error, now)
+
+        self._submit(worker, plan, is_tick=not self._context.sync.is_free, end=end)
+        return True
 
     # Reset and snapshots
 
@@ -499,6 +551,12 @@ class MountedSensors(Component):
                 )
             )
         return infos
+
+
+def _keep_file(files: dict[str, bytes], name: str, result: Result, _now: float) -> None:
+    """Keep the bytes of a file."""
+    assert not isinstance(result, Scan), "it has no file"
+    files[name] = result.file
 
 
 def _nothing() -> None:

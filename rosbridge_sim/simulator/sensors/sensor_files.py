@@ -5,6 +5,8 @@ A capture is a set of text files of one frame under one name:
     GPS_NAME.csv    position of the antenna: a line of names, a line of values, as in `morai_msgs/GPSMessage`
     IMU_NAME.csv    readings of the inertial unit: the same, as in `sensor_msgs/Imu`
     BOXES_NAME.txt  bounding boxes of other objects, the nearest first: a line each, in MORAI's order
+    CAMERA_SENSOR_NAME.jpeg  colours of a camera
+    LIDAR_SENSOR_NAME.bin    points of a 3D lidar: x, y, z [m] and intensity as little-endian float32
 
 Files of a further ego are in its own folder, `Ego-2/`. Values in CSV files are exact; boxes have four decimals.
 """

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError, FieldError
-from rosbridge_sim.graph.participant import Notify, Participant
+from rosbridge_sim.graph.participant import Notify, Participant, notifier
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -23,6 +23,7 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
+from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_files import SensorDataStore, boxes_text
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import MAX_LEVER
@@ -46,7 +47,11 @@ class Sensors(Component):
     """Component of the sensors. The egos keep the sensors' places."""
 
     def __init__(
-        self, context: SimulatorContext, archive: SensorDataStore | None, noise: SensorNoise | None = None
+        self,
+        context: SimulatorContext,
+        archive: SensorDataStore | None,
+        noise: SensorNoise | None = None,
+        mounted: MountedSensors | None = None,
     ) -> None:
         """Keep the sensors' data nowhere yet.
 
@@ -54,8 +59,10 @@ class Sensors(Component):
             context: of the simulator.
             archive: saves captures; None if there is no folder for them.
             noise: errors of all sensors; None for exact readings.
+            mounted: cameras and lidars, whose data is saved with theirs.
         """
         self._context = context
+        self._mounted = mounted
         self._noise = noise
         self._archive = archive
         self._sensors = [sensor(context, noise) for sensor in SENSORS]
@@ -102,9 +109,9 @@ class Sensors(Component):
         if not ego.is_there:
             return
         try:
-            self._save(ego, "", "", f"sensor_capture of {service}")
+            self._save(ego, "", "", f"sensor_capture of {service}", partial(_complain, notify, "sensor_capture"))
         except DocumentError as error:
-            notify("error", f"sensor_capture: {error}")
+            _complain(notify, "sensor_capture", error)
 
     # In
 
@@ -115,26 +122,48 @@ class Sensors(Component):
         _log.debug("ego %d: %s moved by %s", ego.index, ", ".join(moved) or "no sensor", sender.name)
 
     def _save_as_told(
-        self, ego: Ego, bindings: SubscribersServices, message: Struct, _sender: Participant, _now: float
+        self, ego: Ego, bindings: SubscribersServices, message: Struct, sender: Participant, _now: float
     ) -> None:
         where = "morai_msgs/SaveSensorData"
         name = message.custom_file_name if message.is_custom_file_name else ""
         if message.is_custom_file_name and not name:
             raise FieldError(f"{where}.custom_file_name: expected a name, as is_custom_file_name says")
         try:
-            self._save(ego, message.file_dir, name, bindings.topic("SaveSensorData"))
+            late = partial(_complain, notifier(sender), where)
+            self._save(ego, message.file_dir, name, bindings.topic("SaveSensorData"), late)
         except DocumentError as error:
             raise FieldError(f"{where}: {error}") from None
 
-    def _save(self, ego: Ego, folder: str, name: str, source: str) -> None:
-        """Save the data of an ego's sensors in this frame.
+    def _save(self, ego: Ego, folder: str, name: str, source: str, complain: Callable[[Exception], None]) -> None:
+        """Save the data of an ego's sensors in this frame; that of cameras and lidars has to be drawn before.
+
+        Args:
+            ego: the ego.
+            folder: see `SensorDataStore.save`.
+            name: of the capture; empty for the frame's number.
+            source: see `SensorDataStore.save`.
+            complain: takes the error if the data cannot be saved after it was drawn.
 
         Raises:
             DocumentError: the data cannot be saved there, or under that name.
         """
-        if self._archive is None:
+        archive = self._archive
+        if archive is None:
             raise DocumentError("this simulator has no folder for sensor data")
-        self._archive.save(folder, name or f"frame_{self._context.world.frame:06d}", self._files(ego), source)
+        name = name or f"frame_{self._context.world.frame:06d}"
+        files = self._files(ego)
+
+        def finish(drawn: Mapping[str, bytes] | Exception, _now: float) -> None:
+            if isinstance(drawn, Exception):
+                complain(drawn)
+                return
+            try:
+                archive.save(folder, name, {**files, **drawn}, source)
+            except DocumentError as error:
+                complain(error)
+
+        if self._mounted is None or not self._mounted.draw_files(ego, finish):
+            archive.save(folder, name, files, source)
 
     def _files(self, ego: Ego) -> Mapping[str, bytes]:
         world = self._context.world
@@ -144,6 +173,10 @@ class Sensors(Component):
             **{prefix + sensor.title + "_{}.csv": sensor.file(frame, sensor.read(ego)) for sensor in self._sensors},
             prefix + "BOXES_{}.txt": boxes_text(world, boxes, self._context.egos.unique_id),
         }
+
+
+def _complain(notify: Notify, where: str, error: Exception) -> None:
+    notify("error", f"{where}: {error}")
 
 
 def mountings_of(message: Struct, frames: Sequence[str] = SENSOR_FRAMES) -> dict[str, Mounting]:

@@ -13,7 +13,9 @@ from rosbridge_sim.graph.ways import Use
 from rosbridge_sim.simulator.bus.interface_registry import ListedInterface
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.simulator_ways import _EFFECTS, _SAME, SimulatorWays
+from rosbridge_sim.simulator.sensors.sensor_presets import PRESETS
 from tests.graph.bus_fixture import Wire
+from tests.simulator.sensors.analytic_makers import AtOnceWorker
 from tests.simulator.sim_harness import ALL, SimHarness, put_egos
 
 COMMAND, LOAD = "morai_msgs/CtrlCmd", "morai_msgs/ScenarioLoad"
@@ -74,7 +76,8 @@ def test_denying_one_alias_denies_all(harness: SimHarness, row: tuple[tuple[Use,
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
 def test_names_in_the_alias_table_exist_in_the_simulator(release: str) -> None:
     """Of one release or the other."""
-    items = {(item.kind, item.default) for item in SimHarness(release=release).node.interfaces.listing()}
+    node = SimHarness(release=release, sensors=PRESETS["all"], worker=AtOnceWorker()).node
+    items = {(item.kind, item.default) for item in node.interfaces.listing()}
     items |= {(InterfaceKind.SUBSCRIBER, f"/SyncMode{what}Obj") for what in ("Add", "Remove")}
     items |= {(InterfaceKind.SERVICE, f"/SyncMode{what}Object") for what in ("Add", "Remove")}
     kinds = {
@@ -90,7 +93,7 @@ def test_names_in_the_alias_table_exist_in_the_simulator(release: str) -> None:
 def test_every_input_and_service_with_an_effect_is_in_the_log_table(harness: SimHarness) -> None:
     """Whoever adds one has to say what it does, so that the log can name it."""
     known = {way for effect in _EFFECTS for way in (*effect.ways, *effect.also)}
-    alone = {"/SensorPosControl", "/Service_MoraiVehicleSpec", "/Service_MoraiMapSpec"}
+    alone = {"/Service_MoraiVehicleSpec", "/Service_MoraiMapSpec"}
     # They tell what no drive changes.
     alone |= {"/sim/catalogue", "/sim/map", "/sim/route", "/sim/nearest_lane"}
     alone |= {"/sim/scenarios", "/sim/scenario_picture"}

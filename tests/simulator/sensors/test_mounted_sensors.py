@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
 from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar2dSpec, Lidar3dSpec, RadarSpec
@@ -490,3 +490,51 @@ def test_sensor_pos_control_moves_sensors_behind_gps_and_imu() -> None:
     lidar = sensors(client)["sensors"][1]
     assert (lidar["x"], lidar["y"], lidar["z"]) == (1.0, 0.5, 2.0)
     assert harness.node.egos.first.mountings["velodyne"].place == (1.0, 0.5, 2.0)
+
+
+# Files
+
+
+def test_saved_data_has_pictures_and_points() -> None:
+    worker = ManualWorker()
+    harness, client = in_sync(CAMERA, LIDAR, RADAR, worker=worker)
+    client.tick()
+    client.send("/SaveSensorData", "morai_msgs/SaveSensorData", is_custom_file_name=True, custom_file_name="here")
+    assert not harness.drawer.saved
+    answers = begin_tick(harness, client)  # it waits: the files are of frame 1
+    assert harness.world.frame == 1
+    worker.finish()
+    assert harness.world.frame == 2
+    assert len(answers) == 1
+    ((_, name, files),) = harness.drawer.saved
+    assert name == "here"
+    assert set(files) == {
+        *("GPS_{}.csv", "IMU_{}.csv", "BOXES_{}.txt"),
+        *("CAMERA_Camera_{}.jpeg", "LIDAR_velodyne_{}.bin"),
+    }
+    assert len(files["CAMERA_Camera_{}.jpeg"]) == 1 + 32 * 24
+    points = np.frombuffer(files["LIDAR_velodyne_{}.bin"], dtype="<f4").reshape(-1, 4)
+    assert len(points)
+    assert points[:, 3].max() <= 255.0
+
+
+def test_data_that_cannot_be_saved_after_drawing_is_told() -> None:
+    worker = ManualWorker()
+    harness, client = in_sync(CAMERA, worker=worker)
+    harness.drawer.refusal = "the disk is full"
+    client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
+    worker.finish()
+    assert client.told[-1][0] == "error"
+    assert "the disk is full" in client.told[-1][1]
+
+
+def test_captures_that_wait_are_bounded() -> None:
+    worker = ManualWorker()
+    _, client = in_sync(CAMERA, worker=worker)
+    for _ in range(4):
+        client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
+    with pytest.raises(FieldError, match="4 captures are being drawn already"):
+        client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
+    worker.finish()
+    client.send("/SaveSensorData", "morai_msgs/SaveSensorData")
+    assert len(worker.jobs) == 4
