@@ -29,7 +29,8 @@ from tests.conftest import Connect, Serve
 from tests.end_to_end.test_browser import page_at, until
 from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", *sorted(set((ROOT / "docs").rglob("*.md")) - set((ROOT / "docs" / "ko").rglob("*.md")))]
+"""Pages with examples; the Korean ones show the same programs, see `test_korean_pages.py`."""
 
 MARKED = re.compile(r"<!-- run: ([\w-]+) -->\n```(\w+)\n(.*?)```\n(?:\n[^\n#`]+:\n\n```text\n(.*?)```\n)?", re.DOTALL)
 """Mark, language and text of an example, and of the block that says what it prints, where there is one."""

@@ -31,7 +31,7 @@ _HTML: Final = "text/html; charset=utf-8"
 _IMAGES: Final = {".svg": "image/svg+xml", ".png": "image/png"}
 """Content types of pictures by suffix. Other files of the folder are not served."""
 
-_GROUPS: Final = {"": "Pages", "guides": "Guides", "reference": "Reference", "decisions": "Decisions"}
+_GROUPS: Final = {"": "Pages", "guides": "Guides", "reference": "Reference", "decisions": "Decisions", "ko": "한국어"}
 """Headings of the list by folder, in their order."""
 
 _Table = Mapping[str, Callable[[], PageFile]]
@@ -83,7 +83,8 @@ def _make_image(path: Path) -> PageFile:
 
 def _make_page(page: DocPage, pages: frozenset[str], images: frozenset[str]) -> PageFile:
     body = render_markdown(page.path.read_text("utf-8"), page.name, pages, images)
-    return _frame(page.title, "../" * (page.name.count("/") + 1), body)
+    language = "ko" if page.name.startswith("ko/") else "en"
+    return _frame(page.title, "../" * (page.name.count("/") + 1), body, language)
 
 
 def _make_list(pages: Iterable[DocPage]) -> PageFile:
@@ -106,16 +107,17 @@ def _plain(title: str) -> str:
     return title.replace("`", "")
 
 
-def _frame(title: str, root: str, body: str) -> PageFile:
+def _frame(title: str, root: str, body: str, language: str = "en") -> PageFile:
     """Return a whole HTML document.
 
     Args:
         title: title of the page.
         root: the server's first page, relative to this one: a proxy may put all of them below a folder.
         body: HTML of the page.
+        language: of the text.
     """
     html = f"""<!doctype html>
-<html lang="en">
+<html lang="{language}">
 <head>
 <meta charset="utf-8">
 <title>{escape(_plain(title))} - rosbridge-sim</title>
