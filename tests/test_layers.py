@@ -54,7 +54,7 @@ documents: * not_json
 maps: * documents units world.geometry world.roads world.state
 scenarios: * documents maps units world.drivers world.geometry world.roads world.state
 # what sensors see
-scenery: world.followers world.geometry world.roads world.state
+scenery: maps world.followers world.geometry world.roads world.state
 # MORAI's names
 morai: schema
 morai.messages: * maps morai scenarios schema units world.followers world.geometry world.roads world.state

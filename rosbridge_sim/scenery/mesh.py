@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["NO_INSTANCE", "Colour", "Label", "Mesh", "join_meshes"]
+__all__ = ["NO_INSTANCE", "Colour", "Label", "Lit", "Mesh", "join_meshes"]
 
 Colour = tuple[int, int, int]
 """Red, green and blue, 0..255, as a camera sees it at noon."""
@@ -49,6 +49,14 @@ class Label(IntEnum):
     OBSTACLE = 19
 
 
+class Lit(IntEnum):
+    """Whether a triangle shines by itself."""
+
+    NEVER = 0
+    NOW = 1
+    IN_THE_DARK = 2  # head lamps and street lamps
+
+
 @dataclass(frozen=True, eq=False)  # without slots, because the digest is kept
 class Mesh:
     """Triangles; never changed after they are made. `m` triangles have `n` corners.
@@ -60,7 +68,7 @@ class Mesh:
         colour: (m, 3) uint8, red, green, blue.
         label: (m,) uint8, see `Label`.
         instance: (m,) int32, id of the entity plus 1; `NO_INSTANCE` for what is none.
-        lit: (m,) bool, a lamp that shines by itself.
+        lit: (m,) uint8, whether it shines by itself, see `Lit`.
     """
 
     origin: NDArray[np.float64]
@@ -69,7 +77,7 @@ class Mesh:
     colour: NDArray[np.uint8]
     label: NDArray[np.uint8]
     instance: NDArray[np.int32]
-    lit: NDArray[np.bool_]
+    lit: NDArray[np.uint8]
 
     def __len__(self) -> int:
         return len(self.triangles)
@@ -116,7 +124,7 @@ class Mesh:
         *,
         origin: NDArray[np.float64] | None = None,
         instance: int = NO_INSTANCE,
-        lit: bool = False,
+        lit: Lit = Lit.NEVER,
     ) -> Mesh:
         """Return triangles of one colour and one class.
 
@@ -137,7 +145,7 @@ class Mesh:
             np.tile(np.array(colour, dtype=np.uint8), (num, 1)),
             np.full(num, label, dtype=np.uint8),
             np.full(num, instance, dtype=np.int32),
-            np.full(num, lit, dtype=bool),
+            np.full(num, lit, dtype=np.uint8),
         )
 
     @classmethod

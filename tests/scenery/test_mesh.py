@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rosbridge_sim.scenery.mesh import Label, Mesh, join_meshes
+from rosbridge_sim.scenery.mesh import Label, Lit, Mesh, join_meshes
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float32)
 HALVES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
@@ -13,13 +13,13 @@ HALVES = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
 
 def test_joined_meshes_keep_the_attributes_of_their_triangles() -> None:
     one = Mesh.of(SQUARE, HALVES, (1, 2, 3), Label.ASPHALT)
-    two = Mesh.of(SQUARE + 5, HALVES[:1], (4, 5, 6), Label.VEHICLE, instance=8, lit=True)
+    two = Mesh.of(SQUARE + 5, HALVES[:1], (4, 5, 6), Label.VEHICLE, instance=8, lit=Lit.NOW)
     both = join_meshes([one, two])
     assert both.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [4, 5, 6]]
     assert both.label.tolist() == [Label.ASPHALT, Label.ASPHALT, Label.VEHICLE]
     assert both.colour.tolist() == [[1, 2, 3], [1, 2, 3], [4, 5, 6]]
     assert both.instance.tolist() == [0, 0, 8]
-    assert both.lit.tolist() == [False, False, True]
+    assert both.lit.tolist() == [Lit.NEVER, Lit.NEVER, Lit.NOW]
 
 
 def test_meshes_of_different_origins_are_not_joined() -> None:
@@ -44,7 +44,7 @@ def test_digest_differs_for_every_attribute() -> None:
         Mesh.of(SQUARE, HALVES, (1, 2, 4), Label.ASPHALT),
         Mesh.of(SQUARE, HALVES, (1, 2, 3), Label.KERB),
         Mesh.of(SQUARE, HALVES, (1, 2, 3), Label.ASPHALT, instance=1),
-        Mesh.of(SQUARE, HALVES, (1, 2, 3), Label.ASPHALT, lit=True),
+        Mesh.of(SQUARE, HALVES, (1, 2, 3), Label.ASPHALT, lit=Lit.NOW),
         Mesh.of(SQUARE, HALVES, (1, 2, 3), Label.ASPHALT, origin=np.ones(3)),
     ]
     assert len({mesh.digest, *(other.digest for other in others)}) == len(others) + 1

@@ -1,0 +1,105 @@
+"""Collects triangles in the map frame, and makes one mesh of them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rosbridge_sim.scenery.mesh import Colour, Label, Lit, Mesh
+from rosbridge_sim.world.geometry.planar import FloatArray
+
+__all__ = ["MeshBuilder"]
+
+
+class MeshBuilder:
+    """Triangles that grow piece by piece.
+
+    Args:
+        origin: (3,) of the mesh that is made, map frame [m].
+    """
+
+    def __init__(self, origin: FloatArray) -> None:
+        self._origin = origin
+        self._num = 0
+        self._vertices: list[NDArray[np.float32]] = []
+        self._triangles: list[NDArray[np.int32]] = []
+        self._colours: list[NDArray[np.uint8]] = []
+        self._labels: list[NDArray[np.uint8]] = []
+        self._lit: list[NDArray[np.uint8]] = []
+
+    def add(
+        self,
+        vertices: FloatArray,
+        triangles: NDArray[np.int32] | NDArray[np.int64],
+        colour: Colour | NDArray[np.uint8],
+        label: Label,
+        lit: Lit = Lit.NEVER,
+    ) -> None:
+        """Add triangles.
+
+        Args:
+            vertices: (n, 3) map frame [m].
+            triangles: (m, 3) rows of them.
+            colour: of all, or (m, 3) uint8.
+            label: of all.
+            lit: of all.
+        """
+        if not len(triangles):
+            return
+        self._vertices.append((np.asarray(vertices, dtype=np.float64) - self._origin).astype(np.float32))
+        self._triangles.append(np.asarray(triangles, dtype=np.int32) + np.int32(self._num))
+        self._colours.append(np.broadcast_to(np.asarray(colour, dtype=np.uint8), (len(triangles), 3)))
+        self._labels.append(np.full(len(triangles), label, dtype=np.uint8))
+        self._lit.append(np.full(len(triangles), lit, dtype=np.uint8))
+        self._num += len(vertices)
+
+    def add_quads(self, corners: FloatArray, colour: Colour | NDArray[np.uint8], label: Label) -> None:
+        """Add quadrilaterals.
+
+        Args:
+            corners: (q, 4, 3) counter-clockwise as seen from their upper side, map frame [m].
+            colour: of all, or (2 q, 3) uint8.
+            label: of all.
+        """
+        first = 4 * np.arange(len(corners), dtype=np.int32)[:, None, None]
+        halves = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)
+        self.add(corners.reshape(-1, 3), (first + halves).reshape(-1, 3), colour, label)
+
+    def add_copies(
+        self,
+        vertices: FloatArray,
+        triangles: NDArray[np.int32],
+        places: FloatArray,
+        *,
+        colour: Colour,
+        label: Label,
+        lit: Lit = Lit.NEVER,
+    ) -> None:
+        """Add copies of one shape.
+
+        Args:
+            vertices: (n, 3) of the shape, or (c, n, 3) of each copy [m].
+            triangles: (m, 3) rows of them.
+            places: (c, 3) where its origin comes to lie, map frame [m].
+            colour: of all.
+            label: of all.
+            lit: of all.
+        """
+        moved = vertices + places[:, None]
+        first = moved.shape[1] * np.arange(len(places), dtype=np.int32)[:, None, None]
+        self.add(moved.reshape(-1, 3), (first + triangles).reshape(-1, 3), colour, label, lit)
+
+    def finish(self) -> Mesh:
+        """Return the mesh of all that was added."""
+        if not self._triangles:
+            return Mesh.empty(self._origin)
+        num = sum(map(len, self._triangles))
+        return Mesh(
+            self._origin,
+            np.concatenate(self._vertices),
+            np.concatenate(self._triangles),
+            np.concatenate(self._colours),
+            np.concatenate(self._labels),
+            np.zeros(num, dtype=np.int32),
+            np.concatenate(self._lit),
+        )

@@ -1,0 +1,78 @@
+"""Simple solids: boxes, columns, cones and round crowns, as vertices and triangles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rosbridge_sim.world.geometry.planar import FloatArray
+
+__all__ = ["Solid", "box", "column", "disc", "join", "prism"]
+
+Solid = tuple[FloatArray, NDArray[np.int32]]
+"""(n, 3) vertices [m] and (m, 3) triangles, counter-clockwise from outside."""
+
+
+def prism(outline: FloatArray, low: float, high: float, shrink: float = 1.0) -> Solid:
+    """Return an upright solid over a convex outline; its floor is left out.
+
+    Args:
+        outline: (k, 2) counter-clockwise [m].
+        low: height of the floor [m].
+        high: height of the top [m].
+        shrink: size of the top as a share of the floor, about the origin.
+    """
+    k = len(outline)
+    lower = np.column_stack([outline, np.full(k, low)])
+    upper = np.column_stack([outline * shrink, np.full(k, high)])
+    i = np.arange(k)
+    j = (i + 1) % k
+    sides = np.concatenate([np.column_stack([i, j, k + j]), np.column_stack([i, k + j, k + i])])
+    top = np.column_stack([np.full(k - 2, k), k + i[1:-1], k + i[2:]])
+    return np.concatenate([lower, upper]), np.concatenate([sides, top]).astype(np.int32)
+
+
+def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> Solid:
+    """Return a box with all six sides, between two corners [m]."""
+    (a, b, c), (d, e, f) = low, high
+    vertices, triangles = prism(np.array([[a, b], [d, b], [d, e], [a, e]]), c, f)
+    return vertices, np.concatenate([triangles, np.array([[0, 2, 1], [0, 3, 2]], dtype=np.int32)])
+
+
+def column(radius: float, low: float, high: float, sides: int = 6, top: float | None = None) -> Solid:
+    """Return an upright column or cone.
+
+    Args:
+        radius: at the floor [m].
+        low: height of the floor [m].
+        high: height of the top [m].
+        sides: how many.
+        top: radius at the top [m]; None for that of the floor.
+    """
+    angle = 2.0 * math.pi * np.arange(sides) / sides
+    outline = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    return prism(outline, low, high, 1.0 if top is None else top / radius)
+
+
+def disc(radius: float, sides: int = 8) -> Solid:
+    """Return a disc about the origin that looks along x.
+
+    Args:
+        radius: [m].
+        sides: how many.
+    """
+    angle = 2.0 * math.pi * np.arange(sides) / sides
+    rim = np.column_stack([np.zeros(sides), radius * np.cos(angle), radius * np.sin(angle)])
+    i = np.arange(1, sides - 1)
+    return rim, np.column_stack([np.zeros_like(i), i, i + 1]).astype(np.int32)
+
+
+def join(*solids: Solid) -> Solid:
+    """Return several solids as one."""
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in solids[:-1])]).tolist()
+    return (
+        np.concatenate([vertices for vertices, _ in solids]),
+        np.concatenate([triangles + np.int32(at) for (_, triangles), at in zip(solids, first, strict=True)]),
+    )

@@ -1,0 +1,137 @@
+"""Entities as triangles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.scenarios.catalogue import CATALOGUE
+from rosbridge_sim.scenery.camera_geometry import box_corners
+from rosbridge_sim.scenery.looks import EGO_PAINT
+from rosbridge_sim.scenery.mesh import Label, Lit, Mesh
+from rosbridge_sim.scenery.moving_mesh import MovingScene, moving_mesh
+from rosbridge_sim.scenery.scene_frame import EgoLook, SceneFrame, take_frame
+from rosbridge_sim.scenery.traffic_lights import SignalLamps
+from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.world.followers.lamps import BRAKE, LEFT, RIGHT
+from rosbridge_sim.world.roads.signal_plan import Lamp
+from rosbridge_sim.world.state.world import Body, Kind, World
+
+ORIGIN = np.array([100.0, 200.0, 0.0])
+
+
+def corners_of(mesh: Mesh, instance: int) -> np.ndarray:
+    """(k, 3) corners of an entity, map frame."""
+    corners = mesh.vertices[mesh.triangles[mesh.instance == instance]].reshape(-1, 3)
+    return np.asarray(corners.astype(np.float64) + mesh.origin)
+
+
+def crowd() -> SceneFrame:
+    world = World()
+    for k, model in enumerate(CATALOGUE):
+        world.spawn(
+            model.kind, model.body, name=model.name, x=20.0 * k, y=3.0, yaw=0.3 * k, speed=1.0, pitch=0.05, roll=0.02
+        )
+    return take_frame(world)
+
+
+@pytest.mark.parametrize("eye", [None, np.array([5_000.0, 0.0, 0.0])])
+def test_every_model_fills_its_box(eye: np.ndarray | None) -> None:
+    frame = crowd()
+    mesh = MovingScene().mesh(frame, ORIGIN, eye)
+    for k, model in enumerate(CATALOGUE):
+        corners = corners_of(mesh, int(frame.ids[k]) + 1)
+        box = box_corners(frame)[k]
+        middle, axes = box[0], np.array([box[4] - box[0], box[2] - box[0], box[1] - box[0]])
+        size = np.linalg.norm(axes, axis=1)
+        inside = (corners - middle) @ (axes / size[:, None]).T / size
+        # Limbs and handlebars may reach beyond; nothing is much smaller than its box.
+        assert inside.min() > -0.6, model.name
+        assert inside.max() < 1.6, model.name
+        assert (inside.max(axis=0) - inside.min(axis=0)).min() > 0.55, model.name
+        if model.kind == Kind.VEHICLE and model.body.width > 1.0:
+            assert inside.min() > -0.001, model.name
+            assert inside.max() < 1.001, model.name
+
+
+def test_ego_has_a_paint_of_its_own_and_others_differ() -> None:
+    world = World()
+    for k in range(30):
+        world.spawn(Kind.VEHICLE, Body(), name="car", x=10.0 * k, y=0.0)
+    uid = world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=9.0)
+    mesh = moving_mesh(take_frame(world), ORIGIN)
+    paints = {tuple(map(tuple, np.unique(mesh.colour[mesh.instance == k + 1], axis=0).tolist())) for k in range(30)}
+    assert len(paints) > 3
+    assert EGO_PAINT in set(map(tuple, mesh.colour[mesh.instance == uid + 1].tolist()))
+
+
+def test_lamps_are_lit_as_the_frame_says() -> None:
+    world = World()
+    uid = world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=0.0)
+
+    def lit(lamps: int) -> np.ndarray:
+        frame = take_frame(world, [EgoLook(world.row(uid), 5, lamps)])
+        mesh = moving_mesh(frame, np.zeros(3))
+        return np.asarray(mesh.vertices[mesh.triangles[mesh.lit == Lit.NOW]].mean(axis=1))
+
+    assert len(lit(0)) == 0
+    brakes = lit(BRAKE)
+    assert brakes[:, 0].max() < 0.0
+    assert brakes[:, 1].min() < -0.3
+    assert brakes[:, 1].max() > 0.3
+    assert lit(LEFT)[:, 1].min() > 0.0
+    assert lit(RIGHT)[:, 1].max() < 0.0
+    world.frame += 20  # 0.4 s later
+    assert len(lit(LEFT)) == 0
+    assert len(lit(BRAKE)) == len(brakes)
+
+
+def test_front_wheels_are_steered() -> None:
+    world = World()
+    uid = world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=0.0)
+    straight = moving_mesh(take_frame(world), np.zeros(3)).vertices
+    world.steer[world.row(uid)] = math.radians(30.0)
+    turned = moving_mesh(take_frame(world), np.zeros(3)).vertices
+    moved = straight[np.linalg.norm(turned - straight, axis=1) > 1e-3]
+    assert len(moved) > 50
+    assert np.abs(moved[:, 0] - 2.7).max() < 0.5
+
+
+def test_people_walk_by_the_distance_that_they_walked() -> None:
+    world = World()
+    uid = world.spawn(Kind.PEDESTRIAN, Body.box(0.45, 0.55, 1.7), name="Man", x=0.0, y=0.0, speed=1.4)
+
+    def reach() -> float:
+        """Greatest distance of a foot from the middle, ahead."""
+        corners = corners_of(moving_mesh(take_frame(world), np.zeros(3)), uid + 1)
+        feet = corners[corners[:, 2] < 0.15]
+        return float(feet[:, 0].max() - world.x[world.row(uid)])
+
+    reaches = []
+    for step in range(14):
+        world.x[world.row(uid)] = 0.1 * step
+        reaches.append(reach())
+    assert max(reaches) > min(reaches) + 0.15
+    world.speed[world.row(uid)] = 0.0
+    standing = reach()
+    world.x[world.row(uid)] += 0.35
+    assert reach() == pytest.approx(standing, abs=1e-6)
+
+
+def test_lights_show_what_the_signals_say() -> None:
+    plan = DiskLibrary().map("town").plan
+    assert plan is not None
+    lamps = SignalLamps(plan, np.zeros(3))
+    dark = lamps.show(np.full(len(plan.lights), -1, dtype=np.int64))
+    assert not dark.lit.any()
+    red = lamps.show(np.full(len(plan.lights), int(Lamp.RED), dtype=np.int64))
+    colours = red.colour[red.lit == Lit.NOW]
+    assert len(np.unique(colours, axis=0)) == 1
+    assert colours[0, 0] > 200 > colours[0, 1]
+    assert set(np.unique(red.label).tolist()) == {int(Label.TRAFFIC_LIGHT)}
+
+
+def test_empty_world_has_no_triangles() -> None:
+    assert len(moving_mesh(take_frame(World()), ORIGIN)) == 0

@@ -1,0 +1,120 @@
+"""Maps as triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.scenery.mesh import Label, Mesh
+from rosbridge_sim.scenery.mesh_builder import MeshBuilder
+from rosbridge_sim.scenery.road_cover import RoadCover
+from rosbridge_sim.scenery.road_paint import add_paint
+from rosbridge_sim.scenery.static_mesh import static_mesh
+from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.world.roads.surface import Surface
+from tests.world.road_factory import line, make
+
+PAINT = (Label.PAINT_WHITE, Label.PAINT_YELLOW, Label.CROSSWALK, Label.STOP_LINE)
+
+
+def map_of(name: str) -> RoadMap:
+    return DiskLibrary().map(name)
+
+
+def places_of(mesh: Mesh, *labels: Label) -> np.ndarray:
+    """(k, 3, 3) corners of the triangles of some classes, map frame."""
+    return mesh.vertices[mesh.triangles[np.isin(mesh.label, labels)]].astype(np.float64) + mesh.origin
+
+
+def bare(road_map: RoadMap) -> Mesh:
+    return static_mesh(road_map, road_map.name, 0, is_dressed=False)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["town", "hills", "parking", "roundabout", "track"])
+def test_everything_beside_the_roads_leaves_them_free(name: str) -> None:
+    road_map = map_of(name)
+    mesh = static_mesh(road_map, name, 0)
+    cover = RoadCover(road_map.roads)
+    # Foot and trunk level: crowns, arms and lamps may be above a road.
+    corners = places_of(mesh, Label.BUILDING, Label.TREE, Label.POLE).reshape(-1, 3)
+    height = corners[:, 2] - cover.height(corners)
+    low = corners[height < 1.0]
+    assert len(low) > 100
+    assert not cover.is_on(low).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["town", "track"])
+def test_dressing_follows_from_name_and_seed(name: str) -> None:
+    road_map = map_of(name)
+    one = static_mesh(road_map, name, 0)
+    assert one.digest == static_mesh(map_of(name), name, 0).digest
+    assert one.digest != static_mesh(road_map, name, 1).digest
+    assert one.digest != static_mesh(road_map, "other", 0).digest
+    assert not np.isin(bare(road_map).label, [Label.BUILDING, Label.TREE]).any()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["hills", "town"])
+def test_roads_and_paint_follow_the_surface_of_the_world(name: str) -> None:
+    road_map = map_of(name)
+    mesh = bare(road_map)
+    surface = road_map.roads.derived(Surface)
+    cover = RoadCover(road_map.roads)
+    for labels, bound in (((Label.ASPHALT,), 0.06), (PAINT, 0.08)):
+        middle = places_of(mesh, *labels).mean(axis=1)
+        middle = middle[cover.is_on(middle)]
+        ground = surface.find(middle[:, 0].copy(), middle[:, 1].copy(), middle[:, 2].copy()).height
+        assert len(middle) > 500
+        assert np.quantile(np.abs(middle[:, 2] - ground), 0.99) < bound
+
+
+@pytest.mark.slow
+def test_ground_of_hills_is_below_its_roads() -> None:
+    road_map = map_of("hills")
+    mesh = bare(road_map)
+    corners = places_of(mesh, Label.GROUND).mean(axis=1)
+    cover = RoadCover(road_map.roads)
+    near = corners[cover.is_on(corners)]
+    assert len(near) > 100
+    assert (near[:, 2] < cover.height(near)).all()
+
+
+@pytest.mark.slow
+def test_strips_are_cut_into_pieces_of_ten_metres() -> None:
+    corners = places_of(bare(map_of("loop")), Label.ASPHALT, *PAINT)
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    assert sides.max() < 12.0
+
+
+@pytest.mark.slow
+def test_town_has_paint_of_its_lines_and_no_kerb_across_a_lane() -> None:
+    road_map = map_of("town")
+    mesh = bare(road_map)
+    for label in (*PAINT, Label.ASPHALT, Label.KERB, Label.PAVEMENT, Label.TRAFFIC_LIGHT, Label.POLE):
+        assert (mesh.label == label).any(), label.name
+    cover = RoadCover(road_map.roads)
+    kerbs = places_of(mesh, Label.KERB).mean(axis=1)
+    assert cover.is_on(kerbs).mean() < 0.002
+
+
+def test_map_without_lines_gets_them_from_its_lanes() -> None:
+    roads = make(
+        right=(line((0, 0), (100, 0)), ""), left=(line((0, 3.5), (100, 3.5)), ""), back=(line((100, 7), (0, 7)), "")
+    )
+    road_map = RoadMap("own", DiskLibrary().map("loop").projection, (0.0, 0.0, 0.0), roads)
+    builder = MeshBuilder(np.zeros(3))
+    add_paint(builder, road_map, RoadCover(roads))
+    mesh = builder.finish()
+    width = roads.width[0]
+    yellow = places_of(mesh, Label.PAINT_YELLOW)[..., 1]
+    assert yellow.mean() == pytest.approx(3.5 + width / 2, abs=0.1)
+    white = places_of(mesh, Label.PAINT_WHITE)[..., 1].mean(axis=1)
+    assert {round(value) for value in white.tolist()} == {round(-width / 2), round(width / 2), round(7 + width / 2)}
+
+
+def test_map_without_roads_has_no_triangles() -> None:
+    empty = RoadMap("own", DiskLibrary().map("loop").projection, (0.0, 0.0, 0.0), make())
+    assert len(static_mesh(empty, "own", 0)) == 0
