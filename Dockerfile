@@ -9,7 +9,7 @@ COPY schemas /src/schemas
 COPY docs /src/docs
 COPY rosbridge_sim /src/rosbridge_sim
 RUN python3 -m venv /opt/rosbridge-sim \
-    && /opt/rosbridge-sim/bin/pip install --no-cache-dir --disable-pip-version-check /src \
+    && /opt/rosbridge-sim/bin/pip install --no-cache-dir --disable-pip-version-check '/src[sensors]' \
     && /opt/rosbridge-sim/bin/pip uninstall --quiet --yes setuptools pip
 
 FROM ${BASE_IMAGE}
@@ -21,6 +21,10 @@ LABEL org.opencontainers.image.title="rosbridge-sim" \
     org.opencontainers.image.authors="The rosbridge_sim authors" \
     org.opencontainers.image.version="${VERSION}" \
     org.opencontainers.image.revision="${REVISION}"
+# EGL and Mesa draw the pictures of cameras on the processor.
+RUN apt-get update \
+    && apt-get install --yes --no-install-recommends libegl1 libgl1-mesa-dri \
+    && rm -rf /var/lib/apt/lists/*
 RUN useradd --uid 10001 --user-group --no-create-home --shell /usr/sbin/nologin rosbridge-sim \
     && install --directory --owner=10001 --group=10001 /data
 COPY --from=build /opt/rosbridge-sim /opt/rosbridge-sim

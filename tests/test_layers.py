@@ -93,6 +93,7 @@ shell.websocket: * graph link protocol shell shell.page version
 shell.config: * link simulator.bus
 shell.files: * maps scenarios schema shell.config simulator.bus simulator.sensors world.state
 shell.bags: * graph schema shell.files simulator.replays
+shell.rendering: scenery world.geometry
 cli: * cli.tools cli.watch link
 cli.tools: * client graph link maps morai scenarios schema shell shell.bags shell.config shell.files shell.page
     simulator.scene units world.geometry world.roads world.state

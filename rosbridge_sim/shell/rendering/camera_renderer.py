@@ -1,0 +1,254 @@
+"""Pictures by OpenGL, without a window: on a graphics card where there is one, on the processor where there is none.
+
+A picture has two passes. The first one draws colours with four samples a pixel, the second one classes, instances and
+depth with one, so that no pixel mixes two things.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, rotation
+from rosbridge_sim.scenery.mesh import Mesh
+from rosbridge_sim.scenery.moving_mesh import MovingScene
+from rosbridge_sim.scenery.pictures import NOBODY, Channel, Picture, Weather
+from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
+from rosbridge_sim.shell.rendering import shaders
+from rosbridge_sim.shell.rendering.gl_context import open_context
+from rosbridge_sim.shell.rendering.gl_mesh import REACH, CellMesh, MovingBuffer
+from rosbridge_sim.shell.rendering.lens import Lens
+from rosbridge_sim.shell.rendering.shaders import Coat
+from rosbridge_sim.shell.rendering.targets import Targets
+from rosbridge_sim.shell.rendering.weather_looks import LOOKS, WeatherLook
+from rosbridge_sim.world.geometry.planar import FloatArray
+
+if TYPE_CHECKING:
+    import moderngl
+
+__all__ = ["CameraRenderer"]
+
+NEAR, FAR = 0.1, 3_000.0
+"""Depths that are drawn [m]."""
+
+SAMPLES: Final = 4
+"""Samples a pixel of the colours: what every driver has."""
+
+SAME_PLACE: Final = 10.0
+"""Cameras nearer to each other than this share the triangles of what moves [m]."""
+
+BEAM_REACH: Final = 90.0
+"""Vehicles nearer than this light the road at night [m]."""
+
+
+class CameraRenderer:
+    """Draws pictures of a scene. It belongs to the thread that made it; see `scenery.pictures.PictureMaker`."""
+
+    def __init__(self) -> None:
+        """Open the graphics library.
+
+        Raises:
+            RenderingUnavailableError: it is missing; the text says what to install.
+        """
+        context = self._context = open_context()
+        self._scenes: dict[tuple[Coat, bool, bool], moderngl.Program] = {}
+        self._classes = context.program(vertex_shader=shaders.CLASS_VERTEX, fragment_shader=shaders.CLASS_FRAGMENT)
+        self._shadow = context.program(vertex_shader=shaders.SHADOW_VERTEX, fragment_shader=shaders.SHADOW_FRAGMENT)
+        self._sky = context.program(vertex_shader=shaders.SKY_VERTEX, fragment_shader=shaders.SKY_FRAGMENT)
+        corners = context.buffer(np.array([-1, -1, 3, -1, -1, 3], dtype="<f4").tobytes())
+        self._sky_array = context.vertex_array(self._sky, [(corners, "2f", "corner")])
+        self._static: tuple[Mesh, CellMesh] | None = None
+        self._moving_scene = MovingScene()
+        self._moving = MovingBuffer(context, self._shadow)
+        self._frame: tuple[SceneFrame, Mesh, FloatArray] | None = None
+        self._targets: dict[tuple[int, int], Targets] = {}
+        self._lenses: dict[CameraModel, Lens] = {}
+
+    @property
+    def device(self) -> str:
+        """What draws, as the graphics library names it."""
+        return str(self._context.info["GL_RENDERER"])
+
+    def render(
+        self,
+        static: Mesh,
+        frame: SceneFrame,
+        camera: CameraModel,
+        pose: Pose,
+        weather: Weather = Weather.NOON,
+        *,
+        without: int = NOBODY,
+        channels: Channel = Channel.ALL,
+    ) -> Picture:
+        """Return the picture of a scene; see `scenery.pictures.PictureMaker`."""
+        if camera.is_distorted:
+            lens = self._lens(camera)
+            plain = self.render(static, frame, lens.plain, pose, weather, without=without, channels=channels)
+            return lens.bend(plain)
+        cells = self._take_static(static)
+        self._take_moving(frame, static, np.array(pose[:3]))
+        eye = np.array(pose[:3]) - static.origin
+        view, back = _matrices(camera, pose, eye)
+        targets = self._target(camera)
+        parts, movers = cells.visible(view, eye), self._moving.visible(view, eye)
+        rgb = depth = label = instance = None
+        if Channel.RGB in channels:
+            programs = self._programs(LOOKS[weather], frame, view, eye, origin=static.origin, without=without)
+            targets.begin_colours()
+            self._context.enable_only(self._context.DEPTH_TEST)
+            self._moving.draw(movers, programs[Coat.PLAIN])
+            cells.draw(parts, programs)
+            self._draw_sky_and_shadows(targets, LOOKS[weather], view, back)
+            rgb = targets.read_rgb()
+        if channels & ~Channel.RGB:
+            self._classes["view"].write(_bytes_of(view))
+            self._classes["without"] = without + 1
+            targets.begin_classes()
+            self._context.enable_only(self._context.DEPTH_TEST)
+            self._moving.draw(movers, self._classes)
+            cells.draw(parts, dict.fromkeys(Coat, self._classes))
+            label = targets.read_label() if Channel.LABEL in channels else None
+            instance = targets.read_instance() if Channel.INSTANCE in channels else None
+            depth = targets.read_depth() if Channel.DEPTH in channels else None
+        return Picture(rgb, depth, label, instance)
+
+    def close(self) -> None:
+        """Free the memory of the graphics library."""
+        if self._static is not None:
+            self._static[1].release()
+            self._static = None
+        for targets in self._targets.values():
+            targets.release()
+        self._targets.clear()
+        self._context.release()
+
+    def _draw_sky_and_shadows(self, targets: Targets, look: WeatherLook, view: FloatArray, back: FloatArray) -> None:
+        context = self._context
+        context.depth_func = "<="
+        self._sky["back"].write(_bytes_of(back))
+        self._sky["zenith"], self._sky["horizon"] = look.zenith, look.horizon
+        self._sky_array.render(vertices=3)
+        context.depth_func = "<"
+        context.enable_only(context.DEPTH_TEST | context.BLEND)
+        targets.colours.depth_mask = False
+        self._shadow["view"].write(_bytes_of(view))
+        self._shadow["strength"] = look.shadow
+        self._moving.draw_shadows()
+        targets.colours.depth_mask = True
+
+    def _programs(
+        self,
+        look: WeatherLook,
+        frame: SceneFrame,
+        view: FloatArray,
+        eye: FloatArray,
+        *,
+        origin: FloatArray,
+        without: int,
+    ) -> dict[Coat, moderngl.Program]:
+        """Return the programs for colours in a weather, all set for a picture."""
+        sun = np.array(look.sun) / np.linalg.norm(look.sun)
+        places, ways = _beams(frame, eye + origin) if look.is_dark else (np.zeros((0, 3)), np.zeros((0, 3)))
+        rest = np.zeros((shaders.MAX_BEAMS - len(places), 3))
+        values: dict[str, object] = {
+            "view": tuple(view.T.reshape(-1).tolist()),
+            "eye": tuple(eye.tolist()),
+            "sun": tuple(sun.tolist()),
+            "direct": look.direct,
+            "ambient": look.ambient,
+            "is_dark": look.is_dark,
+            "haze_colour": look.horizon,
+            "haze": look.haze,
+            "zenith": look.zenith,
+            "without": without + 1,
+            "num_beams": len(places),
+            "beam_place": list(map(tuple, np.concatenate([places - origin, rest]).tolist())),
+            "beam_way": list(map(tuple, np.concatenate([ways, rest]).tolist())),
+        }
+        programs = {}
+        for coat in Coat:
+            key = coat, look.is_dark, look.is_wet
+            if key not in self._scenes:
+                fragment = shaders.scene_fragment(coat, is_dark=look.is_dark, is_wet=look.is_wet)
+                self._scenes[key] = self._context.program(vertex_shader=shaders.SCENE_VERTEX, fragment_shader=fragment)
+            program = programs[coat] = self._scenes[key]
+            for name, value in values.items():
+                if name in program:  # the library leaves out what a program does not use
+                    program[name] = value
+        return programs
+
+    def _take_static(self, static: Mesh) -> CellMesh:
+        if self._static is None or self._static[0] is not static:
+            if self._static is not None:
+                self._static[1].release()
+            self._static = static, CellMesh(self._context, static)
+        return self._static[1]
+
+    def _take_moving(self, frame: SceneFrame, static: Mesh, eye: FloatArray) -> None:
+        """Upload what moves, once for all cameras of a vehicle at a frame."""
+        known = self._frame
+        if (
+            known is None
+            or known[0] is not frame
+            or known[1] is not static
+            or np.hypot(*(known[2] - eye)[:2]) > SAME_PLACE
+        ):
+            mesh = self._moving_scene.mesh(frame, static.origin, eye, REACH)
+            self._moving.write(mesh, frame, static.origin)
+            self._frame = frame, static, eye
+
+    def _target(self, camera: CameraModel) -> Targets:
+        size = camera.width, camera.height
+        if size not in self._targets:
+            if len(self._targets) >= MAX_TARGETS:
+                self._targets.pop(next(iter(self._targets))).release()
+            self._targets[size] = Targets(self._context, size, SAMPLES)
+        return self._targets[size]
+
+    def _lens(self, camera: CameraModel) -> Lens:
+        if camera not in self._lenses:
+            if len(self._lenses) >= MAX_TARGETS:
+                self._lenses.pop(next(iter(self._lenses)))
+            self._lenses[camera] = Lens(camera)
+        return self._lenses[camera]
+
+
+MAX_TARGETS: Final = 8
+"""Sizes of pictures, and lenses, that are kept prepared."""
+
+
+def _matrices(camera: CameraModel, pose: Pose, eye: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the matrix from the scene to the picture, its first row at the top, and that from the picture to rays."""
+    turn = rotation(*pose[3:]).T
+    axes = np.array([-turn[1], -turn[2], turn[0]])  # right, down, ahead
+    half_x = camera.width / (2.0 * camera.focal)
+    half_y = camera.height / (2.0 * camera.focal)
+    view = np.zeros((4, 4))
+    view[0, :3], view[1, :3] = axes[0] / half_x, axes[1] / half_y
+    view[2, :3] = axes[2] * (FAR + NEAR) / (FAR - NEAR)
+    view[3, :3] = axes[2]
+    view[:, 3] = -view[:, :3] @ eye
+    view[2, 3] -= 2.0 * FAR * NEAR / (FAR - NEAR)
+    back = np.zeros((4, 4))
+    back[:3, 0], back[:3, 1], back[:3, 2] = axes[0] * half_x, axes[1] * half_y, axes[2]
+    return view, back
+
+
+def _bytes_of(matrix: FloatArray) -> bytes:
+    """Return a matrix column by column."""
+    return np.asarray(matrix.T, dtype="<f4").tobytes()
+
+
+def _beams(frame: SceneFrame, eye: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return places and directions of the head lamps of the nearest vehicles, (k, 3) each."""
+    is_lit = frame.shapes < Shape.PERSON
+    away = np.linalg.norm(frame.poses[:, :3] - eye, axis=1)
+    rows = np.flatnonzero(is_lit & (away < BEAM_REACH))
+    rows = rows[np.argsort(away[rows], kind="stable")][: shaders.MAX_BEAMS]
+    ahead: NDArray[np.float64] = rotation(*frame.poses[rows, 3:].T)[:, 0].T if len(rows) else np.zeros((0, 3))
+    nose = frame.centres[rows] + 0.5 * frame.sizes[rows, 0]
+    places = frame.poses[rows, :3] + ahead * nose[:, None] + (0.0, 0.0, 0.65)
+    ways = ahead - (0.0, 0.0, 0.06)
+    return places, ways / np.maximum(np.linalg.norm(ways, axis=1), 1e-9)[:, None]

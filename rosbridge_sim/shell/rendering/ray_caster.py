@@ -1,0 +1,126 @@
+"""Rays by Embree: what they meet first in a scene.
+
+The static scene is prepared once, what moves for each frame anew: Embree ignores a mesh that is added after the first
+ray. A ray is cast against both, and the nearer hit counts.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rosbridge_sim.scenery.mesh import Mesh
+from rosbridge_sim.scenery.moving_mesh import MovingScene
+from rosbridge_sim.scenery.pictures import NOBODY, Hits
+from rosbridge_sim.scenery.scene_frame import SceneFrame
+from rosbridge_sim.shell.rendering.unavailable import missing_library
+from rosbridge_sim.world.geometry.planar import FloatArray
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+__all__ = ["RayCaster"]
+
+
+SAME_PLACE: Final = 25.0
+"""Lidars in a square of this side share the triangles of what moves [m]."""
+
+MAX_SIZE: Final = 20.0
+"""The reference point of an entity may be so much farther away than what a ray meets [m]."""
+
+
+class RayCaster:
+    """Casts rays; see `scenery.pictures.RayMaker`. One thread at a time may use it."""
+
+    def __init__(self) -> None:
+        """Load the library.
+
+        Raises:
+            RenderingUnavailableError: it is missing; the text says what to install.
+        """
+        self._embree = _load()
+        self._moving_scene = MovingScene()
+        self._static: tuple[Mesh, Any] | None = None
+        self._moving: tuple[SceneFrame, Mesh, tuple[float, ...], Mesh, Any] | None = None
+
+    def cast(
+        self,
+        static: Mesh,
+        frame: SceneFrame,
+        origins: NDArray[np.float32],
+        directions: NDArray[np.float32],
+        max_range: float,
+        *,
+        without: int = NOBODY,
+    ) -> Hits:
+        """Return what rays meet first; see `scenery.pictures.RayMaker`."""
+        directions = np.ascontiguousarray(directions, dtype=np.float32)
+        origins = np.ascontiguousarray(np.broadcast_to(origins, directions.shape), dtype=np.float32)
+        if self._static is None or self._static[0] is not static:
+            self._static = static, self._scene(static)
+        eye = origins.mean(axis=0, dtype=np.float64) + static.origin
+        moving, moving_scene = self._take_moving(frame, static, without, eye, max_range)
+        first = _run(self._static[1], origins, directions, np.full(len(directions), max_range, dtype=np.float32))
+        second = _run(moving_scene, origins, directions, np.minimum(first[0], np.float32(max_range)))
+        is_nearer = second[1] >= 0
+        ranges = np.where(is_nearer, second[0], first[0])
+        labels = np.zeros(len(ranges), dtype=np.uint8)
+        instances = np.zeros(len(ranges), dtype=np.int32)
+        normals = np.zeros((len(ranges), 3), dtype=np.float32)
+        is_hit = np.isfinite(ranges)
+        for mesh, rows, which in ((static, first[1], is_hit & ~is_nearer), (moving, second[1], is_nearer)):
+            triangle = rows[which]
+            labels[which], instances[which] = mesh.label[triangle], mesh.instance[triangle]
+            normals[which] = mesh.normals[triangle]
+        away = np.einsum("ij,ij->i", normals, directions) > 0.0
+        normals[away] *= -1.0
+        return Hits(ranges, labels, instances, normals)
+
+    def _take_moving(
+        self, frame: SceneFrame, static: Mesh, without: int, eye: FloatArray, reach: float
+    ) -> tuple[Mesh, Any]:
+        """Return the mesh and the scene of what moves, made once for all lidars of a carrier at a frame."""
+        known = self._moving
+        key = without, *(eye[:2] // SAME_PLACE).tolist(), reach
+        if known is None or known[0] is not frame or known[1] is not static or known[2] != key:
+            mesh = self._moving_scene.mesh(frame, static.origin, eye, reach + MAX_SIZE, has_lenses=False)
+            if without != NOBODY:
+                mesh = mesh.pick(mesh.instance != without + 1)
+            known = self._moving = frame, static, key, mesh, self._scene(mesh)
+        return known[3], known[4]
+
+    def _scene(self, mesh: Mesh) -> Any:  # noqa: ANN401 - the library has no types
+        """Return a scene of the library; None without triangles."""
+        if not len(mesh):
+            return None
+        scene = self._embree.rtcore_scene.EmbreeScene()
+        self._embree.mesh_construction.TriangleMesh(scene, mesh.vertices, mesh.triangles)
+        return scene
+
+
+def _load() -> ModuleType:
+    try:
+        # Imported here, because a server without lidars never needs it.
+        import embreex  # noqa: PLC0415
+        import embreex.mesh_construction  # noqa: PLC0415
+        import embreex.rtcore_scene  # noqa: PLC0415
+    except ImportError as error:
+        raise missing_library("lidars", "embreex") from error
+    module: ModuleType = embreex
+    return module
+
+
+def _run(
+    scene: Any,  # noqa: ANN401 - the library has no types
+    origins: NDArray[np.float32],
+    directions: NDArray[np.float32],
+    reach: NDArray[np.float32],
+) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+    """Return range and triangle of the nearest hit of each ray within its reach; inf and -1 for none."""
+    if scene is None:
+        return np.full(len(directions), np.inf, dtype=np.float32), np.full(len(directions), -1, dtype=np.int32)
+    found = scene.run(origins, directions, dists=reach, query="INTERSECT", output=True)
+    rows = found["primID"]
+    return np.where(rows >= 0, found["tfar"], np.float32(np.inf)), rows

@@ -1,0 +1,19 @@
+"""The error of a machine that cannot draw or cast rays."""
+
+from __future__ import annotations
+
+__all__ = ["RenderingUnavailableError", "missing_library"]
+
+
+class RenderingUnavailableError(RuntimeError):
+    """A library that sensors need is missing or cannot be used; the text says what to install."""
+
+
+def missing_library(what: str, library: str) -> RenderingUnavailableError:
+    """Return the error for a Python library that is not installed.
+
+    Args:
+        what: needs it, e.g. "cameras".
+        library: its name.
+    """
+    return RenderingUnavailableError(f"{what} need the library {library}: pip install 'rosbridge-sim[sensors]'")

@@ -1,0 +1,208 @@
+"""Pictures agree with geometry: places, depths, classes, instances, and colours that programs look for."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, boxes_in_view, mount
+from rosbridge_sim.scenery.mesh import Label, join_meshes
+from rosbridge_sim.scenery.pictures import Channel, Weather
+from rosbridge_sim.scenery.scene_frame import take_frame
+from rosbridge_sim.shell.rendering import gl_context
+from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
+from rosbridge_sim.world.state.world import World
+from tests.shell.rendering.graphics import EDU, box_mesh, built_in, ground_mesh, nothing, open_renderer, put
+
+pytestmark = pytest.mark.slow
+
+CAMERA = CameraModel(640, 480, 90.0)
+CLASSES = Channel.ALL & ~Channel.RGB
+
+
+def edges_of(mask: np.ndarray) -> tuple[float, float, float, float]:
+    """Left, top, right and bottom of the pixels of a mask."""
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    return float(columns[0]), float(rows[0]), float(columns[-1] + 1), float(rows[-1] + 1)
+
+
+@pytest.mark.parametrize(
+    "pose", [Pose(0, 0, 1.2), Pose(0.3, -1.0, 2.0, 0.02, 0.1, 0.15), Pose(3, 4, 0.5, 0, -0.2, -0.4)]
+)
+@pytest.mark.parametrize("fov", [60.0, 90.0])
+def test_cube_appears_where_its_corners_are_projected(pose: Pose, fov: float) -> None:
+    camera = CameraModel(640, 480, fov)
+    low, high = (9.0, -0.5, 0.3), (10.0, 0.5, 1.3)
+    picture = open_renderer().render(box_mesh(low, high, 7), nothing(), camera, pose, channels=CLASSES)
+    corners = np.array([(x, y, z) for x in (9.0, 10.0) for y in (-0.5, 0.5) for z in (0.3, 1.3)])
+    place, _ = camera.project(pose, corners)
+    assert picture.instance is not None
+    expected = (*place.min(axis=0), *place.max(axis=0))
+    # A pixel belongs to the cube if its middle does: an edge is told to half a pixel.
+    assert edges_of(picture.instance == 7) == pytest.approx(expected, abs=0.5 + 1e-3)
+
+
+def test_depth_is_that_of_a_plane_to_a_tenth_of_a_per_mille() -> None:
+    pose = Pose(0.0, 0.0, 2.0, pitch=math.radians(7.0))
+    picture = open_renderer().render(ground_mesh(), nothing(), CAMERA, pose, channels=CLASSES)
+    assert picture.depth is not None
+    assert picture.label is not None
+    rays = CAMERA.rays.astype(np.float64)
+    down = rays[:, 0] * math.sin(pose.pitch) - rays[:, 2] * math.cos(pose.pitch)
+    expected = np.where(down > 0, 2.0 / np.where(down > 0, down, 1.0), np.inf).reshape(480, 640)
+    is_near = expected < 100.0
+    assert picture.depth[is_near] == pytest.approx(expected[is_near], rel=1e-4)
+    assert (picture.label[is_near] == Label.ASPHALT).all()
+    assert np.isinf(picture.depth[:100]).all()
+    assert not picture.label[:100].any()
+
+
+def test_nearer_thing_hides_the_farther_one() -> None:
+    scene = join_meshes([box_mesh((10, -1, 0), (11, 1, 2), 1), box_mesh((20, -4, 0), (21, 4, 2), 2)])
+    picture = open_renderer().render(scene, nothing(), CAMERA, Pose(0, 0, 1.0), channels=CLASSES)
+    assert picture.instance is not None
+    assert picture.instance[240, 320] == 1
+    assert picture.instance[240, 320 - 50] == 2
+
+
+def test_silhouettes_fill_the_boxes_of_entities() -> None:
+    world = World()
+    for name, x, y, yaw in (
+        ("2015_Kia_K5", 14, 0, 0.3),
+        ("Van", 20, 6, 2.0),
+        ("Bus", 35, -9, 0.1),
+        ("Box", 9, -3, 0.4),
+    ):
+        put(world, name, x, y, yaw=yaw)
+    frame, pose = take_frame(world), Pose(0, 0, 1.5)
+    boxes = boxes_in_view(frame, CAMERA, pose)
+    picture = open_renderer().render(ground_mesh(), frame, CAMERA, pose, channels=CLASSES)
+    assert picture.instance is not None
+    assert boxes.rows.tolist() == [0, 1, 2, 3]
+    for row, bounds in zip(boxes.rows, boxes.bounds, strict=True):
+        seen = edges_of(picture.instance == frame.ids[row] + 1)
+        width, height = bounds[2] - bounds[0], bounds[3] - bounds[1]
+        is_within = [
+            seen[0] >= bounds[0] - 1,
+            seen[1] >= bounds[1] - 1,
+            seen[2] <= bounds[2] + 1,
+            seen[3] <= bounds[3] + 1,
+        ]
+        assert all(is_within), (seen, bounds)
+        assert (seen[2] - seen[0]) > 0.88 * width
+        assert (seen[3] - seen[1]) > 0.85 * height
+
+
+def test_carrier_of_a_camera_is_not_in_its_picture() -> None:
+    world = World()
+    own = put(world, "2016_Hyundai_Ioniq", 0, 0)
+    other = put(world, "2016_Hyundai_Ioniq", 12, 0)
+    picture = open_renderer().render(
+        ground_mesh(), take_frame(world), CAMERA, Pose(1.5, 0, 1.4), without=own, channels=CLASSES
+    )
+    assert picture.instance is not None
+    assert set(np.unique(picture.instance)) == {0, other + 1}
+
+
+def test_parts_that_are_not_wanted_are_not_made() -> None:
+    picture = open_renderer().render(ground_mesh(), nothing(), CAMERA, Pose(0, 0, 1.0), channels=Channel.RGB)
+    assert picture.depth is None
+    assert picture.label is None
+    assert picture.instance is None
+
+
+def test_same_scene_gives_the_same_bytes() -> None:
+    world = World()
+    put(world, "2015_Kia_K5", 14, 0, yaw=0.3)
+    frame = take_frame(world)
+    _, static = built_in("town")
+    pictures = []
+    for weather in (Weather.NOON, Weather.NIGHT, Weather.NOON):
+        picture = open_renderer().render(static, frame, CAMERA, Pose(0, 0, 1.5), weather)
+        assert picture.rgb is not None
+        pictures.append(picture.rgb.tobytes())
+    assert pictures[0] == pictures[2]
+    assert pictures[0] != pictures[1]
+
+
+def test_lens_bends_a_picture_as_the_model_says() -> None:
+    camera = CameraModel(640, 480, 90.0, (-0.2, 0.05, 0.001, -0.002, 0.0))
+    pose, low, high = Pose(0, 0, 1.2), (9.0, 4.0, 1.8), (10.0, 5.0, 2.8)
+    picture = open_renderer().render(box_mesh(low, high, 7), nothing(), camera, pose)
+    corners = np.array([(x, y, z) for x in (9.0, 10.0) for y in (4.0, 5.0) for z in (1.8, 2.8)])
+    place, _ = camera.project(pose, corners)
+    assert picture.instance is not None
+    assert picture.rgb is not None
+    assert picture.rgb.shape == (480, 640, 3)
+    assert edges_of(picture.instance == 7) == pytest.approx((*place.min(axis=0), *place.max(axis=0)), abs=1.5)
+
+
+def test_missing_graphics_name_the_packages_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    open_renderer()
+    monkeypatch.setenv("__EGL_VENDOR_LIBRARY_FILENAMES", "/nowhere.json")
+    monkeypatch.setenv("LIBGL_DRIVERS_PATH", "/nowhere")
+
+    def refuse(**_: object) -> None:
+        raise RuntimeError("eglInitialize failed")
+
+    import moderngl  # noqa: PLC0415 - the machine may have none
+
+    monkeypatch.setattr(moderngl, "create_context", refuse)
+    with pytest.raises(RenderingUnavailableError, match="apt-get install libegl1 libgl1-mesa-dri"):
+        gl_context.open_context()
+
+
+# Colours
+
+
+def hsv_of(rgb: np.ndarray) -> np.ndarray:
+    """(n, 3) hue 0..180, saturation and value 0..255, as OpenCV has them."""
+    values = rgb.reshape(-1, 3).astype(np.float64)
+    top, low = values.max(axis=1), values.min(axis=1)
+    span = np.maximum(top - low, 1e-9)
+    red, green, blue = values.T
+    hue = np.where(
+        top == red, (green - blue) / span % 6, np.where(top == green, (blue - red) / span + 2, (red - green) / span + 4)
+    )
+    return np.column_stack([30.0 * hue * (top > low), 255.0 * (top - low) / np.maximum(top, 1.0), top])
+
+
+def inner(mask: np.ndarray) -> np.ndarray:
+    """Those pixels of a mask whose neighbours belong to it, too: antialiasing mixes no other colour into them."""
+    kept = mask.copy()
+    for axis in (0, 1):
+        for shift in (1, -1):
+            kept &= np.roll(mask, shift, axis)
+    kept[[0, -1]] = kept[:, [0, -1]] = False
+    return kept
+
+
+def test_paint_asphalt_and_sky_of_town_have_the_colours_that_masks_expect_at_noon() -> None:
+    road_map, static = built_in("town")
+    roads = road_map.roads
+    seen: dict[Label, list[np.ndarray]] = {label: [] for label in Label}
+    sky: list[np.ndarray] = []
+    for lane in np.argsort(-roads.length)[:40:5].tolist():
+        (point,), (yaw,) = roads.at([lane], [0.4 * roads.length[lane]])
+        pose = mount(Pose(point[0], point[1], point[2], yaw=float(yaw)), EDU)
+        picture = open_renderer().render(static, nothing(), CAMERA, pose)
+        assert picture.rgb is not None
+        assert picture.label is not None
+        assert picture.depth is not None
+        for label in (Label.ASPHALT, Label.PAINT_WHITE, Label.PAINT_YELLOW):
+            near = inner(picture.label == label) & (picture.depth < 20.0)
+            seen[label].append(hsv_of(picture.rgb[near]))
+        sky.append(hsv_of(picture.rgb[picture.label == Label.NONE]))
+    white, yellow, asphalt = (
+        np.concatenate(seen[label]) for label in (Label.PAINT_WHITE, Label.PAINT_YELLOW, Label.ASPHALT)
+    )
+    assert min(len(white), len(yellow)) > 1_000
+    assert np.mean((white[:, 0] <= 30) & (white[:, 1] <= 10) & (white[:, 2] >= 205)) > 0.99
+    is_yellow = (yellow[:, 0] >= 20) & (yellow[:, 0] <= 30) & (yellow[:, 1] >= 130)
+    assert np.mean(is_yellow & (yellow[:, 2] >= 120) & (yellow[:, 2] <= 230)) > 0.99
+    assert np.mean(asphalt[:, 2] <= 145) > 0.999
+    # No mask for white or yellow paint takes the sky: its saturation is above 80 and its hue is blue.
+    blue = np.concatenate(sky)
+    assert np.mean((blue[:, 1] > 80) & (blue[:, 0] > 90) & (blue[:, 0] < 120)) > 0.99
