@@ -56,23 +56,32 @@ def find_near_pairs(place: FloatArray, span: FloatArray, is_car: BoolArray, is_e
         is_wide[is_ego.nonzero()[0][: most // k]] = True
         pairs = _near_of_both(place, span, is_car, is_wide, most // 4, is_heap=True)
         assert pairs is not None
-    low, high = np.minimum(pairs[0], pairs[1]), np.maximum(pairs[0], pairs[1])
-    order = (low * k + high).argsort()
-    pairs = np.stack([low[order], high[order]])
     most = MAX_HEAP if is_heap else max(MAX_NEAR, NEAR_EACH * k)
-    if pairs.shape[1] <= most // 2 or (pairs.shape[1] <= most and not is_heap):
-        return pairs, not is_heap
-    return _thin_out(pairs, is_ego, most), False
+    is_all = not is_heap
+    if pairs.shape[1] > (most // 2 if is_heap else most):
+        pairs, is_all = _thin_out(pairs, is_ego, most), False
+    key = np.minimum(pairs[0], pairs[1]) * k + np.maximum(pairs[0], pairs[1])
+    key.sort()
+    return np.stack([key // k, key % k]), is_all
 
 
 def _thin_out(pairs: IntArray, is_ego: BoolArray, most: int) -> IntArray:
     """Return at most `most` pairs of egos and half as many others, those with few partners first, in given order."""
-    has_ego = is_ego[pairs[0]] | is_ego[pairs[1]]
-    is_kept: BoolArray = has_ego & (has_ego.cumsum() <= most)
-    others = (~has_ego).nonzero()[0]
-    num_partners = np.bincount(pairs[:, others].ravel())
-    is_kept[others[num_partners[pairs[:, others]].sum(axis=0).argsort(kind="stable")[: most // 2]]] = True
-    return np.ascontiguousarray(pairs[:, is_kept])
+    is_kept = is_ego[pairs[0]] | is_ego[pairs[1]]
+    others = (~is_kept).nonzero()[0]
+    is_kept[is_kept.nonzero()[0][most:]] = False
+    one, other = pairs[0].take(others), pairs[1].take(others)
+    num_partners = np.bincount(one, minlength=len(is_ego)) + np.bincount(other, minlength=len(is_ego))
+    crowd = num_partners.take(one) + num_partners.take(other)
+    if len(others) > most // 2:
+        limit = np.partition(crowd, most // 2 - 1)[most // 2 - 1]
+        first = (crowd < limit).nonzero()[0]
+        last = (crowd == limit).nonzero()[0][: most // 2 - len(first)]
+        is_kept[others[last]] = True
+        others = others[first]
+    is_kept[others] = True
+    kept = is_kept.nonzero()[0]
+    return np.stack([pairs[0].take(kept), pairs[1].take(kept)])
 
 
 def find_share(count: IntArray, most: int) -> int:
@@ -138,8 +147,13 @@ def _near_by_cells(
     owner = np.tile(here, 2).repeat(count)
     partner = np.arange(len(owner)) + (starts.ravel() - (total - count)).repeat(count)
     (x, y), (x_span, y_span) = place[:, order], span[:, order]
-    is_near = np.abs(x[owner] - x[partner]) <= x_span[owner] + x_span[partner]
-    owner, partner = owner[is_near], partner[is_near]
-    is_near = np.abs(y[owner] - y[partner]) <= y_span[owner] + y_span[partner]
-    pairs: IntArray = order[np.stack([owner[is_near], partner[is_near]])]
-    return pairs[:, is_car[pairs].any(axis=0)]
+    is_near = np.abs(x.take(owner) - x.take(partner)) <= x_span.take(owner) + x_span.take(partner)
+    near = is_near.nonzero()[0]
+    owner, partner = owner.take(near), partner.take(near)
+    is_near = np.abs(y.take(owner) - y.take(partner)) <= y_span.take(owner) + y_span.take(partner)
+    near = is_near.nonzero()[0]
+    owner, partner = order.take(owner.take(near)), order.take(partner.take(near))
+    if not is_car.all():
+        near = (is_car.take(owner) | is_car.take(partner)).nonzero()[0]
+        owner, partner = owner.take(near), partner.take(near)
+    return np.stack([owner, partner])
