@@ -55,7 +55,10 @@ def find_neighbours(
         count = np.minimum(count, find_share(count, MAX_COMPARED))
     place = np.arange(len(x)).repeat(3).repeat(count)
     other = order[ranges(start, count)]
-    is_near = np.square(x[place] - other_x[other]) + np.square(y[place] - other_y[other]) < reach * reach
-    place, other = place[is_near], other[is_near]
-    key = np.lexsort((other, place))
-    return place[key], other[key]
+    east, north = x.take(place) - other_x.take(other), y.take(place) - other_y.take(other)
+    is_near = np.square(east) + np.square(north) < reach * reach
+    near = is_near.nonzero()[0]
+    num = len(other_x)
+    key = place.take(near) * num + other.take(near)
+    key.sort()  # of one array: a fifth of the time of an order of two
+    return key // num, key % num

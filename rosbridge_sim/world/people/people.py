@@ -304,20 +304,23 @@ class _People:
         """Return the accelerations by other pedestrians, (k,) complex [m/s^2]."""
         world = self.world
         others = self.others
-        one, other = find_neighbours(x, y, world.x[others], world.y[others], REACH)
-        is_other = others[other] != self.rows[one]
-        one, other = one[is_other], others[other[is_other]]
-        away = x[one] - world.x[other] + 1j * (y[one] - world.y[other])
+        other_x, other_y = world.x[others], world.y[others]
+        one, index = find_neighbours(x, y, other_x, other_y, REACH)
+        is_other = (others.take(index) != self.rows.take(one)).nonzero()[0]
+        one, index = one.take(is_other), index.take(is_other)
+        other = others.take(index)
+        away = (x + 1j * y).take(one) - (other_x + 1j * other_y).take(index)
         # Two at one place: the lower row goes to the right.
         away = np.where(away == 0.0, np.where(self.rows[one] < other, 0.01j, -0.01j), away)
-        step = world.speed[other] * STRIDE * np.exp(1j * world.yaw[other])
+        step = (world.speed[others] * STRIDE * np.exp(1j * world.yaw[others])).take(index)
         from_step = away - step
         near, far = np.abs(away), np.fmax(np.abs(from_step), 1e-3)
         half = 0.5 * np.sqrt(np.fmax(np.square(near + far) - np.square(np.abs(step)), 1e-4))
         size = REPULSION / DECAY * np.exp(-half / DECAY) * (near + far) / (4.0 * half)
         force = size * (away / near + from_step / far)
         force += BODY * np.exp((BODY_WIDTH - near) / BODY_DECAY) * away / near
-        is_seen = -(towards[one].real * away.real + towards[one].imag * away.imag) >= _VIEW * near
+        towards = towards.take(one)
+        is_seen = -(towards.real * away.real + towards.imag * away.imag) >= _VIEW * near
         return self._sum(one, force * np.where(is_seen, 1.0, BEHIND))
 
     def _push_of_solid(
