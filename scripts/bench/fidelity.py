@@ -10,6 +10,11 @@ acceleration as ours in each step, and is integrated with a hundredth of our ste
 of ST, the package's linear single track model; at the limit within 20 % of STD, its single track model with drift. A
 deviation is the root mean square of the difference, divided by the greatest amount in the reference; for the path it is
 the distance between both ends, divided by the length of the path.
+
+Another table has braking in turns, with stability control, beside MB, the package's multi-body model. Both get the same
+steering and the same commanded deceleration, from the speed of the turn down to 3 m/s. MB has neither stability control
+nor ABS: where it locks its wheels, it goes straight on. Ours must keep the slip of its rear axle below 8 degrees, and
+leave the circle of the turn to the outside by no more than MB does, and half a metre.
 """
 
 from __future__ import annotations
@@ -249,8 +254,116 @@ def main() -> int:
         return run_inside(arguments.env, [f"--images={arguments.images}"])
     is_good = compare_all(arguments.images)
     print()
+    is_good &= compare_braking()
+    print()
     measure_ioniq(arguments.images)
     return 0 if is_good else 1
+
+
+TURN_SPEEDS = (15.0, 20.0, 25.0, 30.0)
+TURN_LATERALS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
+TURN_BRAKING = (-2.0, -4.0, -6.0, -8.0)
+"""The table of braking in turns: speed [m/s], lateral acceleration [g] and commanded acceleration [m/s^2]."""
+
+TURN_SETTLE = 2.0
+"""Time in which the cars come into the turn [s]."""
+
+MAX_SLIP = math.radians(8.0)
+MAX_BEYOND = 0.5
+"""Wanted of our car: slip of the rear axle, and how much farther than MB it may leave the turn [m]."""
+
+MB_SUBSTEPS = 20
+"""Steps of MB in one of ours; with a hundred its path ends 3 cm from there."""
+
+
+@dataclass(frozen=True)
+class Braking:
+    """Result of braking in a turn.
+
+    Attributes:
+        slip: greatest slip angle of the rear axle [rad].
+        outside: farthest place outside the circle of the turn [m].
+        decel: mean deceleration down to 3 m/s [m/s^2].
+    """
+
+    slip: float
+    outside: float
+    decel: float
+
+
+def judge(trace: list[tuple[float, float, float, float, float, float, float]]) -> Braking:
+    """Return the result of a trace: time, x, y, speed ahead, yaw, yaw rate and slip of the rear axle of each step."""
+    t, x, y, speed, yaw, rate, slip = np.array(trace).T
+    course = yaw[0]
+    radius = speed[0] / rate[0]
+    middle = complex(x[0], y[0]) + 1j * radius * np.exp(1j * course)
+    away = np.abs(x + 1j * y - middle) - radius
+    return Braking(float(np.abs(slip).max()), float(away.max()), float((speed[0] - speed[-1]) / (t[-1] - t[0])))
+
+
+def brake_ours(body: Body, speed: float, steer: float, accel: float) -> Braking:
+    """Brake our car in a turn, with stability control; places are those of its rear axle."""
+    world = World(0, Dynamics.SINGLE_TRACK)
+    world.spawn(Kind.EGO, body, name="ego", x=0.0, y=0.0, speed=speed)
+    trace = []
+    frame = 0
+    while world.speed.item(0) > 3.0:
+        t = frame * DT
+        is_braking = t >= TURN_SETTLE
+        if is_braking:
+            columns = (world.x, world.y, world.speed, world.yaw, world.yaw_rate, world.rear_slip)
+            x, y, ahead, yaw, rate, slip = (column.item(0) for column in columns)
+            trace.append((t, x, y, ahead, yaw, rate, slip))
+            command(world, 0, mode=Mode.ACCEL, steer=steer, accel=accel)
+        else:
+            command(world, 0, mode=Mode.SPEED, steer=steer, speed=speed)
+        step(world)
+        frame += 1
+    return judge(trace)
+
+
+def brake_mb(p: Any, speed: float, steer: float, accel: float) -> Braking:  # noqa: ANN401 - p is an object of the package
+    """Brake MB in the same turn; places are those of the middle of its rear axle."""
+    derive = import_module("vehiclemodels.vehicle_dynamics_mb").vehicle_dynamics_mb
+    state = np.array(import_module("vehiclemodels.init_mb").init_mb([0.0, 0.0, 0.0, speed, 0.0, 0.0, 0.0], p))
+    dt = DT / MB_SUBSTEPS
+    trace = []
+    i = 0
+    while state[3] > 3.0:
+        t = i * dt
+        if t >= TURN_SETTLE and i % MB_SUBSTEPS == 0:
+            x, y, _, ahead, yaw, rate = state[:6]
+            across = state[10] - p.b * rate
+            place = complex(x, y) - p.b * np.exp(1j * yaw)
+            trace.append((t, place.real, place.imag, ahead, yaw, rate, math.atan2(across, ahead)))
+        turn = float(np.clip((steer - state[2]) / dt, p.steering.v_min, p.steering.v_max))
+        wanted = accel if t >= TURN_SETTLE else 2.0 * (speed - math.hypot(state[3], state[10]))
+        state = state + dt * np.array(derive(list(state), [turn, wanted], p))
+        i += 1
+    return judge(trace)
+
+
+def compare_braking() -> bool:
+    """Compare braking in turns with MB."""
+    p, body = vehicle_2()
+    print("| speed | turn | " + " | ".join(f"{accel:g} m/s²" for accel in TURN_BRAKING) + " |")
+    print("|---" * (2 + len(TURN_BRAKING)) + "|")
+    is_good = True
+    for speed in TURN_SPEEDS:
+        for lateral in TURN_LATERALS:
+            steer = math.atan(body.wheelbase * lateral * 9.81 / speed**2)
+            cells = []
+            for accel in TURN_BRAKING:
+                ours, other = brake_ours(body, speed, steer, accel), brake_mb(p, speed, steer, accel)
+                is_held = ours.slip < MAX_SLIP and ours.outside <= max(other.outside, 0.0) + MAX_BEYOND
+                is_good &= is_held
+                cells.append(
+                    f"{math.degrees(ours.slip):.1f}° ({math.degrees(other.slip):.1f}°), "
+                    f"{ours.outside:.1f} m ({other.outside:.1f} m), {ours.decel:.1f} ({other.decel:.1f})"
+                    + ("" if is_held else " **!**")
+                )
+            print(f"| {speed:g} m/s | {lateral:g} g | " + " | ".join(cells) + " |", flush=True)
+    return is_good
 
 
 def plotting() -> Any:  # noqa: ANN401 - a module
