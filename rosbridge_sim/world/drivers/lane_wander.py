@@ -152,13 +152,11 @@ class LaneWander:
             return
         world, at = self._world, self._at
         world.wander_slope[at] += world.wander_slope_rate[at] * dt
-        for place, by, rate in (
-            (world.x, world.wander_x, world.wander_x_rate),
-            (world.y, world.wander_y, world.wander_y_rate),
-        ):
-            now = by[at] + rate[at] * dt
-            by[at] = now
-            place[at] += now
+        by = world.block("wander_x", "wander_y")
+        now = world.block("wander_x_rate", "wander_y_rate")[:, at] * dt
+        now += by[:, at]
+        by[:, at] = now
+        world.block("x", "y")[:, at] += now
 
 
 def _room_of(roads: Roads) -> FloatArray:

@@ -222,11 +222,13 @@ class _LaneFollowers:
         self.still, owner, _ = _entries_of(world, still)
         self.still_rows = still[owner]
         self.moving: IntArray = (others & may_move).nonzero()[0]
+        self._beside: FloatArray | None = None
         self.on_wheels = (world.kind[self.moving] == Kind.EGO) | (world.kind[self.moving] == Kind.VEHICLE)
 
     def decide(self) -> None:
         """Choose the accelerations until the next decision."""
         world, at = self.world, self.at
+        self._beside = None
         if len(self.egos):
             self.egos.project()
             self._advance_lanes(self.egos.index)
@@ -340,9 +342,8 @@ class _LaneFollowers:
         step = (before + after) * (0.5 * dt)
         if len(self.wander.which):
             # Beside the line of a bend the way is longer or shorter, as in `_along`.
-            bend = world.yaw_rate[at] - world.drift_rate[at] - world.wander_slope_rate[at]
             most = MAX_STRETCH * step
-            step += np.fmin(np.fmax(bend * (dt * world.wander[at]), -most), most)
+            step += np.fmin(np.fmax(self._way_beside(dt), -most), most)
         if len(self.shifted):
             step[self.shifted] = self._along(step[self.shifted], dt)
         arc = world.arc[at] + self._on_chords(step)
@@ -351,14 +352,15 @@ class _LaneFollowers:
         if np.count_nonzero(is_past):
             self._pass_ends(is_past.nonzero()[0])
         distance = world.arc[at] - world.leg_start[at]
-        world.x[at] = world.leg_x[at] + distance * world.leg_dx[at]
-        world.y[at] = world.leg_y[at] + distance * world.leg_dy[at]
+        place = distance * world.block("leg_dx", "leg_dz")[:, at]
+        place += world.block("leg_x", "leg_z")[:, at]
+        world.block("x", "y")[:, at] = place[:2]
+        world.z[at] = place[2]
         curve = self.roads.curve.take(world.point[at], axis=0)
         if np.count_nonzero(curve):
             aside = offset(curve, distance, world.leg_end[at] - world.leg_start[at])
             world.x[at] -= aside * world.leg_dy[at]
             world.y[at] += aside * world.leg_dx[at]
-        world.z[at] = world.leg_z[at] + distance * world.leg_dz[at]
         yaw = world.yaw[at] + world.yaw_rate[at] * dt
         beyond = (np.abs(yaw) >= math.pi).nonzero()[0]
         if len(beyond):
@@ -369,6 +371,17 @@ class _LaneFollowers:
             nudge(world, self.rows[self.shifted], dt)
         if saved is not None:
             self.egos.restore_poses(saved)
+
+    def _way_beside(self, dt: float) -> FloatArray:
+        """Return by how much the line of a bend is longer than the way of those who wander beside it, (n,) [m].
+
+        It is the same in all steps from one decision to the next.
+        """
+        if self._beside is None:
+            world, at = self.world, self.at
+            bend = world.yaw_rate[at] - world.drift_rate[at] - world.wander_slope_rate[at]
+            self._beside = bend * (dt * world.wander[at])
+        return self._beside
 
     def _pass_ends(self, which: IntArray) -> None:
         """Bring lane and leg up to date for vehicles that are beyond the ends of their legs."""

@@ -234,10 +234,10 @@ class _People:
         wish[~self.is_loop & (arc >= self.length - AT_KERB)] = 0.0
         free_wish = wish
         wish = self._mind_kerb(arc, wish)
-        towards = self._towards(arc, x, y)
+        towards, course = self._towards(arc, x, y)
         heading = np.exp(1j * world.yaw[rows])
         velocity = world.speed[rows] * heading
-        from_solid, around = self._push_of_solid(x, y, towards, self._course(arc))
+        from_solid, around = self._push_of_solid(x, y, towards, course)
         steps_back = (wish < free_wish) & (np.abs(from_solid) > CLOSE)
         push = (wish * towards - velocity) / RELAXATION + self._push(x, y, towards) + around
         push = np.where(steps_back, -velocity / RELAXATION, push) + from_solid
@@ -262,16 +262,24 @@ class _People:
     def _project(self, x: FloatArray, y: FloatArray) -> FloatArray:
         """Return the arc lengths of the places on the paths that belong to positions, near the last ones."""
         arc = self.world.leg_start[self.rows]  # of the last decision
-        here, distance, is_over = self._foot(arc, x, y)
-        ahead, other, _ = self._foot(self._ahead(arc, LOOK_AHEAD), x, y)
-        arc = np.where((other < distance) | is_over, ahead, here)
+        (here, ahead), (distance, other), is_over = self._feet(np.array([arc, self._ahead(arc, LOOK_AHEAD)]), x, y)
+        arc = np.where((other < distance) | is_over[0], ahead, here)
         # On the inner side of a corner the goal may be where one stands already.
         is_there = np.abs(self._goal(arc) - (x + 1j * y)) < 0.5 * LOOK_AHEAD
         return np.where(is_there, self._ahead(arc, 0.25 * LOOK_AHEAD), arc)
 
-    def _foot(self, arc: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """Return the foot points of positions on pieces of the paths, their distances, and which are at an end."""
-        leg = self.world.paths.find(self.base, arc).T
+    def _feet(self, arc: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Return the foot points of positions on pieces of the paths, their distances, and which are at an end.
+
+        Args:
+            arc: (m, k) arc lengths on the pieces [m].
+            x: (k,) east [m].
+            y: (k,) north [m].
+
+        Returns:
+            (m, k) each.
+        """
+        leg = np.moveaxis(self.world.paths.find(self.base, arc), -1, 0)
         along = (x - leg[X]) * leg[DX] + (y - leg[Y]) * leg[DY]
         foot = np.fmin(np.fmax(along, 0.0), leg[END] - leg[START])
         away = np.hypot(x - leg[X] - foot * leg[DX], y - leg[Y] - foot * leg[DY])
@@ -282,23 +290,23 @@ class _People:
         there = arc + distance
         return np.asarray(np.where(self.is_loop, np.fmod(there, self.length), np.fmin(there, self.length)))
 
-    def _towards(self, arc: FloatArray, x: FloatArray, y: FloatArray) -> ComplexArray:
-        """Return the directions to walk in, (k,) complex of length one."""
-        way = self._goal(arc) - (x + 1j * y)
-        return np.asarray(way / np.fmax(np.abs(way), STANDS))
+    def _towards(self, arc: FloatArray, x: FloatArray, y: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return the directions to walk in, and those of the paths at arc lengths, (k,) complex of length one each."""
+        ahead = self._ahead(arc, LOOK_AHEAD)
+        legs = self.world.paths.find(self.base, np.array([ahead, arc]))
+        way = self._beside(legs[0].T, ahead) - (x + 1j * y)
+        return np.asarray(way / np.fmax(np.abs(way), STANDS)), legs[1, :, DX] + 1j * legs[1, :, DY]
 
     def _goal(self, arc: FloatArray) -> ComplexArray:
-        """Return the places to walk to from arc lengths, (k,) complex: ahead, and to the right of the path [m]."""
+        """Return the places to walk to from arc lengths, (k,) complex [m]."""
         arc = self._ahead(arc, LOOK_AHEAD)
-        leg = self.world.paths.find(self.base, arc).T
+        return self._beside(self.world.paths.find(self.base, arc).T, arc)
+
+    def _beside(self, leg: FloatArray, arc: FloatArray) -> ComplexArray:
+        """Return the places to the right of the paths at arc lengths on segments (10, k), (k,) complex [m]."""
         along = arc - leg[START]
         goal = leg[X] + along * leg[DX] + 1j * (leg[Y] + along * leg[DY])
         return np.asarray(goal + self.side * (leg[DY] - 1j * leg[DX]))
-
-    def _course(self, arc: FloatArray) -> ComplexArray:
-        """Return the directions of the paths at arc lengths, (k,) complex."""
-        leg = self.world.paths.find(self.base, arc).T
-        return np.asarray(leg[DX] + 1j * leg[DY])
 
     def _push(self, x: FloatArray, y: FloatArray, towards: ComplexArray) -> ComplexArray:
         """Return the accelerations by other pedestrians, (k,) complex [m/s^2]."""
