@@ -106,12 +106,13 @@ def drive_lanes(world: World, dt: float) -> None:
     followers = world.derived(_LaneFollowers)
     if not followers.num:
         return
-    saved = followers.egos.save_motion() if world.dynamics == Dynamics.SINGLE_TRACK else None
+    has_motion = len(followers.egos) > 0 and world.dynamics == Dynamics.SINGLE_TRACK
+    saved = followers.egos.save_motion() if has_motion else None
     if world.frame % DECISION == 0:
         followers.decide()
     followers.move(dt)
     if saved is not None:
-        followers.egos.restore_poses(saved)
+        followers.egos.restore_motion(saved)
 
 
 def view_driver(world: World, row: int) -> DriverView | None:

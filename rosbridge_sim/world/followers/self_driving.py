@@ -34,8 +34,9 @@ LOOK_AHEAD_TIME: Final = 0.6
 MIN_LOOK_AHEAD: Final = 4.0
 """The point is at least this far ahead [m]. A nearer one makes a slow car swing from side to side."""
 
-_POSE: Final = ("x", "y", "z", "yaw", "speed")
-_MOTION: Final = ("accel", "lateral_accel", "yaw_rate")
+_POSE: Final = ("x", "z")
+_MOTION: Final = ("accel", "yaw_rate")
+"""First and last of the columns of pose and speed, and of accelerations and yaw rate."""
 
 
 def start_self_driving(
@@ -123,15 +124,18 @@ class SelfDrivingEgos:
             else:
                 command(world, row, mode=Mode.PEDALS, steer=angle, brake=1.0)
 
-    def save_poses(self) -> dict[str, FloatArray]:
-        """Return copies of pose and speed, (k,) each, by column."""
-        return {name: getattr(self._world, name)[self.rows] for name in _POSE}
+    def save_poses(self) -> FloatArray:
+        """Return copies of pose and speed, (5, k)."""
+        return self._world.block(*_POSE)[:, self.rows]
 
-    def save_motion(self) -> dict[str, FloatArray]:
-        """Return copies of accelerations and yaw rate, which the single track model continues from."""
-        return {name: getattr(self._world, name)[self.rows] for name in _MOTION}
+    def restore_poses(self, saved: FloatArray) -> None:
+        """Write back what `save_poses` has returned."""
+        self._world.block(*_POSE)[:, self.rows] = saved
 
-    def restore_poses(self, saved: dict[str, FloatArray]) -> None:
-        """Write back what `save_poses` or `save_motion` has returned."""
-        for name, values in saved.items():
-            getattr(self._world, name)[self.rows] = values
+    def save_motion(self) -> FloatArray:
+        """Return copies of accelerations and yaw rate, which the single track model continues from, (3, k)."""
+        return self._world.block(*_MOTION)[:, self.rows]
+
+    def restore_motion(self, saved: FloatArray) -> None:
+        """Write back what `save_motion` has returned."""
+        self._world.block(*_MOTION)[:, self.rows] = saved
