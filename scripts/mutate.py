@@ -4,6 +4,7 @@
     .venv/bin/python scripts/mutate.py                        every file of the table, at most 45 minutes
     .venv/bin/python scripts/mutate.py protocol/outbox.py     one file
     .venv/bin/python scripts/mutate.py --minutes 10 --seed 1  another random sample, if time is too short for all
+    .venv/bin/python scripts/mutate.py --sample 3 --minutes 5 three files, chosen by the seed
     .venv/bin/python scripts/mutate.py --again LOG            the survivors that an earlier run printed, with new tests
 
 A mutant is the file with one change: a comparison, an operator, a number, a condition, or a call left out.
@@ -418,10 +419,13 @@ def main() -> int:
     parser.add_argument("files", nargs="*", metavar="FILE", default=list(TESTS), help=f"within {PACKAGE}/; all if none")
     parser.add_argument("--minutes", type=float, default=45.0, help="longest run (default: 45)")
     parser.add_argument("--seed", type=int, default=0, help="of the order in which mutants are tried (default: 0)")
+    parser.add_argument("--sample", type=int, default=len(TESTS), metavar="N", help="only so many files, by the seed")
     parser.add_argument("--again", type=Path, metavar="LOG", help="only the survivors that an earlier run has printed")
     arguments = parser.parse_args()
     if unknown := [file for file in arguments.files if file not in TESTS]:
         parser.error(f"{unknown[0]}: expected one of {', '.join(TESTS)}")
+    num = min(arguments.sample, len(arguments.files))
+    arguments.files = random.Random(arguments.seed).sample(arguments.files, num)  # noqa: S311 - no secret
     end = time.monotonic() + 60.0 * arguments.minutes
     sys.path.insert(0, str(ROOT))
     os.chdir(ROOT)

@@ -41,7 +41,32 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in items:
         (chosen if _is_of(item, is_long=is_long) else others).append(item)
     config.hook.pytest_deselected(items=others)
-    items[:] = chosen
+    items[:] = sorted(chosen, key=_turn_of)
+
+
+LONGEST = (
+    "end_to_end/test_soaks.py",
+    "end_to_end/test_manual_pages.py",
+    "page/test_code.py",
+    "shell/test_attach.py",
+    "end_to_end/test_call_orders.py",
+    "cli/watch/test_watch.py",
+    "cli/test_command_line.py",
+    "link/test_stop_signals.py",
+    "shell/bags/test_bag_recorder.py",
+)
+"""Files in the order of their CPU time, from 220 s to 19 s. Begun last, one of them would run alone at the end."""
+
+PROGRAMS = ("page", "end_to_end", "cli")
+"""Folders whose tests start programs and wait for them. Their files come next, before many short ones."""
+
+
+def _turn_of(item: pytest.Item) -> tuple[int, int]:
+    """Place of a test's file in the run; files of the same place stay in their order."""
+    file = item.path.relative_to(Path(__file__).parent).as_posix()
+    if file in LONGEST:
+        return 0, LONGEST.index(file)
+    return (1 if file.partition("/")[0] in PROGRAMS else 2), 0
 
 
 def _is_of(item: pytest.Item, *, is_long: bool) -> bool:
