@@ -113,6 +113,17 @@ def test_only_latched_messages_of_publishers_that_are_gone_are_forgotten_for_mem
     assert (latched["/gone"], latched["/stays"]) == (0, 1)
 
 
+def test_message_of_a_topic_that_has_a_publisher_again_is_not_forgotten() -> None:
+    bus, first, second = make_bus(), Somebody(), Somebody()
+    topic = bus.advertise(first, "/t", STRING, depth=1)
+    message = text(bus, "x")
+    bus.publish(first, topic, message, 0.0)
+    bus.leave(first, 0.0)
+    bus.advertise(second, "/t", STRING, depth=1)
+    bus.forget_orphans()
+    assert topic.latched == [message]
+
+
 def test_publishers_do_not_push_out_each_others_latched_messages() -> None:
     bus, first, second, third = make_bus(), Somebody(), Somebody(), Somebody()
     topic = bus.advertise(first, "/t", STRING, depth=1)

@@ -499,6 +499,16 @@ def test_world_moves_when_all_have_ticked() -> None:
     assert model.barrier.due(0.0) is None
 
 
+def test_member_that_ticks_over_a_new_connection_stays_until_that_one_ends() -> None:
+    model = a_model(BarrierState.RESTING)
+    assert model.tick("a", holder="a3").is_accepted
+    model.barrier.drop("a", model.now)
+    model.barrier.drop("a2", model.now)
+    assert model.barrier.status().members == ["a", "b"]
+    model.barrier.drop("a3", model.now)
+    assert model.barrier.status().members == ["b"]
+
+
 def test_late_member_is_told_once_and_its_tick_counts_for_the_next_boundary() -> None:
     model = a_model(BarrierState.RESTING)
     for _ in range(2):

@@ -48,6 +48,17 @@ def test_pedestrian_crosses_a_free_road_and_stops_at_the_end_of_its_path() -> No
     assert world.speed[row] == 0.0
 
 
+def test_pedestrian_crosses_each_road_on_its_path() -> None:
+    world = world_of(make(a=(line((0, 0), (100, 0)), ""), b=(line((0, 12), (100, 12)), "")))
+    row = walker(world, np.array([[50.0, -5.0], [50.0, 18.0]]))
+    states = set()
+    for _ in range(1100):
+        step(world)
+        states.add(int(world.yields[row]))
+    assert states == {1, COMMITTED, COMMITTED + 1}
+    assert world.y[row] > 16.5
+
+
 @pytest.mark.parametrize(("colour", "crosses"), [(Lamp.RED, False), (Lamp.GREEN, True)])
 def test_pedestrian_waits_at_the_kerb_for_green(colour: Lamp, crosses: bool) -> None:  # noqa: FBT001 - a case
     world = lit(colour)
