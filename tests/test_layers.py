@@ -12,6 +12,7 @@ from __future__ import annotations
 import ast
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -238,8 +239,7 @@ def find_circles(root: Path) -> Iterator[str]:
     arrows: dict[str, set[str]] = {}
     for name, path in paths.items():
         if _room_of(name.split(".")).partition(".")[0] not in OUTSIDE:
-            tree, parts = ast.parse(path.read_text()), path.relative_to(root).with_suffix("").parts
-            found = {_module_of(imported, paths) for _, imported in _imports(tree, parts)}
+            found = {_module_of(imported, paths) for imported in _imports_of(path, root)}
             arrows[name] = {target for target in found if target is not None} - {name}
     while True:
         while ready := {name for name, targets in arrows.items() if not targets & arrows.keys()}:
@@ -287,6 +287,14 @@ def _imports(tree: ast.AST, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]
                 above = (PACKAGE, *parts)[: -node.level]
                 base = ".".join([*above, base]).strip(".")
             yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
+
+
+@cache
+def _imports_of(path: Path, root: Path) -> tuple[str, ...]:
+    """All that a file below a package's root imports. Two tests ask for it, and reading all sources takes seconds."""
+    return tuple(
+        name for _, name in _imports(ast.parse(path.read_text()), path.relative_to(root).with_suffix("").parts)
+    )
 
 
 def _import_faults(tree: ast.AST, room: str, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:
@@ -416,7 +424,7 @@ def test_every_permitted_arrow_is_used() -> None:
     for path in ROOT.rglob("*.py"):
         parts = path.relative_to(ROOT).with_suffix("").parts
         room = "" if parts == ("__init__",) else _room_of(parts)
-        for _, name in _imports(ast.parse(path.read_text()), parts):
+        for name in _imports_of(path, ROOT):
             if name.partition(".")[0] == PACKAGE:
                 target = _room_of(name.split(".")[1:])
                 used.setdefault(room, set()).add(target if target in ARROWS else "")
