@@ -19,7 +19,7 @@ from rosbridge_sim.graph.peer_base import CheckRoom, PeerBase, split_id
 from rosbridge_sim.graph.pending_work import PendingWork, find_awaited
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.protocol import ops
-from rosbridge_sim.protocol.codec import is_absent
+from rosbridge_sim.protocol.codec import call_head, is_absent
 from rosbridge_sim.schema.message import Message
 
 __all__ = ["PeerServices"]
@@ -83,6 +83,7 @@ class PeerServices:
         self._check_room(None)
         provided = PendingWork[Call]("service_request", op.service)
         name = resolve(op.service)
+        head = call_head(op.service)
 
         def handle(call: Call, _now: float) -> None:
             limit = self._bus.max_calls
@@ -92,7 +93,7 @@ class PeerServices:
                 raise GraphError(text, reason=Reason.TOO_MUCH)
             call_id = provided.add(call)
             args = Message(call.service.type.request, call.request)
-            self._session.say("call_service", {"args": args}, service=provided.spelling, id=call_id)
+            self._session.outbox.send(b"".join((head, orjson.dumps(call_id), b',"args":', args.json, b"}")))
 
         service = self._bus.provide(self._peer, op.service, op.type, handle)
         self._provided[service.name] = provided
@@ -112,8 +113,11 @@ class PeerServices:
         Args:
             op: the answer.
         """
-        name = resolve(op.service)
+        name = op.service
         provided = self._provided.get(name)
+        if provided is None:
+            name = resolve(name)
+            provided = self._provided.get(name)
         if provided is None:
             text = f"Service {op.service} has not been advertised via rosbridge."
             raise GraphError(text, reason=Reason.NOT_ADVERTISED)

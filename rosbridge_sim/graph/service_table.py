@@ -129,7 +129,7 @@ class ServiceTable:
         """
         state = self._state
         try:
-            service = self.by_name.get(resolve(name))
+            service = self.by_name.get(name) or self.by_name.get(resolve(name))
             if service is None:
                 raise GraphError(f"Service {name} does not exist", reason=Reason.NO_SUCH_SERVICE)
             request = decode_body(service.type.request, args, state.stamp_ns)

@@ -9,6 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
+import msgspec
+
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.participant import Guest, Notify, Participant
 from rosbridge_sim.protocol.account import Account, HeldMessages
@@ -26,9 +28,8 @@ Handle = Callable[["Call", float], None]
 """`(call, now)`; it answers the call, now or later. A PeerError that it raises refuses the call."""
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """The end of a call.
+class Answer(msgspec.Struct, frozen=True, eq=False):
+    """The end of a call. A struct of `msgspec`, as `Call`, because both are made for each call.
 
     Attributes:
         is_ok: `result` on the wire.
@@ -38,7 +39,7 @@ class Answer:
 
     is_ok: bool
     values: object
-    reason: Reason | None = field(default=None, compare=False)
+    reason: Reason | None = None
 
 
 OnAnswer = Callable[[Answer], None]
@@ -298,8 +299,7 @@ class _CallTable(Protocol):
         """Give the answer of a call to its caller. Must not raise for a mistake of either side."""
 
 
-@dataclass(eq=False, slots=True)
-class Call:
+class Call(msgspec.Struct, eq=False):
     """One call, from its request to its answer.
 
     Attributes:

@@ -35,6 +35,7 @@ __all__ = [
     "HEAVY",
     "LONG",
     "Encoded",
+    "call_head",
     "decode_frame",
     "decode_quickly",
     "end_of_value",
@@ -556,6 +557,15 @@ def publish_head(topic: str) -> bytes:
         topic: name of the topic as the subscriber spells it.
     """
     return b'{"op":"publish","topic":' + orjson.dumps(topic) + b',"msg":'
+
+
+def call_head(service: str) -> bytes:
+    """Return the start of a call to a provider, up to its id.
+
+    Args:
+        service: name of the service as the provider spells it.
+    """
+    return b'{"op":"call_service","service":' + orjson.dumps(service) + b',"id":'
 
 
 def response_frame(service: str, values: bytes, *, is_ok: bool, op_id: Id) -> bytes:

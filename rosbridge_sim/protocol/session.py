@@ -37,6 +37,9 @@ __all__ = ["LEVELS", "Session"]
 LEVELS = {"none": 0, "error": 1, "warning": 2, "warn": 2, "info": 3}
 """Levels of status frames; a peer gets those up to its own level. Clients for C++ servers write `warn`."""
 
+_WRAPPERS = frozenset({Fragment, Png})
+"""Ops that hold other ops."""
+
 
 class Session:
     """The wire of one peer.
@@ -106,7 +109,7 @@ class Session:
         self.frame_length = 0
         if len(frame) < LONG:
             op = decode_quickly(frame)
-            if op is not None and type(op) is not Fragment and type(op) is not Png:
+            if op is not None and type(op) not in _WRAPPERS:
                 self.num_received += 1
                 return op
         return None

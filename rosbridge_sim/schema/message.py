@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+import msgspec
+
 from rosbridge_sim.errors import EncodingError, PeerError
-from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.schema.sizes import size_of
@@ -16,46 +17,28 @@ __all__ = ["Message"]
 T = TypeVar("T")
 
 
-class Message:
+class Message(msgspec.Struct, eq=False):
     """One value of a message type. Each encoding is made at most once, for any number of listeners.
+
+    It is a struct of `msgspec` because one is made for each message, four times as fast as an object of Python.
 
     Attributes:
         type: its type.
         value: a struct of the type, or a plain object of an unknown type; it must not change any more.
         text_length: length of the JSON text that it was decoded from [bytes]; 0 if it was made here, or is short.
-
-    Args:
-        message_type: its type.
-        value: see above.
-        text_length: see above.
     """
 
-    __slots__ = (
-        "_cbor",
-        "_failures",
-        "_framed",
-        "_head",
-        "_json",
-        "_raw",
-        "_shared",
-        "_size",
-        "text_length",
-        "type",
-        "value",
-    )
-
-    def __init__(self, message_type: MessageType | OpaqueType, value: Struct, text_length: int = 0) -> None:
-        self._size = 0
-        self.text_length = text_length
-        self.type = message_type
-        self.value = value
-        self._json: bytes | None = None
-        self._cbor: bytes | None = None
-        self._raw: bytes | None = None
-        self._head = b""
-        self._framed = b""
-        self._shared: dict[object, Any] | None = None
-        self._failures: dict[str, EncodingError] | None = None
+    type: MessageType | OpaqueType
+    value: Any
+    text_length: int = 0
+    _size: int = 0
+    _json: bytes | None = None
+    _cbor: bytes | None = None
+    _raw: bytes | None = None
+    _head: bytes = b""
+    _framed: bytes = b""
+    _shared: dict[object, Any] | None = None
+    _failures: dict[str, EncodingError] | None = None
 
     @property
     def num_bytes(self) -> int:
@@ -127,7 +110,8 @@ class Message:
             EncodingError: the value cannot be written.
         """
         if head != self._head:
-            self._framed = b"".join((head, self.json, b"}"))
+            json = self._json
+            self._framed = b"".join((head, self.json if json is None else json, b"}"))
             self._head = head
         return self._framed
 

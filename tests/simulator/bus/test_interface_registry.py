@@ -170,7 +170,7 @@ def test_pending_call_is_answered_after_its_service_was_renamed() -> None:
     call.answer(call.service.type.response.default())
     assert [answer.is_ok for answer in answers] == [True]
     rig.bus.call(rig.client, "/ask", {}, answers.append, now=0.0)
-    assert answers[1] == Answer(is_ok=False, values="Service /ask does not exist")
+    assert (answers[1].is_ok, answers[1].values) == (False, "Service /ask does not exist")
 
 
 def test_removed_service_refuses_its_pending_calls() -> None:
