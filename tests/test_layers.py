@@ -28,13 +28,14 @@ errors:
 printable:
 suggestions: printable
 loose_types:
+long_text:
 weight:
 units:
 version:
 not_json:
 # the wire
-schema: * weight
-protocol: * weight
+schema: * long_text weight
+protocol: * long_text weight
 graph: * protocol schema
 graph.tf: * graph schema
 graph.attach: * graph protocol schema
@@ -146,6 +147,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "suggestions": set(),
     "not_json": set(),
     "units": set(),
+    "long_text": {"pybase64"},
     "weight": {"numpy"},
     "version": set(),
 }

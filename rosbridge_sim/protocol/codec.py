@@ -24,6 +24,7 @@ import msgspec
 import orjson
 
 from rosbridge_sim.errors import FrameError, Reason
+from rosbridge_sim.long_text import find_long_text
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.printable import printable
 from rosbridge_sim.protocol.long_lists import has_more_values, put_in_lists, take_out_lists
@@ -188,6 +189,12 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
         error only.
     """
     if len(frame) >= LONG:
+        quick = _read_long_text(frame)
+        if quick is not None:
+            if len(frame) >= HEAVY:
+                yield None
+            yield quick
+            return
         too_much = yield from _too_heavy(frame)
         if too_much is not None:
             error = FrameError(f"Received a frame that is too heavy: {too_much}")
@@ -207,6 +214,20 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
         if len(frame) >= LONG:
             yield None
         yield from _decode_slowly(frame)
+
+
+def _read_long_text(frame: bytes) -> Op | None:
+    """Return the only op of a frame whose body is mostly one base64 text, which needs no weighing; None for others."""
+    long_text = find_long_text(frame)
+    op = None if long_text is None else decode_quickly(long_text.short)
+    if op is None or long_text is None:
+        return None
+    for name in op.bodies:
+        short = getattr(op, name)
+        body = None if short is ABSENT else long_text.body(frame, bytes(short))
+        if body is not None:
+            return msgspec.structs.replace(op, **{name: body})
+    return None
 
 
 def _too_heavy(frame: bytes) -> Generator[None, None, str | None]:

@@ -11,6 +11,7 @@ import numpy as np
 import orjson
 import pybase64
 
+from rosbridge_sim.long_text import MARK, LongBody
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.cbor import CborWriters
 from rosbridge_sim.schema.json_text import parse_json
@@ -53,7 +54,17 @@ class MessageType:
         encoders: shared by the types of one store.
     """
 
-    __slots__ = ("_decode", "_encoders", "_finalize", "_skeleton", "definition", "name", "spec", "struct_type")
+    __slots__ = (
+        "_bytes",
+        "_decode",
+        "_encoders",
+        "_finalize",
+        "_skeleton",
+        "definition",
+        "name",
+        "spec",
+        "struct_type",
+    )
 
     def __init__(self, spec: MessageSpec, encoders: Encoders) -> None:
         self.name = spec.name
@@ -64,6 +75,7 @@ class MessageType:
         self._skeleton: Skeleton | None = None
         self._encoders = encoders
         self._decode = msgspec.json.Decoder(spec.struct_type).decode
+        self._bytes = [each.attribute for each in spec.fields.values() if each.definition.is_bytes]
 
     def __repr__(self) -> str:
         return f"MessageType({self.name})"
@@ -86,6 +98,10 @@ class MessageType:
         """
         try:
             if len(body) >= _COUNTED:
+                if body.__class__ is LongBody:
+                    value = self._decode_long(body, stamp_ns)
+                    if value is not None:
+                        return value
                 self._count(body)
             value = self._decode(body)
             if self._finalize is not None:
@@ -93,6 +109,20 @@ class MessageType:
         except REFUSALS as refusal:
             return self.check(parse_json(self.name, body, refusal), stamp_ns)
         return value
+
+    def _decode_long(self, body: LongBody, stamp_ns: int) -> Struct | None:
+        """Return the value of a body with a long text, if that is the content of a field of bytes; else None."""
+        try:
+            value = self._decode(body.short)
+            for attribute in self._bytes:
+                if getattr(value, attribute) == MARK:
+                    setattr(value, attribute, memoryview(body.data))  # `finalize` makes bytes of it
+                    assert self._finalize is not None, "it has a field of bytes"
+                    self._finalize(value, stamp_ns)
+                    return value
+        except REFUSALS:
+            pass  # the usual way finds the mistake, and words it
+        return None
 
     def _count(self, body: bytes | msgspec.Raw) -> None:
         """Raise FieldError for a long body that would cost too much, and MemoryError if there is no memory for it."""
@@ -173,7 +203,7 @@ def _encode_other(value: object) -> object:
     if isinstance(value, LateList):
         return value.items
     if isinstance(value, JsonBytes):
-        return msgspec.Raw(b'"' + pybase64.b64encode(value) + b'"')
+        return msgspec.Raw(b"".join((b'"', pybase64.b64encode(value), b'"')))
     if isinstance(value, np.ndarray) and value.dtype == np.uint8:
         return value.tobytes()
     if isinstance(value, (np.ndarray, np.generic)):
