@@ -1,0 +1,38 @@
+"""Fixed workloads cost no more than they did, as multiples of a reference loop; see `scripts/bench/guard.py`."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from scripts.bench import guard
+
+FIGURES = json.loads(guard.FIGURES.read_text())
+
+
+def test_every_workload_has_a_figure() -> None:
+    assert set(FIGURES) == set(guard.WORKLOADS)
+
+
+def test_dear_work_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def thrice() -> guard.Work:
+        def work() -> None:
+            guard.reference()
+            guard.reference()
+            guard.reference()
+
+        return work
+
+    monkeypatch.setitem(guard.WORKLOADS, "three", thrice)
+    monkeypatch.setattr(guard, "ROUNDS", 8)
+    (_, is_good), (_, is_dear_good) = guard.judge("three", 4.0), guard.judge("three", 1.5)
+    assert is_good
+    assert not is_dear_good
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", guard.WORKLOADS)
+def test_workload_is_no_dearer(name: str) -> None:
+    cost, is_good = guard.judge(name, FIGURES[name])
+    assert is_good, f"{cost:.4f} times the reference loop, {FIGURES[name]:.4f} before; see scripts/bench/guard.py"
