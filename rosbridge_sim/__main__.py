@@ -88,6 +88,8 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
             "snapshot",
             "restore",
             "spawn",
+            "sensor",
+            "shot",
             "watch",
             "layout",
             "wait",

@@ -86,9 +86,10 @@ simulator: graph morai morai.messages scenarios schema simulator.bus simulator.k
 # outside
 link: * protocol
 client: * link protocol
-shell: * graph graph.attach graph.tf link maps morai protocol scenarios schema shell.bags shell.config shell.files
-    shell.monitoring shell.page shell.websocket simulator simulator.bus simulator.plain simulator.replays
-    simulator.scene simulator.sim_services version world.geometry world.roads world.state
+shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery schema shell.bags shell.config
+    shell.files shell.monitoring shell.page shell.rendering shell.websocket simulator simulator.bus simulator.plain
+    simulator.replays simulator.scene simulator.sensors simulator.sim_services version world.geometry world.roads
+    world.state
 shell.page: * schema
 shell.monitoring: * graph protocol schema shell.websocket simulator version
 shell.websocket: * graph link protocol shell shell.page version

@@ -9,6 +9,8 @@ from rosbridge_sim.cli.file_commands import run_bag, run_docs, run_map, run_scen
 from rosbridge_sim.cli.simulator_commands import (
     run_restore,
     run_score,
+    run_sensor,
+    run_shot,
     run_snapshot,
     run_spawn,
     run_step,
@@ -34,6 +36,8 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "snapshot": run_snapshot,
     "restore": run_restore,
     "spawn": run_spawn,
+    "sensor": run_sensor,
+    "shot": run_shot,
     "watch": run_watch,
     "layout": run_layout,
     "wait": run_wait,

@@ -12,7 +12,17 @@ from rosbridge_sim.cli.command_line import Options, make_number, run_command
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser, layout
 
-__all__ = ["run_restore", "run_score", "run_snapshot", "run_spawn", "run_step", "run_sync", "run_tick"]
+__all__ = [
+    "run_restore",
+    "run_score",
+    "run_sensor",
+    "run_shot",
+    "run_snapshot",
+    "run_spawn",
+    "run_step",
+    "run_sync",
+    "run_tick",
+]
 
 TICK_ID = "rosbridge-sim"
 """Default user id of `tick`: always the same, so that a second run is the same master."""
@@ -373,3 +383,64 @@ _POSE = ("x", "y", "heading_deg")
 def _links(text: str) -> list[str]:
     """Read names between commas."""
     return [word.strip() for word in text.split(",") if word.strip()]
+
+
+def run_sensor(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim sensor`.
+
+    Args:
+        argv: words behind the name of the command.
+
+    Returns:
+        The exit code.
+    """
+    parser = Parser(
+        prog="rosbridge-sim sensor",
+        description="List the cameras, lidars and radars of a running simulator: number, rate, place, topics.",
+        epilog="For example: rosbridge-sim sensor list",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument("what", choices=("list",), help="what to do")
+    parser.add_argument("--ego", type=int, default=0, metavar="N", help="number of the ego [0]")
+    add_bridge(parser)
+    parser.set_defaults(run=_sensor)
+    return run_command(parser, argv)
+
+
+def _sensor(options: Options) -> int:
+    from rosbridge_sim.cli.tools.sensor import list_sensors  # noqa: PLC0415 - see above
+
+    return with_bridge(options, lambda bridge: list_sensors(bridge, options.ego, is_json=options.json))
+
+
+def run_shot(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim shot`.
+
+    Args:
+        argv: words behind the name of the command.
+
+    Returns:
+        The exit code.
+    """
+    parser = Parser(
+        prog="rosbridge-sim shot",
+        description="Save the next picture of a camera of a running simulator.",
+        epilog="For example: rosbridge-sim shot --camera Camera -o out.png",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    parser.add_argument(
+        "--camera", default="", metavar="NAME|INDEX", help="name of the camera, or 0, 1, ... among the cameras [0]"
+    )
+    parser.add_argument("--ego", type=int, default=0, metavar="N", help="number of the ego [0]")
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="*.png, *.jpg or another picture")
+    add_bridge(parser)
+    parser.set_defaults(run=_shot)
+    return run_command(parser, argv)
+
+
+def _shot(options: Options) -> int:
+    from rosbridge_sim.cli.tools.sensor import take_shot  # noqa: PLC0415 - see above
+
+    return with_bridge(options, lambda bridge: take_shot(bridge, options.ego, options.camera, options.out))

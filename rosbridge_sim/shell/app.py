@@ -38,6 +38,7 @@ from rosbridge_sim.shell.assembly import (
     mistakes_of_items,
     outbox_limits,
     start_recorder,
+    start_worker,
 )
 from rosbridge_sim.shell.bags.recordings import DiskRecordings
 from rosbridge_sim.shell.config.loading import check_options
@@ -59,6 +60,7 @@ from rosbridge_sim.shell.page.type_files import TypeFiles
 from rosbridge_sim.shell.page.web_page import WebPage
 from rosbridge_sim.shell.port_file import PortFile
 from rosbridge_sim.shell.scheduler import Clock, Scheduler
+from rosbridge_sim.shell.sensor_thread import SensorThread
 from rosbridge_sim.shell.websocket.access import load_certificate
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.server import Server
@@ -126,6 +128,7 @@ class Simulator:
         self._recordings: DiskRecordings | None = None
         self._quota: DataQuota | None = None
         self._reader: ThreadReader | None = None
+        self._worker: SensorThread | None = None
         self._stopping: asyncio.Task[None] | None = None
         self._thread: LoopThread | None = None
         self._is_stopped = False
@@ -174,7 +177,9 @@ class Simulator:
         if self._server is None or self._scheduler is None:
             return 0
         num_frames = self._server.num_bugs + sum(attachment.num_bugs for attachment in self.attachments)
-        num_loads = sum(reader.num_bugs for reader in (self._reader, self._recordings) if reader is not None)
+        num_loads = sum(
+            reader.num_bugs for reader in (self._reader, self._recordings, self._worker) if reader is not None
+        )
         is_standing = self.node is not None and self.node.failure is not None
         num_guarded = self.bus.guard.num_faults if self.bus is not None else 0
         return num_frames + num_loads + num_guarded + (self._scheduler.is_failed or is_standing)
@@ -274,10 +279,7 @@ class Simulator:
         republisher = WebRepublisher(bus)
         node: SimulatorNode | None = None
         if settings.world:
-            self._quota = DataQuota(
-                settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
-            )
-            node = make_simulator_node(bus, settings, recordings, reader, self._quota)
+            node = self._make_node(bus, recordings, reader, loop)
         complete_policy(limits.policy, node, is_attaching=bool(settings.attach))
         stamps = None if node is None else choose_stamps(settings, node)
         clocks: list[Clock] = [republisher] if node is None else [node, republisher]
@@ -312,6 +314,26 @@ class Simulator:
         if node is not None:
             self._attach(bus, node, scheduler, stamps)
         scheduler.look()
+
+    def _make_node(
+        self, bus: Bus, recordings: DiskRecordings, reader: ThreadReader, loop: asyncio.AbstractEventLoop
+    ) -> SimulatorNode:
+        """Return the simulator, with what writes its files and what draws for its sensors.
+
+        Raises:
+            DocumentError: a file, a map or a setting cannot be used.
+        """
+        settings = self.settings
+        self._quota = DataQuota(
+            settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
+        )
+        self._worker = start_worker(settings, loop, self._look)
+        return make_simulator_node(bus, settings, recordings, reader, self._quota, worker=self._worker)
+
+    def _look(self) -> None:
+        """Compute the next event anew, because the world may go on."""
+        if self._scheduler is not None:
+            self._scheduler.look()
 
     async def _listen(self, server: Server, certificate: SSLContext | None) -> None:
         """Listen, if the settings say so.
@@ -410,6 +432,8 @@ class Simulator:
             self.descriptors.stop()
         if self._reader is not None:
             self._reader.stop()
+        if self._worker is not None:
+            self._worker.stop()
         if self._reports is not None:
             self._reports.stop()
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -27,8 +28,10 @@ from rosbridge_sim.shell.files.network_files import DiskNetworks
 from rosbridge_sim.shell.files.noise_file import read_sensor_noise
 from rosbridge_sim.shell.files.quota import DataQuota
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
+from rosbridge_sim.shell.files.sensors_file import read_sensors
 from rosbridge_sim.shell.monitoring.server_topics import TOPICS, WHO_IS_CONNECTED
 from rosbridge_sim.shell.scenario_shelf import DiskShelf
+from rosbridge_sim.shell.sensor_thread import SensorThread
 from rosbridge_sim.shell.wall_clock import WallClock
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.limits import ServerLimits
@@ -40,6 +43,8 @@ from rosbridge_sim.simulator.bus.simulator_ways import SimulatorWays
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
+from rosbridge_sim.simulator.sensors.drawing import SensorWorker
+from rosbridge_sim.simulator.sensors.sensor_specs import RadarSpec
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.world import Dynamics, World
@@ -57,6 +62,7 @@ __all__ = [
     "mistakes_of_items",
     "outbox_limits",
     "start_recorder",
+    "start_worker",
     "taken_names",
 ]
 
@@ -105,6 +111,8 @@ def make_simulator_node(
     recordings: Recordings | None,
     reader: Reader | None,
     quota: DataQuota | None = None,
+    *,
+    worker: SensorWorker | None = None,
 ) -> SimulatorNode:
     """Return the node of a simulator, in its opening scene.
 
@@ -114,6 +122,7 @@ def make_simulator_node(
         recordings: recorded drives of the user; None for none.
         reader: reads files in a thread; None to read at once.
         quota: limits the files that are written for clients; None for no limit.
+        worker: draws what cameras and lidars see; None where nothing can.
 
     Raises:
         DocumentError: a file, a map or a setting cannot be used.
@@ -145,6 +154,7 @@ def make_simulator_node(
         traffic=settings.traffic,
         traffic_wander=settings.traffic_wander,
         sensor_noise=read_sensor_noise(settings.sensor_noise),
+        sensors=read_sensors(settings.sensors),
         on_world_failure=settings.on_world_failure,
     )
     turn_shares = TurnShares(*map(float, settings.turn_shares.split(","))) if settings.turn_shares else None
@@ -169,6 +179,7 @@ def make_simulator_node(
             networks=DiskNetworks(settings.data_dir),
             reader=reader,
             shelf=DiskShelf(library, settings.data_dir),
+            worker=worker,
         )
     except DocumentError as error:
         if not mistakes:
@@ -178,6 +189,25 @@ def make_simulator_node(
         raise DocumentError("\n".join(mistakes))
     node.limit_turns(time.perf_counter)
     return node
+
+
+def start_worker(settings: Settings, loop: asyncio.AbstractEventLoop, on_done: Callable[[], None]) -> SensorThread:
+    """Return what draws for cameras and lidars; a server that has some and cannot draw does not start.
+
+    Args:
+        settings: all settings.
+        loop: delivers what was drawn.
+        on_done: called after each delivery.
+
+    Raises:
+        DocumentError: a library or a driver is missing, or the sensors cannot be read.
+    """
+    worker = SensorThread(loop)
+    worker.on_done = on_done
+    drawn = [spec for spec in read_sensors(settings.sensors) if not isinstance(spec, RadarSpec)]
+    if drawn:
+        worker.open(drawn)
+    return worker
 
 
 def choose_stamps(settings: Settings, node: SimulatorNode) -> Stamps:

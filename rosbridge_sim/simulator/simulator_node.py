@@ -32,6 +32,7 @@ from rosbridge_sim.simulator.kernel.real_time import RealTime, set_real_time_fac
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sensors.missing_sensors import advise
+from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig
 from rosbridge_sim.simulator.sim_services.scene_markers import SCENE_MAP, SCENE_OBJECTS
@@ -120,7 +121,8 @@ class SimulatorNode:
         context.hooks.on_new_ego.append(self._open_ego)
         context.interfaces.open()
         Departures(context)
-        context.bus.unpublished.advise = advise
+        has_topic_like = self.component(MountedSensors).has_topic_like
+        context.bus.unpublished.advise = lambda topic: advise(topic, has_topic_like)
         context.bus.unpublished.advise_name = self._advise_name
         context.time.follow()
         context.sync_info.announce(0.0)

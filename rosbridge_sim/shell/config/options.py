@@ -61,6 +61,7 @@ class SimulatorOptions(TypedDict, total=False):
     stability_control: bool
     on_collision: Literal["report", "impact"]
     sensor_noise: str
+    sensors: str | Path
     traffic: int
     traffic_wander: bool
     turn_shares: Sequence[float] | str | None

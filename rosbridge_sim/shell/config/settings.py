@@ -307,6 +307,13 @@ class Settings:
         text_of("none, typical or a file", "none|typical|FILE"),
         "errors of /gps and /imu: none, those of usual units, or those of a *.json file",
     )
+    sensors: str = _flag(
+        "none",
+        _WORLD,
+        text_of("none, camera, lidar, teaching, all or a file", "NAME|FILE"),
+        "cameras, lidars and radars of each ego: none, camera, lidar, teaching, all, a *.toml file, or a *.json file of"
+        " MORAI's SaveFile/Sensor; all but radars need the extra rosbridge-sim[sensors]",
+    )
     traffic: int = _flag(
         0,
         _WORLD,

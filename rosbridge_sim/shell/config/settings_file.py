@@ -172,7 +172,9 @@ def _beside(key: str, value: object, folder: Path) -> object:
         return tuple(str(folder / one) for one in value)
     if flag_of(key).kind in (FILE, FOLDER_TYPE) and isinstance(value, str):
         return str(folder / value)
-    if key in {"scenario", "map", "sensor_noise"} and isinstance(value, str) and looks_like_path(value):
+    if key in {"scenario", "map", "sensor_noise", "sensors"} and isinstance(value, str) and looks_like_path(value):
+        return str(folder / value)
+    if key == "sensors" and isinstance(value, str) and value.endswith(".toml"):
         return str(folder / value)
     return value
 

@@ -77,13 +77,15 @@ class DrawingJob:
 
     Attributes:
         road_map: the map.
-        map_name: its name, which decides about what stands beside the roads.
+        map_name: its name, which decides about what stands beside the roads, with the seed.
+        seed: of the world.
         frame: what moves.
         sights: the sensors.
     """
 
     road_map: RoadMap
     map_name: str
+    seed: int
     frame: SceneFrame
     sights: Sequence[Sight]
 
@@ -157,18 +159,20 @@ class Makers:
     """What draws; made and used in one thread.
 
     Attributes:
-        pictures: draws pictures.
-        rays: casts rays.
+        pictures: returns what draws pictures; it is made at the first call.
+        rays: the same for what casts rays.
         encode_jpeg: `(picture, quality)`: returns the bytes of a JPEG.
-        build: `(map, its name)`: returns what does not move; the same object as long as the map is the same.
+        build: `(map, its name, seed)`: returns what does not move; the same object as long as the map is the same.
         elevations: `(model)`: angles of the rings of a product, from the lowest up [rad].
+        close: gives back what it holds.
     """
 
-    pictures: PictureMaker
-    rays: RayMaker
+    pictures: Callable[[], PictureMaker]
+    rays: Callable[[], RayMaker]
     encode_jpeg: Callable[[NDArray[np.uint8], int], bytes]
-    build: Callable[[RoadMap, str], Mesh]
+    build: Callable[[RoadMap, str, int], Mesh]
     elevations: Callable[[str], NDArray[np.float64]]
+    close: Callable[[], None] = lambda: None
 
 
 class SensorWorker(Protocol):
@@ -178,8 +182,8 @@ class SensorWorker(Protocol):
     def is_busy(self) -> bool:
         """True if a job waits or is being done."""
 
-    def why_not(self) -> str:
-        """Return why it can do no job here, and what to do about that; empty if it can, as far as is known."""
+    def why_not(self, specs: Sequence[DrawnSpec]) -> str:
+        """Return why it cannot draw for some sensors, and what to do; empty if it can, as far as is known."""
 
     def submit(self, job: DrawingJob, then: Callable[[Sequence[Result] | Exception, float], None]) -> None:
         """Do a job.
@@ -198,7 +202,7 @@ def draw(job: DrawingJob, makers: Makers) -> list[Result]:
         job: the job.
         makers: what draws.
     """
-    static = makers.build(job.road_map, job.map_name)
+    static = makers.build(job.road_map, job.map_name, job.seed)
     return [_see(sight, static, job.frame, makers) for sight in job.sights]
 
 
@@ -208,7 +212,7 @@ def _see(sight: Sight, static: Mesh, frame: SceneFrame, makers: Makers) -> Resul
         return _shoot(spec, sight, static, frame, makers)
     beams = _beams_of(spec, makers)
     origins, directions = sweep(sight.motion, beams, static.origin)
-    hits = makers.rays.cast(static, frame, origins, directions, spec.max_range, without=sight.carrier)
+    hits = makers.rays().cast(static, frame, origins, directions, spec.max_range, without=sight.carrier)
     if isinstance(spec, Lidar2dSpec):
         is_found = (hits.ranges >= spec.min_range) & (hits.ranges <= spec.max_range)
         ranges = np.where(is_found, hits.ranges, np.float32(np.inf))
@@ -260,7 +264,7 @@ def _shoot(spec: CameraSpec, sight: Sight, static: Mesh, frame: SceneFrame, make
         channels |= Channel.INSTANCE | Channel.DEPTH | Channel.LABEL
     if sight.is_for_file:
         channels |= Channel.RGB
-    picture = makers.pictures.render(static, frame, camera, pose, without=sight.carrier, channels=channels)
+    picture = makers.pictures().render(static, frame, camera, pose, without=sight.carrier, channels=channels)
     jpeg = b""
     if spec.is_jpeg or sight.is_for_file:
         assert picture.rgb is not None, "it was asked for"

@@ -228,11 +228,9 @@ class MountedSensors(Component):
         drawn = [spec for spec in specs if not isinstance(spec, RadarSpec)]
         if not drawn:
             return ""
-        return (
-            "this simulator draws nothing: radars alone are possible"
-            if self._worker is None
-            else self._worker.why_not()
-        )
+        if self._worker is None:
+            return "this simulator draws nothing: radars alone are possible"
+        return self._worker.why_not(drawn)
 
     # The frames
 
@@ -326,7 +324,7 @@ class MountedSensors(Component):
         context, epoch = self._context, self._epoch
         world, found = context.world, context.scene.found_map
         looks = [EgoLook(ego.row, ego.index, lamps_of(ego, world)) for ego in context.egos if ego.is_there]
-        job = DrawingJob(found.road_map, found.name, take_frame(world, looks), tuple(plan.sights))
+        job = DrawingJob(found.road_map, found.name, world.seed, take_frame(world, looks), tuple(plan.sights))
 
         def then(results: Sequence[Result] | Exception, now: float) -> None:
             try:

@@ -249,9 +249,8 @@ class Lidar3dSpec(MountedSpec):
         return self.columns or (1800 if self.model == "own" else LIDAR_SIZES[self.model][1])
 
 
-LIDAR_SIZES: Final = {"VLP-16": (16, 1800), "HDL-32E": (32, 1800), "OS1-64": (64, 1024), "OS1-128": (128, 1024)}
-"""Model -> rings and columns. Columns of Velodyne are those of a step of 0.2 deg, as at 10 turns a second (VLP-16 user
-manual, 63-9243); those of Ouster are its default mode (OS1 datasheet, 1024 x 10)."""
+LIDAR_SIZES: Final = {"VLP-16": (16, 1800), "HDL-32E": (32, 2170), "OS1-64": (64, 1024), "OS1-128": (128, 1024)}
+"""Model -> rings and columns, as `scenery.lidar_models` has them with their sources; a test compares both."""
 
 
 class Lidar2dSpec(MountedSpec):

@@ -71,6 +71,7 @@ OTHER: dict[str, object] = {
     "stability_control": False,
     "on_collision": "impact",
     "sensor_noise": "typical",
+    "sensors": "teaching",
     "traffic": 50,
     "traffic_wander": False,
     "turn_shares": "1,2.5,0",

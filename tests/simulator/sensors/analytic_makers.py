@@ -12,14 +12,14 @@ from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, rotation
 from rosbridge_sim.scenery.mesh import Label, Mesh
 from rosbridge_sim.scenery.pictures import NOBODY, Channel, Hits, Picture, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, draw
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Result, draw
 
 __all__ = ["AtOnceWorker", "ManualWorker", "make_makers"]
 
 FAR = 1e6
 
 
-def _no_mesh(_road_map: RoadMap, _name: str) -> Mesh:
+def _no_mesh(_road_map: RoadMap, _name: str, _seed: int) -> Mesh:
     none = np.zeros(0)
     return Mesh(
         np.zeros(3),
@@ -121,7 +121,7 @@ def _encode(picture: NDArray[np.uint8], quality: int) -> bytes:
 
 def make_makers() -> Makers:
     """What draws by formulas; a VLP-16 has rings at -15, -13, ... 15 deg."""
-    return Makers(_Pictures(), _Rays(), _encode, _no_mesh, lambda _model: np.radians(np.arange(-15.0, 16.0, 2.0)))
+    return Makers(_Pictures, _Rays, _encode, _no_mesh, lambda _model: np.radians(np.arange(-15.0, 16.0, 2.0)))
 
 
 class AtOnceWorker:
@@ -129,7 +129,7 @@ class AtOnceWorker:
 
     is_busy = False
 
-    def why_not(self) -> str:
+    def why_not(self, _specs: Sequence[DrawnSpec]) -> str:
         return ""
 
     def submit(self, job: DrawingJob, then: Callable[[Sequence[Result] | Exception, float], None]) -> None:
@@ -150,7 +150,7 @@ class ManualWorker:
     def is_busy(self) -> bool:
         return bool(self.jobs)
 
-    def why_not(self) -> str:
+    def why_not(self, _specs: Sequence[DrawnSpec]) -> str:
         return ""
 
     def submit(self, job: DrawingJob, then: Callable[[Sequence[Result] | Exception, float], None]) -> None:

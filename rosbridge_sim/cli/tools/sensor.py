@@ -1,0 +1,164 @@
+"""`sensor list` and `shot`: the cameras, lidars and radars of a running simulator, and a picture of a camera."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import io
+from pathlib import Path
+
+from rosbridge_sim.cli.tools.text import put, put_json, put_table
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame
+from rosbridge_sim.cli.tools.tool_subscription import Listener
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
+from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.suggestions import hint
+
+__all__ = ["list_sensors", "take_shot"]
+
+SERVICE = "/sim/sensors"
+
+JPEG_SUFFIXES = (".jpg", ".jpeg")
+"""Suffixes of files that get the bytes of the camera as they are."""
+
+
+async def list_sensors(bridge: Bridge, ego: int, *, is_json: bool) -> int:
+    """Show the cameras, lidars and radars of an ego.
+
+    Args:
+        bridge: to the simulator.
+        ego: number of the ego.
+        is_json: show the answer as it is.
+
+    Raises:
+        RefusedError: the simulator says no, or there is none.
+        BridgeError: there is no answer.
+    """
+    sensors = await _ask(bridge, ego)
+    if is_json:
+        put_json(sensors)
+        return 0
+    if not sensors:
+        put("no cameras, lidars or radars; the server's --sensors brings them")
+        return 0
+    names = ("x", "y", "z", "roll", "pitch", "yaw")
+    put_table(
+        ("NUMBER", "KIND", "NAME", "HZ", "MEASURED", "PLACE AND ANGLES", "TOPICS"),
+        [
+            [
+                str(one.get("number")),
+                safe(str(one.get("kind"))),
+                safe(str(one.get("frame_id"))),
+                f"{one.get('rate', 0.0):g}",
+                f"{one.get('measured', 0.0):.1f}",
+                " ".join(f"{one.get(name, 0.0):g}" for name in names),
+                safe(" ".join(map(str, one.get("topics") or ()))),
+            ]
+            for one in sensors
+        ],
+    )
+    return 0
+
+
+async def take_shot(bridge: Bridge, ego: int, camera: str, path: Path) -> int:
+    """Save the next picture of a camera.
+
+    Args:
+        bridge: to the simulator.
+        ego: number of the ego.
+        camera: name of the camera, or its number among the cameras, from 0; empty for the first one.
+        path: of the file; its suffix says the format.
+
+    Raises:
+        RefusedError: there is no such camera, or no picture comes.
+        BridgeError: there is no answer.
+        DocumentError: the file cannot be written.
+    """
+    cameras = [one for one in await _ask(bridge, ego) if one.get("kind") == "camera"]
+    names = [str(one.get("frame_id")) for one in cameras]
+    if not cameras:
+        raise RefusedError("the simulator has no camera; the server's --sensors camera brings one")
+    if camera in names:
+        chosen = names.index(camera)
+    elif camera.isdecimal() and int(camera) < len(cameras):
+        chosen = int(camera)
+    elif camera:
+        raise RefusedError(f"--camera: expected one of {safe(', '.join(names))}, got {camera!r}{hint(camera, names)}")
+    else:
+        chosen = 0
+    topic, name = str((cameras[chosen].get("topics") or [""])[0]), names[chosen]
+    listener = await Listener.open(bridge, topic, None)
+    until = bridge.now() + bridge.patience
+    while True:
+        message = await listener.expect(max(0.001, until - bridge.now()))
+        header = message.get("header")
+        frame = str(header.get("frame_id")) if isinstance(header, dict) else ""
+        if frame.rpartition("/")[2] == name:
+            break
+    data, size = _write(message, path)
+    put(f"{safe(str(path))}  {size[0]} x {size[1]}  {data:,} bytes  {safe(frame)}")
+    return 0
+
+
+def _write(message: Frame, path: Path) -> tuple[int, tuple[int, int]]:
+    """Write a picture; return the size of the file [bytes], and width and height."""
+    from PIL import Image  # noqa: PLC0415 - it takes a while, and only this command needs it
+
+    try:
+        raw = base64.b64decode(str(message.get("data", "")))
+    except binascii.Error:
+        raise BridgeError("expected base64 in the `data` of the picture") from None
+    if "format" not in message:
+        picture = _picture_of(message, raw)
+    else:
+        try:
+            picture = Image.open(io.BytesIO(raw))
+            picture.load()
+        except (OSError, ValueError):
+            raise BridgeError("expected a JPEG in the `data` of the picture") from None
+    try:
+        if "format" in message and path.suffix.lower() in JPEG_SUFFIXES:
+            path.write_bytes(raw)
+        else:
+            picture.save(path)
+        num = path.stat().st_size
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) and error.strerror else error
+        raise DocumentError(f"--out: {path} cannot be written: {why}") from None
+    return num, picture.size
+
+
+def _picture_of(message: Frame, raw: bytes):  # type: ignore[no-untyped-def] # noqa: ANN202 - of a library that is imported late
+    """Return the picture of a sensor_msgs/Image."""
+    import numpy as np  # noqa: PLC0415 - as above
+    from PIL import Image  # noqa: PLC0415
+
+    size = (int(message.get("height") or 0), int(message.get("width") or 0))
+    try:
+        encoding = message.get("encoding")
+        if encoding == "rgb8":
+            return Image.fromarray(np.frombuffer(raw, np.uint8).reshape(*size, 3))
+        if encoding == "mono8":
+            return Image.fromarray(np.frombuffer(raw, np.uint8).reshape(size))
+        if encoding == "mono16":
+            return Image.fromarray(np.frombuffer(raw, "<u2").reshape(size))
+        if encoding == "32FC1":  # as millimetres, which is how depth is kept in PNG files
+            depth = np.frombuffer(raw, "<f4").reshape(size)
+            return Image.fromarray(np.clip(np.nan_to_num(depth * 1000.0, posinf=0.0), 0, 65535).astype(np.uint16))
+    except ValueError:
+        raise BridgeError("expected as many bytes as the picture's size says") from None
+    raise BridgeError(f"expected rgb8, mono8, mono16 or 32FC1, got the encoding {safe(str(encoding))}")
+
+
+async def _ask(bridge: Bridge, ego: int) -> list[Frame]:
+    answer = await bridge.call(SERVICE, {"ego": ego}, bridge.patience)
+    if answer is None:
+        raise BridgeError(f"{SERVICE}: no answer within {bridge.patience:g} s; --timeout waits longer")
+    if not answer.is_ok or not isinstance(answer.values, dict):
+        text = safe(str(answer.values))
+        raise RefusedError(f"{text}; is a simulator there?" if "not exist" in text else text)
+    found = answer.values.get("sensors")
+    if answer.values.get("result") is not True or not isinstance(found, list):
+        raise RefusedError(safe(str(answer.values.get("message"))))
+    return [one for one in found if isinstance(one, dict)]

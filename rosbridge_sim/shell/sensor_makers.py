@@ -1,0 +1,44 @@
+"""What draws for the simulator's sensors: OpenGL for pictures, Embree for rays, each made when it is first needed."""
+
+from __future__ import annotations
+
+from functools import cache, lru_cache
+
+import numpy as np
+
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
+from rosbridge_sim.scenery.mesh import Mesh
+from rosbridge_sim.scenery.static_mesh import static_mesh
+from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
+from rosbridge_sim.shell.rendering.jpeg import encode_jpeg
+from rosbridge_sim.shell.rendering.ray_caster import RayCaster
+from rosbridge_sim.simulator.sensors.drawing import Makers
+
+__all__ = ["make_makers"]
+
+
+def make_makers() -> Makers:
+    """Return what draws; call it in the thread that will use it."""
+    opened: list[CameraRenderer] = []
+
+    @cache
+    def pictures() -> CameraRenderer:
+        opened.append(CameraRenderer())
+        return opened[0]
+
+    @cache
+    def rays() -> RayCaster:
+        return RayCaster()
+
+    @lru_cache(maxsize=1)  # a mesh of a city has tens of megabytes
+    def build(road_map: RoadMap, name: str, seed: int) -> Mesh:
+        return static_mesh(road_map, name, seed)
+
+    def close() -> None:
+        for renderer in opened:
+            renderer.close()
+
+    return Makers(
+        pictures, rays, encode_jpeg, build, lambda model: np.radians(LIDAR_MODELS[model].elevations_deg), close
+    )

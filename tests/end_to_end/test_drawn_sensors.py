@@ -1,0 +1,92 @@
+"""Cameras and lidars of a real server, with what draws them: skipped where the extra `sensors` is not installed."""
+
+from __future__ import annotations
+
+import base64
+import io
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
+from rosbridge_sim.simulator.sensors.sensor_specs import LIDAR_SIZES
+from tests.conftest import Connect, Serve
+from tests.support import Client
+
+pytest.importorskip("moderngl")
+pytest.importorskip("embreex")
+pytest.importorskip("simplejpeg")
+
+pytestmark = pytest.mark.slow
+
+IMAGE, POINTS = "/image_jpeg/compressed", "/velodyne_points"
+
+
+async def drive(client: Client, num: int) -> list[tuple[str, dict[str, Any]]]:
+    """The messages of both sensors over some ticks; each is there before the answer of its tick."""
+    await client.subscribe(IMAGE)
+    await client.subscribe(POINTS)
+    await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+    command = {"longlCmdType": 2, "velocity": 30.0, "steering": 0.0}
+    await client.ask("/SyncModeCtrlCmd", frame=1, command=command)
+    heard: list[tuple[str, dict[str, Any]]] = []
+    for _ in range(num):
+        await client.send(
+            "call_service", service="/SyncModeWaitForTick", id="t", args={"request": {"user_id": "me", "frame": 0}}
+        )
+        while (frame := await client.read())["op"] != "service_response":
+            if frame["op"] == "publish":
+                heard.append((frame["topic"], frame["msg"]))
+    return heard
+
+
+async def test_camera_and_lidar_come_before_the_answer_and_repeat_to_the_byte(serve: Serve, connect: Connect) -> None:
+    runs = []
+    for _ in range(2):
+        client = await connect(serve("--start", "sync", "--scenario", "loop", "--sensors", "teaching").url)
+        runs.append(await drive(client, 10))
+    first, second = runs
+    assert [(name, message["header"]["seq"]) for name, message in first] == [
+        *((IMAGE, seq) for seq in (2, 4, 5)),
+        (POINTS, 5),
+        *((IMAGE, seq) for seq in (7, 9, 10)),
+        (POINTS, 10),
+    ]
+    assert first == second
+    picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(first[0][1]["data"]))))
+    assert picture.shape == (480, 640, 3)
+    assert picture[20, 320, 2] > picture[20, 320, 0]  # the sky is blue
+    cloud = first[3][1]
+    points = np.frombuffer(base64.b64decode(cloud["data"]), dtype=POINT_TYPE)
+    assert len(points) == cloud["width"] > 5_000
+    near = points[(np.hypot(points["x"], points["y"]) < 8.0) & (points["ring"] < 4)]
+    assert near["z"].min() == pytest.approx(-1.25, abs=0.2)  # the ground, as programs take it away by z > -1.3 or so
+
+
+async def test_shot_and_list_of_a_running_server(serve: Serve, tmp_path: Path) -> None:
+    server = serve("--scenario", "loop", "--sensors", "teaching")
+
+    def run(*words: str) -> str:
+        command = [sys.executable, "-m", "rosbridge_sim", *words, "--url", server.url]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    listed = run("sensor", "list")
+    assert "Camera" in listed
+    assert "/velodyne_points" in listed
+    path = tmp_path / "out.png"
+    assert "640 x 480" in run("shot", "--camera", "0", "-o", str(path), "--timeout", "100")
+    with Image.open(path) as picture:
+        assert picture.size == (640, 480)
+
+
+def test_lidars_have_the_rings_and_columns_of_their_tables() -> None:
+    from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS  # noqa: PLC0415 - beside what it is compared with
+
+    assert {name: (len(model.elevations_deg), model.columns) for name, model in LIDAR_MODELS.items()} == LIDAR_SIZES

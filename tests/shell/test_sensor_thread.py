@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+import threading
+from collections.abc import Sequence
+
+import pytest
+
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.maps.road_map import Projection, RoadMap
+from rosbridge_sim.scenery.camera_geometry import Pose
+from rosbridge_sim.scenery.scene_frame import take_frame
+from rosbridge_sim.shell.sensor_thread import SensorThread
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, Shot, Sight
+from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
+from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar3dSpec
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import World
+from tests.simulator.sensors.analytic_makers import make_makers
+
+CAMERA = CameraSpec(width=16, height=12)
+AT = Pose(0.0, 0.0, 0.0)
+
+
+def job() -> DrawingJob:
+    sight = Sight(CAMERA, Motion(AT, Pose(0.0, 0.0, 2.0), 0.0, 0.0), 0)
+    road_map = RoadMap("none", Projection(is_tm=False, zone=52), (0.0, 0.0, 0.0), Roads())
+    return DrawingJob(road_map, "none", 0, take_frame(World()), [sight])
+
+
+async def result_of(thread: SensorThread) -> Sequence[Result] | Exception:
+    found: asyncio.Future[Sequence[Result] | Exception] = asyncio.get_running_loop().create_future()
+    thread.submit(job(), lambda results, _now: found.set_result(results))
+    assert thread.is_busy
+    results = await found
+    assert not thread.is_busy
+    return results
+
+
+async def test_job_is_drawn_in_the_thread_and_delivered_on_the_loop() -> None:
+    makers: list[threading.Thread] = []
+
+    def make() -> Makers:
+        makers.append(threading.current_thread())
+        return make_makers()
+
+    thread = SensorThread(asyncio.get_running_loop(), make)
+    thread.open([CAMERA])
+    for _ in range(2):
+        results = await result_of(thread)
+        assert not isinstance(results, Exception)
+        (shot,) = results
+        assert isinstance(shot, Shot)
+        assert len(shot.data) == 1 + 16 * 12
+    assert len(makers) == 1
+    assert makers[0] is not threading.current_thread()
+    thread.stop()
+    thread.stop()
+    assert not makers[0].is_alive()
+
+
+async def test_failure_is_delivered_as_an_exception() -> None:
+    def make() -> Makers:
+        raise RuntimeError("no GL here")
+
+    thread = SensorThread(asyncio.get_running_loop(), make)
+    assert str(await result_of(thread)) == "no GL here"
+    thread.stop()
+
+
+async def test_open_refuses_what_cannot_be_drawn() -> None:
+    def make() -> Makers:
+        raise RuntimeError("no GL here")
+
+    thread = SensorThread(asyncio.get_running_loop(), make)
+    with pytest.raises(DocumentError, match="sensors: no GL here"):
+        thread.open([CAMERA])
+
+
+async def test_nothing_is_delivered_after_the_stop() -> None:
+    thread = SensorThread(asyncio.get_running_loop(), make_makers)
+    delivered: list[object] = []
+    thread.submit(job(), lambda results, _now: delivered.append(results))
+    thread.stop()
+    thread.submit(job(), lambda results, _now: delivered.append(results))
+    await asyncio.sleep(0)
+    assert not delivered
+
+
+async def test_library_that_is_missing_is_named() -> None:
+    """In a process in which the libraries cannot be imported."""
+    program = (
+        "import sys\n"
+        "for name in ('moderngl', 'simplejpeg', 'embreex'): sys.modules[name] = None\n"
+        "from rosbridge_sim.__main__ import main\n"
+        "sys.argv[1:] = ['--port', '0', '--sensors', sys.argv[1]]\n"
+        "sys.exit(main())\n"
+    )
+    for choice, what in (("camera", "cameras need the library moderngl"), ("lidar", "lidars need the library embreex")):
+        done = await asyncio.to_thread(
+            subprocess.run,
+            [sys.executable, "-c", program, choice],
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+        assert done.returncode == 2
+        assert f"{what}: pip install 'rosbridge-sim[sensors]'" in done.stderr
+        assert "Traceback" not in done.stderr
+
+
+async def test_makers_of_a_test_need_no_library() -> None:
+    assert SensorThread(asyncio.get_running_loop(), make_makers).why_not([Lidar3dSpec()]) == ""
