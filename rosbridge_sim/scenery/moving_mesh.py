@@ -58,6 +58,7 @@ class MovingScene:
         eye: FloatArray | None = None,
         reach: float = math.inf,
         *,
+        near: float = NEAR,
         has_lenses: bool = True,
     ) -> Mesh:
         """Return what moves at a frame; the triangles of an entity lie together.
@@ -67,10 +68,11 @@ class MovingScene:
             origin: (3,) of the mesh: that of the static one [m].
             eye: (3,) from where it is seen, map frame [m]; None for all details.
             reach: what is farther from the eye is left out [m].
+            near: vehicles farther from the eye have fewer triangles [m].
             has_lenses: with the lenses of traffic lights.
         """
         away = np.zeros(len(frame)) if eye is None else np.hypot(*(frame.poses[:, :2] - eye[:2]).T)
-        is_near = away <= NEAR
+        is_near = away <= near
         parts = [self._lenses(frame, origin)] if has_lenses else []
         for shape in Shape:
             is_there = (frame.shapes == shape) & (away <= reach)

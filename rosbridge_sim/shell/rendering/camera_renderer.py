@@ -164,6 +164,7 @@ class CameraRenderer:
             "zenith": look.zenith,
             "without": without + 1,
             "num_beams": len(places),
+            "beam": look.beam,
             "beam_place": list(map(tuple, np.concatenate([places - origin, rest]).tolist())),
             "beam_way": list(map(tuple, np.concatenate([ways, rest]).tolist())),
         }

@@ -73,7 +73,8 @@ class RayCaster:
         for mesh, rows, which in ((static, first[1], is_hit & ~is_nearer), (moving, second[1], is_nearer)):
             triangle = rows[which]
             labels[which], instances[which] = mesh.label[triangle], mesh.instance[triangle]
-            normals[which] = mesh.normals[triangle]
+            # Normals of the static scene are kept; of what moves only those are needed that were met.
+            normals[which] = static.normals[triangle] if mesh is static else mesh.pick(triangle).normals
         away = np.einsum("ij,ij->i", normals, directions) > 0.0
         normals[away] *= -1.0
         return Hits(ranges, labels, instances, normals)
@@ -85,7 +86,7 @@ class RayCaster:
         known = self._moving
         key = without, *(eye[:2] // SAME_PLACE).tolist(), reach
         if known is None or known[0] is not frame or known[1] is not static or known[2] != key:
-            mesh = self._moving_scene.mesh(frame, static.origin, eye, reach + MAX_SIZE, has_lenses=False)
+            mesh = self._moving_scene.mesh(frame, static.origin, eye, reach + MAX_SIZE, near=0.0, has_lenses=False)
             if without != NOBODY:
                 mesh = mesh.pick(mesh.instance != without + 1)
             known = self._moving = frame, static, key, mesh, self._scene(mesh)

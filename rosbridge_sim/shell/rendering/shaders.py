@@ -76,6 +76,7 @@ uniform vec3 haze_colour;
 uniform vec3 zenith;
 #ifdef DARK
 uniform int num_beams;
+uniform float beam;
 uniform vec3 beam_place[MAX_BEAMS];
 uniform vec3 beam_way[MAX_BEAMS];
 #endif
@@ -104,7 +105,7 @@ void main() {
 #ifdef GRASS
     vec3 away = spot - eye;
     float fade = max(1.0 - dot(away, away) * (1.0 / 3600.0), 0.0);
-    seen *= 1.0 + (chance(spot.xy * 14.0) - 0.5) * 0.30 * fade;
+    seen *= 1.0 + (chance(spot.xy * 22.0) - 0.5) * 0.30 * fade;
 #endif
 #ifdef SLABS
     vec2 slab = abs(fract(spot.xy * 1.11) - 0.5);
@@ -130,7 +131,7 @@ void main() {
         float cone = smoothstep(0.86, 0.985, dot(ray / reach, beam_way[i]));
         lit += cone * 60.0 / (reach * reach + 40.0) * vec3(1.0, 0.96, 0.86);
     }
-    seen += lit * seen * 7.0 * (1.0 - shine);
+    seen += lit * seen * beam * (1.0 - shine);
 #endif
 #ifdef WET
     vec3 ray = normalize(spot - eye);

@@ -23,6 +23,7 @@ class WeatherLook:
         zenith, horizon: of the sky.
         haze: share of light that is lost on the way, for each metre.
         is_dark: lamps are lit, and head lamps light the road.
+        beam: light of these on what is right before them, as a share of noon.
         is_wet: roads shine, and drops fall.
         shadow: how dark the shadows below vehicles are, 0..1.
     """
@@ -34,6 +35,7 @@ class WeatherLook:
     horizon: Rgb
     haze: float
     is_dark: bool = False
+    beam: float = 0.0
     is_wet: bool = False
     shadow: float = 0.5
 
@@ -46,18 +48,20 @@ LOOKS: Final = {
     Weather.DUSK: WeatherLook(
         *((-0.95, -0.25, 0.22), (0.26, 0.15, 0.07), (0.27, 0.26, 0.33), (0.17, 0.20, 0.38), (0.86, 0.52, 0.33), 0.0012),
         is_dark=True,
+        beam=0.9,
         shadow=0.3,
     ),
     Weather.NIGHT: WeatherLook(
         *(
             (0.3, 0.3, 0.9),
             (0.02, 0.025, 0.035),
-            (0.065, 0.07, 0.09),
+            (0.085, 0.09, 0.115),
             (0.015, 0.02, 0.04),
             (0.05, 0.055, 0.075),
             0.0015,
         ),
         is_dark=True,
+        beam=9.0,
         shadow=0.2,
     ),
     Weather.RAIN: WeatherLook(
