@@ -98,7 +98,7 @@ class Mesh:
             state.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
         return state.hexdigest()
 
-    def pick(self, which: NDArray[np.bool_] | NDArray[np.int64]) -> Mesh:
+    def pick(self, which: NDArray[np.bool_] | NDArray[np.int64] | NDArray[np.int32]) -> Mesh:
         """Return some of the triangles, with all vertices.
 
         Args:

@@ -71,6 +71,11 @@ class CameraRenderer:
         """What draws, as the graphics library names it."""
         return str(self._context.info["GL_RENDERER"])
 
+    @property
+    def sizes(self) -> list[tuple[int, int]]:
+        """Width and height of the pictures that are prepared, the one that was made first at the front."""
+        return list(self._targets)
+
     def render(
         self,
         static: Mesh,
@@ -87,6 +92,21 @@ class CameraRenderer:
             lens = self._lens(camera)
             plain = self.render(static, frame, lens.plain, pose, weather, without=without, channels=channels)
             return lens.bend(plain)
+        with self._context:  # another renderer of this thread may have been used since
+            return self._draw(static, frame, camera, pose, LOOKS[weather], without=without, channels=channels)
+
+    def _draw(
+        self,
+        static: Mesh,
+        frame: SceneFrame,
+        camera: CameraModel,
+        pose: Pose,
+        look: WeatherLook,
+        *,
+        without: int,
+        channels: Channel,
+    ) -> Picture:
+        """Return a picture without distortion."""
         cells = self._take_static(static)
         self._take_moving(frame, static, np.array(pose[:3]))
         eye = np.array(pose[:3]) - static.origin
@@ -95,12 +115,12 @@ class CameraRenderer:
         parts, movers = cells.visible(view, eye), self._moving.visible(view, eye)
         rgb = depth = label = instance = None
         if Channel.RGB in channels:
-            programs = self._programs(LOOKS[weather], frame, view, eye, origin=static.origin, without=without)
+            programs = self._programs(look, frame, view, eye, origin=static.origin, without=without)
             targets.begin_colours()
             self._context.enable_only(self._context.DEPTH_TEST)
             self._moving.draw(movers, programs[Coat.PLAIN])
             cells.draw(parts, programs)
-            self._draw_sky_and_shadows(targets, LOOKS[weather], view, back)
+            self._draw_sky_and_shadows(targets, look, view, back)
             rgb = targets.read_rgb()
         if channels & ~Channel.RGB:
             self._classes["view"].write(_bytes_of(view))
@@ -116,12 +136,13 @@ class CameraRenderer:
 
     def close(self) -> None:
         """Free the memory of the graphics library."""
-        if self._static is not None:
-            self._static[1].release()
-            self._static = None
-        for targets in self._targets.values():
-            targets.release()
-        self._targets.clear()
+        with self._context:
+            if self._static is not None:
+                self._static[1].release()
+                self._static = None
+            for targets in self._targets.values():
+                targets.release()
+            self._targets.clear()
         self._context.release()
 
     def _draw_sky_and_shadows(self, targets: Targets, look: WeatherLook, view: FloatArray, back: FloatArray) -> None:
@@ -203,21 +224,25 @@ class CameraRenderer:
     def _target(self, camera: CameraModel) -> Targets:
         size = camera.width, camera.height
         if size not in self._targets:
-            if len(self._targets) >= MAX_TARGETS:
+            pixels = camera.width * camera.height
+            while self._targets and sum(w * h for w, h in self._targets) + pixels > MAX_TARGET_PIXELS:
                 self._targets.pop(next(iter(self._targets))).release()
             self._targets[size] = Targets(self._context, size, SAMPLES)
         return self._targets[size]
 
     def _lens(self, camera: CameraModel) -> Lens:
         if camera not in self._lenses:
-            if len(self._lenses) >= MAX_TARGETS:
+            if len(self._lenses) >= MAX_LENSES:
                 self._lenses.pop(next(iter(self._lenses)))
             self._lenses[camera] = Lens(camera)
         return self._lenses[camera]
 
 
-MAX_TARGETS: Final = 8
-"""Sizes of pictures, and lenses, that are kept prepared."""
+MAX_TARGET_PIXELS: Final = 4_000_000
+"""Pixels of all sizes of pictures that are kept prepared beside one that is larger: 60 bytes each, 240 MB."""
+
+MAX_LENSES: Final = 8
+"""Lenses that are kept prepared."""
 
 
 def _matrices(camera: CameraModel, pose: Pose, eye: FloatArray) -> tuple[FloatArray, FloatArray]:

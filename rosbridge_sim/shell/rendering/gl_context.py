@@ -24,9 +24,11 @@ def open_context() -> moderngl.Context:
     except ImportError as error:
         raise missing_library("cameras", "moderngl") from error
     try:
-        return moderngl.create_context(require=330, standalone=True, backend="egl")
+        context = moderngl.create_context(require=330, standalone=True, backend="egl")
     except Exception as error:  # the library raises plain Exception
         raise RenderingUnavailableError(
             f"cameras need OpenGL 3.3 by EGL, and it cannot be opened: {error}. On Debian and Ubuntu:"
             " apt-get install libegl1 libgl1-mesa-dri"
         ) from error
+    context.gc_mode = "auto"  # what Python drops is freed, also the parts of framebuffers
+    return context

@@ -12,6 +12,7 @@ from rosbridge_sim.scenery.mesh import Label, join_meshes
 from rosbridge_sim.scenery.pictures import Channel, Weather
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.shell.rendering import gl_context
+from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
 from rosbridge_sim.world.state.world import World
 from tests.shell.rendering.graphics import EDU, box_mesh, built_in, ground_mesh, nothing, open_renderer, put
@@ -125,6 +126,14 @@ def test_same_scene_gives_the_same_bytes() -> None:
         pictures.append(picture.rgb.tobytes())
     assert pictures[0] == pictures[2]
     assert pictures[0] != pictures[1]
+
+
+def test_sizes_that_were_used_are_not_kept_without_bound() -> None:
+    renderer = CameraRenderer()
+    for width in range(1_000, 3_000, 100):
+        renderer.render(ground_mesh(), nothing(), CameraModel(width, 720), Pose(0, 0, 1.0), channels=CLASSES)
+    assert sum(width * height for width, height in renderer.sizes) <= 4_000_000
+    renderer.close()
 
 
 def test_lens_bends_a_picture_as_the_model_says() -> None:
