@@ -82,6 +82,7 @@ class Chromiums:
         self._playwright = playwright
         self._folder = folder
         self._processes = processes
+        self._urls: dict[bool, str] = {}
         self._kept: dict[bool, Browser] = {}
 
     async def get(self, *, has_webgl: bool) -> Browser:
@@ -89,8 +90,11 @@ class Chromiums:
         if has_webgl not in self._kept:
             profile = self._folder / ("webgl" if has_webgl else "plain")
             profile.mkdir(exist_ok=True)  # a start that failed is tried again by the next test
-            url = self._processes.enter_context(_chromium(profile, WEBGL_FLAGS if has_webgl else PLAIN_FLAGS))
-            self._kept[has_webgl] = await self._playwright.chromium.connect_over_cdp(url)
+            if has_webgl not in self._urls:  # a second one in the same profile would leave to the first, and end
+                flags = WEBGL_FLAGS if has_webgl else PLAIN_FLAGS
+                self._urls[has_webgl] = self._processes.enter_context(_chromium(profile, flags))
+            url = self._urls[has_webgl]
+            self._kept[has_webgl] = await self._playwright.chromium.connect_over_cdp(url, timeout=PATIENCE * 1e3)
         return self._kept[has_webgl]
 
 
@@ -115,6 +119,8 @@ def _chromium(profile: Path, flags: Sequence[str]) -> Iterator[str]:
         while found is None and process.poll() is None and time.monotonic() < until:
             found = re.search(r"DevTools listening on (ws://\S+)", log.read_text(errors="replace"))
             time.sleep(0.02)
+        if found is None:
+            process.kill()  # or the next test would find it in its profile
         assert found is not None, f"Chromium does not start: {log.read_text(errors='replace')[-1_000:]}"
         yield found[1]
         process.terminate()
