@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import re
 from collections.abc import AsyncIterator
 
 import pytest
@@ -199,9 +200,11 @@ async def test_flood_of_errors_gives_two_log_lines_and_two_messages(ears: pytest
         for i in range(2_000):
             await client.send("publish", topic=f"/nothing{i}", msg={})
         await client.settle()
-    ours = [line for line in lines(ears) if "unknown_topic" in line]
-    assert len(ours) == 2
-    assert "1,999 more refused" in ours[1]
+    first, *others = [line for line in lines(ears) if "unknown_topic" in line]
+    assert "more refused" not in first
+    told = [re.search(r"([\d,]+) more refused", line) for line in others]
+    assert sum(int(found[1].replace(",", "")) for found in told if found) == 1_999
+    assert 1 <= len(others) < 10  # a line each 10 s, and a busy machine takes that long
 
 
 async def test_advice_at_the_end_of_a_long_text_is_kept(ears: pytest.LogCaptureFixture) -> None:
