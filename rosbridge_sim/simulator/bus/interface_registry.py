@@ -231,7 +231,8 @@ class InterfaceRegistry:
             if item.name is not None:
                 item.release(self._owner, self._bus, now, is_gone=True)
                 item.name = None
-        self._items = [item for item in self._items if item not in items]
+        gone = set(map(id, items))
+        self._items = [item for item in self._items if id(item) not in gone]
 
     def check(self, settings: NetworkSettings) -> None:
         """Check that these settings can be used now; nothing changes.

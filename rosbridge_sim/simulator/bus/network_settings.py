@@ -135,6 +135,8 @@ class NetworkSettings:
             The choice.
         """
         choices = self.choices(kind)
+        if not choices:  # the usual case, asked hundreds of times when egos come
+            return InterfaceChoice(default if prefix == "/" else prefix + default[1:], is_on=True)
         choice = choices.get(default, _NOTHING).over(InterfaceChoice(default, is_on=True))
         if prefix == "/" or choice.name is None:
             return choice
