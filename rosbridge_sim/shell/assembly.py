@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -43,7 +43,7 @@ from rosbridge_sim.simulator.bus.simulator_ways import SimulatorWays
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
-from rosbridge_sim.simulator.sensors.drawing import SensorWorker
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result, SensorWorker
 from rosbridge_sim.simulator.sensors.sensor_specs import RadarSpec
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.world.roads.turn_shares import TurnShares
@@ -84,7 +84,21 @@ def list_items(settings: Settings) -> list[ListedInterface]:
     built_in = replace(
         settings, scenario=Settings().scenario, scenario_path=(), map=None, catalogue=None, sensor_noise="none"
     )
-    return list(make_simulator_node(bus, built_in, None, None).interfaces.listing())
+    return list(make_simulator_node(bus, built_in, None, None, worker=_Undrawn()).interfaces.listing())
+
+
+class _Undrawn:
+    """A worker of a simulator that is built for its names alone: no frame comes that it would have to draw."""
+
+    is_busy = False
+
+    def why_not(self, _specs: Sequence[DrawnSpec]) -> str:
+        """Refuse nothing."""
+        return ""
+
+    def submit(self, job: DrawingJob, then: Callable[[Sequence[Result] | Exception, float], None]) -> None:
+        """Draw nothing."""
+        raise AssertionError(f"{job} and {then} of a simulator without frames")
 
 
 def mistakes_of_items(settings: Settings) -> list[str]:

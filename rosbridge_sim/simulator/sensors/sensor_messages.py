@@ -10,12 +10,12 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.sensors.drawing import Cloud, Scan, Shot, VisibleBoxes, model_of
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
 from rosbridge_sim.simulator.sensors.radar_echoes import RadarEchoes
-from rosbridge_sim.simulator.sensors.sensor_specs import BOXES, CameraSpec, Lidar2dSpec
+from rosbridge_sim.simulator.sensors.sensor_specs import BOXES, PIXEL_BYTES, CameraSpec, Lidar2dSpec
 
 __all__ = ["SensorMessages"]
 
-_ENCODINGS: Final = {"rgb": ("rgb8", 3), "depth": ("32FC1", 4), "semantic": ("mono8", 1), "instance": ("mono16", 2)}
-"""Picture -> encoding of an Image, and bytes of a pixel."""
+_ENCODINGS: Final = {"rgb": "rgb8", "depth": "32FC1", "semantic": "mono8", "instance": "mono16"}
+"""Picture -> encoding of an Image."""
 
 _FLOAT32, _UINT16 = 7, 4
 """Types of a `PointField`."""
@@ -77,8 +77,8 @@ class SensorMessages:
         """Return the message of a picture: a CompressedImage or an Image."""
         if spec.is_jpeg:
             return self._compressed(header, "jpeg", shot.data)
-        encoding, size = _ENCODINGS[spec.picture]
-        return self._image(header, spec.height, spec.width, encoding, 0, spec.width * size, shot.data)
+        step = spec.width * PIXEL_BYTES[spec.picture]
+        return self._image(header, spec.height, spec.width, _ENCODINGS[spec.picture], 0, step, shot.data)
 
     def camera_info(self, spec: CameraSpec, header: Struct) -> Struct:
         """Return the CameraInfo of a picture."""

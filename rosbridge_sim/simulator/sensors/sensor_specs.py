@@ -33,6 +33,7 @@ __all__ = [
     "LIDAR_NAMES",
     "MAX_LEVER",
     "MAX_SENSORS",
+    "PIXEL_BYTES",
     "CameraSpec",
     "Lidar2dSpec",
     "Lidar3dSpec",
@@ -52,14 +53,20 @@ MAX_SIDE: Final = 8192
 """Longest side of a picture [pixels]: the least of what OpenGL 4.1 promises is 16,384, with room for antialiasing."""
 
 MAX_PIXELS: Final = 8_294_400
-"""Pixels of all cameras of one ego together: one picture of 3840 x 2160, or 27 of 640 x 480. As raw colours that is
-25 MB, which the server's loop encodes in less than the 50 ms that a client may have to wait."""
+"""Pixels of all cameras of one ego together: one picture of 3840 x 2160, or 27 of 640 x 480."""
+
+MAX_RAW_BYTES: Final = 12_000_000
+"""Bytes of all raw pictures and points of one ego, where all of them have the same frame. As JSON they take the
+server's loop 2.7 ns a byte (measured), and no client may have to wait for longer than 50 ms."""
 
 MAX_FOV: Final = 170.0
 """Largest horizontal field of view [deg]: a plane picture of 180 has no width."""
 
-MAX_RAYS: Final = 1_000_000
+MAX_RAYS: Final = 500_000
 """Rays of a turn of all lidars of one ego together; the largest lidars on the market have 262,144 (128 x 2048)."""
+
+MAX_SCAN: Final = 4_096
+"""Ranges of a LaserScan: they are numbers of a text in JSON, 0.1 us each."""
 
 MAX_RINGS: Final = 256
 """Rings of one lidar."""
@@ -78,6 +85,12 @@ MIN_RATE: Final = 0.1
 
 MAX_NAME: Final = 100
 """Longest frame and topic [characters]: the prefix of a further ego is added, and the bus takes 256."""
+
+PIXEL_BYTES: Final = {"rgb": 3, "depth": 4, "semantic": 1, "instance": 2}
+"""Picture -> bytes of a pixel of an Image."""
+
+POINT_BYTES: Final = 22
+"""Bytes of a point of a PointCloud2."""
 
 LIDAR_NAMES: Final = ("/lidar3D", "/velodyne_points")
 """Two names for the messages of a 3D lidar: MORAI's own, and that of the velodyne driver, which most programs use."""
@@ -125,7 +138,7 @@ _Fov = Annotated[float, BeforeValidator(read_number), Field(ge=1.0, le=MAX_FOV),
 _Elevation = Annotated[float, BeforeValidator(read_number), Field(ge=-90.0, le=90.0), _schema(-90.0, 90.0)]
 _Side = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=MAX_SIDE), _schema(1, MAX_SIDE, "integer")]
 _Quality = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=100), _schema(1, 100, "integer")]
-_Count = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=MAX_RAYS), _schema(1, MAX_RAYS, "integer")]
+_Count = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=MAX_SCAN), _schema(1, MAX_SCAN, "integer")]
 _Index = Annotated[int, BeforeValidator(read_number), Field(ge=0, le=MAX_RAYS), _schema(0, MAX_RAYS, "integer")]
 _Coefficient = Annotated[float, BeforeValidator(read_number), Field(ge=-1.0, le=1.0), _schema(-1.0, 1.0)]
 
@@ -361,6 +374,12 @@ def check_rig(rig: Sequence[SensorSpec]) -> None:
     num_rays = sum(map(_num_rays, rig))
     if num_rays > MAX_RAYS:
         raise FieldError(f"lidars: expected at most {MAX_RAYS:,} rays a turn for all of an ego, got {num_rays:,}")
+    num_bytes = sum(map(_num_raw_bytes, rig))
+    if num_bytes > MAX_RAW_BYTES:
+        raise FieldError(
+            f"sensors: expected at most {MAX_RAW_BYTES:,} bytes of raw pictures and points in a frame of an ego,"
+            f" got {num_bytes:,}"
+        )
     _refuse_twice(frame for spec in rig for frame in frames_of(spec))
     types: dict[str, str] = {}
     for spec in rig:
@@ -391,6 +410,12 @@ def _num_rays(spec: SensorSpec) -> int:
     if isinstance(spec, Lidar3dSpec):
         return spec.num_rings * spec.num_columns
     return spec.num_values if isinstance(spec, Lidar2dSpec) else 0
+
+
+def _num_raw_bytes(spec: SensorSpec) -> int:
+    if isinstance(spec, CameraSpec):
+        return 0 if spec.is_jpeg else spec.num_pixels * PIXEL_BYTES[spec.picture]
+    return POINT_BYTES * _num_rays(spec) if isinstance(spec, Lidar3dSpec) else 0
 
 
 def _refuse_twice(frames: Iterable[str]) -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.assembly import list_items
+from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.sensors_file import read_sensors
 from rosbridge_sim.simulator.sensors.sensor_presets import PRESETS
 from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar3dSpec
@@ -94,3 +96,8 @@ def test_json_of_something_else_is_refused(tmp_path: Path, text: str) -> None:
 def test_missing_file_is_refused(tmp_path: Path) -> None:
     with pytest.raises(DocumentError, match=r"none\.json"):
         read_sensors(str(tmp_path / "none.json"))
+
+
+def test_names_of_drawn_sensors_can_be_listed_where_nothing_can_be_drawn() -> None:
+    names = {item.name for item in list_items(Settings(sensors="all"))}
+    assert {"/image_jpeg/compressed", "/lidar3D", "/velodyne_points", "/lidar2D", "/radar", "/image"} <= names

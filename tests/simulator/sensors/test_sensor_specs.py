@@ -8,8 +8,10 @@ from pydantic import ValidationError
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
+from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
 from rosbridge_sim.simulator.sensors.sensor_presets import PRESETS
 from rosbridge_sim.simulator.sensors.sensor_specs import (
+    POINT_BYTES,
     CameraSpec,
     Lidar2dSpec,
     Lidar3dSpec,
@@ -70,7 +72,8 @@ def test_camera_beyond_a_bound_is_refused(field: str, value: object) -> None:
     [
         ([CameraSpec(frame_id=f"c{i}", width=8, height=8) for i in range(33)], "at most 32 for an ego, got 33"),
         ([CameraSpec(width=8192, height=4320)], "at most 8,294,400 pixels for all of an ego, got 35,389,440"),
-        ([Lidar3dSpec(model="own", elevations=tuple(range(64)), columns=20_000)], "at most 1,000,000 rays a turn"),
+        ([Lidar3dSpec(model="own", elevations=tuple(range(64)), columns=20_000)], "at most 500,000 rays a turn"),
+        ([CameraSpec(picture="depth", width=3840, height=2160)], "at most 12,000,000 bytes of raw pictures and points"),
         ([Lidar3dSpec(model="own")], "velodyne.elevations: expected angles for model 'own'"),
         ([Lidar3dSpec(elevations=(1.0,))], "velodyne.elevations: expected angles for model 'own', and none for any"),
         ([Lidar3dSpec(model="own", elevations=(1.0, 1.0))], "velodyne.elevations: expected angles that grow"),
@@ -126,3 +129,16 @@ def test_picture_that_is_no_colours_has_a_topic_of_its_own() -> None:
 def test_camera_info_stands_beside_the_picture() -> None:
     assert topics_of(CameraSpec(topic="/image_jpeg/compressed2"))[1][0] == "/image_jpeg/camera_info"
     assert topics_of(CameraSpec(topic="/front"))[1][0] == "/front/camera_info"
+
+
+def test_scan_is_bounded_since_its_ranges_are_text() -> None:
+    with pytest.raises(ValidationError, match="num_values"):
+        Lidar2dSpec(num_values=4097)
+
+
+def test_largest_lidar_on_the_market_is_allowed() -> None:
+    check_rig([Lidar3dSpec(model="OS1-128", columns=2048)])
+
+
+def test_bytes_of_a_point_are_those_of_the_message() -> None:
+    assert POINT_TYPE.itemsize == POINT_BYTES
