@@ -31,8 +31,8 @@ def _evenly(low: float, high: float, num: int) -> tuple[float, ...]:
 
 LIDAR_MODELS: Final = {
     "VLP-16": LidarModel(_evenly(-15.0, 15.0, 16), 1800),
-    "HDL-32E": LidarModel(_evenly(-30.67, 10.67, 32), 1800),
+    "HDL-32E": LidarModel(_evenly(-30.67, 10.67, 32), 2170),
     "OS1-64": LidarModel(_evenly(-22.5, 22.5, 64), 1024),
     "OS1-128": LidarModel(_evenly(-22.5, 22.5, 128), 1024),
 }
-"""Models by name. Columns of Velodyne are those of a step of 0.2 deg."""
+"""Models by name. At 10 turns a second a VLP-16 fires each 0.2 deg, an HDL-32E each 46.08 us."""
