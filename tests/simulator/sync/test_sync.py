@@ -638,3 +638,21 @@ def test_dropped_command_delays_no_tick() -> None:
     assert sync.drop(lambda command: command == "scenario") == 1
     assert sync.take_turn(0, 1.0) == 1
     assert len(sync.waiting()) == 0
+
+
+def test_tick_that_is_computed_in_parts_has_all_its_frames_and_begins_once() -> None:
+    sync: Sync[str] = Sync()
+    sync.start("boss", 100, ME, 0.0)
+    sync.hooks.move.append(lambda num_frames, _now: min(num_frames, 2))
+    sync.tick("boss", FRAME + 5, FRAME, ME, 0.0, on_wait=lambda: None, is_in_turns=True)
+    begun: list[str] = []
+    parts = [sync.take_turn(FRAME + done, 1.0, prepare=lambda: begun.append("tick")) for done in (0, 2, 4, 5)]
+    assert (parts, begun, sync.num_ticks) == ([2, 2, 1, 0], ["tick"], 0)
+
+
+def test_command_that_enters_at_a_tick_is_carried_out_before_its_first_frame() -> None:
+    sync: Sync[str] = Sync()
+    sync.start("boss", 40, ME, 0.0)
+    sync.submit("first", FRAME + 1, FRAME, YOU, 0.0)
+    sync.enter("second", FRAME)
+    assert (sync.due(FRAME), sync.due(FRAME + 1)) == ([], ["first", "second"])
