@@ -23,6 +23,7 @@ import pytest
 
 from rosbridge_sim.client import Client
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
+from rosbridge_sim.shell.files.sensors_file import read_sensors
 from rosbridge_sim.world.state.world import Kind
 from tests.cli.tool_fixture import run as run_tool
 from tests.conftest import Connect, Serve
@@ -60,6 +61,7 @@ OTHERS = (
     "catalogue",
     "population",
     "park",
+    "sensors",
 )
 """Examples that have a test of their own here."""
 
@@ -300,6 +302,18 @@ def test_model_table_is_read(tmp_path: Path) -> None:
     file.write_text(example("catalogue"))
     car, fridge = read_catalogue(file).own
     assert (car.name, car.body.wheelbase, fridge.name, fridge.kind) == ("Sonata", 2.84, "Fridge", Kind.OBSTACLE)
+
+
+def test_sensors_of_a_file_are_read(tmp_path: Path) -> None:
+    file = tmp_path / "sensors.toml"
+    file.write_text(example("sensors"))
+    rig = read_sensors(str(file))
+    assert [(spec.frame_id, spec.topic) for spec in rig] == [
+        ("Camera-1", "/image_jpeg/compressed"),
+        ("Camera-2", "/image_jpeg/compressed"),
+        ("velodyne", "/lidar3D"),
+        ("radar", "/radar"),
+    ]
 
 
 def test_each_program_has_a_mark_and_each_mark_a_test() -> None:
