@@ -41,6 +41,12 @@ MIN_RUN: Final = 4
 STEP: Final = 1.0
 """Distance of the places at which an edge is looked at [m]."""
 
+GAP: Final = 14.0
+"""Within a crossing, ground between two lanes that is not wider than this is asphalt [m]: no islands are drawn."""
+
+LONGEST_TURN: Final = 80.0
+"""Lanes within a crossing are not longer [m]."""
+
 VERGE_WIDTH: Final = 3.0
 """Beyond kerb and pavement the edge leads down to the ground over this width [m]."""
 
@@ -90,6 +96,7 @@ def add_edges(builder: MeshBuilder, roads: Roads, cover: RoadCover, terrain: Ter
         terrain: the ground, to which the edges lead down.
         has_pavement: people walk here.
     """
+    is_turn = _are_turns(roads)
     for lane in range(len(roads)):
         line, borders, bank = _lane(roads, lane)
         length = float(roads.length[lane])
@@ -101,7 +108,10 @@ def add_edges(builder: MeshBuilder, roads: Roads, cover: RoadCover, terrain: Ter
             offset = edges[:, i] + SHOULDER
             probe = _beside(points, side, offset + PROBE, edges[:, 2 + i], i)
             is_open = _drop_short(~cover.is_on(probe, margin=SHOULDER))
-            outer = _beside(points, side, offset + VERGE_WIDTH, edges[:, 2 + i], i)
+            whole = _Edge(points, side, offset, edges[:, 2 + i], left=not i)
+            if is_turn[lane]:
+                is_open &= ~_add_gaps(builder, cover, whole, is_open)
+            outer = whole.beyond(VERGE_WIDTH)
             is_bridge = outer[:, 2] - terrain.height(outer) > BRIDGE
             for start, end in [*_runs(is_open & ~is_bridge), *_runs(is_open & is_bridge)]:
                 own = slice(start, end)
@@ -113,6 +123,35 @@ def add_edges(builder: MeshBuilder, roads: Roads, cover: RoadCover, terrain: Ter
                     _add_parapet(builder, edge)
                 else:
                     _add_edge(builder, terrain, edge, has_pavement=has_pavement)
+
+
+def _are_turns(roads: Roads) -> BoolArray:
+    """Return which lanes are ways through a crossing, (l,): short, and behind a stop line, a fork or before a join."""
+    found = np.zeros(len(roads), dtype=bool)
+    num_before = np.bincount(roads.successor, minlength=len(roads))
+    for lane, (start, end) in enumerate(pairwise(roads.first_successor.tolist())):
+        then = roads.successor[start:end]
+        found[then] |= bool(roads.is_stop[lane]) or end - start > 1
+        found[lane] |= bool((num_before[then] > 1).any())
+    return found & (roads.length <= LONGEST_TURN)
+
+
+def _add_gaps(builder: MeshBuilder, cover: RoadCover, edge: _Edge, is_open: BoolArray) -> BoolArray:
+    """Fill narrow ground between the edge of a lane and the next lane with asphalt; return where, (n,)."""
+    width = np.zeros(len(is_open))
+    for distance in np.arange(1.0, GAP + 1.0):
+        empty = np.flatnonzero(is_open & (width == 0.0))
+        reached = cover.is_on(edge.beyond(distance)[empty], margin=SHOULDER)
+        width[empty[reached]] = distance
+    is_gap = width > 0.0
+    for start, end in _runs(is_gap):
+        own = slice(start, end)
+        far = edge.beyond(0.0)[own].copy()
+        for i, distance in enumerate(width[own].tolist()):
+            far[i] = edge.beyond(distance)[start + i]
+        near = edge.beyond(0.0)[own]
+        builder.add(*(strip(far, near) if edge.left else strip(near, far)), ASPHALT, Label.ASPHALT)
+    return is_gap
 
 
 class _Edge(NamedTuple):

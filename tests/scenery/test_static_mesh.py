@@ -100,6 +100,20 @@ def test_town_has_paint_of_its_lines_and_no_kerb_across_a_lane() -> None:
     assert cover.is_on(kerbs).mean() < 0.002
 
 
+@pytest.mark.slow
+def test_crossing_of_the_town_has_no_island_between_its_lanes() -> None:
+    road_map = map_of("town")
+    cover = RoadCover(road_map.roads)
+    middles = places_of(bare(road_map), Label.PAVEMENT, Label.KERB).mean(axis=1)
+    near = middles[np.hypot(middles[:, 0], middles[:, 1]) < 40.0]  # of the crossing in the middle of the map
+    assert len(near) > 300
+    is_enclosed = np.ones(len(near), dtype=bool)
+    for angle in np.arange(8) * np.pi / 4:
+        ray = np.array([np.cos(angle), np.sin(angle), 0.0])
+        is_enclosed &= np.any([cover.is_on(near + distance * ray) for distance in range(1, 13)], axis=0)
+    assert not is_enclosed.any()
+
+
 def test_map_without_lines_gets_them_from_its_lanes() -> None:
     roads = make(
         right=(line((0, 0), (100, 0)), ""), left=(line((0, 3.5), (100, 3.5)), ""), back=(line((100, 7), (0, 7)), "")
