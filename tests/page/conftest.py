@@ -14,6 +14,7 @@ from urllib.parse import urlsplit
 import pytest
 import pytest_asyncio
 from playwright.async_api import Browser, ConsoleMessage, Page, Playwright, async_playwright, expect
+from playwright.async_api import TimeoutError as PlaywrightTimeoutError
 
 from rosbridge_sim.shell.page.page_address import page_urls
 from tests.conftest import Connect
@@ -37,6 +38,9 @@ WEBGL_FLAGS = (  # WebGL without a graphics card
     "--ignore-gpu-blocklist",
 )
 PLAIN_FLAGS = ("--disable-gpu",)  # the software renderer of WebGL would draw all else, too, at a tenfold price
+
+TRIES = 3
+"""Chromiums that are started for one: on a busy machine some accept the connection and never answer."""
 
 WITHOUT_WEBGL = """
 const getContext = HTMLCanvasElement.prototype.getContext;
@@ -82,20 +86,28 @@ class Chromiums:
         self._playwright = playwright
         self._folder = folder
         self._processes = processes
-        self._urls: dict[bool, str] = {}
+        self._num_started = 0
         self._kept: dict[bool, Browser] = {}
 
     async def get(self, *, has_webgl: bool) -> Browser:
         """The one with WebGL, or the one without it."""
-        if has_webgl not in self._kept:
-            profile = self._folder / ("webgl" if has_webgl else "plain")
-            profile.mkdir(exist_ok=True)  # a start that failed is tried again by the next test
-            if has_webgl not in self._urls:  # a second one in the same profile would leave to the first, and end
-                flags = WEBGL_FLAGS if has_webgl else PLAIN_FLAGS
-                self._urls[has_webgl] = self._processes.enter_context(_chromium(profile, flags))
-            url = self._urls[has_webgl]
-            self._kept[has_webgl] = await self._playwright.chromium.connect_over_cdp(url, timeout=PATIENCE * 1e3)
+        tries = TRIES
+        while has_webgl not in self._kept:
+            tries -= 1
+            try:
+                self._kept[has_webgl] = await self._start(WEBGL_FLAGS if has_webgl else PLAIN_FLAGS)
+            except PlaywrightTimeoutError:
+                if not tries:
+                    raise
         return self._kept[has_webgl]
+
+    async def _start(self, flags: Sequence[str]) -> Browser:
+        # In the profile of another one it would leave to that one, and end.
+        profile = self._folder / str(self._num_started)
+        self._num_started += 1
+        profile.mkdir()
+        url = self._processes.enter_context(_chromium(profile, flags))
+        return await self._playwright.chromium.connect_over_cdp(url, timeout=PATIENCE / TRIES * 1e3)
 
 
 @contextmanager
