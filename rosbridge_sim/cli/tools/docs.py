@@ -47,7 +47,8 @@ def show_page(name: str, *, is_json: bool) -> int:
     """Print the source of one page.
 
     Args:
-        name: name of the page. Folder and suffix may be left out if the name is still unique.
+        name: name of the page. Folder and suffix may be left out if the name is still unique, and of a page in two
+            languages it is then the English one.
         is_json: print JSON for programs.
 
     Returns:
@@ -59,7 +60,7 @@ def show_page(name: str, *, is_json: bool) -> int:
     pages = find_doc_pages(find_docs_folder())
     wanted = name.strip("/").removesuffix(".md").lower().replace("-", "_")
     found = [page for page in pages if page.name == wanted] or [
-        page for page in pages if page.name.rpartition("/")[2] == wanted
+        page for page in pages if page.name.rpartition("/")[2] == wanted and not page.name.startswith("ko/")
     ]
     if len(found) > 1:
         names = ", ".join(page.name for page in found)
