@@ -262,7 +262,7 @@ class Lidar3dSpec(MountedSpec):
         return self.columns or (1800 if self.model == "own" else LIDAR_SIZES[self.model][1])
 
 
-LIDAR_SIZES: Final = {"VLP-16": (16, 1800), "HDL-32E": (32, 1800), "OS1-64": (64, 1024), "OS1-128": (128, 1024)}
+LIDAR_SIZES: Final = {"VLP-16": (16, 1800), "HDL-32E": (32, 2170), "OS1-64": (64, 1024), "OS1-128": (128, 1024)}
 """Model -> rings and columns, as `scenery.lidar_models` has them with their sources; a test compares both."""
 
 
