@@ -30,7 +30,7 @@ MAX_PIXELS: Final = 8_294_400
 """Pixels of a picture: 3840 x 2160."""
 
 NEAR: Final = 0.05
-"""What is nearer to a camera is not seen [m]."""
+"""Distance within which a camera sees nothing [m]."""
 
 UNDISTORT_ROUNDS: Final = 20
 """Fixed-point rounds of the inverse of a lens distortion: each leaves a fifth of the error for usual lenses."""
@@ -134,7 +134,7 @@ class CameraModel:
 
     @property
     def is_distorted(self) -> bool:
-        """Whether the lens bends lines."""
+        """True if the lens bends straight lines."""
         return any(self.distortion)
 
     @property

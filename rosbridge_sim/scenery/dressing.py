@@ -1,4 +1,4 @@
-"""What stands beside the roads for the eye: buildings, trees, bushes, posts and street lamps.
+"""Dressing beside the roads: buildings, trees, bushes, posts and street lamps.
 
 All of it follows from the name of the map and the seed, and none of it stands on a road.
 """

@@ -50,7 +50,7 @@ class Label(IntEnum):
 
 
 class Lit(IntEnum):
-    """Whether a triangle shines by itself."""
+    """Condition under which a triangle shines by itself."""
 
     NEVER = 0
     NOW = 1

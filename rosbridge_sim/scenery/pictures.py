@@ -1,4 +1,4 @@
-"""What a camera and a lidar return, and what draws them: interfaces that know no library.
+"""Results of cameras and lidars, and the interfaces of what draws them. They know no library.
 
 `shell/rendering/` has the implementations. All of them see the same scene: a static `Mesh`, and the `SceneFrame` of
 what moves.
@@ -62,7 +62,7 @@ class Picture:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hits:
-    """What rays have met first; (k,) each unless told otherwise.
+    """The first thing that each ray meets; arrays are (k,) unless told otherwise.
 
     Attributes:
         ranges: float32 [m]; inf for a ray that met nothing within its range.

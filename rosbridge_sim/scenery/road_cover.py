@@ -1,4 +1,4 @@
-"""Which places are on a road: for kerbs, ground and all that stands beside roads."""
+"""The area of the roads, for kerbs, ground and all that stands beside roads."""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ VERGE_WIDTH: Final = 3.0
 """Beyond kerb and pavement the edge leads down to the ground over this width [m]."""
 
 BRIDGE: Final = 2.0
-"""Where the ground is farther below the edge than this, the road is on a bridge [m]."""
+"""Height of an edge above the ground from which on the road is a bridge [m]."""
 
 PARAPET, DECK = 0.9, 0.7
 """Height of the wall of a bridge above the road, and depth of its deck below it [m]."""

@@ -42,7 +42,7 @@ class Shape(IntEnum):
 
 
 class EgoLook(NamedTuple):
-    """What a world does not know of an ego.
+    """Facts about an ego that the world does not have.
 
     Attributes:
         row: in the world.

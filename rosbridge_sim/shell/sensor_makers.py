@@ -1,4 +1,4 @@
-"""What draws for the simulator's sensors: OpenGL for pictures, Embree for rays, each made when it is first needed."""
+"""Renderers for the sensors: OpenGL for pictures, Embree for rays. Each is made when it is first needed."""
 
 from __future__ import annotations
 

@@ -68,7 +68,7 @@ class CameraRenderer:
 
     @property
     def device(self) -> str:
-        """What draws, as the graphics library names it."""
+        """Name of the renderer, as the graphics library tells it."""
         return str(self._context.info["GL_RENDERER"])
 
     @property

@@ -51,10 +51,10 @@ _GROUPS: Final = (
     _Group((Label.ASPHALT,), Coat.ASPHALT, 2_000.0, 20.0),
     _Group((Label.GROUND,), Coat.GRASS, 2_000.0, 80.0),
 )
-"""What lies lower comes later: then it is hidden already, and its pixels cost nothing."""
+"""Order of drawing. The lowest surfaces come last: most of their pixels are hidden then, and cost nothing."""
 
 Part = tuple[Coat, int, int]
-"""What is drawn onto it, first vertex and number of vertices."""
+"""For each pattern its first vertex and its number of vertices."""
 
 VERTEX: Final = np.dtype([("place", "<f4", 3), ("look", "u1", 4), ("normal", "i1", 4), ("instance", "<i4")])
 

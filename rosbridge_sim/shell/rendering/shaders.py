@@ -23,7 +23,7 @@ MAX_BEAMS: Final = 6
 
 
 class Coat(StrEnum):
-    """What is drawn onto the triangles of a class: each has a program of its own.
+    """Pattern on the triangles of a class. Each has a shader program of its own.
 
     A processor that draws works out all branches of a program for each pixel, whichever is taken.
     """

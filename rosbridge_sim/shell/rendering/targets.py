@@ -1,4 +1,4 @@
-"""What pictures of one size are drawn into, and read from."""
+"""Memory of the graphics library that pictures of one size are drawn into and read from."""
 
 from __future__ import annotations
 

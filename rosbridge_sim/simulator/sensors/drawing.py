@@ -1,4 +1,4 @@
-"""What cameras and lidars see at one frame: jobs for a thread, and their results.
+"""Jobs of cameras and lidars at one frame for a thread, and their results.
 
 `draw` does a job. It touches nothing of the simulator's state: a job has copies. So it may run in any thread, and the
 same job gives the same bytes.
@@ -73,7 +73,7 @@ class Sight:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DrawingJob:
-    """What is to be seen at one frame.
+    """All that can be seen at one frame.
 
     Attributes:
         road_map: the map.
@@ -156,7 +156,7 @@ Result: TypeAlias = Shot | Cloud | Scan
 
 @dataclass(frozen=True, slots=True)
 class Makers:
-    """What draws; made and used in one thread.
+    """A renderer; it is made and used in one thread.
 
     Attributes:
         pictures: returns what draws pictures; it is made at the first call.

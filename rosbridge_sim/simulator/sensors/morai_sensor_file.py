@@ -56,7 +56,7 @@ class _Ros(Document):
 
 
 class _Block(Document):
-    """What differs between kinds; keys of other kinds are absent."""
+    """Values that only some kinds have; keys of other kinds are absent."""
 
     sensorPeriod: Number | None = None  # noqa: N815 - MORAI's names, here and below
     commType: Whole = 3  # noqa: N815

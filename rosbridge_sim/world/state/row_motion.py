@@ -1,4 +1,4 @@
-"""What moves each row of the world: a straight leg, a path or lanes; and how a row is placed."""
+"""Motion of each row of the world (a straight leg, a path or lanes), and its placing."""
 
 from __future__ import annotations
 
