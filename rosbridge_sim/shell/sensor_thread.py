@@ -1,8 +1,7 @@
-"""A thread that draws what cameras and lidars see, beside the event loop.
+"""A thread that has a process draw what cameras and lidars see, beside the event loop.
 
-It is started with the first job, or by `open`. All that draws is made in it and used in it alone, because a context of
-OpenGL belongs to a thread. Jobs are done one after the other; their results are delivered on the loop, between two
-frames. `stop` waits a moment for the job in hand: a process must not end while a thread runs a library's code.
+It is started with the first job, or by `open`. It waits for the process; jobs are done one after the other, and their
+results are delivered on the loop, between two frames.
 """
 
 from __future__ import annotations
@@ -14,32 +13,36 @@ import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
-from importlib.util import find_spec
-from typing import Any, Final
+from typing import Any, Final, Protocol, TypeAlias
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Result, draw
-from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec
+from rosbridge_sim.shell.drawing_process import DrawingProcess
+from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result
 
-__all__ = ["SensorThread"]
+__all__ = ["Drawer", "SensorThread"]
 
 LAST_MOMENT: Final = 1.0
-"""Longest wait for the job in hand at the end [s]: a city map takes about this long to be drawn first."""
+"""Longest wait for the thread at the end [s]; the process that it waits for is gone by then."""
 
-CAMERA_LIBRARIES: Final = ("moderngl", "simplejpeg")
-LIDAR_LIBRARIES: Final = ("embreex",)
-"""Libraries of the extra `sensors`."""
-
-_Then = Callable[[Sequence[Result] | Exception, float], None]
+_Then: TypeAlias = Callable[[Sequence[Result] | Exception, float], None]
 
 _log = logging.getLogger("rosbridge_sim.app")
 
 
-def _make_makers() -> Makers:
-    """Return what draws; the libraries are imported, because a server without cameras and lidars needs none of them."""
-    from rosbridge_sim.shell.sensor_makers import make_makers  # noqa: PLC0415 - as above
+class Drawer(Protocol):
+    """Draws; see `DrawingProcess`."""
 
-    return make_makers()
+    def why_not(self, specs: Sequence[DrawnSpec]) -> str:
+        """Return why it cannot draw for some sensors; empty if it can."""
+
+    def open(self, specs: Sequence[DrawnSpec]) -> None:
+        """Make what draws for some sensors now, or raise any error."""
+
+    def draw(self, job: DrawingJob) -> Sequence[Result]:
+        """Return what the sensors of a job see, or raise any error."""
+
+    def kill(self) -> None:
+        """End what is being drawn; it is called from another thread."""
 
 
 class SensorThread:
@@ -50,18 +53,17 @@ class SensorThread:
         num_bugs: jobs, or uses of their results, that failed by an internal error.
     """
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, make: Callable[[], Makers] = _make_makers) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop, drawer: Drawer | None = None) -> None:
         """Start no thread yet.
 
         Args:
             loop: delivers the results.
-            make: makes what draws, in the thread.
+            drawer: draws, in the thread; a process of its own if it is left out.
         """
         self.on_done: Callable[[], None] = _nothing
         self.num_bugs = 0
         self._loop = loop
-        self._make = make
-        self._makers: Makers | None = None
+        self._drawer = DrawingProcess() if drawer is None else drawer
         self._work: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._num_waiting = 0
         self._thread: threading.Thread | None = None
@@ -73,15 +75,8 @@ class SensorThread:
         return self._num_waiting > 0
 
     def why_not(self, specs: Sequence[DrawnSpec]) -> str:
-        """Return which library is missing for some sensors; see `SensorWorker`."""
-        has_camera = any(isinstance(spec, CameraSpec) for spec in specs)
-        has_lidar = any(not isinstance(spec, CameraSpec) for spec in specs)
-        wanted = [*(CAMERA_LIBRARIES if has_camera else ()), *(LIDAR_LIBRARIES if has_lidar else ())]
-        missing = [name for name in wanted if self._make is _make_makers and find_spec(name) is None]
-        if not missing:
-            return ""
-        what = " and ".join(word for word, is_there in (("cameras", has_camera), ("lidars", has_lidar)) if is_there)
-        return f"{what} need the library {missing[0]}: pip install 'rosbridge-sim[sensors]'"
+        """Return why some sensors cannot be drawn; see `SensorWorker`."""
+        return self._drawer.why_not(specs)
 
     def open(self, specs: Sequence[DrawnSpec]) -> None:
         """Make what draws for some sensors now, so that a server that cannot draw does not start.
@@ -96,12 +91,11 @@ class SensorThread:
 
         def make() -> None:
             try:
-                makers = self._have_makers()
-                for spec in specs:
-                    makers.pictures() if isinstance(spec, CameraSpec) else makers.rays()
-                made.set_result(None)
-            except Exception as error:  # noqa: BLE001 - a library or a driver, whatever it raises
+                self._drawer.open(specs)
+            except Exception as error:  # noqa: BLE001 - whatever the drawer raises
                 made.set_exception(error)
+            else:
+                made.set_result(None)
 
         self._add(make)
         try:
@@ -122,6 +116,7 @@ class SensorThread:
         if self._is_stopped:
             return
         self._is_stopped = True
+        self._drawer.kill()
         if self._thread is not None:
             self._work.put(None)
             self._thread.join(LAST_MOMENT)
@@ -136,19 +131,11 @@ class SensorThread:
         """Do work until the end."""
         while (work := self._work.get()) is not None and not self._is_stopped:
             work()
-        if self._makers is not None:
-            self._makers.close()
-
-    def _have_makers(self) -> Makers:
-        if self._makers is None:
-            self._makers = self._make()
-        return self._makers
 
     def _do(self, job: DrawingJob) -> Sequence[Result] | Exception:
         try:
-            return draw(job, self._have_makers())
+            return self._drawer.draw(job)
         except Exception as error:  # noqa: BLE001 - the tick must be answered even after an internal error
-            _log.debug("a picture could not be made", exc_info=error)
             return error
 
     def _hand_over(self, then: _Then, results: Sequence[Result] | Exception) -> None:

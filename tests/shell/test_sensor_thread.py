@@ -15,10 +15,10 @@ from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.shell.sensor_thread import SensorThread
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, Shot, Sight
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
-from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar3dSpec
+from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
-from tests.simulator.sensors.analytic_makers import make_makers
+from tests.simulator.sensors.analytic_makers import FormulaDrawer, make_makers
 
 CAMERA = CameraSpec(width=16, height=12)
 AT = Pose(0.0, 0.0, 0.0)
@@ -46,7 +46,7 @@ async def test_job_is_drawn_in_the_thread_and_delivered_on_the_loop() -> None:
         makers.append(threading.current_thread())
         return make_makers()
 
-    thread = SensorThread(asyncio.get_running_loop(), make)
+    thread = SensorThread(asyncio.get_running_loop(), FormulaDrawer(make))
     thread.open([CAMERA])
     for _ in range(2):
         results = await result_of(thread)
@@ -65,7 +65,7 @@ async def test_failure_is_delivered_as_an_exception() -> None:
     def make() -> Makers:
         raise RuntimeError("no GL here")
 
-    thread = SensorThread(asyncio.get_running_loop(), make)
+    thread = SensorThread(asyncio.get_running_loop(), FormulaDrawer(make))
     assert str(await result_of(thread)) == "no GL here"
     thread.stop()
 
@@ -74,13 +74,13 @@ async def test_open_refuses_what_cannot_be_drawn() -> None:
     def make() -> Makers:
         raise RuntimeError("no GL here")
 
-    thread = SensorThread(asyncio.get_running_loop(), make)
+    thread = SensorThread(asyncio.get_running_loop(), FormulaDrawer(make))
     with pytest.raises(DocumentError, match="sensors: no GL here"):
         thread.open([CAMERA])
 
 
 async def test_nothing_is_delivered_after_the_stop() -> None:
-    thread = SensorThread(asyncio.get_running_loop(), make_makers)
+    thread = SensorThread(asyncio.get_running_loop(), FormulaDrawer())
     delivered: list[object] = []
     thread.submit(job(), lambda results, _now: delivered.append(results))
     thread.stop()
@@ -110,7 +110,3 @@ async def test_library_that_is_missing_is_named() -> None:
         assert done.returncode == 2
         assert f"{what}: pip install 'rosbridge-sim[sensors]'" in done.stderr
         assert "Traceback" not in done.stderr
-
-
-async def test_makers_of_a_test_need_no_library() -> None:
-    assert SensorThread(asyncio.get_running_loop(), make_makers).why_not([Lidar3dSpec()]) == ""

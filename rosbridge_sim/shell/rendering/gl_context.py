@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable
-from functools import cache
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError, missing_library
@@ -12,32 +9,7 @@ from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError,
 if TYPE_CHECKING:
     import moderngl
 
-__all__ = ["finish_drawing", "open_context"]
-
-
-@cache
-def _gl_finish() -> Callable[[], None]:
-    """Return OpenGL's glFinish as a function of ctypes; one that does nothing where EGL does not give it."""
-    try:
-        find = ctypes.CDLL("libEGL.so.1").eglGetProcAddress
-    except (OSError, AttributeError):
-        return _nothing
-    find.restype, find.argtypes = ctypes.c_void_p, (ctypes.c_char_p,)
-    address = find(b"glFinish")
-    return ctypes.CFUNCTYPE(None)(address) if address else _nothing
-
-
-def finish_drawing() -> None:
-    """Wait until all that was drawn is there, without the interpreter lock.
-
-    moderngl keeps the lock while it reads a picture, and reading waits for the drawing: with a software renderer the
-    event loop stood for nearly the whole picture. ctypes gives the lock back meanwhile.
-    """
-    _gl_finish()()
-
-
-def _nothing() -> None:
-    """Do nothing: reading waits by itself."""
+__all__ = ["open_context"]
 
 
 def open_context() -> moderngl.Context:

@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rosbridge_sim.shell.rendering.gl_context import finish_drawing
-
 if TYPE_CHECKING:
     import moderngl
 
@@ -57,9 +55,7 @@ class Targets:
 
     def read_rgb(self) -> NDArray[np.uint8]:
         """Return the colours, (h, w, 3): the mean of the samples of each pixel."""
-        finish_drawing()
         self._context.copy_framebuffer(self._smooth, self.colours)
-        finish_drawing()
         width, height = self._size
         data = self._smooth.read(components=3, alignment=1)
         return np.frombuffer(data, dtype=np.uint8).reshape(height, width, 3)
@@ -67,19 +63,16 @@ class Targets:
     def read_label(self) -> NDArray[np.uint8]:
         """Return the classes, (h, w)."""
         width, height = self._size
-        finish_drawing()
         return np.frombuffer(self._textures[0].read(alignment=1), dtype=np.uint8).reshape(height, width)
 
     def read_instance(self) -> NDArray[np.int32]:
         """Return the instances, (h, w)."""
         width, height = self._size
-        finish_drawing()
         return np.frombuffer(self._textures[1].read(), dtype=np.int32).reshape(height, width)
 
     def read_depth(self) -> NDArray[np.float32]:
         """Return the depths, (h, w) [m]."""
         width, height = self._size
-        finish_drawing()
         return np.frombuffer(self._textures[2].read(), dtype=np.float32).reshape(height, width)
 
     def release(self) -> None:

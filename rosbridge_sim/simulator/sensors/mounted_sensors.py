@@ -27,7 +27,7 @@ from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.scenery.camera_geometry import Pose
-from rosbridge_sim.scenery.scene_frame import EgoLook, take_frame
+from rosbridge_sim.scenery.scene_frame import EgoLook, SceneFrame, take_frame
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -43,7 +43,7 @@ from rosbridge_sim.simulator.sensors.drawing import Cloud, DrawingJob, Result, S
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.radar_echoes import find_echoes
 from rosbridge_sim.simulator.sensors.sensor_messages import SensorMessages
-from rosbridge_sim.simulator.sensors.sensor_presets import read_rig
+from rosbridge_sim.simulator.sensors.sensor_presets import parse_object, read_rig, read_text
 from rosbridge_sim.simulator.sensors.sensor_specs import (
     FRAME_RATE,
     CameraSpec,
@@ -242,32 +242,38 @@ class MountedSensors(Component):
 
     def _after_frame(self, now: float) -> None:
         """Read the sensors that are due, or have them drawn."""
-        context = self._context
-        frame, is_tick = context.world.frame, not context.sync.is_free
-        worker = self._worker
+        worker, is_tick = self._worker, not self._context.sync.is_free
         is_free = is_tick or (worker is not None and not worker.is_busy)
-        plan = _Plan()
-        for ego, rig in self._egos_with_sensors():
-            for mounted in rig.sensors:
-                spec = mounted.spec
-                is_now = is_due(self._rate_of(rig, mounted), frame)
-                if not (is_now or mounted.is_owed):
-                    continue
-                wanted = [_is_wanted(publisher) for publisher in mounted.publishers]
-                if not any(wanted):
-                    mounted.is_owed = False
-                elif isinstance(spec, RadarSpec):
-                    self._read_radar(ego, mounted, spec, now)
-                elif worker is None:
-                    continue
-                elif is_free:
-                    mounted.is_owed = False
-                    self._add(plan, ego, mounted, wanted, now)
-                else:
-                    mounted.num_skipped += is_now and mounted.is_owed
-                    mounted.is_owed = True
-        if plan.sights and worker is not None:
-            self._submit(worker, plan, is_tick=is_tick)
+        # A plan for each ego: a turn of the loop then has the messages of one ego alone.
+        plans = [self._plan(ego, rig, is_free, now) for ego, rig in self._egos_with_sensors()]
+        if worker is not None and any(plan.sights for plan in plans):
+            seen = self._look()
+            for plan in plans:
+                if plan.sights:
+                    self._submit(worker, plan, seen, is_tick=is_tick)
+
+    def _plan(self, ego: Ego, rig: _EgoRig, is_free: bool, now: float) -> _Plan:  # noqa: FBT001 - by position
+        """Read the radars of an ego that are due; return what is to be drawn for its other sensors."""
+        plan, frame = _Plan(), self._context.world.frame
+        for mounted in rig.sensors:
+            spec = mounted.spec
+            is_now = is_due(self._rate_of(rig, mounted), frame)
+            if not (is_now or mounted.is_owed):
+                continue
+            wanted = [_is_wanted(publisher) for publisher in mounted.publishers]
+            if not any(wanted):
+                mounted.is_owed = False
+            elif isinstance(spec, RadarSpec):
+                self._read_radar(ego, mounted, spec, now)
+            elif self._worker is None:
+                continue
+            elif is_free:
+                mounted.is_owed = False
+                self._add(plan, ego, mounted, wanted, now)
+            else:
+                mounted.num_skipped += is_now and mounted.is_owed
+                mounted.is_owed = True
+        return plan
 
     def _rate_of(self, rig: _EgoRig, mounted: _Mounted) -> float:
         """Return the rate of a sensor: that of the network settings, if they have one for its topic [Hz]."""
@@ -313,18 +319,25 @@ class MountedSensors(Component):
         own = Pose(*mounting.place, mounting.roll, mounting.pitch, mounting.yaw)
         return Motion(vehicle, own, world.speed.item(row), world.yaw_rate.item(row))
 
+    def _look(self) -> SceneFrame:
+        """Return a copy of what can be seen now."""
+        context, world = self._context, self._context.world
+        return take_frame(
+            world, [EgoLook(ego.row, ego.index, lamps_of(ego, world)) for ego in context.egos if ego.is_there]
+        )
+
     def _submit(
         self,
         worker: SensorWorker,
         plan: _Plan,
+        seen: SceneFrame,
         *,
         is_tick: bool,
         end: Callable[[Exception | None, float], None] | None = None,
     ) -> None:
         context, epoch = self._context, self._epoch
-        world, found = context.world, context.scene.found_map
-        looks = [EgoLook(ego.row, ego.index, lamps_of(ego, world)) for ego in context.egos if ego.is_there]
-        job = DrawingJob(found.road_map, found.name, world.seed, take_frame(world, looks), tuple(plan.sights))
+        found = context.scene.found_map
+        job = DrawingJob(found.road_map, found.name, context.world.seed, seen, tuple(plan.sights))
 
         def then(results: Sequence[Result] | Exception, now: float) -> None:
             try:
@@ -405,7 +418,7 @@ class MountedSensors(Component):
             self._num_captures -= 1
             then(files if error is None else error, now)
 
-        self._submit(worker, plan, is_tick=not self._context.sync.is_free, end=end)
+        self._submit(worker, plan, self._look(), is_tick=not self._context.sync.is_free, end=end)
         return True
 
     # Reset and snapshots
@@ -511,7 +524,7 @@ class MountedSensors(Component):
         moved: dict[str, Mounting] = {}
         for i, text in enumerate(texts):
             where = f"move[{i}]"
-            values = _parse_object(text, where)
+            values = parse_object(text, where)
             name = values.pop("frame_id", None)
             spec = specs.get(name) if isinstance(name, str) else None
             if spec is None:
@@ -576,22 +589,3 @@ def _place_of(mounting: Mounting) -> dict[str, float]:
 def _text_of(spec: SensorSpec) -> str:
     """Return a specification as the text of a file."""
     return json.dumps({spec.kind: [spec.model_dump(mode="json")]})
-
-
-def _parse_object(text: str, where: str) -> dict[str, Any]:
-    try:
-        values = json.loads(text)
-    except (ValueError, RecursionError):
-        raise DocumentError(f"{where}: expected a JSON object, got {text[:40]!r}") from None
-    if not isinstance(values, dict):
-        raise DocumentError(f"{where}: expected a JSON object, got {text[:40]!r}")
-    return values
-
-
-def read_text(text: str, where: str) -> Rig:
-    """Read sensors from the text of a file.
-
-    Raises:
-        DocumentError: it is no such text.
-    """
-    return read_rig(_parse_object(text, where), where)

@@ -25,7 +25,16 @@ from rosbridge_sim.simulator.sensors.sensor_specs import (
 )
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["MAX_SENSORS_BYTES", "PRESETS", "SensorList", "read_rig", "rig_of", "rig_schema"]
+__all__ = [
+    "MAX_SENSORS_BYTES",
+    "PRESETS",
+    "SensorList",
+    "parse_object",
+    "read_rig",
+    "read_text",
+    "rig_of",
+    "rig_schema",
+]
 
 MAX_SENSORS_BYTES: Final = 1 << 20
 """Longest file [bytes]; MORAI writes about 2 kB for a sensor."""
@@ -103,3 +112,27 @@ def rig_of(sensors: SensorList, source: str) -> Rig:
 def rig_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of these files."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_DOCUMENT.json_schema()}
+
+
+def parse_object(text: str, where: str) -> dict[str, Any]:
+    """Return a JSON object.
+
+    Raises:
+        DocumentError: the text is none.
+    """
+    try:
+        values = json.loads(text)
+    except (ValueError, RecursionError):
+        raise DocumentError(f"{where}: expected a JSON object, got {text[:40]!r}") from None
+    if not isinstance(values, dict):
+        raise DocumentError(f"{where}: expected a JSON object, got {text[:40]!r}")
+    return values
+
+
+def read_text(text: str, where: str) -> Rig:
+    """Read sensors from the text of a file.
+
+    Raises:
+        DocumentError: it is no such text.
+    """
+    return read_rig(parse_object(text, where), where)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ from rosbridge_sim.scenery.pictures import NOBODY, Channel, Hits, Picture, Weath
 from rosbridge_sim.scenery.scene_frame import SceneFrame
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Makers, Result, draw
 
-__all__ = ["AtOnceWorker", "ManualWorker", "make_makers"]
+__all__ = ["AtOnceWorker", "FormulaDrawer", "ManualWorker", "make_makers"]
 
 FAR = 1e6
 
@@ -122,6 +123,25 @@ def _encode(picture: NDArray[np.uint8], quality: int) -> bytes:
 def make_makers() -> Makers:
     """What draws by formulas; a VLP-16 has rings at -15, -13, ... 15 deg."""
     return Makers(_Pictures, _Rays, _encode, _no_mesh, lambda _model: np.radians(np.arange(-15.0, 16.0, 2.0)))
+
+
+class FormulaDrawer:
+    """A `Drawer` of this process."""
+
+    def __init__(self, make: Callable[[], Makers] = make_makers) -> None:
+        self._make = cache(make)
+
+    def why_not(self, _specs: Sequence[DrawnSpec]) -> str:
+        return ""
+
+    def open(self, _specs: Sequence[DrawnSpec]) -> None:
+        self._make()
+
+    def draw(self, job: DrawingJob) -> Sequence[Result]:
+        return draw(job, self._make())
+
+    def kill(self) -> None:
+        pass
 
 
 class AtOnceWorker:

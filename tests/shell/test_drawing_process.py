@@ -1,0 +1,121 @@
+"""The process that draws; skipped where Embree is not installed."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+
+import pytest
+
+from rosbridge_sim.maps.road_map import Projection, RoadMap
+from rosbridge_sim.scenery.camera_geometry import Pose
+from rosbridge_sim.scenery.scene_frame import take_frame
+from rosbridge_sim.shell.drawing_process import DrawingError, DrawingProcess
+from rosbridge_sim.shell.sensor_makers import make_makers
+from rosbridge_sim.simulator.sensors.drawing import Cloud, DrawingJob, Sight, draw
+from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
+from rosbridge_sim.simulator.sensors.sensor_specs import Lidar3dSpec
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import World
+from tests.shell.rendering.graphics import put
+from tests.support import PATIENCE, ROOT
+
+pytest.importorskip("embreex")
+
+pytestmark = pytest.mark.slow
+
+NO_ROADS = RoadMap("none", Projection(is_tm=False, zone=52), (0.0, 0.0, 0.0), Roads())
+
+
+def job(distance: float = 20.0) -> DrawingJob:
+    """A lidar before a car."""
+    world = World()
+    put(world, "2016_Hyundai_Ioniq", distance, 0.0)
+    sight = Sight(Lidar3dSpec(columns=1800), Motion(Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, 1.0), 0.0, 0.0), -1)
+    return DrawingJob(NO_ROADS, "none", 0, take_frame(world), [sight])
+
+
+def cloud_of(process: DrawingProcess, job: DrawingJob) -> Cloud:
+    (cloud,) = process.draw(job)
+    assert isinstance(cloud, Cloud)
+    return cloud
+
+
+@pytest.fixture(scope="module")
+def shared_process() -> Iterator[DrawingProcess]:
+    process = DrawingProcess()
+    yield process
+    process.kill()
+
+
+def test_process_gives_the_bytes_that_this_process_gives(shared_process: DrawingProcess) -> None:
+    for distance in (10.0, 20.0):  # the second job finds the map there
+        (here,) = draw(job(distance), make_makers())
+        there = cloud_of(shared_process, job(distance))
+        assert isinstance(here, Cloud)
+        assert there.num > 40
+        assert (there.num, there.data) == (here.num, here.data)
+
+
+def test_job_that_fails_is_told_and_the_next_one_is_done(shared_process: DrawingProcess) -> None:
+    bad = job()
+    wrong = Sight(Lidar3dSpec.model_construct(model="none", rate=10.0), bad.sights[0].motion, -1)
+    with pytest.raises(DrawingError):
+        shared_process.draw(DrawingJob(bad.road_map, bad.map_name, bad.seed, bad.frame, [wrong]))
+    pid = shared_process.pid
+    assert cloud_of(shared_process, job()).num
+    assert shared_process.pid == pid
+
+
+def test_process_that_is_killed_is_started_again(shared_process: DrawingProcess) -> None:
+    before = cloud_of(shared_process, job())
+    assert shared_process.pid is not None
+    os.kill(shared_process.pid, signal.SIGKILL)
+    with pytest.raises(DrawingError, match=r"the process that draws has ended \(signal 9\)"):
+        shared_process.draw(job())
+    assert cloud_of(shared_process, job()).data == before.data
+
+
+def test_process_that_keeps_ending_is_not_started_for_each_job(monkeypatch: pytest.MonkeyPatch) -> None:
+    process = DrawingProcess()
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    for _ in range(3):
+        with pytest.raises(DrawingError, match=r"has ended \(exit code 1\)"):
+            process.draw(job())
+    monkeypatch.undo()  # it could be started now
+    with pytest.raises(DrawingError, match="keeps ending"):
+        process.draw(job())
+
+
+def test_killed_process_is_gone_and_stays_away() -> None:
+    process = DrawingProcess()
+    process.open([Lidar3dSpec()])
+    pid = process.pid
+    assert pid is not None
+    process.kill()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+    for _ in range(2):
+        with pytest.raises(DrawingError):
+            process.draw(job())
+    assert process.pid is None
+
+
+def test_process_ends_with_its_parent() -> None:
+    """The parent dies without a word; `run` returns when nobody holds its pipe any longer."""
+    program = (
+        "import os\n"
+        "from rosbridge_sim.shell.drawing_process import DrawingProcess\n"
+        "from rosbridge_sim.simulator.sensors.sensor_specs import Lidar3dSpec\n"
+        "process = DrawingProcess()\n"
+        "process.open([Lidar3dSpec()])\n"
+        "os.kill(os.getpid(), 9)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], stderr=subprocess.PIPE, cwd=ROOT, timeout=PATIENCE, check=False
+    )
+    assert done.returncode == -signal.SIGKILL
+    assert not done.stderr
