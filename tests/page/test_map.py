@@ -57,6 +57,7 @@ async def open_map(open_page: OpenPage, url: str, **options: object) -> Page:
     page = await open_page(url, has_webgl=True, **options)  # type: ignore[arg-type]
     lane = colour(COLOURS["mapDark" if options.get("color_scheme") == "dark" else "map"]["lane"])
     await until(page, lambda pixels: len(places_of(pixels, lane, within=8.0)) > 2000)
+    await page.locator(".start-card .close").click()  # it would hide a part of the map
     return page
 
 
@@ -170,11 +171,12 @@ async def test_objects_are_selected_by_the_keyboard(serve: Serve, open_page: Ope
     await expect(heading).to_have_text("Ego")
 
 
-async def test_collision_is_listed_with_both_names(serve: Serve, open_page: OpenPage) -> None:
+async def test_collision_is_told_on_the_map_and_listed_with_both_names(serve: Serve, open_page: OpenPage) -> None:
     server = serve("--scenario", "town")
     page = await open_map(open_page, url_of(server.port))
     async with AsyncClient(server.url) as client:
         await client.spawn("2015_Kia_K5", x=-85.0, y=-5.25, behaviour="stand")
+    await expect(page.locator(".map-label.contact").first).to_contain_text("Collision: Ego and Vehicle")
     entry = page.locator(".contact-list li")
     await expect(entry.first).to_contain_text("Ego and Vehicle")
     await page.get_by_role("button", name="Clear the list of collisions").click()

@@ -22,7 +22,7 @@ HIDE = """() => {
 
 async def begin_drive(page: Page) -> None:
     await page.get_by_role("button", name="Drive by hand").click()
-    await expect(page.get_by_role("button", name="End the drive")).to_be_visible()
+    await expect(page.locator(".driving").get_by_role("button", name="End the drive")).to_be_visible()
 
 
 async def choose_tab(page: Page, name: str) -> None:
@@ -75,7 +75,7 @@ async def test_ego_that_drives_itself_ends_the_drive_by_hand(serve: Serve, open_
     await expect(page.locator(".driving")).to_contain_text("the control mode of the ego is now: drives itself (6)")
     await begin_drive(page)
     await expect(page.get_by_role("button", name="Program")).to_have_attribute("aria-pressed", "true")
-    await expect(page.get_by_role("button", name="End the drive")).to_be_visible()
+    await expect(page.locator(".driving").get_by_role("button", name="End the drive")).to_be_visible()
 
 
 async def test_end_of_a_drive_in_steps_lifts_the_pedals(serve: Serve, open_page: OpenPage) -> None:

@@ -41,8 +41,38 @@ export const TEXTS = {
      */
     entity: (kind, id) => `${kind} ${id}`,
     kinds: { ego: "Ego", vehicle: "Vehicle", pedestrian: "Pedestrian", obstacle: "Obstacle" },
+    /**
+     * @param {string} a
+     * @param {string} b
+     */
+    collision: (a, b) => `Collision: ${a} and ${b}`,
     /** @param {number} seconds */
     timeLeft: (seconds) => `${seconds}`,
+  },
+  start: {
+    label: "Ways to begin",
+    /** @type {Record<string, string>} */
+    about: {
+      demo: "A closed track with two lanes, made for the first command.",
+      town: "A town with lights and crosswalks, cars that give way, and people who cross the streets.",
+      loop: "A closed road with three one-way lanes, for lane changes at speed.",
+      hills: "A hilly road in the shape of an eight, with a bridge over itself.",
+      motorway: "Three lanes of a motorway, with vehicles at different speeds and an exit ahead.",
+      rush_hour: "A motorway on which new vehicles enter all the time.",
+      roundabout: "A roundabout with four arms, crosswalks and no lights.",
+      parking: "A car park with narrow aisles, parked cars, and some that drive.",
+    },
+    /**
+     * @param {number} vehicles
+     * @param {number} pedestrians
+     */
+    counts: (vehicles, pedestrians) => `A scene with ${vehicles} other vehicles and ${pedestrians} pedestrians.`,
+    letDrive: { label: "Let it drive", title: "The ego drives itself along the lanes, and the camera follows it" },
+    drive: { label: "Drive with the keys", title: "Drive with the keyboard, a game pad or touch pads" },
+    copy: { label: "Copy a first program", title: "Copy a Python program that drives this ego" },
+    copied: "Copied. Save it as drive.py, then: pip install roslibpy; python drive.py",
+    program: "First program",
+    close: "Close",
   },
   mapHelp: {
     title: "Map: keys and colours",
@@ -249,7 +279,10 @@ export const TEXTS = {
     begin: { label: "Drive by hand", title: "Drive with the keyboard, a game pad or touch pads" },
     end: { label: "End the drive", title: "Lift the pedals, and give the car back (Escape)" },
     on: "You drive: ↑ ↓ ← → or W A S D.",
+    onTouch: "You drive: the left pad steers, the right one is throttle and brake.",
     onInSteps: "You drive: hold the keys, and step with the button or the full stop key.",
+    onInStepsTouch: "You drive: hold the pads, and press Step.",
+    step: { label: "Step", title: "One step of synchronous mode with the pedals as you hold them; the page becomes its master" },
     /**
      * @param {number} throttle
      * @param {number} brake
@@ -387,6 +420,7 @@ export const TEXTS = {
     },
     scenarios: {
       title: "Scenarios",
+      open: "Scenario: show all, with pictures",
       name: "Name of a scenario",
       noName: "Enter the name of a scenario first.",
       /** @param {string} name */

@@ -5,7 +5,7 @@ import { ChaseCamera } from "../../../rosbridge_sim/page/js/drawing/chase_camera
 import { transform } from "../../../rosbridge_sim/page/js/drawing/matrices.js";
 import { distanceToBox, pickEntity, pickPlaceOnScreen } from "../../../rosbridge_sim/page/js/drawing/picking.js";
 import { lengthText, roundLength } from "../../../rosbridge_sim/page/js/drawing/scale_bar.js";
-import { TopCamera } from "../../../rosbridge_sim/page/js/drawing/top_camera.js";
+import { nearestPlaces, TopCamera } from "../../../rosbridge_sim/page/js/drawing/top_camera.js";
 
 /** @param {number} a @param {number} b */
 const near = (a, b, within = 1e-6) => assert.ok(Math.abs(a - b) < within, `${a} is not ${b}`);
@@ -143,4 +143,19 @@ test("the nearest light within reach of a click is found", () => {
 test("the scale bar has a round length with its unit", () => {
   assert.deepEqual([0.3, 7, 99, 100, 2600].map(roundLength), [0.2, 5, 50, 100, 2000]);
   assert.deepEqual([0.2, 12.345, 2000].map(lengthText), ["20 cm", "12.35 m", "2 km"]);
+});
+
+test("the first picture has the nearest traffic, and follows it while the ego stands", () => {
+  const camera = new TopCamera();
+  camera.resize(900, 600);
+  const state = (/** @type {number} */ away) => /** @type {any} */ ({
+    id: [0, 1, 2], kind: [0, 1, 3], x: [0, away, 5], y: [0, 0, 0], speed: [0, 20, 0],
+  });
+  camera.fitAround({ x: 0, y: 0 }, nearestPlaces(state(100), 0));
+  assert.ok(camera.project({ x: 100, y: 0, z: 0 }).x < 900, "the obstacle is nearer, but no traffic");
+  assert.equal(camera.hasLost(state(120), 0), false);
+  assert.equal(camera.hasLost(state(200), 0), true);
+  assert.equal(camera.hasLost(state(20_000), 0), false);
+  camera.zoomAt(0, 0, 1.1); // by the user
+  assert.equal(camera.hasLost(state(200), 0), false);
 });

@@ -125,7 +125,7 @@ test("collisions are listed with the newest first, and those of undone frames go
 
 /** A store on a connection that never answers. */
 function storeWithoutServer() {
-  const connection = /** @type {any} */ ({ subscribe: () => ({ close: () => undefined }), call: () => new Promise(() => undefined) });
+  const connection = /** @type {any} */ ({ onState: () => undefined, subscribe: () => ({ close: () => undefined }), call: () => new Promise(() => undefined) });
   return new SceneStore(connection);
 }
 
@@ -136,7 +136,7 @@ test("a map that could not be loaded is asked for again while the world stands",
     calls += 1;
     return calls === 1 ? Promise.reject(new Error("busy")) : Promise.resolve({ digest: "d", num_pages: 1 });
   };
-  const store = new SceneStore(/** @type {any} */ ({ subscribe: () => ({ close: () => undefined }), call }));
+  const store = new SceneStore(/** @type {any} */ ({ onState: () => undefined, subscribe: () => ({ close: () => undefined }), call }));
   store.takeState(state(0, []));
   const loaded = new Promise((resolve) => store.onMap(() => resolve(store.map?.digest)));
   await setImmediate();

@@ -14,13 +14,11 @@ import { MeasureTool, measuredPlaces, PlaceTool, toolLabels } from "./map_tools.
 import { makePalette } from "./palette.js";
 import { Renderer } from "./renderer.js";
 import { makeSceneLabels } from "./scene_labels.js";
-import { TopCamera } from "./top_camera.js";
+import { nearestPlaces, TopCamera } from "./top_camera.js";
 
 /** @typedef {import("../scene/store.js").SceneStore} SceneStore */
 /** @typedef {import("./gestures.js").Point} Point */
 
-/** Scale of the first picture [pixels/m]: a crossing fills the window. */
-const FIRST_SCALE = 8;
 /** Sharper than this costs much and is not seen. */
 const MOST_RATIO = 2;
 /** Turn behind the car for each pixel of a drag [rad]. */
@@ -46,11 +44,11 @@ export class MapView {
     this.element = element("div", { className: "map-view" }, canvas, this.labels.element);
     this.renderer = new Renderer(gl);
     this.top = new TopCamera();
-    this.top.scale = FIRST_SCALE;
     this.chase = new ChaseCamera();
     this.isChase = false;
     this.isFollowing = true;
-    this.isPlaced = false;
+    /** The scenario that the first picture was fitted to. */
+    this.placedFor = "";
     this.poses = new PoseTrack();
     this.trails = new Trails();
     this.lines = new LineBuffer();
@@ -149,6 +147,10 @@ export class MapView {
     this.change();
   }
 
+  showChase() {
+    this.isChase || this.toggleCamera();
+  }
+
   toggleFollow() {
     this.isFollowing = !this.isFollowing;
     this.change();
@@ -208,8 +210,7 @@ export class MapView {
   goTo(place) {
     this.isChase = false;
     this.isFollowing = false;
-    this.top.x = place.x;
-    this.top.y = place.y;
+    Object.assign(this.top, { x: place.x, y: place.y });
     this.change();
   }
 
@@ -275,7 +276,7 @@ export class MapView {
     this.makeLines(fresh);
     const { scene, poses, palette, camera } = this;
     this.renderer.draw({ camera, palette, state: poses.last, poses });
-    this.labels.show([...makeSceneLabels({ scene, poses, camera, leading: this.isChase ? this.targetRow() : -1 }, this.texts), ...toolLabels(this)]);
+    this.labels.show([...makeSceneLabels({ scene, poses, camera, leading: this.isChase ? this.targetRow() : -1, contacts: fresh }, this.texts), ...toolLabels(this)]);
     this.viewTakers.forEach((take) => take());
     if (isTurning || fresh.length > 0 || this.poses.isMoving(now)) {
       this.schedule();
@@ -291,15 +292,16 @@ export class MapView {
     if (target === null) {
       return false;
     }
-    if (!this.isPlaced) {
-      this.isPlaced = true;
+    const { state } = this.scene;
+    if (state !== null && (this.placedFor !== state.map_digest + state.scenario || this.top.hasLost(state, this.targetRow()))) {
+      this.placedFor = state.map_digest + state.scenario;
       this.chase.follow(target, 0);
+      this.top.fitAround(target, nearestPlaces(state, this.targetRow()));
     }
     if (!this.isFollowing && !this.isChase) {
       return false;
     }
-    this.top.x = target.x;
-    this.top.y = target.y;
+    Object.assign(this.top, { x: target.x, y: target.y });
     return this.chase.follow(target, this.isChase && !this.still.matches ? seconds : 0) && this.isChase;
   }
 
@@ -373,7 +375,11 @@ export class MapView {
 
   takeState() {
     const { state } = this.scene;
-    if (state !== null) {
+    if (state === null) { // another connection: nothing of the last one is shown
+      this.poses = new PoseTrack();
+      this.trails = new Trails();
+      this.change();
+    } else {
       this.poses.take(state, performance.now());
       this.poses.update(-Infinity); // rows of the new state, for whoever asks before the next picture
       this.trails.take(state, this.scene.selectedRow());

@@ -21,10 +21,11 @@ const APART = 24;
  * @param {import("./picking.js").Poses} view.poses
  * @param {import("./top_camera.js").TopCamera | import("./chase_camera.js").ChaseCamera} view.camera
  * @param {number} view.leading - row of the entity before the camera, which needs no name; -1: none
+ * @param {import("../scene/contacts.js").Contact[]} view.contacts - that are marked now
  * @param {import("../layout.js").Texts["mapView"]} texts
  * @returns {Label[]}
  */
-export function makeSceneLabels({ scene, poses, camera, leading }, texts) {
+export function makeSceneLabels({ scene, poses, camera, leading, contacts }, texts) {
   const { state } = scene;
   if (state === null) {
     return [];
@@ -50,8 +51,26 @@ export function makeSceneLabels({ scene, poses, camera, leading }, texts) {
     const id = state.id[selected];
     add(selected, kind === "ego" ? texts.ego(id) : texts.entity(texts.kinds[kind], id), "map-label selected");
   }
+  for (const contact of contacts) {
+    const point = camera.project(contact);
+    if (point !== null && isWithin(point, camera)) {
+      const text = texts.collision(contactName(contact, 0, texts), contactName(contact, 1, texts));
+      labels.push({ x: point.x, y: point.y - 2 * ABOVE, text, className: "map-label contact" });
+    }
+  }
   labels.push(...lightLabels(scene, camera, texts));
   return labels;
+}
+
+/**
+ * The name of one of both in a collision.
+ * @param {import("../scene/contacts.js").Contact} contact
+ * @param {number} i - 0 or 1
+ * @param {import("../layout.js").Texts["mapView"]} texts
+ */
+export function contactName({ id, kind, name }, i, texts) {
+  const what = KINDS[kind[i]] ?? "obstacle";
+  return what === "ego" ? texts.ego(id[i]) : `${texts.entity(texts.kinds[what], id[i])} (${name[i]})`;
 }
 
 /**

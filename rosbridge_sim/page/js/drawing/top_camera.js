@@ -8,6 +8,19 @@
 /** Bounds of the scale [pixels/m]: from a country to the thickness of a painted line. */
 const SMALLEST_SCALE = 0.005;
 const LARGEST_SCALE = 400;
+/**
+ * Bounds of the scale of the first picture [pixels/m]: a crossing fills the window; the lanes are still seen; and lanes are
+ * hardly seen, for the nearest vehicle alone.
+ */
+const FIRST_SCALE = 8;
+const LEAST_FIRST_SCALE = 2;
+const LEAST_SCALE_FOR_NEAREST = 0.5;
+/** From the middle of the first picture to what is to be seen, as a share of its sides: something is left for its motion. */
+const FIRST_SHARE = 0.35;
+/** A vehicle that is slower stands [m/s]. */
+const STANDS_BELOW = 0.1;
+/** The first picture has the ego and so many of the nearest vehicles and people. */
+const FIRST_TRAFFIC = 2;
 /** Half the depth of the picture [m]: higher than any bridge. */
 const DEPTH = 1000;
 
@@ -19,7 +32,9 @@ export class TopCamera {
     this.x = 0;
     this.y = 0;
     /** [pixels/m] */
-    this.scale = 5;
+    this.scale = FIRST_SCALE;
+    /** Scale of the last `fitAround`; 0: there was none. */
+    this.fitted = 0;
     /** Turn of the picture, counter-clockwise [rad]. */
     this.rotation = 0;
     this.width = 1;
@@ -124,6 +139,38 @@ export class TopCamera {
   }
 
   /**
+   * Show a place in the middle, and others around it where the scale allows it.
+   * @param {{x: number, y: number}} middle
+   * @param {{x: number, y: number}[]} others - the nearest one first
+   */
+  fitAround(middle, others) {
+    this.x = middle.x;
+    this.y = middle.y;
+    this.rotation = 0;
+    const [wide, high] = [FIRST_SHARE * this.width, FIRST_SHARE * this.height];
+    const scales = others.map(({ x, y }) => Math.min(wide / Math.abs(x - middle.x), high / Math.abs(y - middle.y)));
+    // What is too far away is left out.
+    this.fitted = this.scale = Math.min(FIRST_SCALE, ...scales.filter((scale, i) => scale >= (i > 0 ? LEAST_FIRST_SCALE : LEAST_SCALE_FOR_NEAREST)));
+  }
+
+  /**
+   * Tell whether a picture of `fitAround`, which the user has not changed, has lost its traffic while the one in its middle
+   * stands.
+   * @param {import("../scene/store.js").SceneState} state
+   * @param {number} row - of the one in the middle
+   */
+  hasLost(state, row) {
+    const isUntouched = this.scale === this.fitted && Math.abs(state.speed[row]) < STANDS_BELOW;
+    const isIn = (/** @type {Place} */ place) => {
+      const { x, y } = this.project(place);
+      return x > 0 && y > 0 && x < this.width && y < this.height;
+    };
+    const [next] = isUntouched ? nearestPlaces(state, row) : [];
+    const isNear = next !== undefined && Math.hypot(next.x - this.x, next.y - this.y) * LEAST_SCALE_FOR_NEAREST < FIRST_SHARE * this.height;
+    return isNear && !isIn({ ...next, z: 0 });
+  }
+
+  /**
    * @param {Place} origin - where the buffers have 0
    * @returns {Float32Array} from buffers to the clip space
    */
@@ -149,4 +196,17 @@ export class TopCamera {
     this.x += place.x - now.x;
     this.y += place.y - now.y;
   }
+}
+
+/**
+ * Return the places of the entities nearest to one, for the first picture.
+ * @param {import("../scene/store.js").SceneState} state
+ * @param {number} row - of the one
+ * @returns {{x: number, y: number}[]}
+ */
+export function nearestPlaces(state, row) {
+  const away = (/** @type {number} */ other) => Math.hypot(state.x[other] - state.x[row], state.y[other] - state.y[row]);
+  const others = Array.from(state.id.keys()).filter((other) => other !== row && state.kind[other] < 3);
+  others.sort((a, b) => away(a) - away(b));
+  return others.slice(0, FIRST_TRAFFIC).map((other) => ({ x: state.x[other], y: state.y[other] }));
 }

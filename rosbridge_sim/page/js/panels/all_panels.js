@@ -4,7 +4,7 @@ import { Actions } from "./actions.js";
 import { makeCodePanel } from "./code.js";
 import { makeUserId } from "./context.js";
 import { DriversWatch } from "./drivers_watch.js";
-import { makeDrivingPanel } from "./driving.js";
+import { Driving } from "./driving.js";
 import { makeEgoPanel } from "./ego.js";
 import { EgoWatch } from "./ego_watch.js";
 import { makeGraphPanel } from "./graph/graph.js";
@@ -14,6 +14,7 @@ import { makeObjectsPanel } from "./objects.js";
 import { makeScorePanel } from "./score.js";
 import { ServerFiles } from "./server_files.js";
 import { makeTimePanel } from "./time.js";
+import { makeStartCard } from "./start_card.js";
 import { TimeControls } from "./time_controls.js";
 import { TimeWatch } from "./time_watch.js";
 
@@ -38,8 +39,10 @@ export function makePanelContext(base) {
  * @param {import("../layout.js").Layout} layout
  */
 export function addPanels(context, layout) {
-  layout.header.append(makeHeaderValues(context));
-  layout.addPanel("ego", makeDrivingPanel(context));
+  const driving = new Driving(context);
+  layout.header.append(makeHeaderValues(context, driving));
+  layout.stage.append(makeStartCard(context, driving));
+  layout.addPanel("ego", driving);
   layout.addPanel("ego", makeEgoPanel(context));
   layout.addPanel("ego", makeScorePanel(context));
   layout.addPanel("time", makeTimePanel(context));

@@ -118,7 +118,7 @@ export function makeCodePanel({ actions, connection, texts: { code: texts } }) {
  * Copy a text. Pages without TLS have no `navigator.clipboard`, except on this machine.
  * @param {HTMLElement} node
  */
-async function copyText(node) {
+export async function copyText(node) {
   if (navigator.clipboard) {
     await navigator.clipboard.writeText(node.textContent ?? "");
     return;

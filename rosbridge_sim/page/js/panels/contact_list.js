@@ -2,7 +2,7 @@
  * The latest collisions, over the map.
  */
 
-import { KINDS } from "../scene/store.js";
+import { contactName } from "../drawing/scene_labels.js";
 import { element, replaceChildren, setText } from "../widgets/dom.js";
 
 /** @typedef {import("../scene/contacts.js").Contact} Contact */
@@ -20,12 +20,7 @@ export function makeContactList({ connection, scene, texts }, contacts, view) {
   const clear = element("button", { type: "button", className: "close", title: texts.contacts.clear, "aria-label": texts.contacts.clear }, "×");
   const list = element("ol", {});
   const node = element("section", { className: "contact-list", "aria-live": "polite", hidden: true }, clear, title, list);
-  /** @type {(contact: Contact, i: number) => string} */
-  const nameOf = ({ id, kind, name }, i) => {
-    const what = KINDS[kind[i]] ?? "obstacle";
-    const number = texts.mapView.entity(texts.mapView.kinds[what], id[i]);
-    return what === "ego" ? texts.mapView.ego(id[i]) : `${number} (${name[i]})`;
-  };
+  const nameOf = (/** @type {Contact} */ contact, /** @type {number} */ i) => contactName(contact, i, texts.mapView);
   const show = () => {
     node.hidden = contacts.contacts.length === 0;
     setText(title, texts.contacts.title(contacts.total));
@@ -55,6 +50,12 @@ export function makeContactList({ connection, scene, texts }, contacts, view) {
     { encoding: "cbor", queueLength: 10 },
   );
   let place = "";
+  connection.onState((state) => {
+    if (state === "open") { // what another server told
+      contacts.clear();
+      show();
+    }
+  });
   scene.onState(() => {
     const { frame = 0, scenario = "", map_digest: digest = "" } = scene.state ?? {};
     const isElsewhere = place !== "" && place !== `${digest} ${scenario}` && contacts.contacts.length > 0;

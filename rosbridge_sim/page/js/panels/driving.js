@@ -25,24 +25,21 @@ const LEASE = 0.5;
 /** A key that steps in synchronous mode of the page. */
 const STEP_KEY = "Period";
 
+/** Machines with the touch pads, as in page.css. */
+const TOUCH = "(any-pointer: coarse)";
+
 /** A key that changes between D and R. */
 const GEAR_KEY = "KeyR";
 
-/**
- * @param {PanelContext} context
- * @returns {{element: HTMLElement, title: string}}
- */
-export function makeDrivingPanel(context) {
-  const driving = new Driving(context);
-  return { element: driving.element, title: context.texts.driving.title };
-}
-
-/** The elements and the events of the page around a DrivingSession. */
-class Driving {
+/** The panel "Driving": the elements and the events of the page around a DrivingSession. */
+export class Driving {
   /** @param {PanelContext} context */
   constructor(context) {
     this.context = context;
     this.texts = context.texts.driving;
+    this.title = this.texts.title;
+    /** @type {Set<(isOn: boolean) => void>} */
+    this.listeners = new Set();
     this.notice = new Notice();
     /** @type {Set<string>} */
     this.codes = new Set();
@@ -62,19 +59,20 @@ class Driving {
       isInSteps: () => context.time.state.kind === "synchronous",
     });
     this.button = new ActionButton({ ...this.texts.begin, className: "primary", notice: this.notice, act: () => this.toggle() });
+    this.stepButton = new ActionButton({ ...this.texts.step, className: "step", notice: this.notice, act: () => this.step() });
     this.state = element("p", { className: "driving-state", role: "status" });
     this.live = element("p", { className: "driving-live" });
     this.warning = element("p", { className: "notice", "data-kind": "warn", role: "alert", hidden: true });
     this.padRow = element(
       "div",
       { className: "pads", hidden: true },
-      this.makePad(this.texts.steerPad, "pad-steer", (x) => ({ steer: 0 - x })),
-      this.makePad(this.texts.pedalPad, "pad-pedal", (_x, y) => ({ pedal: y })),
+      this.makePad(this.texts.steerPad, "pad-steer", ["◀", "▶"], (x) => ({ steer: 0 - x })),
+      this.makePad(this.texts.pedalPad, "pad-pedal", ["▲", "▼"], (_x, y) => ({ pedal: y })),
     );
     this.element = element(
       "div",
       { className: "driving" },
-      element("div", { className: "button-row" }, this.button.element),
+      element("div", { className: "button-row" }, this.button.element, this.stepButton.element),
       this.state,
       this.live,
       this.warning,
@@ -90,14 +88,15 @@ class Driving {
   /**
    * @param {string} label
    * @param {string} className
+   * @param {[string, string]} signs - at its ends
    * @param {(x: number, y: number) => Partial<{steer: number, pedal: number}>} take
    */
-  makePad(label, className, take) {
+  makePad(label, className, signs, take) {
     const onMove = (/** @type {number} */ x, /** @type {number} */ y) => {
       Object.assign(this.pads, take(x, y));
       this.session.setInput("pads", inputOfPads(this.pads));
     };
-    return new TouchPad({ label, className, onMove }).element;
+    return new TouchPad({ label, className, signs, onMove }).element;
   }
 
   makeHelp() {
@@ -141,6 +140,12 @@ class Driving {
     }
     this.button.setReason(reason);
     this.show();
+  }
+
+  /** @param {(isOn: boolean) => void} take called now, and when a drive begins or ends */
+  onChange(take) {
+    this.listeners.add(take);
+    take(this.session.isOn);
   }
 
   async toggle() {
@@ -255,11 +260,17 @@ class Driving {
     this.button.element.setAttribute("aria-pressed", String(isOn));
     this.padRow.hidden = !isOn;
     document.body.classList.toggle("is-driving", isOn);
-    setText(this.state, isOn ? (session.port.isInSteps() ? texts.onInSteps : texts.on) : "");
+    const isInSteps = session.port.isInSteps();
+    const isTouch = matchMedia(TOUCH).matches;
+    const words = isInSteps ? (isTouch ? texts.onInStepsTouch : texts.onInSteps) : isTouch ? texts.onTouch : texts.on;
+    setText(this.state, isOn ? words : "");
+    this.stepButton.element.hidden = !(isOn && isInSteps);
+    this.stepButton.setReason(context.time.reasons.step);
     this.state.hidden = this.live.hidden = !isOn;
     const others = context.drivers.otherPublishers(isOn ? this.ego : context.ego.number);
     this.warning.hidden = others.length === 0;
     setText(this.warning, others.length ? texts.otherPublishers(others.join(", ")) : "");
+    this.listeners.forEach((take) => take(isOn));
   }
 
   /** @param {KeyboardEvent} event */
@@ -292,7 +303,7 @@ class Driving {
   }
 
   /**
-   * Step once in synchronous mode of the page, with the pedals as they are held. While a step is under way one more is
+   * Step once in synchronous mode, with the pedals as they are held; if nobody is the master, the page becomes it. While a step is under way one more is
    * kept, not all: a held key repeats faster than a slow world steps.
    */
   async step() {
@@ -303,7 +314,7 @@ class Driving {
     }
     this.isStepping = true;
     try {
-      while (this.wantsStep && time.state.isOwn && !time.reasons.step) {
+      while (this.wantsStep && time.state.kind === "synchronous" && !time.reasons.step) {
         this.wantsStep = false;
         await timeControls.step(1, time.ownTimeStep);
       }

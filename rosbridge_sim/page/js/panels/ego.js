@@ -54,8 +54,10 @@ export function makeEgoPanel(context) {
 function connectEgo({ ego, drivers, scene, texts: { ego: texts } }, instruments, charts) {
   ego.onValues(() => {
     const { values, laneOffset, link } = ego;
-    if (values) {
-      instruments.showValues(values, link);
+    instruments.showValues(values, link);
+    if (!values) {
+      charts.clear();
+    } else if (ego.hasMessage) {
       charts.push(values.time, {
         speed: values.speed * 3.6,
         acceleration: values.acceleration,
@@ -69,7 +71,7 @@ function connectEgo({ ego, drivers, scene, texts: { ego: texts } }, instruments,
     const driver = drivers.ofEgo(ego.number);
     const mode = driver ? (texts.modes[driver.ctrl_mode] ?? String(driver.ctrl_mode)) : texts.none;
     const who = driver ? driverText(driver, drivers.ownAddress, texts) : texts.none;
-    instruments.showState({ gear: driver?.gear ?? 0, mode, driver: who, lamps: lampsOf(scene, ego.number) });
+    instruments.showState({ gear: driver?.gear ?? 0, mode, driver: who, lamps: driver ? lampsOf(scene, ego.number) : 0 });
   };
   scene.onState(showState);
   drivers.onChange(showState);

@@ -5,7 +5,7 @@
  *   time: number, speed: number, acceleration: number, accel: number, brake: number, steering: number,
  *   x: number, y: number, z: number, heading: number,
  * }} EgoValues
- *   time of the stamp [s], speed [m/s], pedals 0 to 1, front wheels [rad], heading [rad] from east
+ *   time of the stamp [s], speed [m/s], pedals 0 to 1, front wheels [rad], heading [rad] from east; NaN where it is not known
  */
 
 /**
@@ -28,6 +28,15 @@ export function egoValues(message, wheelUnit = "rad") {
     z: position.z,
     heading: (message.heading * Math.PI) / 180,
   };
+}
+
+/**
+ * Values of an ego whose own topic has sent nothing yet, as in synchronous mode before the first tick.
+ * @param {import("../scene/store.js").SceneEgo} ego of the scene's state
+ * @returns {EgoValues}
+ */
+export function sceneValues({ x, y, z, heading, speed }) {
+  return { time: NaN, speed, acceleration: NaN, accel: NaN, brake: NaN, steering: NaN, x, y, z, heading };
 }
 
 /**

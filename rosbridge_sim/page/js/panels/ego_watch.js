@@ -1,7 +1,7 @@
 // The ego that the panels show and drive, and its messages.
 
 import { egoName } from "../wire/requests.js";
-import { egoValues } from "./ego_values.js";
+import { egoValues, sceneValues } from "./ego_values.js";
 import { LaneIndex } from "./lane_offset.js";
 
 /** @typedef {import("./ego_values.js").EgoValues} EgoValues */
@@ -18,8 +18,10 @@ export class EgoWatch {
     this.connection = connection;
     this.scene = scene;
     this.number = 0;
-    /** @type {EgoValues | null} */
+    /** From this connection alone; null before its first state. @type {EgoValues | null} */
     this.values = null;
+    /** The ego's own topic has sent something. */
+    this.hasMessage = false;
     this.link = "";
     this.laneOffset = NaN;
     /** @type {LaneIndex | null} */
@@ -33,8 +35,13 @@ export class EgoWatch {
     scene.onMap(() => {
       const lanes = /** @type {import("./lane_offset.js").LaneLine[]} */ (scene.map?.lanes ?? []);
       this.lanes = new LaneIndex(lanes);
+      this.takeScene();
     });
-    scene.onState(() => this.keepChoice());
+    scene.onState(() => {
+      this.keepChoice();
+      this.takeScene();
+    });
+    connection.onState(() => this.forget());
     this.choose(0);
   }
 
@@ -50,7 +57,7 @@ export class EgoWatch {
   choose(number) {
     this.subscription?.close();
     this.number = number;
-    this.values = null;
+    this.forget();
     this.subscription = this.connection.subscribe(
       egoName(number, "/Ego_topic"),
       "morai_msgs/EgoVehicleStatus",
@@ -62,20 +69,44 @@ export class EgoWatch {
     }
   }
 
+  /** Forget what another connection or another ego has told. */
+  forget() {
+    this.hasMessage = false;
+    this.values = null;
+    this.tellValues();
+  }
+
+  /** Show the ego of the scene's state until its own topic sends something. */
+  takeScene() {
+    const ego = this.hasMessage ? undefined : this.scene.egos().find((one) => one.number === this.number);
+    if (ego) {
+      this.setValues(sceneValues(ego));
+    }
+  }
+
   /** @param {any} message */
   take(message) {
-    const values = egoValues(message);
+    this.hasMessage = true;
+    this.setValues(egoValues(message));
+  }
+
+  /** @param {EgoValues} values */
+  setValues(values) {
     const lane = this.lanes?.nearest(values.x, values.y, values.heading) ?? null;
     this.values = values;
     this.link = lane?.link ?? "";
     this.laneOffset = lane?.lateral ?? NaN;
+    this.tellValues();
+  }
+
+  tellValues() {
     for (const take of this.valueTakers) {
       take();
     }
   }
 
   /**
-   * @param {() => void} take called with each message of the ego
+   * @param {() => void} take called with each message of the ego, and when the values are forgotten
    * @returns {() => void} function that ends it
    */
   onValues(take) {

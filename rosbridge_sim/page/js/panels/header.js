@@ -1,17 +1,33 @@
-// The values in the header: whether time runs, and who drives. A person sees them on each tab.
+// The values in the header: the scenario, whether time runs, and who drives. A person sees them on each tab.
 
 import { element, setText } from "../widgets/dom.js";
 import { driverText } from "./ego.js";
-import { timeStateText } from "./time.js";
+import { SCENARIOS_ID, timeStateText } from "./time.js";
 import { isLedByOthers } from "./time_state.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
 
 /**
  * @param {PanelContext} context
+ * @param {import("./driving.js").Driving} driving
  * @returns {HTMLElement}
  */
-export function makeHeaderValues({ time, drivers, ego, texts }) {
+export function makeHeaderValues({ time, drivers, ego, scene, showTab, texts }, driving) {
+  const scenario = element("button", { type: "button", className: "header-scenario", title: texts.time.scenarios.open, hidden: true });
+  scenario.onclick = () => {
+    showTab("time");
+    const list = document.getElementById(SCENARIOS_ID);
+    list?.focus();
+    list?.scrollIntoView();
+  };
+  scene.onState(() => {
+    const name = scene.state?.scenario ?? "";
+    setText(scenario, name);
+    scenario.hidden = name === "";
+  });
+  const end = element("button", { type: "button", className: "small", title: texts.driving.end.title, hidden: true }, texts.driving.end.label);
+  end.onclick = () => driving.end();
+  driving.onChange((isOn) => void (end.hidden = !isOn));
   const state = element("span", { className: "header-time" });
   const frame = element("span", { className: "header-frame" });
   const driver = element("span", { className: "header-driver" });
@@ -26,5 +42,5 @@ export function makeHeaderValues({ time, drivers, ego, texts }) {
   time.onChange(show);
   drivers.onChange(show);
   ego.onChoice(show);
-  return element("span", { className: "header-panel" }, state, frame, driver);
+  return element("span", { className: "header-panel" }, scenario, state, frame, driver, end);
 }

@@ -64,27 +64,45 @@ export class Instruments {
         figure(texts.heading, this.heading),
       ),
     );
+    this.showValues(null, "");
     this.showState({ gear: 0, mode: texts.none, driver: texts.none, lamps: 0 });
   }
 
   /**
-   * @param {EgoValues} values
+   * @param {EgoValues | null} values null: nothing is known, and each instrument shows a dash
    * @param {string} link id of the lane; empty beside the road
    */
   showValues(values, link) {
     const { texts } = this;
+    if (values === null) {
+      for (const node of [this.speed, this.place, this.heading, this.lane]) {
+        setText(node, texts.none);
+      }
+      this.showControls(NaN, NaN, NaN);
+      return;
+    }
     setText(this.speed, Math.abs(values.speed * MPS_TO_KMH).toFixed(Math.abs(values.speed) < 2.75 ? 1 : 0));
-    const turn = (values.steering * STEERING_RATIO * 180) / Math.PI;
-    const degrees = (values.steering * 180) / Math.PI;
-    this.wheel.setAttribute("transform", `rotate(${(0 - turn).toFixed(1)} 50 50)`);
-    const angle = texts.wheelAngle(Math.abs(degrees).toFixed(1), Math.sign(Math.round(degrees * 10)));
-    this.wheelPicture.setAttribute("aria-label", texts.wheelName(angle));
-    setText(this.wheelText, angle);
-    this.throttle.show(values.accel);
-    this.brake.show(values.brake);
+    this.showControls(values.steering, values.accel, values.brake);
     setText(this.place, texts.placeText(values.x.toFixed(2), values.y.toFixed(2), values.z.toFixed(2)));
     setText(this.heading, texts.headingText((((values.heading * 180) / Math.PI + 360) % 360).toFixed(1)));
     setText(this.lane, link || texts.offRoad);
+  }
+
+  /**
+   * @param {number} steering [rad]; NaN: it is not known
+   * @param {number} accel 0 to 1; NaN: it is not known
+   * @param {number} brake the same
+   */
+  showControls(steering, accel, brake) {
+    const { texts } = this;
+    const degrees = (steering * 180) / Math.PI;
+    const isKnown = Number.isFinite(steering);
+    this.wheel.setAttribute("transform", `rotate(${(0 - (isKnown ? degrees * STEERING_RATIO : 0)).toFixed(1)} 50 50)`);
+    const angle = isKnown ? texts.wheelAngle(Math.abs(degrees).toFixed(1), Math.sign(Math.round(degrees * 10))) : texts.none;
+    this.wheelPicture.setAttribute("aria-label", texts.wheelName(angle));
+    setText(this.wheelText, angle);
+    this.throttle.show(accel);
+    this.brake.show(brake);
   }
 
   /** @param {{gear: number, mode: string, driver: string, lamps: number}} state lamps: bits of the scene's state */
@@ -118,9 +136,9 @@ class PedalBar {
     this.element = element("div", { className: "pedal", title: label }, this.bar, element("span", { "aria-hidden": "true" }, label));
   }
 
-  /** @param {number} share 0 to 1 */
+  /** @param {number} share 0 to 1; NaN: it is not known, and shown as empty */
   show(share) {
-    const percent = Math.round(Math.min(1, Math.max(0, share)) * 100);
+    const percent = Math.round(Math.min(1, Math.max(0, share || 0)) * 100);
     this.fill.style.height = `${percent}%`;
     this.bar.setAttribute("aria-valuenow", String(percent));
   }

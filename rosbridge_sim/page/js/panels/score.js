@@ -46,6 +46,7 @@ export function makeScorePanel({ connection, actions, ego, texts: { score: texts
       setText(/** @type {HTMLElement} */ (values.get(name)), isKnown ? `${Number(value).toFixed(digits)} ${unit}`.trim() : texts.none);
     }
   };
+  connection.onState(() => show({ scores: [] })); // another server counts anew
   const toggle = new ActionButton({
     ...texts.start,
     notice,

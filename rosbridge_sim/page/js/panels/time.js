@@ -12,6 +12,9 @@ import { FRAME_S } from "./time_watch.js";
 /** @typedef {import("./context.js").PanelContext} PanelContext */
 /** @typedef {import("./time_state.js").TimeState} TimeState */
 
+/** Id of the list of scenarios, which the header opens. */
+export const SCENARIOS_ID = "scenarios";
+
 /** Most steps in one call of the server. */
 const MOST_STEPS = 1000;
 
@@ -34,7 +37,7 @@ export function makeTimePanel(context) {
     notice.element,
     makeFactor(context, notice),
     section(texts.snapshots.title, makeSnapshotList(context)),
-    section(texts.scenarios.title, makeScenarioList(context)),
+    section(texts.scenarios.title, makeScenarioList(context), SCENARIOS_ID),
     section(texts.replay.title, makeReplayControls(context)),
   ];
   return { element: element("div", { className: "time-panel" }, ...parts), title: texts.title };
@@ -43,9 +46,10 @@ export function makeTimePanel(context) {
 /**
  * @param {string} title
  * @param {HTMLElement} content
+ * @param {string} [id]
  */
-function section(title, content) {
-  return element("section", { className: "subsection", "aria-label": title }, element("h3", {}, title), content);
+function section(title, content, id) {
+  return element("section", { id, tabIndex: id ? -1 : undefined, className: "subsection", "aria-label": title }, element("h3", {}, title), content);
 }
 
 /**

@@ -47,6 +47,13 @@ export class TimeControls {
     }
   }
 
+  /** Let real time move the world, if it stands. */
+  async letRun() {
+    if (!this.watch.reasons.run) {
+      await this.run();
+    }
+  }
+
   /** @param {number} timeStep [ms] */
   async take(timeStep) {
     await this.actions.run(this.titles.take, startSyncRequest(this.watch.userId, timeStep));

@@ -50,6 +50,7 @@ export class SceneStore {
     /** @type {Set<() => void>} */
     this.selectTakers = new Set();
     this.isLoading = false;
+    connection.onState((state) => state === "open" && this.takeState(null));
     connection.subscribe("/sim/scene/state", "rosbridge_sim_msgs/SceneState", (state) => this.takeState(state), {
       encoding: "cbor",
       throttleMs: STATE_THROTTLE,
@@ -147,13 +148,13 @@ export class SceneStore {
     return addTaker(this.mapTakers, take);
   }
 
-  /** @param {SceneState} state */
+  /** @param {SceneState | null} state - null: this connection has told none yet */
   takeState(state) {
     this.state = state;
     if (this.selectedId !== null && this.selectedRow() < 0) {
       this.select(null);
     }
-    if (this.map?.digest !== state.map_digest) {
+    if (state !== null && this.map?.digest !== state.map_digest) {
       void this.loadMap();
     }
     tellAll(this.stateTakers);
@@ -165,7 +166,7 @@ export class SceneStore {
       return;
     }
     this.isLoading = true;
-    while (this.map?.digest !== this.state?.map_digest) {
+    while (this.state !== null && this.map?.digest !== this.state.map_digest) {
       try {
         const map = await loadMap(this.connection);
         if (map.digest !== this.map?.digest) {
@@ -175,7 +176,7 @@ export class SceneStore {
       } catch {
         // the reason is in the server's log, and the next attempt may succeed
       }
-      if (this.map?.digest !== this.state?.map_digest) {
+      if (this.state !== null && this.map?.digest !== this.state.map_digest) {
         await new Promise((resolve) => setTimeout(resolve, MAP_RETRY));
       }
     }

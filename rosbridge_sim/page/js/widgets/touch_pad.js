@@ -4,13 +4,14 @@ import { element } from "./dom.js";
 
 export class TouchPad {
   /**
-   * @param {{label: string, className: string, onMove: (x: number, y: number) => void}} options
-   *   x: to the right, y: upwards, each -1 to 1; both 0 when the pad is let go
+   * @param {{label: string, className: string, signs: [string, string], onMove: (x: number, y: number) => void}} options
+   *   signs: of both ends, the left or upper one first; x: to the right, y: upwards, each -1 to 1; both 0 when the pad is let go
    */
-  constructor({ label, className, onMove }) {
+  constructor({ label, className, signs, onMove }) {
     this.onMove = onMove;
     this.knob = element("span", { className: "pad-knob" });
-    this.element = element("div", { className: `pad ${className}`, role: "img", "aria-label": label }, this.knob);
+    this.element = element("div", { className: `pad ${className}`, role: "img", "aria-label": label });
+    this.element.append(...signs.map((sign) => element("span", { className: "pad-sign" }, sign)), this.knob);
     this.element.addEventListener("pointerdown", (event) => {
       this.element.setPointerCapture(event.pointerId);
       this.move(event);

@@ -48,6 +48,50 @@ export function codeFor(operation, { address, hasToken, texts }) {
 }
 
 /**
+ * A first program in Python: it drives the ego for five seconds, and prints its speed.
+ * @param {{address: string, hasToken: boolean, isInSteps: boolean}} options address of the server's socket; isInSteps: the
+ *   world stands until a master steps it
+ */
+export function firstProgram({ address, hasToken, isInSteps }) {
+  const url = JSON.stringify(address.replace(/\/$/u, ""));
+  const imports = [...(hasToken ? ["import os"] : []), ...(isInSteps ? [] : ["import time"])];
+  const body = isInSteps ? FIRST_STEPS : FIRST_DRIVE;
+  const lines = [...imports, ...(imports.length ? [""] : []), "import roslibpy", "", `ros = roslibpy.Ros(${url}${pythonToken(hasToken)})`, "ros.run()"];
+  return `${lines.join("\n")}\n${body}ros.terminate()\n`;
+}
+
+const FIRST_DRIVE = `ego = roslibpy.Topic(ros, "/Ego_topic", "morai_msgs/EgoVehicleStatus", throttle_rate=500)
+ego.subscribe(lambda car: print(f"{car['velocity']['x'] * 3.6:.1f} km/h"))
+drive = roslibpy.Topic(ros, "/ctrl_cmd", "morai_msgs/CtrlCmd")
+for _ in range(250):
+    drive.publish({"longlCmdType": 2, "velocity": 30.0, "steering": 0.0})  # km/h, rad
+    time.sleep(0.02)
+drive.publish({"longlCmdType": 1, "brake": 1.0})
+time.sleep(3)
+`;
+
+const FIRST_STEPS = `
+
+def ask(service, **request):
+    return roslibpy.Service(ros, service, "").call({"request": request})["response"]
+
+
+ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=20)
+for _ in range(250):
+    ask("/SyncModeCtrlCmd", command={"longlCmdType": 2, "velocity": 30.0, "steering": 0.0})  # km/h, rad
+    car = ask("/SyncModeWaitForTick", user_id="me")["vehicle_status"]
+print(f"{car['velocity']['x'] * 3.6:.1f} km/h")
+`;
+
+/**
+ * The argument with the token, which is in the environment and never in the program.
+ * @param {boolean} hasToken
+ */
+function pythonToken(hasToken) {
+  return hasToken ? ', headers={"Authorization": "Bearer " + os.environ["ROSBRIDGE_SIM_TOKEN"]}' : "";
+}
+
+/**
  * A value as a language writes it.
  * @param {unknown} value
  * @param {Notation} notation
@@ -112,13 +156,12 @@ function pythonFor(operation, url, hasToken, texts) {
   if (kind === "publish") {
     imports.push("import time");
   }
-  const token = hasToken ? ', headers={"Authorization": "Bearer " + os.environ["ROSBRIDGE_SIM_TOKEN"]}' : "";
   const lines = [
     ...imports,
     ...(imports.length ? [""] : []),
     "import roslibpy",
     "",
-    `ros = roslibpy.Ros(${JSON.stringify(url)}${token})`,
+    `ros = roslibpy.Ros(${JSON.stringify(url)}${pythonToken(hasToken)})`,
     "ros.run()",
   ];
   const place = `ros, ${JSON.stringify(name)}, ${JSON.stringify(type)}`;
