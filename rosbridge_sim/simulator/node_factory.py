@@ -19,6 +19,7 @@ from rosbridge_sim.simulator.kernel.egos import EgoRegistry
 from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.hooks import Hooks
+from rosbridge_sim.simulator.kernel.late_work import LateWork
 from rosbridge_sim.simulator.kernel.real_time import set_real_time_factor
 from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
 from rosbridge_sim.simulator.kernel.scene_changes import SceneChanges
@@ -243,6 +244,7 @@ def _make_context(
         gate=gate,
         stepper=stepper,
         sync_driver=sync_driver,
+        late_work=LateWork(sync_driver, bus.guard),
         ego_interfaces=ego_interfaces,
         scene_changes=scene_changes,
     )

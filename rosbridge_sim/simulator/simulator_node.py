@@ -269,6 +269,7 @@ class SimulatorNode:
     def limit_turns(self, read_clock: Callable[[], float]) -> None:
         """End each turn of work that is owed after a few milliseconds of this clock [s], so that others have theirs."""
         self.context.sync_driver.read_clock = self._real_time.read_clock = read_clock
+        self.context.late_work.has_turns = True
 
     def scene_topics(self) -> tuple[str, ...]:
         """Return the present names of the topics for viewers; another bridge gets them on request alone."""

@@ -8,16 +8,21 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
+from operator import attrgetter
 from typing import Final
+
+import numpy as np
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.control import gear_of
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.units import MPS_TO_KMH
+from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_SPEED, Gear
 
-__all__ = ["AUTO_MODE", "EgoSetting", "Ghost", "GhostPose", "ego_settings", "ghost_pose", "lamps_of", "npc_ghosts"]
+__all__ = ["AUTO_MODE", "EgoSetting", "GhostPose", "NpcGhosts", "ego_settings", "ghost_pose", "lamps_of", "npc_ghosts"]
 
 AUTO_MODE: Final = 16
 """Number of the mode in a MultiEgoSetting in which a program drives."""
@@ -25,6 +30,7 @@ AUTO_MODE: Final = 16
 _TURN_SIGNALS: Final = (0, 1, 2)
 _EMERGENCY_SIGNALS: Final = (0, 1)
 _FIRST_EGO, _FIRST_EGO_IN_FILES = 0, -1  # scenario files and topics number it differently
+_NPC_POSE: Final = ("position.x", "position.y", "position.z", "rpy.x", "rpy.y", "rpy.z")
 _HAZARD: Final = 3  # 26.R1 has one number for both lamps
 
 
@@ -70,20 +76,20 @@ class EgoSetting:
     model: Model | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Ghost:
-    """One entry of a NpcGhostCmd.
+@dataclass(frozen=True, slots=True, eq=False)
+class NpcGhosts:
+    """The entries of a NpcGhostCmd, in their order.
 
     Attributes:
-        unique_id: number of the vehicle.
-        name: of its model.
-        pose: the pose to place it at.
-        has_speed: true if the release's message has a speed.
+        uids: numbers of the vehicles, none twice.
+        names: of their models.
+        poses: (7, m) x, y, z [m], yaw [rad], speed along it [m/s], roll, pitch [rad].
+        has_speed: true if the release's message has a speed; else all of them are 0.
     """
 
-    unique_id: int
-    name: str
-    pose: GhostPose
+    uids: list[int]
+    names: list[str]
+    poses: FloatArray
     has_speed: bool
 
 
@@ -163,7 +169,7 @@ def ghost_pose(message: Struct) -> GhostPose:
     )
 
 
-def npc_ghosts(message: Struct, most: int) -> list[Ghost]:
+def npc_ghosts(message: Struct, most: int) -> NpcGhosts:
     """Read a NpcGhostCmd. The lists of lamps in newer releases are ignored: they only change the picture.
 
     Args:
@@ -171,23 +177,30 @@ def npc_ghosts(message: Struct, most: int) -> list[Ghost]:
         most: largest number of entities in the world.
 
     Returns:
-        The entries in their order, in the world's units.
+        The entries, in the world's units.
 
     Raises:
         FieldError: too many vehicles, a number that is not finite or out of range, or a vehicle named twice.
     """
     where = "morai_msgs/NpcGhostCmd.npc_list"
-    if len(message.npc_list) > most:
-        raise FieldError(f"{where}: the world holds {most:,} at most, got {len(message.npc_list):,} vehicles")
-    ghosts = []
-    for i, npc in enumerate(message.npc_list):
-        place, turn = (npc.position.x, npc.position.y, npc.position.z), (npc.rpy.x, npc.rpy.y, npc.rpy.z)
-        speed = getattr(npc, "vehicle_speed", None)
-        pose = _pose(f"{where}[{i}]", place, turn, velocity_kmh=speed or 0.0, steer_deg=None)
-        ghosts.append(Ghost(npc.unique_id, npc.name, pose, has_speed=speed is not None))
-    if len({ghost.unique_id for ghost in ghosts}) != len(ghosts):
+    npcs = message.npc_list
+    if len(npcs) > most:
+        raise FieldError(f"{where}: the world holds {most:,} at most, got {len(npcs):,} vehicles")
+    has_speed = len(npcs) > 0 and hasattr(npcs[0], "vehicle_speed")
+    read = attrgetter(*_NPC_POSE, "vehicle_speed") if has_speed else attrgetter(*_NPC_POSE)
+    values = np.fromiter(chain.from_iterable(map(read, npcs)), dtype=np.float64).reshape(len(npcs), -1)
+    place, turn_deg = values[:, :3].T, values[:, 3:6].T
+    velocity_kmh = values[:, 6] if has_speed else np.zeros(len(npcs))
+    speed = velocity_kmh / MPS_TO_KMH
+    is_good = (np.abs(values[:, :6]) <= MAX_COORDINATE).all(axis=1) & (np.abs(speed) <= MAX_SPEED)
+    if not is_good.all():
+        i = int(is_good.argmin())
+        _check_pose(f"{where}[{i}]", place[:, i].tolist(), turn_deg[:, i].tolist(), velocity_kmh.item(i))
+    uids = [npc.unique_id for npc in npcs]
+    if len(set(uids)) != len(uids):
         raise FieldError(f"{where}: a vehicle is named twice")
-    return ghosts
+    roll, pitch, yaw = np.radians(turn_deg)
+    return NpcGhosts(uids, [npc.name for npc in npcs], np.stack([*place, yaw, speed, roll, pitch]), has_speed)
 
 
 def lamps_of(lamps: Struct) -> tuple[int, int]:
@@ -220,22 +233,16 @@ def _lamps_of_signal(signal: int) -> tuple[int, int]:
 def _pose(
     where: str, place: Sequence[float], turn_deg: Sequence[float], *, velocity_kmh: float, steer_deg: float | None
 ) -> GhostPose:
-    speed = velocity_kmh / MPS_TO_KMH
-    x, y, z = place
-    roll_deg, pitch_deg, yaw_deg = turn_deg
-    # Written out for speed: one message may hold thousands of poses.
-    if not (
-        -MAX_COORDINATE <= x <= MAX_COORDINATE
-        and -MAX_COORDINATE <= y <= MAX_COORDINATE
-        and -MAX_COORDINATE <= z <= MAX_COORDINATE
-        and -MAX_COORDINATE <= roll_deg <= MAX_COORDINATE
-        and -MAX_COORDINATE <= pitch_deg <= MAX_COORDINATE
-        and -MAX_COORDINATE <= yaw_deg <= MAX_COORDINATE
-    ):
-        raise FieldError(f"{where}: expected finite numbers for the pose, got {(*place, *turn_deg)}")
-    if not -MAX_SPEED <= speed <= MAX_SPEED:
-        raise FieldError(f"{where}: expected a speed within +-{MAX_SPEED * MPS_TO_KMH:g} km/h, got {velocity_kmh}")
+    _check_pose(where, place, turn_deg, velocity_kmh)
     if steer_deg is not None and not math.isfinite(steer_deg):
         raise FieldError(f"{where}: expected a finite steering angle, got {steer_deg}")
     steer = None if steer_deg is None else math.radians(steer_deg)
-    return GhostPose(x, y, z, math.radians(roll_deg), math.radians(pitch_deg), math.radians(yaw_deg), speed, steer)
+    return GhostPose(*place, *map(math.radians, turn_deg), velocity_kmh / MPS_TO_KMH, steer)
+
+
+def _check_pose(where: str, place: Sequence[float], turn_deg: Sequence[float], velocity_kmh: float) -> None:
+    """Raise FieldError if a number of a pose is not finite or out of range."""
+    if not all(-MAX_COORDINATE <= value <= MAX_COORDINATE for value in (*place, *turn_deg)):
+        raise FieldError(f"{where}: expected finite numbers for the pose, got {(*place, *turn_deg)}")
+    if not -MAX_SPEED <= velocity_kmh / MPS_TO_KMH <= MAX_SPEED:
+        raise FieldError(f"{where}: expected a speed within +-{MAX_SPEED * MPS_TO_KMH:g} km/h, got {velocity_kmh}")

@@ -21,6 +21,7 @@ from rosbridge_sim.simulator.kernel.egos import EgoRegistry
 from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.hooks import Hooks
+from rosbridge_sim.simulator.kernel.late_work import LateWork
 from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
 from rosbridge_sim.simulator.kernel.scene_changes import SceneChanges
 from rosbridge_sim.simulator.kernel.simulation_time import SimulationTime
@@ -63,6 +64,7 @@ class SimulatorContext:
         gate: closed while something of the last frame is missing.
         stepper: computes one frame.
         sync_driver: carries out ticks and changes of the mode.
+        late_work: what waits for turns of its own.
         ego_interfaces: topics and services of further egos.
         scene_changes: loads, resets and new egos.
     """
@@ -88,5 +90,6 @@ class SimulatorContext:
     gate: FrameGate
     stepper: FrameStepper
     sync_driver: SyncDriver
+    late_work: LateWork
     ego_interfaces: EgoInterfaces
     scene_changes: SceneChanges

@@ -76,6 +76,10 @@ class EgoRegistry:
         wanted = FIRST_EGO if unique_id == FIRST_NUMBER else unique_id
         return next((ego for ego in self._egos if ego.index == wanted), None)
 
+    def numbers(self) -> set[int]:
+        """Return all numbers that mean an ego on the wire; -1 is the first ego too."""
+        return {FIRST_NUMBER, *(ego.index for ego in self._egos)}
+
     def unique_id(self, row: int) -> int:
         """Return the number on the wire of an entity; an ego's differs from its uid.
 

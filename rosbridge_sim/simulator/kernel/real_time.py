@@ -64,6 +64,8 @@ class RealTime:
                 is raised: the simulator stands still and refuses everything from then on.
         """
         failure = self._context.failure
+        if self._context.late_work.take_turn(now):
+            return
         if failure.why is None:
             try:
                 self._advance(now)
@@ -73,6 +75,8 @@ class RealTime:
 
     def next_due(self, now: float) -> float | None:
         """Return the time of the next call of `advance` [s]; None while only a service call can move the world."""
+        if len(self._context.late_work):
+            return now
         failure, sync, publishers, pacer = (
             self._context.failure,
             self._context.sync,

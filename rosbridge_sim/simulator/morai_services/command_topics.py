@@ -11,7 +11,9 @@ vehicle that has become a ghost stays one.
 from __future__ import annotations
 
 import logging
+from collections.abc import Generator
 from functools import partial
+from typing import Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.graph.participant import Participant
@@ -19,6 +21,7 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import (
     AUTO_MODE,
     EgoSetting,
+    NpcGhosts,
     ego_settings,
     ghost_pose,
     lamps_of,
@@ -37,6 +40,10 @@ from rosbridge_sim.simulator.scene.scene_limits import MAX_EGOS, MAX_ENTITIES
 
 __all__ = ["CommandTopics"]
 
+MANY_GHOSTS: Final = 2_000
+"""More vehicles in one message are placed in turns of their own: to decode 2,000 takes a millisecond, to read them
+another one, and to place them three."""
+
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
@@ -45,7 +52,7 @@ class CommandTopics(Component):
 
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
-        self._ghosts = Ghosts(context.world, context.scene, lambda unique_id: context.egos.find(unique_id) is not None)
+        self._ghosts = Ghosts(context.world, context.scene, context.egos.numbers)
         context.hooks.on_reset.append(self._ghosts.forget)
 
     def save_state(self) -> PlainData:
@@ -95,10 +102,25 @@ class CommandTopics(Component):
 
     def _npc_ghosts(self, bindings: SubscribersServices, message: Struct, sender: Participant, _now: float) -> None:
         """Place vehicles. This works in synchronous mode too, because they are not the ego."""
-        if self._is_replaying(bindings, "NpcGhost_Topic", sender):
-            return
-        self._ghosts.place(npc_ghosts(message, MAX_ENTITIES))
-        self._context.egos.forget_statuses()
+        if len(message.npc_list) <= MANY_GHOSTS:
+            self._place_ghosts(bindings, npc_ghosts(message, MAX_ENTITIES), sender)
+        else:
+            parts = self._place_many_ghosts(bindings, message, sender)
+            self._context.late_work.do(parts, sender, bindings.topic("NpcGhost_Topic"))
+
+    def _place_many_ghosts(
+        self, bindings: SubscribersServices, message: Struct, sender: Participant
+    ) -> Generator[None, None, None]:
+        """Place vehicles in parts: read the message, then place all of them at once."""
+        ghosts = npc_ghosts(message, MAX_ENTITIES)
+        yield
+        self._context.interfaces.check_open()  # the world may have failed meanwhile
+        self._place_ghosts(bindings, ghosts, sender)
+
+    def _place_ghosts(self, bindings: SubscribersServices, ghosts: NpcGhosts, sender: Participant) -> None:
+        if not self._is_replaying(bindings, "NpcGhost_Topic", sender):
+            self._ghosts.place(ghosts)
+            self._context.egos.forget_statuses()
 
     def _is_external(self, ego: Ego) -> bool:
         """Return whether a client may move this ego now."""

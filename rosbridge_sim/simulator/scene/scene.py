@@ -245,9 +245,8 @@ class Scene:
         Raises:
             ValueError: an id is out of range. The world is unchanged.
         """
-        named = [(model.name, model.body) for model in models.values()]
-        self.world.spawn_all(Kind.VEHICLE, named, list(models), speed=np.zeros(len(models)))
-        self._next_uid = max([self._next_uid, *[uid + 1 for uid in models]])
+        self._spawn_all(list(models.values()), list(models), np.zeros(len(models)))
+        self._next_uid = max(self._next_uid, max(models, default=-1) + 1)
 
     def add_vehicles(self, models: Sequence[Model], speed: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
         """Add vehicles to the world at the origin; return their rows, (m,) int64.
@@ -260,9 +259,15 @@ class Scene:
             ValueError: no ids are left, or a speed is out of range. The world is unchanged.
         """
         uids = range(self._next_uid, self._next_uid + len(models))
-        rows = self.world.spawn_all(Kind.VEHICLE, [(model.name, model.body) for model in models], uids, speed=speed)
+        rows = self._spawn_all(models, uids, speed)
         self._next_uid += len(models)
         return rows
+
+    def _spawn_all(
+        self, models: Sequence[Model], uids: Sequence[int], speed: npt.NDArray[np.float64]
+    ) -> npt.NDArray[np.int64]:
+        names, bodies = [model.name for model in models], [model.body for model in models]
+        return self.world.spawn_all(Kind.VEHICLE, names, bodies, uids, speed=speed)
 
     def add_actor(self, uid: int, kind: Kind, body: Body, name: str, *, x: float, y: float) -> int:
         """Add an object of a recording to the world.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 from functools import lru_cache
 from hashlib import blake2b
@@ -10,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.state.entity_types import (
     MAX_COORDINATE,
     MAX_SPEED,
@@ -21,10 +22,12 @@ from rosbridge_sim.world.state.entity_types import (
 __all__ = [
     "LOOK_AHEAD",
     "MAX_KNOWN_NAME",
+    "box_of",
     "check_pose",
     "figures_of",
     "in_space",
     "label_of",
+    "labels_and_boxes",
     "reach_of",
     "usual_wheelbase",
 ]
@@ -73,6 +76,27 @@ def in_space(path: FloatArray, z: float) -> FloatArray:
     if points.ndim == 2 and points.shape[1] == 2:  # noqa: PLR2004 - x and y
         return np.column_stack([points, np.full(len(points), z)])
     return points
+
+
+def box_of(body: Body) -> tuple[float, float, float, float]:
+    """Return half length, half width, height and centre of a body's box; see `Body` [m]."""
+    return body.length / 2, body.width / 2, body.height, body.centre
+
+
+def labels_and_boxes(names: Sequence[str], bodies: Sequence[Body]) -> tuple[IntArray, FloatArray]:
+    """Return the labels, (m,), and the boxes, (4, m) as `box_of`, of many entities; nearly all are of a few models.
+
+    Args:
+        names: (m) of the entities.
+        bodies: (m) their bodies.
+    """
+    known: dict[tuple[str, int], int] = {}  # a body itself would be slow to look up
+    pairs = zip(names, map(id, bodies), strict=True)
+    which = np.fromiter((known.setdefault(pair, len(known)) for pair in pairs), dtype=np.int64, count=len(names))
+    firsts = np.unique(which, return_index=True)[1].tolist()
+    labels = np.array([label_of(names[i], bodies[i]) for i in firsts], np.int64)
+    boxes = np.array([box_of(bodies[i]) for i in firsts], np.float64).reshape(-1, 4)
+    return labels[which], boxes[which].T
 
 
 def label_of(name: str, body: Body) -> int:

@@ -20,9 +20,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
-from rosbridge_sim.world.roads.paths import (
-    lay_segments,
-)
+from rosbridge_sim.world.roads.paths import lay_segments
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import Signals
@@ -49,7 +47,15 @@ from rosbridge_sim.world.state.entity_types import (
     Kind,
     Mode,
 )
-from rosbridge_sim.world.state.labels import check_pose, figures_of, in_space, label_of, reach_of
+from rosbridge_sim.world.state.labels import (
+    box_of,
+    check_pose,
+    figures_of,
+    in_space,
+    label_of,
+    labels_and_boxes,
+    reach_of,
+)
 from rosbridge_sim.world.state.row_motion import RowMotion
 from rosbridge_sim.world.state.settling import keep_level, settle
 from rosbridge_sim.world.state.snapshot import Snapshot
@@ -241,9 +247,7 @@ class World(RowMotion):
         self.alive[row], self.uid[row], self.kind[row] = True, uid, kind
         self.label[row] = label_of(name, body)
         self.gear[row], self.mode[row] = gear, Mode.PEDALS
-        for column, value in zip(
-            _BOX_COLUMNS, (body.length / 2, body.width / 2, body.height, body.centre), strict=True
-        ):
+        for column, value in zip(_BOX_COLUMNS, box_of(body), strict=True):
             getattr(self, column)[row] = value
         is_waiting = start_within > 0.0 and speed != 0.0
         self.place(row, x=x, y=y, z=z, yaw=yaw, speed=0.0 if is_waiting else speed)
@@ -261,7 +265,7 @@ class World(RowMotion):
         return uid
 
     def spawn_all(
-        self, kind: Kind, models: Sequence[tuple[str, Body]], uids: Sequence[int], *, speed: FloatArray
+        self, kind: Kind, names: Sequence[str], bodies: Sequence[Body], uids: Sequence[int], *, speed: FloatArray
     ) -> IntArray:
         """Add many entities at the origin at once, as `spawn` does one by one; return their rows, (m,) int64.
 
@@ -269,7 +273,8 @@ class World(RowMotion):
 
         Args:
             kind: of all of them; not EGO.
-            models: name and body of each.
+            names: (m) any texts.
+            bodies: (m) their sizes.
             uids: their ids, 0..2^31-1, none twice.
             speed: (m,) along the heading, which is east [m/s].
 
@@ -280,21 +285,23 @@ class World(RowMotion):
             raise ValueError("expected entities that are no egos")
         if len(speed) and not np.abs(speed).max() <= MAX_SPEED:
             raise ValueError(f"speed: expected numbers within +-{MAX_SPEED:g}")
-        for uid in uids:
-            self._choose_uid(uid)
-        if len(set(uids)) < len(uids):
+        unique = set(uids)
+        if len(unique) < len(uids):
             raise ValueError("uids: expected none twice")
+        if uids and not 0 <= min(uids) <= max(uids) <= MAX_UID:
+            raise ValueError(f"uids: expected 0..{MAX_UID}, got {min(uids)}..{max(uids)}")
+        if not unique.isdisjoint(self._rows):
+            raise ValueError("uids: one is in use")
         num = len(uids)
         with self.room_for(num):
             rows = np.flatnonzero(~self.alive)[:num]
-            for row, uid, (name, body) in zip(rows.tolist(), uids, models, strict=True):
+            for row, uid, name, body in zip(rows.tolist(), uids, names, bodies, strict=True):
                 self._rows[uid], self.names[row], self.bodies[row] = row, name, body
-            self._next_uid = max([self._next_uid, *[uid + 1 for uid in uids]])
+            self._next_uid = max(self._next_uid, max(uids, default=-1) + 1)
             self.alive[rows], self.uid[rows], self.kind[rows] = True, uids, kind
-            self.label[rows] = [label_of(name, body) for name, body in models]
+            self.label[rows], boxes = labels_and_boxes(names, bodies)
             self.gear[rows], self.mode[rows] = Gear.DRIVE, Mode.PEDALS
-            boxes = [(body.length / 2, body.width / 2, body.height, body.centre) for _, body in models]
-            for column, values in zip(_BOX_COLUMNS, np.array(boxes, np.float64).reshape(-1, 4).T, strict=True):
+            for column, values in zip(_BOX_COLUMNS, boxes, strict=True):
                 getattr(self, column)[rows] = values
             zero = np.zeros(num)
             self.place_all(rows, x=zero, y=zero, z=zero, yaw=zero, speed=speed)

@@ -11,7 +11,8 @@ import pytest
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
-from rosbridge_sim.simulator.scene.ghosts import SPEED_WINDOW, Ghosts
+from rosbridge_sim.simulator.scene.ghost_trails import SPEED_WINDOW
+from rosbridge_sim.simulator.scene.ghosts import Ghosts
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, MAX_ENTITIES, MAX_FILE_UID
 from rosbridge_sim.world.state.world import DT, Body, Kind, World
@@ -327,6 +328,6 @@ def test_too_many_vehicles_are_refused_before_they_are_read() -> None:
 
 @pytest.mark.parametrize("state", [None, 7, [], [1, 2, 3, 4], {"uids": []}])
 def test_saved_ghosts_of_another_form_are_refused_in_plain_words(state: object) -> None:
-    ghosts = Ghosts(World(0), cast("Scene", None), lambda _: False)
+    ghosts = Ghosts(World(0), cast("Scene", None), set)
     with pytest.raises(ValueError, match="ghosts: expected ids, counts, frames and places"):
         ghosts.load_state(cast("PlainData", state))

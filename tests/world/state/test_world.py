@@ -393,7 +393,7 @@ def test_many_entities_at_once_are_those_spawned_one_by_one(dynamics: Dynamics, 
     one, other = worlds
     models = [("car", CAR), ("other", replace(CAR, length=9.0)), ("car", CAR), ("car", CAR)]
     uids, speed = [40, 7, 2, 41], np.array([0.0, 3.5, -2.0, 1.0])
-    rows = one.spawn_all(Kind.VEHICLE, models, uids, speed=speed)
+    rows = one.spawn_all(Kind.VEHICLE, *zip(*models, strict=True), uids, speed=speed)
     for uid, (name, body), v in zip(uids, models, speed.tolist(), strict=True):
         other.spawn(Kind.VEHICLE, body, name=name, x=0.0, y=0.0, z=0.0, speed=v, uid=uid)
     assert rows.tolist() == [other.row(uid) for uid in uids]
@@ -411,5 +411,5 @@ def test_many_entities_are_all_added_or_none(uids: list[int], speed: float, why:
     world.spawn(Kind.VEHICLE, CAR, name="old", x=0.0, y=0.0, uid=1)
     before = world.digest()
     with pytest.raises(ValueError, match=why):
-        world.spawn_all(Kind.VEHICLE, [("car", CAR)] * 2, uids, speed=np.array([0.0, speed]))
+        world.spawn_all(Kind.VEHICLE, ["car"] * 2, [CAR] * 2, uids, speed=np.array([0.0, speed]))
     assert world.digest() == before

@@ -1,0 +1,95 @@
+"""Work for a client's message that waits for turns of its own, because others would wait too long for all of it at once.
+
+A large message fills a turn by its decoding alone. What it brings about is done in the passes of the event loop that
+follow, one part in each, and the world does not move in these passes. The client is held meanwhile, so its messages
+take effect in their order. The last part alone changes something.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator
+
+from rosbridge_sim.errors import PeerError
+from rosbridge_sim.graph.guard import Guard
+from rosbridge_sim.graph.participant import Notify, Participant, notifier
+from rosbridge_sim.simulator.kernel.sync_driver import SyncDriver
+
+__all__ = ["LateWork"]
+
+Parts = Generator[None, None, None]
+"""Does a part of some work up to each `yield`; it raises a PeerError for a mistake of the client."""
+
+
+class LateWork:
+    """The work of all clients that waits, oldest first.
+
+    Attributes:
+        has_turns: an event loop calls `take_turn`; otherwise all parts are done at once.
+    """
+
+    def __init__(self, sync_driver: SyncDriver, guard: Guard) -> None:
+        """Wait for nothing.
+
+        Args:
+            sync_driver: holds clients.
+            guard: notes internal errors, which end only the work that has them.
+        """
+        self.has_turns = False
+        self._sync_driver = sync_driver
+        self._guard = guard
+        self._waiting: deque[tuple[Parts, Callable[[float], None]]] = deque()
+
+    def __len__(self) -> int:
+        """Return how many works wait."""
+        return len(self._waiting)
+
+    def do(self, parts: Parts, client: Participant, source: str) -> None:
+        """Do some work, later if there are turns.
+
+        Args:
+            parts: the work.
+            client: held until it is done, and told its mistakes.
+            source: name of the topic or service, for these.
+
+        Raises:
+            PeerError: a mistake, where there are no turns.
+        """
+        if self.has_turns:
+            told = _tell_mistakes(parts, notifier(client), source)
+            self._waiting.append((told, self._sync_driver.hold(client)))
+        else:
+            for _ in parts:
+                pass
+
+    def take_turn(self, now: float) -> bool:
+        """Do one part of the oldest work.
+
+        Args:
+            now: monotonic time [s].
+
+        Returns:
+            False if none waits.
+        """
+        if not self._waiting:
+            return False
+        parts, release = self._waiting[0]
+        try:
+            next(parts)
+        except StopIteration:
+            self._end(release, now)
+        except Exception as error:  # noqa: BLE001 - our own bug, whatever it is
+            self._guard.note("a part of the work for a message", error)
+            self._end(release, now)
+        return True
+
+    def _end(self, release: Callable[[float], None], now: float) -> None:
+        self._waiting.popleft()
+        release(now)
+
+
+def _tell_mistakes(parts: Parts, notify: Notify, source: str) -> Parts:
+    try:
+        yield from parts
+    except PeerError as error:
+        notify("error", f"{source}: {error}")
