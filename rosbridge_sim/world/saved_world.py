@@ -113,7 +113,13 @@ def from_plain(data: object, roads: Roads, plan: SignalPlan) -> Snapshot:
 def _index(values: tuple[T, ...]) -> tuple[list[T], IntArray]:
     """Return the different values, and for each value its place among them."""
     places: dict[T, int] = {}
-    index = [places.setdefault(value, len(places)) for value in values]
+    known: dict[int, int] = {}  # by identity, because a body is slow to look up, and many are the same object
+    index = []
+    for value in values:
+        place = known.get(id(value))
+        if place is None:
+            place = known[id(value)] = places.setdefault(value, len(places))
+        index.append(place)
     return list(places), np.array(index, dtype=np.int64)
 
 

@@ -237,7 +237,9 @@ def _pose(
     if steer_deg is not None and not math.isfinite(steer_deg):
         raise FieldError(f"{where}: expected a finite steering angle, got {steer_deg}")
     steer = None if steer_deg is None else math.radians(steer_deg)
-    return GhostPose(*place, *map(math.radians, turn_deg), velocity_kmh / MPS_TO_KMH, steer)
+    x, y, z = place
+    roll, pitch, yaw = map(math.radians, turn_deg)
+    return GhostPose(x, y, z, roll, pitch, yaw, velocity_kmh / MPS_TO_KMH, steer)
 
 
 def _check_pose(where: str, place: Sequence[float], turn_deg: Sequence[float], velocity_kmh: float) -> None:

@@ -1,4 +1,4 @@
-"""Work for a client's message that waits for turns of its own, because others would wait too long for all of it at once.
+"""Work for a client's message that waits for turns of its own: all of it at once would delay the other clients.
 
 A large message fills a turn by its decoding alone. What it brings about is done in the passes of the event loop that
 follow, one part in each, and the world does not move in these passes. The client is held meanwhile, so its messages

@@ -15,13 +15,13 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 from hashlib import blake2b
-from typing import Final
+from typing import Final, NamedTuple
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode, encode
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, read_as
 
-__all__ = ["OwnBytes", "SnapshotHead", "pack", "unpack"]
+__all__ = ["OwnBytes", "OwnKey", "SnapshotHead", "pack", "unpack"]
 
 MAGIC: Final = b"\x89RBSIM\r\n"
 VERSION: Final = 2
@@ -69,8 +69,11 @@ class SnapshotHead:
 def pack(head: SnapshotHead, state: PlainData) -> bytes:
     """Return a snapshot as bytes; equal ones have equal bytes."""
     plain = encode(as_plain(head))
-    data = b"".join((MAGIC, _START.pack(VERSION, len(plain)), plain, encode(state)))
-    return data + blake2b(data, digest_size=CHECKSUM_SIZE).digest()
+    parts = [MAGIC, _START.pack(VERSION, len(plain)), plain, encode(state)]
+    checksum = blake2b(digest_size=CHECKSUM_SIZE)
+    for part in parts:
+        checksum.update(part)
+    return b"".join([*parts, checksum.digest()])
 
 
 def unpack(data: bytes) -> tuple[SnapshotHead, bytes]:
@@ -100,26 +103,44 @@ def unpack(data: bytes) -> tuple[SnapshotHead, bytes]:
     return head, data[_HEAD_AT + size : end]
 
 
+class OwnKey(NamedTuple):
+    """What bytes of this process are known by.
+
+    Attributes:
+        checksum: the last of the bytes.
+        length: of all.
+        digest: of all.
+    """
+
+    checksum: bytes
+    length: int
+    digest: bytes
+
+    @classmethod
+    def of(cls, data: bytes) -> OwnKey:
+        """Return the key of bytes from `pack`, or from anywhere."""
+        return cls(data[-CHECKSUM_SIZE:], len(data), blake2b(data, digest_size=OWN_DIGEST_SIZE).digest())
+
+
 class OwnBytes:
     """Digests of the snapshots that this process has made: bytes that come back unchanged need no distrust."""
 
     def __init__(self) -> None:
         """Know none."""
-        self._known: dict[bytes, tuple[int, bytes, str, SnapshotHead]] = {}  # by their checksums
+        self._known: dict[bytes, tuple[OwnKey, str, SnapshotHead]] = {}  # by their checksums
 
-    def note(self, data: bytes, name: str, head: SnapshotHead) -> None:
+    def note(self, key: OwnKey, name: str, head: SnapshotHead) -> None:
         """Take note of bytes that are given to a client; the oldest of too many are forgotten.
 
         Args:
-            data: from `pack`.
+            key: of bytes from `pack`.
             name: of the snapshot.
             head: that they begin with.
         """
-        checksum = data[-CHECKSUM_SIZE:]
-        self._known.pop(checksum, None)
+        self._known.pop(key.checksum, None)
         if len(self._known) >= MAX_OWN:
             del self._known[next(iter(self._known))]
-        self._known[checksum] = len(data), _digest(data), name, head
+        self._known[key.checksum] = key, name, head
 
     def find(self, data: bytes) -> tuple[str, SnapshotHead] | None:
         """Return the name and the head of a snapshot whose bytes are exactly these; None if it is not known.
@@ -128,10 +149,6 @@ class OwnBytes:
             data: from anywhere.
         """
         known = self._known.get(data[-CHECKSUM_SIZE:])
-        if known is None or known[0] != len(data) or known[1] != _digest(data):
+        if known is None or known[0].length != len(data) or known[0] != OwnKey.of(data):
             return None
-        return known[2], known[3]
-
-
-def _digest(data: bytes) -> bytes:
-    return blake2b(data, digest_size=OWN_DIGEST_SIZE).digest()
+        return known[1], known[2]

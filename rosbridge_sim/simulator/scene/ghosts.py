@@ -10,7 +10,8 @@ frame and none in the next.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Set
+from collections.abc import Callable
+from collections.abc import Set as AbstractSet
 from typing import Final
 
 import numpy as np
@@ -39,7 +40,7 @@ _WHOSE: Final = {
 class Ghosts:
     """Places ghosts. Its only own state is the recent positions of each ghost."""
 
-    def __init__(self, world: World, scene: Scene, ego_numbers: Callable[[], Set[int]]) -> None:
+    def __init__(self, world: World, scene: Scene, ego_numbers: Callable[[], AbstractSet[int]]) -> None:
         """Start without ghosts.
 
         Args:

@@ -157,16 +157,17 @@ class NodeState:
     def hash(self) -> str:
         """Return 32 hexadecimal digits: equal states have equal ones, in any process."""
         context, scene = self._context, self._context.scene
-        state = blake2b(context.world.digest().encode(), digest_size=16)
-        state.update(context.world.model_figures())
-        state.update(scene.road_map.digest + scene.loaded.packed.digest)
-        waiting = [
-            (frame, command.source, None if command.action is None else pack_action(command.action))
-            for frame, command in context.sync.waiting()
-        ]
-        egos = as_plain([ego.save_state() for ego in context.egos])
-        state.update(encode([scene.found_map.name, scene.next_uid, egos, waiting, self._save_components()]))
-        return state.hexdigest()
+        waiting = [(frame, command.source, command.action) for frame, command in context.sync.waiting()]
+        egos = [ego.save_state() for ego in context.egos]
+        rest = (scene.next_uid, egos, waiting, self._save_components())
+        return _hash(context.world, scene.found_map, scene.loaded, rest)
+
+    def hash_of(self, saved: SavedState) -> str:
+        """Return what `hash` was when this state was saved. This may be called in any thread."""
+        world = World()
+        world.restore(saved.world)
+        rest = (saved.next_uid, saved.egos, saved.waiting, saved.components)
+        return _hash(world, saved.found, saved.loaded, rest)
 
     def _save_components(self) -> dict[str, PlainData]:
         return {type(one).__name__: one.save_state() for one in self._components}
@@ -322,6 +323,20 @@ class NodeState:
         context.egos.forget_statuses()
         context.sync_info.announce(now)
         context.static_tf.announce_again(now)
+
+
+_Rest: TypeAlias = tuple[int, Sequence[EgoState], Sequence[tuple[int, str, SceneAction | None]], dict[str, PlainData]]
+"""The next id, the egos, the commands that wait, and the components."""
+
+
+def _hash(world: World, found: FoundMap, loaded: Load, rest: _Rest) -> str:
+    next_uid, egos, waiting, components = rest
+    state = blake2b(world.digest().encode(), digest_size=16)
+    state.update(world.model_figures())
+    state.update(found.road_map.digest + loaded.packed.digest)
+    packed = [(frame, source, None if action is None else pack_action(action)) for frame, source, action in waiting]
+    state.update(encode([found.name, next_uid, as_plain(list(egos)), packed, components]))
+    return state.hexdigest()
 
 
 def _models_of(world: World | Snapshot) -> tuple[object, ...]:

@@ -6,7 +6,8 @@ none is dropped for another one: a client that branches relies on each of them.
 In synchronous mode the master alone may restore, because it moves time. A restore happens between two frames, and at
 once if the snapshot is one that is kept. Its bytes stand for it: they are known by a digest. Other bytes are decoded
 and checked by the `Reader`, because they may be large and hold anything. A map that is not at hand is read by it, too,
-and a recording by the recordings. The client is held meanwhile, and all others go on.
+and a recording by the recordings. It also makes hash and bytes of a large state, from a copy that is taken at once.
+The client is held meanwhile, and all others go on.
 
 The bytes of a snapshot tell what all topics do, so a client gets them only if it may subscribe to each of them.
 """
@@ -26,30 +27,26 @@ from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode
 from rosbridge_sim.simulator.plain.reading import Reader
-from rosbridge_sim.simulator.plain.snapshot_bytes import OwnBytes, SnapshotHead, pack, unpack
+from rosbridge_sim.simulator.plain.snapshot_bytes import OwnBytes, OwnKey, SnapshotHead, pack, unpack
 from rosbridge_sim.simulator.replays.recorded_drive import Recording, digest_of
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Recordings
 from rosbridge_sim.simulator.replays.replay import RecordingKey, Replay
 from rosbridge_sim.simulator.scene.load import Library, MapKey
+from rosbridge_sim.simulator.snapshots.kept_snapshots import MAX_ID, Kept, KeptSnapshots, Refusal
 from rosbridge_sim.simulator.snapshots.node_state import NodeState, Plans, SavedState
 from rosbridge_sim.world.saved_world import LAYOUT
 
-__all__ = ["MAX_BYTES", "MAX_SNAPSHOTS", "Snapshots"]
+__all__ = ["Snapshots"]
 
-MAX_SNAPSHOTS: Final = 100
-"""Snapshots that are kept: a person or a search keeps a few dozen branches."""
-
-MAX_BYTES: Final = 256 * 1024 * 1024
-"""All of them together [bytes]: 1,500 of 100 objects would fit, or twenty of a full world."""
-
-MAX_ID: Final = 200
-"""Characters of a snapshot's name: as much as a name of a topic."""
+LARGE: Final = 2**20
+"""Size of a state from which on a thread makes hash and bytes [bytes]: half as many take a millisecond or two."""
 
 HASHED_TYPES: Final = ("CtrlCmd", "EgoVehicleStatus", "ObjectStatus", "EventInfo")
 """Messages that stand for a release: each release has changed one of them."""
@@ -60,26 +57,18 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class _Kept:
-    """A snapshot that is kept.
+class _Taken:
+    """A snapshot that has been made.
 
     Attributes:
-        state: all of it.
-        head: what stands before it when it becomes bytes.
-        size: about how much memory it takes [bytes].
+        kept: to keep.
+        own: what `OwnBytes` notes of its bytes; None for a client that did not want them.
+        answer: the response to the client, encoded already.
     """
 
-    state: SavedState
-    head: SnapshotHead
-    size: int
-
-
-class _Refusal(Exception):  # noqa: N818 - it is no failure
-    """Why a request is not carried out, with the kind of reason."""
-
-    def __init__(self, text: str, reason: Reason) -> None:
-        super().__init__(text)
-        self.reason = reason
+    kept: Kept
+    own: OwnKey | None
+    answer: Message
 
 
 class Snapshots(Component):
@@ -107,10 +96,8 @@ class Snapshots(Component):
         self._replay = replay
         self._reader = reader
         self._recordings = recordings
-        self._kept: dict[str, _Kept] = {}
+        self._kept = KeptSnapshots(context.bus.account_of(context.participant))
         self._own = OwnBytes()
-        self._num_bytes = 0
-        self._num_named = 0
         self._is_reading = False
         self._is_after_frame = False
         context.hooks.after_frame.append(self._publish_hash)
@@ -135,8 +122,21 @@ class Snapshots(Component):
 
     # Hash
 
-    def _tell_hash(self, call: Call, _now: float) -> None:
-        call.answer(call.service.type.response.struct_type(self._context.world.frame, self._state.hash()))
+    def _tell_hash(self, call: Call, now: float) -> None:
+        make, frame = call.service.type.response.struct_type, self._context.world.frame
+        if self._context.stepper.is_moving or self._context.sync.has_unready:  # there is no state to save
+            call.answer(make(frame, self._state.hash()))
+            return
+        state = self._state.save()
+
+        def finish(outcome: str | DocumentError, now: float) -> None:
+            del now
+            if isinstance(outcome, DocumentError):
+                call.refuse(str(outcome))
+            else:
+                call.answer(make(frame, outcome))
+
+        self._work(state.size, partial(self._state.hash_of, state), finish, call.caller, now)
 
     def _hash_message(self) -> Struct:
         """Return the hash; None within a frame, because it goes out behind all that a frame does."""
@@ -160,55 +160,103 @@ class Snapshots(Component):
 
     # Snapshot
 
-    def _snapshot(self, call: Call, _now: float) -> None:
+    def _snapshot(self, call: Call, now: float) -> None:
+        """Take a snapshot: copy the state at once, and have hash and bytes of a large one made in a thread."""
         request: Any = call.request
-        make = call.service.type.response.struct_type
+        struct_type = call.service.type.response.struct_type
         try:
             if request.with_data:
                 self._check_may_read(call.caller)
-            name, kept = self._take(request.id)
-        except _Refusal as refusal:
+            name = self._kept.choose_name(request.id)
+            self._check_may_save()
+            self._kept.check_number(name)
+            state = self._state.save()
+            size = state.size
+            self._kept.expect(name, size)
+        except Refusal as refusal:
             self._explain(call, refusal)
-            call.answer(make(False, str(refusal), "", self._context.world.frame, "", 0, b""))  # noqa: FBT003 - `result`
+            call.answer(struct_type(False, str(refusal), "", self._context.world.frame, "", 0, b""))  # noqa: FBT003 - `result`
             return
-        head = kept.head
-        data = pack(head, kept.state.to_plain()) if request.with_data else b""
-        if data:
-            self._own.note(data, name, head)
-        call.answer(make(True, "", name, head.frame, head.state_hash, kept.size, data))  # noqa: FBT003 - `result`
+        make_head, with_data = self._make_head(state), bool(request.with_data)
+
+        def make() -> _Taken:
+            head = make_head(self._state.hash_of(state))
+            data = pack(head, state.to_plain()) if with_data else b""
+            values = struct_type(True, "", name, head.frame, head.state_hash, size, data)  # noqa: FBT003 - as above
+            answer = Message(call.service.type.response, values)
+            if with_data:
+                answer.json  # noqa: B018 - it is kept
+            return _Taken(Kept(state, head, size), OwnKey.of(data) if with_data else None, answer)
+
+        def finish(taken: _Taken | DocumentError, now: float) -> None:
+            del now
+            if isinstance(taken, DocumentError):
+                self._kept.give_up(name, size)
+                call.refuse(str(taken))
+                return
+            self._kept.keep(name, taken.kept)
+            if taken.own is not None:
+                self._own.note(taken.own, name, taken.kept.head)
+            call.answer_with(taken.answer)
+
+        self._work(size, make, finish, call.caller, now)
+
+    def _work(
+        self,
+        size: int,
+        make: Callable[[], T],
+        finish: Callable[[T | DocumentError, float], None],
+        caller: Participant,
+        now: float,
+    ) -> None:
+        """Make something of a state of this size [bytes], in a thread if it is large; the caller is held meanwhile."""
+        if size < LARGE:
+            finish(make(), now)
+            return
+        is_done, release = False, None
+
+        def then(outcome: T | DocumentError, now: float) -> None:
+            nonlocal is_done
+            is_done = True
+            try:
+                finish(outcome, now)
+            finally:
+                if release is not None:
+                    release(now)
+
+        self._reader.read(make, then, now)
+        if not is_done:
+            release = self._context.sync_driver.hold(caller)
+
+    def _check_may_save(self) -> None:
+        """Check that there is a state between two frames.
+
+        Raises:
+            Refusal: there is none.
+        """
+        if self._context.stepper.is_moving:
+            raise Refusal("the world is moving: take a snapshot between two frames", Reason.NOT_NOW)
+        if self._context.sync.has_unready:
+            raise Refusal("a scenario is being read: try again when it has been", Reason.NOT_NOW)
 
     def _check_may_read(self, caller: Participant) -> None:
         """Check that a client may have the bytes of a snapshot.
 
         Raises:
-            _Refusal: it must not subscribe to a topic of the simulator.
+            Refusal: it must not subscribe to a topic of the simulator.
         """
         for name, type_name in self._publishers.types:
             try:
                 check_reading(caller, name, type_name)
             except GraphError as error:
                 text = f"with_data: {error}, and the bytes tell what it does; take the snapshot without them"
-                raise _Refusal(text, error.reason) from None
+                raise Refusal(text, error.reason) from None
 
-    def _take(self, wanted: str) -> tuple[str, _Kept]:
-        """Save the state under a name.
-
-        Raises:
-            _Refusal: it cannot be saved now, or there is no room.
-        """
-        context = self._context
-        name = self._name(wanted)
-        if context.stepper.is_moving:
-            raise _Refusal("the world is moving: take a snapshot between two frames", Reason.NOT_NOW)
-        if context.sync.has_unready:
-            raise _Refusal("a scenario is being read: try again when it has been", Reason.NOT_NOW)
-        old = self._kept.get(name)
-        if old is None and len(self._kept) >= MAX_SNAPSHOTS:
-            raise _Refusal(
-                f"{MAX_SNAPSHOTS} snapshots are kept already: remove some by /sim/snapshots", Reason.TOO_MUCH
-            )
-        recording, state = self._replay.recording_key, self._state.save()
-        head = SnapshotHead(
+    def _make_head(self, state: SavedState) -> Callable[[str], SnapshotHead]:
+        """Return a function that makes the head of a snapshot from the hash of its state."""
+        context, recording = self._context, self._replay.recording_key
+        return partial(
+            SnapshotHead,
             LAYOUT,
             self._definitions,
             repr(context.convert.profile),
@@ -216,63 +264,26 @@ class Snapshots(Component):
             tuple([(key.name, key.digest) for key in state.maps]),
             None if recording is None else (recording.name, recording.digest),
             context.world.frame,
-            self._state.hash(),
         )
-        size = state.size
-        size_before = 0 if old is None else old.size
-        if self._num_bytes - size_before + size > MAX_BYTES:
-            raise _Refusal(
-                f"the snapshots hold {self._num_bytes:,} of {MAX_BYTES:,} bytes, and this one has {size:,}:"
-                " remove some by /sim/snapshots",
-                Reason.TOO_MUCH,
-            )
-        self._drop(name)
-        context.bus.account_of(context.participant).take(size)
-        self._num_bytes += size
-        kept = _Kept(state, head, size)
-        self._kept[name] = kept
-        return name, kept
-
-    def _name(self, wanted: str) -> str:
-        """Return the name of a snapshot: the client's, or the next free one.
-
-        Raises:
-            _Refusal: it is too long, or not printable.
-        """
-        if wanted:
-            if len(wanted) > MAX_ID or not wanted.isprintable():
-                raise _Refusal(f"id: expected at most {MAX_ID} printable characters", Reason.WRONG_VALUE)
-            return wanted
-        while True:
-            self._num_named += 1
-            name = f"snapshot-{self._num_named}"
-            if name not in self._kept:
-                return name
-
-    def _drop(self, name: str) -> None:
-        """Keep a snapshot no longer; none of this name is no error."""
-        kept = self._kept.pop(name, None)
-        if kept is not None:
-            self._num_bytes -= kept.size
-            self._context.bus.account_of(self._context.participant).give(kept.size)
 
     def _list(self, call: Call, _now: float) -> None:
         request: Any = call.request
-        strange = [name for name in request.remove if name not in self._kept]
+        by_name = self._kept.by_name
+        strange = [name for name in request.remove if name not in by_name]
         message = ""
         if strange:
             message = self._no_such(strange[0])
-            self._explain(call, _Refusal(message, Reason.WRONG_VALUE))
+            self._explain(call, Refusal(message, Reason.WRONG_VALUE))
         else:
             for name in request.remove:
-                self._drop(name)
+                self._kept.drop(name)
         infos = [
-            self._make_info(name, kept.head.frame, kept.size, kept.head.state_hash) for name, kept in self._kept.items()
+            self._make_info(name, kept.head.frame, kept.size, kept.head.state_hash) for name, kept in by_name.items()
         ]
-        call.answer(call.service.type.response.struct_type(not strange, message, infos, MAX_BYTES - self._num_bytes))
+        call.answer(call.service.type.response.struct_type(not strange, message, infos, self._kept.num_bytes_free))
 
     def _no_such(self, name: str) -> str:
-        known = ", ".join(list(self._kept)[-5:]) or "none"
+        known = ", ".join(list(self._kept.by_name)[-5:]) or "none"
         return f"id: no snapshot {name[:MAX_ID]!r}; known are {known}"
 
     # Restore
@@ -282,23 +293,23 @@ class Snapshots(Component):
         try:
             self._check_may_restore(request.user_id)
             if bool(request.id) == bool(request.data):
-                raise _Refusal("expected either id or data", Reason.WRONG_VALUE)  # noqa: TRY301 - as the others
+                raise Refusal("expected either id or data", Reason.WRONG_VALUE)  # noqa: TRY301 - as the others
             restoration = _Restoration(call, request.user_id)
             if request.id:
-                kept = self._kept.get(request.id)
+                kept = self._kept.by_name.get(request.id)
                 if kept is None:
-                    raise _Refusal(self._no_such(request.id), Reason.WRONG_VALUE)  # noqa: TRY301 - as the others
+                    raise Refusal(self._no_such(request.id), Reason.WRONG_VALUE)  # noqa: TRY301 - as the others
                 restoration.head, restoration.state = kept.head, kept.state
             else:
                 self._find(restoration, bytes(request.data))
             self._gather(restoration, now)
-        except (_Refusal, PeerError, DocumentError) as error:
+        except (Refusal, PeerError, DocumentError) as error:
             self._refuse(call, error)
 
     def _find(self, restoration: _Restoration, data: bytes) -> None:
         """Find out whether bytes are those of a snapshot of this process, which perhaps is kept."""
         own = self._own.find(data)
-        kept = None if own is None else self._kept.get(own[0])
+        kept = None if own is None else self._kept.by_name.get(own[0])
         if own is not None and kept is not None and kept.head is own[1]:
             restoration.head, restoration.state = kept.head, kept.state
         else:
@@ -309,41 +320,41 @@ class Snapshots(Component):
         """Check that nothing stands in the way of a restore by this client.
 
         Raises:
-            _Refusal: it does not have the id of the master or of a member of the barrier, or frames are being computed.
+            Refusal: it does not have the id of the master or of a member of the barrier, or frames are being computed.
         """
         context, sync = self._context, self._context.sync
         if context.failure.why is not None:
-            raise _Refusal(context.failure.why, Reason.REFUSED)
+            raise Refusal(context.failure.why, Reason.REFUSED)
         if context.stepper.is_moving:
-            raise _Refusal("the world is moving: restore between two frames", Reason.NOT_NOW)
+            raise Refusal("the world is moving: restore between two frames", Reason.NOT_NOW)
         if context.barrier.is_on:
             outcome = context.barrier.ask_restore(user_id)
             if not outcome.is_accepted:
-                raise _Refusal(context.barrier.why(outcome), outcome.reason)
+                raise Refusal(context.barrier.why(outcome), outcome.reason)
         elif sync.is_on and not sync.is_master(user_id):
             if not sync.master_id:
-                raise _Refusal("there is no master: start synchronous mode first", Reason.NO_MASTER)
-            raise _Refusal(f"another user id is the master: {sync.master_id!r}", Reason.NOT_MASTER)
+                raise Refusal("there is no master: start synchronous mode first", Reason.NO_MASTER)
+            raise Refusal(f"another user id is the master: {sync.master_id!r}", Reason.NOT_MASTER)
         if sync.num_ticks:
-            raise _Refusal("ticks or steps are waiting for their turn: restore when they are done", Reason.NOT_NOW)
+            raise Refusal("ticks or steps are waiting for their turn: restore when they are done", Reason.NOT_NOW)
 
     def _check_fits(self, head: SnapshotHead) -> None:
         """Check that a snapshot was made by a simulator like this one.
 
         Raises:
-            _Refusal: it was not.
+            Refusal: it was not.
         """
         if head.layout != LAYOUT:
-            raise _Refusal("the snapshot was made by another version of rosbridge-sim", Reason.WRONG_VALUE)
+            raise Refusal("the snapshot was made by another version of rosbridge-sim", Reason.WRONG_VALUE)
         if head.definitions != self._definitions:
-            raise _Refusal("the snapshot was made with the messages of another release (--release)", Reason.WRONG_VALUE)
+            raise Refusal("the snapshot was made with the messages of another release (--release)", Reason.WRONG_VALUE)
         profile = repr(self._context.convert.profile)
         if head.profile != profile:
             text = f"the snapshot was made with other units and orders: {head.profile[:200]}; here they are {profile}"
-            raise _Refusal(text, Reason.WRONG_VALUE)
+            raise Refusal(text, Reason.WRONG_VALUE)
         if head.dynamics != self._dynamics:
             text = f"the snapshot was made with {head.dynamics[:200]!r}; here it is {self._dynamics!r}"
-            raise _Refusal(text, Reason.WRONG_VALUE)
+            raise Refusal(text, Reason.WRONG_VALUE)
 
     @property
     def _dynamics(self) -> str:
@@ -358,7 +369,7 @@ class Snapshots(Component):
         """Restore, at once or when all that is missing has been read.
 
         Raises:
-            _Refusal: the client may not restore, a recording cannot be had, or another restore waits.
+            Refusal: the client may not restore, a recording cannot be had, or another restore waits.
             DocumentError: the snapshot is not a good one.
             GraphError: a client has a topic that an ego of it needs.
         """
@@ -374,7 +385,7 @@ class Snapshots(Component):
             self._read(restoration, partial(_read_maps, self._context.library, missing), restoration.take_maps, now)
         elif key is not None and restoration.recording is None:
             if self._recordings is None:
-                raise _Refusal("recording: no recordings are kept here", Reason.WRONG_VALUE)
+                raise Refusal("recording: no recordings are kept here", Reason.WRONG_VALUE)
             self._begin_reading(restoration)
             reading = RecordingBuilder(key.name, self._context.convert)
             self._recordings.read(key.name, reading, partial(self._take_recording, restoration, key))
@@ -389,10 +400,10 @@ class Snapshots(Component):
         """Hold the client while something is read for it.
 
         Raises:
-            _Refusal: another restore waits; each one may need much memory.
+            Refusal: another restore waits; each one may need much memory.
         """
         if self._is_reading:
-            raise _Refusal("another restore waits for what is being read; try again", Reason.NOT_NOW)
+            raise Refusal("another restore waits for what is being read; try again", Reason.NOT_NOW)
         self._is_reading = True
         if restoration.release is None:
             restoration.release = self._context.sync_driver.hold(restoration.call.caller)
@@ -401,7 +412,7 @@ class Snapshots(Component):
         """Have the `Reader` do something, and go on with its result.
 
         Raises:
-            _Refusal: another restore waits.
+            Refusal: another restore waits.
         """
 
         def then(outcome: T | DocumentError, now: float) -> None:
@@ -435,7 +446,7 @@ class Snapshots(Component):
             if not restoration.call.is_done:  # given up, or the client has left: nobody wants it any longer
                 self._check_may_restore(restoration.user_id)
                 self._gather(restoration, now)
-        except (_Refusal, PeerError, DocumentError) as error:
+        except (Refusal, PeerError, DocumentError) as error:
             self._refuse(restoration.call, error)
         finally:
             if restoration.release is not None and (restoration.call.is_done or not self._is_reading):
@@ -459,14 +470,14 @@ class Snapshots(Component):
         _log.info("restored by %s, frame %d", call.caller.name, frame)
         call.answer(call.service.type.response.struct_type(True, "", frame, head.state_hash))  # noqa: FBT003 - `result`
 
-    def _refuse(self, call: Call, error: _Refusal | PeerError | DocumentError) -> None:
+    def _refuse(self, call: Call, error: Refusal | PeerError | DocumentError) -> None:
         if call.is_done:
             return
         self._explain(call, error)
         make = call.service.type.response.struct_type
         call.answer(make(False, str(error), self._context.world.frame, ""))  # noqa: FBT003 - `result`
 
-    def _explain(self, call: Call, error: _Refusal | PeerError | DocumentError) -> None:
+    def _explain(self, call: Call, error: Refusal | PeerError | DocumentError) -> None:
         reason = Reason.WRONG_VALUE if isinstance(error, DocumentError) else error.reason
         explain(call.caller, "warning", f"{call.service.name}: {error}", reason)
 

@@ -50,7 +50,7 @@ from rosbridge_sim.world.state.entity_types import (
 from rosbridge_sim.world.state.labels import (
     box_of,
     check_pose,
-    figures_of,
+    figures_of_all,
     in_space,
     label_of,
     labels_and_boxes,
@@ -512,7 +512,7 @@ class World(RowMotion):
     def model_figures(self) -> bytes:
         """Return the figures of bodies and models that `digest` leaves out, because older digests do not have them."""
         columns = self._floats[:, : self.n].tobytes() if self.dynamics == Dynamics.KINEMATIC else b""
-        return columns + b"".join(map(figures_of, self.bodies))
+        return columns + figures_of_all(self.bodies)
 
     def restore_driven(self, uid: int, saved: Snapshot) -> None:
         """Restore one EGO from a snapshot; the rest of the world stays as it is.

@@ -15,7 +15,7 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Answer, Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.plain.snapshot_bytes import CHECKSUM_SIZE, MAGIC, SnapshotHead, unpack
-from rosbridge_sim.simulator.snapshots import snapshots
+from rosbridge_sim.simulator.snapshots import kept_snapshots
 from rosbridge_sim.world.state.entity_arrays import FLOATS, INTS
 from rosbridge_sim.world.state.world import Dynamics
 from tests.simulator.memory_recordings import MemoryRecordings
@@ -239,7 +239,7 @@ def test_list_shows_what_is_kept_and_removes() -> None:
     assert call(client, "/sim/snapshot").id == "snapshot-2"
     listed = call(client, "/sim/snapshots")
     assert [(one.id, one.frame) for one in listed.snapshots] == [("snapshot-1", 0), ("mine", 1), ("snapshot-2", 1)]
-    assert listed.room == snapshots.MAX_BYTES - sum(one.size for one in listed.snapshots)
+    assert listed.room == kept_snapshots.MAX_BYTES - sum(one.size for one in listed.snapshots)
     refused = call(client, "/sim/snapshots", remove=["mine", "other"])
     assert (refused.result, len(refused.snapshots)) == (False, 3)
     assert "no snapshot 'other'" in refused.message
@@ -262,7 +262,7 @@ def test_snapshot_of_a_taken_name_replaces_the_old_one() -> None:
 
 def test_no_more_than_so_many_snapshots_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     _, client = in_sync()
-    monkeypatch.setattr(snapshots, "MAX_SNAPSHOTS", 2)
+    monkeypatch.setattr(kept_snapshots, "MAX_SNAPSHOTS", 2)
     for name in "ab":
         call(client, "/sim/snapshot", id=name)
     refused = call(client, "/sim/snapshot", id="c")
@@ -274,7 +274,7 @@ def test_no_more_than_so_many_snapshots_are_kept(monkeypatch: pytest.MonkeyPatch
 def test_no_more_than_so_many_bytes_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     _, client = in_sync()
     size = call(client, "/sim/snapshot", id="a").size
-    monkeypatch.setattr(snapshots, "MAX_BYTES", 2 * size - 1)
+    monkeypatch.setattr(kept_snapshots, "MAX_BYTES", 2 * size - 1)
     refused = call(client, "/sim/snapshot", id="b")
     assert not refused.result
     assert "remove some by /sim/snapshots" in refused.message
