@@ -66,7 +66,7 @@ simulator.plain: * world.state
 simulator.sync: *
 simulator.bus: * graph schema world.state
 simulator.scene: * graph maps morai morai.messages scenarios simulator.bus simulator.plain world world.drivers
-    world.roads world.state
+    world.geometry world.roads world.state
 simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain simulator.scene simulator.sync
     world.drivers world.followers world.geometry world.roads world.state world.vehicle
 simulator.sensors: * documents graph maps morai.messages scenery schema simulator.bus simulator.kernel simulator.plain
@@ -78,7 +78,7 @@ simulator.sim_services: * graph maps morai.messages scenarios schema simulator.b
     world.lane_changes world.roads world.state
 simulator.replays: * graph morai.messages scenarios simulator.bus simulator.kernel simulator.plain simulator.scene
     units world world.geometry world.state
-simulator.snapshots: * graph maps morai.messages scenarios simulator.bus simulator.kernel simulator.plain
+simulator.snapshots: * graph maps morai.messages protocol scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.replays simulator.scene simulator.sync world world.drivers world.roads world.state
 simulator: graph morai morai.messages scenarios schema simulator.bus simulator.kernel simulator.morai_services
     simulator.plain simulator.replays simulator.scene simulator.sensors simulator.sim_services simulator.snapshots

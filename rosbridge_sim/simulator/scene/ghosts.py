@@ -65,12 +65,15 @@ class Ghosts:
                 has changed.
         """
         world, uids = self._world, ghosts.uids
-        models = self._find_models(ghosts)
-        if len(world) + len(models) > MAX_ENTITIES:
+        new = [uid for uid in uids if uid not in world]
+        names = [name for uid, name in zip(uids, ghosts.names, strict=True) if uid not in world]
+        models = self._find_models(new, names)
+        if len(world) + len(new) > MAX_ENTITIES:
             raise FieldError(f"the world holds {MAX_ENTITIES:,} at most")
-        self._check_vehicles([uid for uid in uids if uid not in models] if models else uids)
+        if len(new) < len(uids):
+            self._check_vehicles([uid for uid in uids if uid in world])
         self._trails.keep(world.uid[world.alive])
-        self._scene.add_all(models)
+        self._scene.add_all(new, models)
         rows = self._rows(uids)
         x, y, _, yaw, speed, _, _ = ghosts.poses
         if not ghosts.has_speed:
@@ -96,22 +99,18 @@ class Ghosts:
     def _rows(self, uids: list[int]) -> IntArray:
         return np.fromiter(map(self._world.row, uids), dtype=np.int64, count=len(uids))
 
-    def _find_models(self, ghosts: NpcGhosts) -> dict[int, Model]:
-        """Return the models of the ghosts that are not in the world yet."""
-        world, egos = self._world, self._ego_numbers()
-        by_name: dict[str, Model] = {}  # of this message: nearly all ghosts have one of a few names
-        models = {}
-        for uid, name in zip(ghosts.uids, ghosts.names, strict=True):
-            if uid in world:
-                continue
+    def _find_models(self, uids: list[int], names: list[str]) -> list[Model]:
+        """Return the models of ghosts that are not in the world yet, by their numbers and the names of the models."""
+        egos = self._ego_numbers()
+        models: dict[str, Model] = {}  # of this message: nearly all ghosts have one of a few names
+        for uid, name in zip(uids, names, strict=True):
             if not FIRST_UID <= uid <= MAX_FILE_UID:
                 raise FieldError(f"unique_id: expected {FIRST_UID}..{MAX_FILE_UID}, got {uid}")
             if uid in egos:
                 raise FieldError(f"unique_id {uid}: expected a vehicle's, it is an ego's")
-            if name not in by_name:
-                by_name[name] = self._find_model(uid, name)
-            models[uid] = by_name[name]
-        return models
+            if name not in models:
+                models[name] = self._find_model(uid, name)
+        return [models[name] for name in names]
 
     def _find_model(self, uid: int, name: str) -> Model:
         model = self._scene.catalogue.find(name)
@@ -121,9 +120,9 @@ class Ghosts:
         return model
 
     def _check_vehicles(self, uids: list[int]) -> None:
-        kinds = self._world.kind[self._rows(uids)]
-        if not self._ego_numbers().isdisjoint(uids) or (kinds != Kind.VEHICLE).any():
-            egos = self._ego_numbers()
-            for uid, kind in zip(uids, kinds.tolist(), strict=True):
-                if kind != Kind.VEHICLE or uid in egos:
-                    raise FieldError(f"unique_id {uid}: expected a vehicle's, it is {_WHOSE[Kind(kind)]}")
+        kinds, egos = self._world.kind[self._rows(uids)], self._ego_numbers()
+        if egos.isdisjoint(uids) and (kinds == Kind.VEHICLE).all():
+            return
+        for uid, kind in zip(uids, kinds.tolist(), strict=True):
+            if kind != Kind.VEHICLE or uid in egos:
+                raise FieldError(f"unique_id {uid}: expected a vehicle's, it is {_WHOSE[Kind(kind)]}")

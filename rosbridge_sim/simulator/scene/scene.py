@@ -13,7 +13,7 @@ same file gets new ids. The first ego always has the id 0, also when it is a new
 from __future__ import annotations
 
 import logging
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import count
@@ -236,17 +236,18 @@ class Scene:
         self._next_uid += 1
         return uid
 
-    def add_all(self, models: Mapping[int, Model]) -> None:
-        """Add vehicles to the world at the origin, at rest, under ids that a client has chosen.
+    def add_all(self, uids: Sequence[int], models: Sequence[Model]) -> None:
+        """Add vehicles to the world under ids that a client has chosen. They must be placed before the next frame.
 
         Args:
-            models: their models, by id; no id is in use.
+            uids: (m) the ids, none of them in use.
+            models: (m) their models.
 
         Raises:
             ValueError: an id is out of range. The world is unchanged.
         """
-        self._spawn_all(list(models.values()), list(models), np.zeros(len(models)))
-        self._next_uid = max(self._next_uid, max(models, default=-1) + 1)
+        self._spawn_all(models, uids, None)
+        self._next_uid = max(self._next_uid, max(uids, default=-1) + 1)
 
     def add_vehicles(self, models: Sequence[Model], speed: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
         """Add vehicles to the world at the origin; return their rows, (m,) int64.
@@ -264,7 +265,7 @@ class Scene:
         return rows
 
     def _spawn_all(
-        self, models: Sequence[Model], uids: Sequence[int], speed: npt.NDArray[np.float64]
+        self, models: Sequence[Model], uids: Sequence[int], speed: npt.NDArray[np.float64] | None
     ) -> npt.NDArray[np.int64]:
         names, bodies = [model.name for model in models], [model.body for model in models]
         return self.world.spawn_all(Kind.VEHICLE, names, bodies, uids, speed=speed)

@@ -265,7 +265,7 @@ class World(RowMotion):
         return uid
 
     def spawn_all(
-        self, kind: Kind, names: Sequence[str], bodies: Sequence[Body], uids: Sequence[int], *, speed: FloatArray
+        self, kind: Kind, names: Sequence[str], bodies: Sequence[Body], uids: Sequence[int], *, speed: FloatArray | None
     ) -> IntArray:
         """Add many entities at the origin at once, as `spawn` does one by one; return their rows, (m,) int64.
 
@@ -276,14 +276,14 @@ class World(RowMotion):
             names: (m) any texts.
             bodies: (m) their sizes.
             uids: their ids, 0..2^31-1, none twice.
-            speed: (m,) along the heading, which is east [m/s].
+            speed: (m,) along the heading, which is east [m/s]; None for entities that `place_all` places next.
 
         Raises:
             ValueError: an id is in use or out of range, or a speed is out of bounds. The world is as it was.
         """
         if kind == Kind.EGO:
             raise ValueError("expected entities that are no egos")
-        if len(speed) and not np.abs(speed).max() <= MAX_SPEED:
+        if speed is not None and len(speed) and not np.abs(speed).max() <= MAX_SPEED:
             raise ValueError(f"speed: expected numbers within +-{MAX_SPEED:g}")
         unique = set(uids)
         if len(unique) < len(uids):
@@ -303,10 +303,11 @@ class World(RowMotion):
             self.gear[rows], self.mode[rows] = Gear.DRIVE, Mode.PEDALS
             for column, values in zip(_BOX_COLUMNS, boxes, strict=True):
                 getattr(self, column)[rows] = values
-            zero = np.zeros(num)
-            self.place_all(rows, x=zero, y=zero, z=zero, yaw=zero, speed=speed)
-            if not self.roads.is_flat:
-                settle(self, self.roads, rows, zero)
+            if speed is not None:
+                zero = np.zeros(num)
+                self.place_all(rows, x=zero, y=zero, z=zero, yaw=zero, speed=speed)
+                if not self.roads.is_flat:
+                    settle(self, self.roads, rows, zero)
         return rows
 
     def follow_path(self, row: int, path: FloatArray, *, is_loop: bool) -> None:
