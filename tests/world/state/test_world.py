@@ -393,7 +393,8 @@ def test_many_entities_at_once_are_those_spawned_one_by_one(dynamics: Dynamics, 
     one, other = worlds
     models = [("car", CAR), ("other", replace(CAR, length=9.0)), ("car", CAR), ("car", CAR)]
     uids, speed = [40, 7, 2, 41], np.array([0.0, 3.5, -2.0, 1.0])
-    rows = one.spawn_all(Kind.VEHICLE, *zip(*models, strict=True), uids, speed=speed)
+    names, bodies = [name for name, _ in models], [body for _, body in models]
+    rows = one.spawn_all(Kind.VEHICLE, names, bodies, uids, speed=speed)
     for uid, (name, body), v in zip(uids, models, speed.tolist(), strict=True):
         other.spawn(Kind.VEHICLE, body, name=name, x=0.0, y=0.0, z=0.0, speed=v, uid=uid)
     assert rows.tolist() == [other.row(uid) for uid in uids]
