@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntFlag, StrEnum
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.scene_frame import SceneFrame
 
-__all__ = ["NOBODY", "Channel", "Hits", "Picture", "PictureMaker", "RayMaker", "Weather"]
+__all__ = ["EXTINCTION", "NOBODY", "Channel", "Hits", "Picture", "PictureMaker", "RayMaker", "Weather"]
 
 NOBODY = -1
 """No entity: nothing is left out of a picture."""
@@ -31,6 +31,17 @@ class Weather(StrEnum):
     NIGHT = "night"
     RAIN = "rain"
     FOG = "fog"
+
+
+EXTINCTION: Final = {
+    Weather.NOON: 0.0006,
+    Weather.DUSK: 0.0012,
+    Weather.NIGHT: 0.0015,
+    Weather.RAIN: 0.0055,
+    Weather.FOG: 0.028,
+}
+"""Share of light that each metre of air takes [1/m]; our choice. What the eye sees ends at 3.912 over it (Koschmieder
+1924): 140 m in this fog, 710 m in this rain."""
 
 
 class Channel(IntFlag):

@@ -19,6 +19,7 @@ from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
 from rosbridge_sim.protocol.outbox import OutboxLimits
+from rosbridge_sim.scenery.pictures import Weather
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import URLS
@@ -44,7 +45,7 @@ from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result, SensorWorker
-from rosbridge_sim.simulator.sensors.sensor_specs import RadarSpec
+from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar2dSpec, Lidar3dSpec
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.world import Dynamics, World
@@ -169,6 +170,8 @@ def make_simulator_node(
         traffic_wander=settings.traffic_wander,
         sensor_noise=read_sensor_noise(settings.sensor_noise),
         sensors=read_sensors(settings.sensors),
+        weather=Weather(settings.weather),
+        is_dressed=settings.dressing,
         on_world_failure=settings.on_world_failure,
     )
     turn_shares = TurnShares(*map(float, settings.turn_shares.split(","))) if settings.turn_shares else None
@@ -218,7 +221,9 @@ def start_worker(settings: Settings, loop: asyncio.AbstractEventLoop, on_done: C
     """
     worker = SensorThread(loop)
     worker.on_done = on_done
-    drawn = [spec for spec in read_sensors(settings.sensors) if not isinstance(spec, RadarSpec)]
+    drawn = [
+        spec for spec in read_sensors(settings.sensors) if isinstance(spec, CameraSpec | Lidar3dSpec | Lidar2dSpec)
+    ]
     if drawn:
         worker.open(drawn)
     return worker

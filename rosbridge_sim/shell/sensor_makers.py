@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from functools import cache, lru_cache
 
-import numpy as np
-
 from rosbridge_sim.maps.road_map import RoadMap
-from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.static_mesh import static_mesh
 from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
@@ -32,13 +29,11 @@ def make_makers() -> Makers:
         return RayCaster()
 
     @lru_cache(maxsize=1)  # a mesh of a city has tens of megabytes
-    def build(road_map: RoadMap, name: str, seed: int) -> Mesh:
-        return static_mesh(road_map, name, seed)
+    def build(road_map: RoadMap, name: str, seed: int, is_dressed: bool) -> Mesh:  # noqa: FBT001 - see `Makers`
+        return static_mesh(road_map, name, seed, is_dressed=is_dressed)
 
     def close() -> None:
         for renderer in opened:
             renderer.close()
 
-    return Makers(
-        pictures, rays, encode_jpeg, build, lambda model: np.radians(LIDAR_MODELS[model].elevations_deg), close
-    )
+    return Makers(pictures, rays, encode_jpeg, build, close)

@@ -140,7 +140,8 @@ class SensorThread:
 
     def _hand_over(self, then: _Then, results: Sequence[Result] | Exception) -> None:
         with suppress(RuntimeError):  # the loop is closed
-            self._loop.call_soon_threadsafe(self._deliver, then, results)
+            # One turn later, because sockets that became ready during the delivery before are read first.
+            self._loop.call_soon_threadsafe(self._loop.call_soon, self._deliver, then, results)
 
     def _deliver(self, then: _Then, results: Any) -> None:  # noqa: ANN401 - asyncio passes anything
         """Pass results on, on the loop."""

@@ -42,8 +42,10 @@ from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sensors.drawing import SensorWorker
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_files import SensorDataStore
+from rosbridge_sim.simulator.sensors.sensor_service import SensorService
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
 from rosbridge_sim.simulator.sensors.sensors import Sensors
+from rosbridge_sim.simulator.sensors.weather import WeatherControl
 from rosbridge_sim.simulator.sim_services.barrier_services import BarrierServices
 from rosbridge_sim.simulator.sim_services.contacts import Contacts
 from rosbridge_sim.simulator.sim_services.control_lease import ControlLeases
@@ -102,8 +104,11 @@ def make_node(
     """
     chosen = settings or NodeSettings()
     context = _make_context(bus, world, library, scenario, chosen)
-    mounted = MountedSensors(context, chosen.sensors, worker)
-    sensors = Sensors(context, archive, chosen.sensor_noise, mounted)
+    weather = WeatherControl(context, chosen.weather)
+    mounted = MountedSensors(
+        context, chosen.sensors, worker, weather, noise=chosen.sensor_noise, is_dressed=chosen.is_dressed
+    )
+    sensors = Sensors(context, archive, chosen.sensor_noise, mounted=mounted)
     CommandExecutor(context, sensors)
     reader = reader or AtOnce()
     replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
@@ -114,6 +119,8 @@ def make_node(
         TrafficLightTopics(context),
         sensors,
         mounted,
+        SensorService(context, mounted),
+        weather,
         Loads(context, reader, networks, has_traffic=chosen.traffic > 0),
         Services(context),
         CommandTopics(context),

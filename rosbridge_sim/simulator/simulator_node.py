@@ -17,6 +17,7 @@ from typing import Literal, TypeVar
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits, advise_release
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, Catalogue
+from rosbridge_sim.scenery.pictures import Weather
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
 from rosbridge_sim.simulator.bus.network_settings import DEFAULTS, InterfaceKind, NetworkSettings
@@ -67,6 +68,8 @@ class NodeSettings:
         traffic_wander: these vehicles wander within their lanes.
         sensor_noise: errors of GPS and IMU; None for exact readings.
         sensors: cameras, lidars and radars of each ego.
+        weather: light and air of what cameras and lidars see, at the start.
+        is_dressed: they see buildings, trees and posts beside the roads.
         on_world_failure: `exit` raises the exception of a failed step to the caller of `advance`; `serve` stops the
             world and refuses every call.
     """
@@ -88,6 +91,8 @@ class NodeSettings:
     traffic_wander: bool = True
     sensor_noise: SensorNoise | None = None
     sensors: Rig = ()
+    weather: Weather = Weather.NOON
+    is_dressed: bool = True
     on_world_failure: Literal["exit", "serve"] = "exit"
 
 

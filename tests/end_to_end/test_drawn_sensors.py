@@ -14,7 +14,6 @@ import pytest
 from PIL import Image
 
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
-from rosbridge_sim.simulator.sensors.sensor_specs import LIDAR_SIZES
 from tests.conftest import Connect, Serve
 from tests.support import Client
 
@@ -84,9 +83,3 @@ async def test_shot_and_list_of_a_running_server(serve: Serve, tmp_path: Path) -
     assert "640 x 480" in run("shot", "--camera", "0", "-o", str(path), "--timeout", "100")
     with Image.open(path) as picture:
         assert picture.size == (640, 480)
-
-
-def test_lidars_have_the_rings_and_columns_of_their_tables() -> None:
-    from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS  # noqa: PLC0415 - beside what it is compared with
-
-    assert {name: (len(model.elevations_deg), model.columns) for name, model in LIDAR_MODELS.items()} == LIDAR_SIZES

@@ -1,4 +1,4 @@
-"""`sensor list` and `shot`: the cameras, lidars and radars of a running simulator, and a picture of a camera."""
+"""`sensor list` and `shot`: the sensors of a running simulator, and a picture of a camera."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ JPEG_SUFFIXES = (".jpg", ".jpeg")
 
 
 async def list_sensors(bridge: Bridge, ego: int, *, is_json: bool) -> int:
-    """Show the cameras, lidars and radars of an ego.
+    """Show the sensors of an ego.
 
     Args:
         bridge: to the simulator.
@@ -38,9 +38,6 @@ async def list_sensors(bridge: Bridge, ego: int, *, is_json: bool) -> int:
     sensors = await _ask(bridge, ego)
     if is_json:
         put_json(sensors)
-        return 0
-    if not sensors:
-        put("no cameras, lidars or radars; the server's --sensors brings them")
         return 0
     names = ("x", "y", "z", "roll", "pitch", "yaw")
     put_table(
@@ -58,6 +55,8 @@ async def list_sensors(bridge: Bridge, ego: int, *, is_json: bool) -> int:
             for one in sensors
         ],
     )
+    if all(one.get("kind") in {"gps", "imu"} for one in sensors):
+        put("no cameras, lidars or radars; the server's --sensors brings them")
     return 0
 
 

@@ -62,6 +62,8 @@ class SimulatorOptions(TypedDict, total=False):
     on_collision: Literal["report", "impact"]
     sensor_noise: str
     sensors: str | Path
+    weather: Literal["noon", "dusk", "night", "rain", "fog"]
+    dressing: bool
     traffic: int
     traffic_wander: bool
     turn_shares: Sequence[float] | str | None

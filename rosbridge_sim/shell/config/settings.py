@@ -314,6 +314,18 @@ class Settings:
         "cameras, lidars and radars of each ego: none, camera, lidar, teaching, all, a *.toml file, or a *.json file of"
         " MORAI's SaveFile/Sensor; all but radars need the extra rosbridge-sim[sensors]",
     )
+    weather: Literal["noon", "dusk", "night", "rain", "fog"] = _flag(
+        "noon",
+        _WORLD,
+        choice_of("noon", "dusk", "night", "rain", "fog"),
+        "light and air of what cameras see; rain and fog take echoes of lidars, too",
+    )
+    dressing: bool = _flag(
+        default=True,
+        group=_WORLD,
+        kind=SWITCH,
+        text="cameras and lidars see buildings, trees and posts beside the roads; off: roads and lights alone",
+    )
     traffic: int = _flag(
         0,
         _WORLD,

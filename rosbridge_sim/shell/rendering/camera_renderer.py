@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, rotation
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.moving_mesh import MovingScene
-from rosbridge_sim.scenery.pictures import NOBODY, Channel, Picture, Weather
+from rosbridge_sim.scenery.pictures import EXTINCTION, NOBODY, Channel, Picture, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
 from rosbridge_sim.shell.rendering import shaders
 from rosbridge_sim.shell.rendering.gl_context import open_context
@@ -93,7 +93,7 @@ class CameraRenderer:
             plain = self.render(static, frame, lens.plain, pose, weather, without=without, channels=channels)
             return lens.bend(plain)
         with self._context:  # another renderer of this thread may have been used since
-            return self._draw(static, frame, camera, pose, LOOKS[weather], without=without, channels=channels)
+            return self._draw(static, frame, camera, pose, weather, without=without, channels=channels)
 
     def _draw(
         self,
@@ -101,12 +101,13 @@ class CameraRenderer:
         frame: SceneFrame,
         camera: CameraModel,
         pose: Pose,
-        look: WeatherLook,
+        weather: Weather,
         *,
         without: int,
         channels: Channel,
     ) -> Picture:
         """Return a picture without distortion."""
+        look = LOOKS[weather]
         cells = self._take_static(static)
         self._take_moving(frame, static, np.array(pose[:3]))
         eye = np.array(pose[:3]) - static.origin
@@ -115,7 +116,7 @@ class CameraRenderer:
         parts, movers = cells.visible(view, eye), self._moving.visible(view, eye)
         rgb = depth = label = instance = None
         if Channel.RGB in channels:
-            programs = self._programs(look, frame, view, eye, origin=static.origin, without=without)
+            programs = self._programs(weather, frame, view, eye, origin=static.origin, without=without)
             targets.begin_colours()
             self._context.enable_only(self._context.DEPTH_TEST)
             self._moving.draw(movers, programs[Coat.PLAIN])
@@ -161,7 +162,7 @@ class CameraRenderer:
 
     def _programs(
         self,
-        look: WeatherLook,
+        weather: Weather,
         frame: SceneFrame,
         view: FloatArray,
         eye: FloatArray,
@@ -170,6 +171,7 @@ class CameraRenderer:
         without: int,
     ) -> dict[Coat, moderngl.Program]:
         """Return the programs for colours in a weather, all set for a picture."""
+        look = LOOKS[weather]
         sun = np.array(look.sun) / np.linalg.norm(look.sun)
         places, ways = _beams(frame, eye + origin) if look.is_dark else (np.zeros((0, 3)), np.zeros((0, 3)))
         rest = np.zeros((shaders.MAX_BEAMS - len(places), 3))
@@ -181,7 +183,7 @@ class CameraRenderer:
             "ambient": look.ambient,
             "is_dark": look.is_dark,
             "haze_colour": look.horizon,
-            "haze": look.haze,
+            "haze": EXTINCTION[weather],
             "zenith": look.zenith,
             "without": without + 1,
             "num_beams": len(places),

@@ -21,7 +21,6 @@ class WeatherLook:
         direct: light of the sun on what looks straight up.
         ambient: light from everywhere.
         zenith, horizon: of the sky.
-        haze: share of light that is lost on the way, for each metre.
         is_dark: lamps are lit, and head lamps light the road.
         beam: light of these on what is right before them, as a share of noon.
         is_wet: roads shine, and drops fall.
@@ -33,7 +32,6 @@ class WeatherLook:
     ambient: Rgb
     zenith: Rgb
     horizon: Rgb
-    haze: float
     is_dark: bool = False
     beam: float = 0.0
     is_wet: bool = False
@@ -43,10 +41,10 @@ class WeatherLook:
 LOOKS: Final = {
     # At noon light and ambient add up to 1 on a level road, so paint has there the colour that its masks expect.
     Weather.NOON: WeatherLook(
-        (-0.35, -0.55, 0.95), (0.54, 0.53, 0.50), (0.46, 0.47, 0.50), (0.24, 0.45, 0.76), (0.50, 0.68, 0.86), 0.0006
+        (-0.35, -0.55, 0.95), (0.54, 0.53, 0.50), (0.46, 0.47, 0.50), (0.24, 0.45, 0.76), (0.50, 0.68, 0.86)
     ),
     Weather.DUSK: WeatherLook(
-        *((-0.95, -0.25, 0.22), (0.26, 0.15, 0.07), (0.27, 0.26, 0.33), (0.17, 0.20, 0.38), (0.86, 0.52, 0.33), 0.0012),
+        *((-0.95, -0.25, 0.22), (0.26, 0.15, 0.07), (0.27, 0.26, 0.33), (0.17, 0.20, 0.38), (0.86, 0.52, 0.33)),
         is_dark=True,
         beam=0.9,
         shadow=0.3,
@@ -58,19 +56,18 @@ LOOKS: Final = {
             (0.085, 0.09, 0.115),
             (0.015, 0.02, 0.04),
             (0.05, 0.055, 0.075),
-            0.0015,
         ),
         is_dark=True,
         beam=9.0,
         shadow=0.2,
     ),
     Weather.RAIN: WeatherLook(
-        *((0.0, 0.0, 1.0), (0.06, 0.06, 0.06), (0.55, 0.56, 0.58), (0.42, 0.45, 0.48), (0.56, 0.58, 0.60), 0.0055),
+        *((0.0, 0.0, 1.0), (0.06, 0.06, 0.06), (0.55, 0.56, 0.58), (0.42, 0.45, 0.48), (0.56, 0.58, 0.60)),
         is_wet=True,
         shadow=0.3,
     ),
     Weather.FOG: WeatherLook(
-        *((0.0, 0.0, 1.0), (0.05, 0.05, 0.05), (0.74, 0.75, 0.76), (0.72, 0.73, 0.74), (0.73, 0.74, 0.75), 0.028),
+        *((0.0, 0.0, 1.0), (0.05, 0.05, 0.05), (0.74, 0.75, 0.76), (0.72, 0.73, 0.74), (0.73, 0.74, 0.75)),
         shadow=0.2,
     ),
 }

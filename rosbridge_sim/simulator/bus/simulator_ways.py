@@ -104,6 +104,7 @@ _EFFECTS: Final = (
     PolicyEffect(
         "add, move or remove an ego's sensors", (*_publishing("/SensorPosControl"), *_calling("/sim/sensors"))
     ),
+    PolicyEffect("set the weather", _calling("/sim/weather"), (*_RESET, *_RESTORE)),
     PolicyEffect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
     PolicyEffect(
         "learn where an ego is",

@@ -16,15 +16,18 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, boxes_in_view, mount
+from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.scenery.mesh import Mesh
-from rosbridge_sim.scenery.pictures import Channel, Picture, PictureMaker, RayMaker
+from rosbridge_sim.scenery.pictures import EXTINCTION, Channel, Picture, PictureMaker, RayMaker, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame
 from rosbridge_sim.simulator.sensors.lidar_sweep import (
+    FADING,
     Beams,
     Motion,
     beams_2d,
     beams_3d,
-    intensities_of,
+    echoes_of,
+    fade,
     pack_points,
     sweep,
 )
@@ -81,6 +84,8 @@ class DrawingJob:
         seed: of the world.
         frame: what moves.
         sights: the sensors.
+        weather: light and air.
+        is_dressed: buildings, trees and posts stand beside the roads.
     """
 
     road_map: RoadMap
@@ -88,6 +93,8 @@ class DrawingJob:
     seed: int
     frame: SceneFrame
     sights: Sequence[Sight]
+    weather: Weather = Weather.NOON
+    is_dressed: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,16 +169,15 @@ class Makers:
         pictures: returns what draws pictures; it is made at the first call.
         rays: the same for what casts rays.
         encode_jpeg: `(picture, quality)`: returns the bytes of a JPEG.
-        build: `(map, its name, seed)`: returns what does not move; the same object as long as the map is the same.
-        elevations: `(model)`: angles of the rings of a product, from the lowest up [rad].
+        build: `(map, its name, seed, is_dressed)`: returns what does not move; the same object as long as these are the
+            same.
         close: gives back what it holds.
     """
 
     pictures: Callable[[], PictureMaker]
     rays: Callable[[], RayMaker]
     encode_jpeg: Callable[[NDArray[np.uint8], int], bytes]
-    build: Callable[[RoadMap, str, int], Mesh]
-    elevations: Callable[[str], NDArray[np.float64]]
+    build: Callable[[RoadMap, str, int, bool], Mesh]
     close: Callable[[], None] = lambda: None
 
 
@@ -202,40 +208,42 @@ def draw(job: DrawingJob, makers: Makers) -> list[Result]:
         job: the job.
         makers: what draws.
     """
-    static = makers.build(job.road_map, job.map_name, job.seed)
-    return [_see(sight, static, job.frame, makers) for sight in job.sights]
+    static = makers.build(job.road_map, job.map_name, job.seed, job.is_dressed)
+    return [_see(sight, static, job, makers) for sight in job.sights]
 
 
-def _see(sight: Sight, static: Mesh, frame: SceneFrame, makers: Makers) -> Result:
+def _see(sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Result:
     spec = sight.spec
     if isinstance(spec, CameraSpec):
-        return _shoot(spec, sight, static, frame, makers)
-    beams = _beams_of(spec, makers)
+        return _shoot(spec, sight, static, job, makers)
+    beams = _beams_of(spec)
     origins, directions = sweep(sight.motion, beams, static.origin)
-    hits = makers.rays().cast(static, frame, origins, directions, spec.max_range, without=sight.carrier)
+    hits = makers.rays().cast(static, job.frame, origins, directions, spec.max_range, without=sight.carrier)
+    echoes = echoes_of(hits, directions)
+    if job.weather in FADING:
+        echoes = fade(echoes, EXTINCTION[job.weather], spec.max_range)
     if isinstance(spec, Lidar2dSpec):
-        is_found = (hits.ranges >= spec.min_range) & (hits.ranges <= spec.max_range)
-        ranges = np.where(is_found, hits.ranges, np.float32(np.inf))
-        return Scan(ranges.tolist(), np.where(is_found, intensities_of(hits, directions), np.float32(0.0)).tolist())
-    data, num = pack_points(hits, beams, directions, spec.min_range, spec.max_range)
+        is_found = (echoes.ranges >= spec.min_range) & (echoes.ranges <= spec.max_range)
+        ranges = np.where(is_found, echoes.ranges, np.float32(np.inf))
+        return Scan(ranges.tolist(), np.where(is_found, echoes.intensities, np.float32(0.0)).tolist())
+    data, num = pack_points(echoes, beams, spec.min_range, spec.max_range)
     file = b""
     if sight.is_for_file:
         file = np.frombuffer(data, dtype=np.uint8).reshape(num, -1)[:, :16].tobytes()
     return Cloud(data, num, file)
 
 
-def _beams_of(spec: Lidar3dSpec | Lidar2dSpec, makers: Makers) -> Beams:
+def _beams_of(spec: Lidar3dSpec | Lidar2dSpec) -> Beams:
     period = 1.0 / spec.rate
     if isinstance(spec, Lidar2dSpec):
         return _beams_2d(spec.num_values, spec.ahead, period)
-    own = tuple(np.radians(spec.elevations).tolist())
-    angles = own if spec.model == "own" else tuple(makers.elevations(spec.model).tolist())
+    angles = spec.elevations if spec.model == "own" else LIDAR_MODELS[spec.model].elevations_deg
     return _beams_3d(angles, spec.num_columns, period)
 
 
 @lru_cache(maxsize=4)  # 34 MB each at most
-def _beams_3d(elevations: tuple[float, ...], num_columns: int, period: float) -> Beams:
-    return beams_3d(np.array(elevations), num_columns, period)
+def _beams_3d(elevations_deg: tuple[float, ...], num_columns: int, period: float) -> Beams:
+    return beams_3d(np.radians(elevations_deg), num_columns, period)
 
 
 @lru_cache(maxsize=4)  # 34 MB each at most
@@ -257,20 +265,22 @@ def model_of(spec: CameraSpec) -> CameraModel:
     return CameraModel(spec.width, spec.height, spec.fov, spec.distortion)
 
 
-def _shoot(spec: CameraSpec, sight: Sight, static: Mesh, frame: SceneFrame, makers: Makers) -> Shot:
+def _shoot(spec: CameraSpec, sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Shot:
     camera, pose = model_of(spec), mount(sight.motion.vehicle, sight.motion.mounting)
     channels = _CHANNELS[spec.picture]
     if sight.has_boxes:
         channels |= Channel.INSTANCE | Channel.DEPTH | Channel.LABEL
     if sight.is_for_file:
         channels |= Channel.RGB
-    picture = makers.pictures().render(static, frame, camera, pose, without=sight.carrier, channels=channels)
+    picture = makers.pictures().render(
+        static, job.frame, camera, pose, job.weather, without=sight.carrier, channels=channels
+    )
     jpeg = b""
     if spec.is_jpeg or sight.is_for_file:
         assert picture.rgb is not None, "it was asked for"
         jpeg = makers.encode_jpeg(picture.rgb, spec.quality)
     data = jpeg if spec.is_jpeg else _raw(spec, picture)
-    boxes = _find_boxes(frame, camera, pose, picture, sight.carrier) if sight.has_boxes else None
+    boxes = _find_boxes(job.frame, camera, pose, picture, sight.carrier) if sight.has_boxes else None
     return Shot(data, boxes, jpeg if sight.is_for_file else b"")
 
 

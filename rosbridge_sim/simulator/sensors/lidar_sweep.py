@@ -21,10 +21,22 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.scenery.camera_geometry import Pose, rotation
 from rosbridge_sim.scenery.mesh import Label
-from rosbridge_sim.scenery.pictures import Hits
+from rosbridge_sim.scenery.pictures import Hits, Weather
 from rosbridge_sim.world.geometry.planar import FloatArray
 
-__all__ = ["POINT_TYPE", "Beams", "Motion", "beams_2d", "beams_3d", "intensities_of", "pack_points", "sweep"]
+__all__ = [
+    "FADING",
+    "POINT_TYPE",
+    "Beams",
+    "Echoes",
+    "Motion",
+    "beams_2d",
+    "beams_3d",
+    "echoes_of",
+    "fade",
+    "pack_points",
+    "sweep",
+]
 
 POINT_TYPE: Final = np.dtype(
     {
@@ -65,6 +77,12 @@ _REFLECTING: Final = {
 
 _GRAZING: Final = 0.5
 """Share of the intensity that is left of a diffuse material where a beam grazes it."""
+
+_DARKEST: Final = _GRAZING * min(_DIFFUSE.values())
+"""Lowest intensity."""
+
+FADING: Final = frozenset({Weather.RAIN, Weather.FOG})
+"""Weathers in which echoes are lost; dusk and night are dark for cameras alone."""
 
 
 def _table(*parts: dict[Label, int]) -> NDArray[np.float32]:
@@ -176,39 +194,68 @@ def sweep(motion: Motion, beams: Beams, origin: FloatArray) -> tuple[NDArray[np.
     return place.T[where].astype(np.float32), np.ascontiguousarray(directions.T, dtype=np.float32)
 
 
-def intensities_of(hits: Hits, directions: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the intensities of hits.
+@dataclass(frozen=True, slots=True, eq=False)
+class Echoes:
+    """What the rays of a turn give; (k,) float32 each.
+
+    Attributes:
+        ranges: [m]; inf for a ray without an echo.
+        intensities: 0..255; 0 for a ray that met nothing.
+        slants: cosines between the rays and the normals of what they met.
+    """
+
+    ranges: NDArray[np.float32]
+    intensities: NDArray[np.float32]
+    slants: NDArray[np.float32]
+
+
+def echoes_of(hits: Hits, directions: NDArray[np.float32]) -> Echoes:
+    """Return the echoes of hits in clear air.
 
     Args:
         hits: of k rays.
         directions: (k, 3) unit vectors of the rays.
-
-    Returns:
-        (k,) 0..255; 0 for a ray that met nothing.
     """
     cos = np.abs((hits.normals * directions).sum(axis=1))
     share = np.where(_IS_REFLECTING[hits.labels], np.float32(1.0), np.float32(_GRAZING) * (np.float32(1.0) + cos))
-    return np.asarray(np.round(_INTENSITY[hits.labels] * share), dtype=np.float32)
+    return Echoes(hits.ranges, np.asarray(np.round(_INTENSITY[hits.labels] * share), dtype=np.float32), cos)
 
 
-def pack_points(
-    hits: Hits, beams: Beams, directions: NDArray[np.float32], min_range: float, max_range: float
-) -> tuple[bytes, int]:
+def fade(echoes: Echoes, extinction: float, max_range: float) -> Echoes:
+    """Return the echoes that come through fog or rain.
+
+    The lidar equation has the power of an echo at the range r as  c i exp(-2 a r) / r^2,  with the reflectivity i of
+    what was met (here its intensity) and the extinction a of the air (Rasshofer, Spies and Spies 2011, "Influences of
+    weather phenomena on automotive laser radar systems"). a is that of visible light, because drops are larger than
+    both wavelengths (Kim, McArthur and Korevaar 2001, for visibilities below 500 m). An echo is lost if it is weaker
+    than that of `_DARKEST` at the longest range in clear air, which is the weakest that is seen there.
+
+    Args:
+        echoes: in clear air.
+        extinction: a [1/m].
+        max_range: longest range of the lidar [m].
+    """
+    ranges = np.maximum(np.where(np.isfinite(echoes.ranges), echoes.ranges, np.float32(max_range)), np.float32(0.1))
+    strengths = echoes.intensities * np.exp(np.float32(-2.0 * extinction) * ranges)
+    is_lost = strengths < np.float32(_DARKEST / (max_range * max_range)) * ranges * ranges
+    return Echoes(np.where(is_lost, np.float32(np.inf), echoes.ranges), np.round(strengths), echoes.slants)
+
+
+def pack_points(echoes: Echoes, beams: Beams, min_range: float, max_range: float) -> tuple[bytes, int]:
     """Return the points of a turn as bytes of `POINT_TYPE`, and their number.
 
     Args:
-        hits: of the rays of the beams.
+        echoes: of the rays of the beams.
         beams: of the sensor.
-        directions: (k, 3) of the rays, in the frame of the normals.
         min_range: nearest point [m].
         max_range: farthest point [m].
     """
-    found = np.flatnonzero((hits.ranges >= min_range) & (hits.ranges <= max_range))
-    ranges = hits.ranges[found].astype(np.float64)
+    found = np.flatnonzero((echoes.ranges >= min_range) & (echoes.ranges <= max_range))
+    ranges = echoes.ranges[found].astype(np.float64)
     points = np.zeros(len(found), dtype=POINT_TYPE)
     for i, axis in enumerate("xyz"):
         points[axis] = beams.directions[found, i] * ranges
-    points["intensity"] = intensities_of(hits, directions)[found]
+    points["intensity"] = echoes.intensities[found]
     points["ring"] = beams.rings[found]
     points["time"] = beams.times[found]
     return points.tobytes(), len(found)

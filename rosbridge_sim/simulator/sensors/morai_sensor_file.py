@@ -13,7 +13,7 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Final
+from typing import Annotated, Any, Final
 
 from pydantic import Field, TypeAdapter
 
@@ -78,13 +78,13 @@ class _Item(Document):
     cc: _Block | None = None
     lc: _Block | None = None
     rc: _Block | None = None
-
-    block_names: ClassVar[tuple[str, ...]] = ("cc", "lc", "rc")
+    gc: _Block | None = None
+    ic: _Block | None = None
 
     @property
     def block(self) -> _Block:
         """The block of its kind."""
-        return self.cc or self.lc or self.rc or _Block()
+        return self.cc or self.lc or self.rc or self.gc or self.ic or _Block()
 
 
 _Item.model_rebuild()
@@ -138,10 +138,11 @@ def read_morai_sensors(text: bytes, source: str) -> tuple[Rig, list[str]]:
     }
     if file.UltrasonicList:
         reading.remarks.append(f"ultrasonic sensors are not simulated: {len(file.UltrasonicList)} left out")
-    if file.GPSList or file.IMUList:
-        reading.remarks.append("GPS and IMU are there anyway, as set by --rate, --rename and /SensorPosControl")
-    if not any(document.values()):
-        raise DocumentError(f"{source}: expected cameras, lidars or radars, got none")
+    lists: dict[str, Any] = document
+    places = {"gps": reading.place("GPS", "/gps", file.GPSList), "imu": reading.place("IMU", "/imu", file.IMUList)}
+    document = {kind: each for kind, each in {**places, **lists}.items() if each}
+    if not document:
+        raise DocumentError(f"{source}: expected sensors, got none")
     return read_rig(document, source), reading.remarks
 
 
@@ -169,6 +170,19 @@ class _Reading:
                     f"{noun} {item.m_SensorUniqueID} left out: it belongs to vehicle {item.m_TargetUniqueID},"
                     f" and the others to {self._target}; every ego has the same sensors"
                 )
+
+    def place(self, noun: str, topic: str, items: tuple[_Item, ...]) -> dict[str, Any]:
+        """Return the place of the GPS or of the IMU; empty if the file has none."""
+        found = list(self.of_ego(noun, items))
+        if not found:
+            return {}
+        if len(found) > 1:
+            self.remarks.append(f"an ego has one {noun}: {len(found) - 1} left out")
+        block = found[0].block
+        if block.sensorPeriod is not None and block.sensorPeriod > 0.0:
+            flag = f"--rate {topic}={1.0 / block.sensorPeriod:.3g}"
+            self.remarks.append(f"the rate of the {noun} is that of the settings: {flag}")
+        return _place_of(found[0])
 
     def camera(self, item: _Item) -> dict[str, Any]:
         """Return the table of a camera."""
@@ -218,8 +232,7 @@ class _Reading:
         table: dict[str, Any] = {
             "frame_id": frame,
             "topic": topic,
-            **{axis: getattr(item.pos, axis) for axis in "xyz"},
-            **{angle: _signed(getattr(item.rot, angle)) for angle in ("roll", "pitch", "yaw")},
+            **_place_of(item),
         }
         if block.sensorPeriod is not None and block.sensorPeriod > 0.0:
             rate = 1.0 / block.sensorPeriod
@@ -227,6 +240,14 @@ class _Reading:
             if rate > FRAME_RATE + 0.05:
                 self.remarks.append(f"{frame}: {rate:g} Hz is more than a world of 50 frames a second has; it is 50 Hz")
         return table
+
+
+def _place_of(item: _Item) -> dict[str, float]:
+    """Return place and angles as our files have them."""
+    return {
+        **{axis: getattr(item.pos, axis) for axis in "xyz"},
+        **{angle: _signed(getattr(item.rot, angle)) for angle in ("roll", "pitch", "yaw")},
+    }
 
 
 def _signed(degrees: float) -> float:

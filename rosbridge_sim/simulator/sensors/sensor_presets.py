@@ -1,7 +1,7 @@
 """Rigs of sensors that the user chooses: presets by name, and a file of ours.
 
-A file of ours is a table with a list for each kind of sensor: `[[camera]]`, `[[lidar3d]]`, `[[lidar2d]]`, `[[radar]]`.
-The sensors are numbered in this order of kinds.
+A file of ours is a table with a list for each kind of sensor: `[[camera]]`, `[[lidar3d]]`, `[[lidar2d]]`, `[[radar]]`,
+and a table each for the places of `[gps]` and `[imu]`. The sensors are numbered in this order of kinds.
 """
 
 from __future__ import annotations
@@ -17,10 +17,14 @@ from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.simulator.sensors.sensor_specs import (
     MAX_SENSORS,
     CameraSpec,
+    FrameSpec,
+    GpsSpec,
+    ImuSpec,
     Lidar2dSpec,
     Lidar3dSpec,
     RadarSpec,
     Rig,
+    SensorSpec,
     check_rig,
 )
 from rosbridge_sim.suggestions import hint
@@ -29,11 +33,13 @@ __all__ = [
     "MAX_SENSORS_BYTES",
     "PRESETS",
     "SensorList",
+    "document_of",
     "parse_object",
     "read_rig",
-    "read_text",
+    "read_rig_text",
     "rig_of",
     "rig_schema",
+    "text_of",
 ]
 
 MAX_SENSORS_BYTES: Final = 1 << 20
@@ -64,6 +70,8 @@ PRESETS: Final[Mapping[str, Rig]] = {
 class SensorList(Document):
     """The sensors of an ego, by kind."""
 
+    gps: GpsSpec | None = None
+    imu: ImuSpec | None = None
     camera: Annotated[tuple[CameraSpec, ...], Field(max_length=MAX_SENSORS)] = ()
     lidar3d: Annotated[tuple[Lidar3dSpec, ...], Field(max_length=MAX_SENSORS)] = ()
     lidar2d: Annotated[tuple[Lidar2dSpec, ...], Field(max_length=MAX_SENSORS)] = ()
@@ -72,7 +80,8 @@ class SensorList(Document):
     @property
     def rig(self) -> Rig:
         """All of them, in the order of their numbers."""
-        return (*self.camera, *self.lidar3d, *self.lidar2d, *self.radar)
+        each = (spec for spec in (self.gps, self.imu) if spec is not None)
+        return (*each, *self.camera, *self.lidar3d, *self.lidar2d, *self.radar)
 
 
 _DOCUMENT: Final = TypeAdapter(SensorList)
@@ -109,16 +118,44 @@ def rig_of(sensors: SensorList, source: str) -> Rig:
     return sensors.rig
 
 
-def rig_schema() -> dict[str, Any]:
-    """Return the JSON Schema (draft 2020-12) of these files."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_DOCUMENT.json_schema()}
+def document_of(spec: SensorSpec, **changes: object) -> dict[str, Any]:
+    """Return a file of ours with one sensor.
+
+    Args:
+        spec: the sensor.
+        changes: other values of its keys.
+    """
+    values = spec.model_dump(mode="json") | changes
+    return {spec.kind: values if isinstance(spec, FrameSpec) else [values]}
+
+
+def text_of(spec: SensorSpec) -> str:
+    """Return a file of ours with one sensor, as JSON."""
+    return json.dumps(document_of(spec))
+
+
+def read_rig_text(text: str, where: str) -> Rig:
+    """Read the JSON of a file of ours.
+
+    Args:
+        text: JSON.
+        where: its name, for errors.
+
+    Raises:
+        DocumentError: it is no such text.
+    """
+    return read_rig(parse_object(text, where), where)
 
 
 def parse_object(text: str, where: str) -> dict[str, Any]:
     """Return a JSON object.
 
+    Args:
+        text: JSON.
+        where: its name, for errors.
+
     Raises:
-        DocumentError: the text is none.
+        DocumentError: it is none.
     """
     try:
         values = json.loads(text)
@@ -129,10 +166,6 @@ def parse_object(text: str, where: str) -> dict[str, Any]:
     return values
 
 
-def read_text(text: str, where: str) -> Rig:
-    """Read sensors from the text of a file.
-
-    Raises:
-        DocumentError: it is no such text.
-    """
-    return read_rig(parse_object(text, where), where)
+def rig_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of these files."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_DOCUMENT.json_schema()}

@@ -1,8 +1,8 @@
-"""Specifications of cameras, lidars and radars: what a user chooses of a sensor, with bounds.
+"""Specifications of sensors: what a user chooses of each, with bounds.
 
-A *rig* is the cameras, lidars and radars of one ego. Places are in the frame of the vehicle: x forward, y left of the
-middle of the rear axle, z up from the ground below it [m]. Angles in specifications are degrees, because files and
-MORAI's panels have degrees: roll, pitch (positive is down), yaw (positive is left).
+A *rig* is the sensors of one ego. Each ego has one GPS and one IMU. Places are in the frame of the vehicle: x forward,
+y left of the middle of the rear axle, z up from the ground below it [m]. Angles in specifications are degrees, because
+files and MORAI's panels have degrees: roll, pitch (positive is down), yaw (positive is left).
 
 The `frame_id` is the name of a sensor: of its frame in `/tf_static`, in the headers of its messages, and for commands.
 Several cameras may publish on one topic; their messages differ in the `frame_id`.
@@ -23,8 +23,11 @@ from pydantic_core import PydanticCustomError
 
 from rosbridge_sim.documents import Document, read_number
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
+from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
 from rosbridge_sim.simulator.kernel.tf_publisher import BASE, CENTER, MAP
-from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
+from rosbridge_sim.simulator.sensors.gps import Gps
+from rosbridge_sim.simulator.sensors.imu import Imu
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
 __all__ = [
@@ -32,17 +35,23 @@ __all__ = [
     "FRAME_RATE",
     "LIDAR_NAMES",
     "MAX_LEVER",
+    "MAX_RAW_BYTES",
     "MAX_SENSORS",
     "PIXEL_BYTES",
     "CameraSpec",
+    "FrameSpec",
+    "GpsSpec",
+    "ImuSpec",
     "Lidar2dSpec",
     "Lidar3dSpec",
     "RadarSpec",
     "Rig",
     "SensorSpec",
     "check_rig",
+    "complete",
     "frames_of",
     "is_due",
+    "raw_bytes_of",
     "topics_of",
 ]
 
@@ -56,8 +65,9 @@ MAX_PIXELS: Final = 8_294_400
 """Pixels of all cameras of one ego together: one picture of 3840 x 2160, or 27 of 640 x 480."""
 
 MAX_RAW_BYTES: Final = 12_000_000
-"""Bytes of all raw pictures and points of one ego, where all of them have the same frame. As JSON they take the
-server's loop 2.7 ns a byte (measured), and no client may have to wait for longer than 50 ms."""
+"""Bytes of all raw pictures and points of one ego, where all of them have the same frame, and of those of all egos that
+are published in one turn of the server's loop. As JSON they take 2.7 ns a byte (measured), and no client may have to
+wait for longer than 50 ms."""
 
 MAX_FOV: Final = 170.0
 """Largest horizontal field of view [deg]: a plane picture of 180 has no width."""
@@ -100,7 +110,7 @@ BOXES: Final = "rosbridge_sim_msgs/BoundingBoxes"
 
 _FRAME_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _TOPIC: Final = re.compile(r"(?:/[A-Za-z][A-Za-z0-9_]*)+")
-_TAKEN_FRAMES: Final = frozenset({MAP, BASE, CENTER, *SENSOR_FRAMES})
+_TAKEN_FRAMES: Final = frozenset({MAP, BASE, CENTER, Gps.frame, Imu.frame})
 
 
 def _check_frame(value: str) -> str:
@@ -143,21 +153,15 @@ _Index = Annotated[int, BeforeValidator(read_number), Field(ge=0, le=MAX_RAYS), 
 _Coefficient = Annotated[float, BeforeValidator(read_number), Field(ge=-1.0, le=1.0), _schema(-1.0, 1.0)]
 
 
-class MountedSpec(Document):
-    """Specification of a sensor on a vehicle.
+class PlacedSpec(Document):
+    """Place of a sensor on a vehicle.
 
     Attributes:
-        frame_id: name of the sensor and of its frame.
-        topic: where it publishes; a further ego's has the ego's prefix.
-        rate: messages a second of simulated time [Hz].
         x, y, z: forward, left and up of the middle of the rear axle on the ground [m].
         roll, pitch, yaw: orientation [deg]; a positive pitch looks down, a positive yaw to the left.
     """
 
     kind: ClassVar[str] = ""
-    frame_id: _FrameId
-    topic: _Topic
-    rate: _Rate = 10.0
     x: _Metres = 0.0
     y: _Metres = 0.0
     z: _Metres = 0.0
@@ -169,6 +173,38 @@ class MountedSpec(Document):
     def mounting(self) -> Mounting:
         """Place and orientation on the vehicle."""
         return Mounting(self.x, self.y, self.z, *map(math.radians, (self.roll, self.pitch, self.yaw)))
+
+
+class GpsSpec(PlacedSpec):
+    """The GPS antenna; the settings of topics have its rate."""
+
+    kind: ClassVar[str] = "gps"
+    frame_id: ClassVar[str] = Gps.frame
+    topic: ClassVar[str] = f"/{Gps.topic}"
+    rate: ClassVar[float] = USUAL_RATE
+
+
+class ImuSpec(PlacedSpec):
+    """The inertial unit; the settings of topics have its rate."""
+
+    kind: ClassVar[str] = "imu"
+    frame_id: ClassVar[str] = Imu.frame
+    topic: ClassVar[str] = f"/{Imu.topic}"
+    rate: ClassVar[float] = USUAL_RATE
+
+
+class MountedSpec(PlacedSpec):
+    """Specification of a sensor that an ego may have several of.
+
+    Attributes:
+        frame_id: name of the sensor and of its frame.
+        topic: where it publishes; a further ego's has the ego's prefix.
+        rate: messages a second of simulated time [Hz].
+    """
+
+    frame_id: _FrameId
+    topic: _Topic
+    rate: _Rate = 10.0
 
 
 class CameraSpec(MountedSpec):
@@ -254,16 +290,12 @@ class Lidar3dSpec(MountedSpec):
     @property
     def num_rings(self) -> int:
         """Number of rings."""
-        return len(self.elevations) if self.model == "own" else LIDAR_SIZES[self.model][0]
+        return len(self.elevations) if self.model == "own" else len(LIDAR_MODELS[self.model].elevations_deg)
 
     @property
     def num_columns(self) -> int:
         """Beams of a ring in a turn."""
-        return self.columns or (1800 if self.model == "own" else LIDAR_SIZES[self.model][1])
-
-
-LIDAR_SIZES: Final = {"VLP-16": (16, 1800), "HDL-32E": (32, 2170), "OS1-64": (64, 1024), "OS1-128": (128, 1024)}
-"""Model -> rings and columns, as `scenery.lidar_models` has them with their sources; a test compares both."""
+        return self.columns or (1800 if self.model == "own" else LIDAR_MODELS[self.model].columns)
 
 
 class Lidar2dSpec(MountedSpec):
@@ -309,10 +341,20 @@ class RadarSpec(MountedSpec):
     max_echoes: Annotated[int, BeforeValidator(read_number), Field(ge=1, le=1000), _schema(1, 1000, "integer")] = 64
 
 
-SensorSpec: TypeAlias = CameraSpec | Lidar3dSpec | Lidar2dSpec | RadarSpec
+FrameSpec: TypeAlias = GpsSpec | ImuSpec
+"""Sensors that each ego has one of. Their messages are published with the frame."""
+
+SensorSpec: TypeAlias = FrameSpec | CameraSpec | Lidar3dSpec | Lidar2dSpec | RadarSpec
 
 Rig: TypeAlias = tuple[SensorSpec, ...]
-"""The cameras, lidars and radars of an ego, in the order of their numbers."""
+"""The sensors of an ego, in the order of their numbers; `complete` adds a GPS and an IMU that nobody has moved."""
+
+
+def complete(rig: Rig) -> Rig:
+    """Return a rig with GPS and IMU, which are number 0 and 1."""
+    gps = next((spec for spec in rig if isinstance(spec, GpsSpec)), GpsSpec())
+    imu = next((spec for spec in rig if isinstance(spec, ImuSpec)), ImuSpec())
+    return gps, imu, *(spec for spec in rig if not isinstance(spec, FrameSpec))
 
 
 def is_due(rate: float, frame: int) -> bool:
@@ -340,6 +382,8 @@ def topics_of(spec: SensorSpec) -> list[tuple[str, str]]:
 
     Of a camera they are the picture, its CameraInfo and its boxes; of a lidar all names of its one message.
     """
+    if isinstance(spec, FrameSpec):
+        return [(spec.topic, Gps.type_name if isinstance(spec, GpsSpec) else Imu.type_name)]
     if isinstance(spec, CameraSpec):
         kind = "sensor_msgs/CompressedImage" if spec.is_jpeg else "sensor_msgs/Image"
         beside = [("camera_info", "sensor_msgs/CameraInfo"), ("boxes", BOXES)]
@@ -363,8 +407,9 @@ def check_rig(rig: Sequence[SensorSpec]) -> None:
     Raises:
         FieldError: a limit is exceeded, or two sensors have one name, or one topic would have two types.
     """
-    if len(rig) > MAX_SENSORS:
-        raise FieldError(f"sensors: expected at most {MAX_SENSORS} for an ego, got {len(rig)}")
+    num = sum(not isinstance(spec, FrameSpec) for spec in rig)
+    if num > MAX_SENSORS:
+        raise FieldError(f"sensors: expected at most {MAX_SENSORS} for an ego, got {num}")
     cameras = [spec for spec in rig if isinstance(spec, CameraSpec)]
     num_pixels = sum(spec.num_pixels for spec in cameras)
     if num_pixels > MAX_PIXELS:
@@ -374,7 +419,7 @@ def check_rig(rig: Sequence[SensorSpec]) -> None:
     num_rays = sum(map(_num_rays, rig))
     if num_rays > MAX_RAYS:
         raise FieldError(f"lidars: expected at most {MAX_RAYS:,} rays a turn for all of an ego, got {num_rays:,}")
-    num_bytes = sum(map(_num_raw_bytes, rig))
+    num_bytes = sum(map(raw_bytes_of, rig))
     if num_bytes > MAX_RAW_BYTES:
         raise FieldError(
             f"sensors: expected at most {MAX_RAW_BYTES:,} bytes of raw pictures and points in a frame of an ego,"
@@ -412,7 +457,8 @@ def _num_rays(spec: SensorSpec) -> int:
     return spec.num_values if isinstance(spec, Lidar2dSpec) else 0
 
 
-def _num_raw_bytes(spec: SensorSpec) -> int:
+def raw_bytes_of(spec: SensorSpec) -> int:
+    """Return the bytes of a raw picture or of all points of a turn; 0 for a sensor that has neither."""
     if isinstance(spec, CameraSpec):
         return 0 if spec.is_jpeg else spec.num_pixels * PIXEL_BYTES[spec.picture]
     return POINT_BYTES * _num_rays(spec) if isinstance(spec, Lidar3dSpec) else 0

@@ -1,8 +1,7 @@
-"""Sensors of the egos: their topics, commands that move them, and captures of their data.
+"""Commands that move the egos' sensors, and captures of their data.
 
-Each ego has the sensors of `sensor_table.SENSORS`; each one is described in its own file. They are in the middle of the
-rear axle until a client moves them, and keep their place when a scenario is loaded. Readings are those of the sensor's
-place, without noise unless the settings have it (`sensor_noise`). They are computed only for topics with subscribers.
+A sensor keeps its place when a scenario is loaded. Readings are those of the sensor's place, without noise unless the
+settings have it (`sensor_noise`).
 """
 
 from __future__ import annotations
@@ -16,7 +15,6 @@ from typing import Final
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.graph.participant import Notify, Participant, notifier
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -27,7 +25,7 @@ from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_files import SensorDataStore, boxes_text
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import MAX_LEVER
-from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES, SENSORS
+from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, find_boxes
 
 __all__ = ["Sensors", "mountings_of"]
@@ -51,7 +49,8 @@ class Sensors(Component):
         context: SimulatorContext,
         archive: SensorDataStore | None,
         noise: SensorNoise | None = None,
-        mounted: MountedSensors | None = None,
+        *,
+        mounted: MountedSensors,
     ) -> None:
         """Keep the sensors' data nowhere yet.
 
@@ -59,31 +58,17 @@ class Sensors(Component):
             context: of the simulator.
             archive: saves captures; None if there is no folder for them.
             noise: errors of all sensors; None for exact readings.
-            mounted: cameras and lidars, whose data is saved with theirs.
+            mounted: the sensors.
         """
         self._context = context
         self._mounted = mounted
         self._noise = noise
         self._archive = archive
-        self._sensors = [sensor(context, noise) for sensor in SENSORS]
-        context.hooks.on_reset.append(self._reset)
-
-    def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:
-        """Publish the ego's sensors."""
-        for sensor in self._sensors:
-            publishers.add(
-                prefix + sensor.topic, sensor.type_name, partial(sensor.read_unless_lost, ego), is_sampled=True
-            )
 
     def bind_ego(self, ego: Ego, bindings: SubscribersServices) -> None:
         """Subscribe to the topics that move the ego's sensors and save their data."""
         bindings.listen("SensorPosControl", "SensorPosControl", partial(self._move, ego))
         bindings.listen("SaveSensorData", "SaveSensorData", partial(self._save_as_told, ego, bindings))
-
-    def _reset(self) -> None:
-        """Put the sensors back where they were at the start."""
-        for ego in self._context.egos:
-            ego.mountings |= dict.fromkeys(SENSOR_FRAMES, Mounting())
 
     def save_state(self) -> PlainData:
         """Return the settings of the noise, so that a snapshot goes on with the same readings."""
@@ -162,7 +147,7 @@ class Sensors(Component):
             except DocumentError as error:
                 complain(error)
 
-        if self._mounted is None or not self._mounted.draw_files(ego, finish):
+        if not self._mounted.draw_files(ego, finish):
             archive.save(folder, name, files, source)
 
     def _files(self, ego: Ego) -> Mapping[str, bytes]:
@@ -170,7 +155,10 @@ class Sensors(Component):
         prefix, frame = frame_prefix(ego), world.frame
         boxes = find_boxes(world, ego.row, BOX_REACH, MAX_BOXES)
         return {
-            **{prefix + sensor.title + "_{}.csv": sensor.file(frame, sensor.read(ego)) for sensor in self._sensors},
+            **{
+                prefix + sensor.title + "_{}.csv": sensor.file(frame, sensor.read(ego))
+                for sensor in self._mounted.frame_sensors.values()
+            },
             prefix + "BOXES_{}.txt": boxes_text(world, boxes, self._context.egos.unique_id),
         }
 

@@ -52,6 +52,7 @@ OTHER: dict[str, object] = {
     "data_quota": 2**21,
     "data_quota_files": None,
     "start": "sync",
+    "weather": "fog",
     "seed": 3,
     "on_world_failure": "serve",
     "publishers": {"/Ego_topic": InterfaceChoice("/car", is_on=True, rate=10.0), "/tf": InterfaceChoice(rate=0.5)},

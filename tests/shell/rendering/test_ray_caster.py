@@ -15,7 +15,7 @@ from rosbridge_sim.scenery.pictures import Channel
 from rosbridge_sim.scenery.scene_frame import SceneFrame, take_frame
 from rosbridge_sim.shell.rendering.ray_caster import RayCaster
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
-from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Motion, beams_3d, pack_points, sweep
+from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Motion, beams_3d, echoes_of, pack_points, sweep
 from rosbridge_sim.world.state.world import World
 from tests.shell.rendering.graphics import (
     box_mesh,
@@ -39,7 +39,7 @@ class Turn:
         beams = beams_3d(np.radians(elevations), columns, 0.1)
         origins, directions = sweep(motion, beams, scene.origin)
         hits = open_caster().cast(scene, frame, origins, directions, 100.0)
-        data, self.num = pack_points(hits, beams, directions, 0.4, 100.0)
+        data, self.num = pack_points(echoes_of(hits, directions), beams, 0.4, 100.0)
         points = np.frombuffer(data, dtype=POINT_TYPE)
         found = np.isfinite(hits.ranges)
         self.labels, self.instances = hits.labels[found], hits.instances[found]

@@ -20,7 +20,7 @@ __all__ = ["AtOnceWorker", "FormulaDrawer", "ManualWorker", "make_makers"]
 FAR = 1e6
 
 
-def _no_mesh(_road_map: RoadMap, _name: str, _seed: int) -> Mesh:
+def _no_mesh(_road_map: RoadMap, _name: str, _seed: int, _is_dressed: bool) -> Mesh:  # noqa: FBT001 - see `Makers`
     none = np.zeros(0)
     return Mesh(
         np.zeros(3),
@@ -121,8 +121,8 @@ def _encode(picture: NDArray[np.uint8], quality: int) -> bytes:
 
 
 def make_makers() -> Makers:
-    """What draws by formulas; a VLP-16 has rings at -15, -13, ... 15 deg."""
-    return Makers(_Pictures, _Rays, _encode, _no_mesh, lambda _model: np.radians(np.arange(-15.0, 16.0, 2.0)))
+    """What draws by formulas."""
+    return Makers(_Pictures, _Rays, _encode, _no_mesh)
 
 
 class FormulaDrawer:

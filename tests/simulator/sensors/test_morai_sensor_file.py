@@ -8,7 +8,7 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.simulator.sensors.morai_sensor_file import is_morai_file, read_morai_sensors
-from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar3dSpec
+from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, GpsSpec, ImuSpec, Lidar3dSpec
 
 
 def item(block: str, number: int, kind: int, place: tuple[str, ...], **keys: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
@@ -84,10 +84,20 @@ def test_frame_that_stands_there_twice_gets_a_number() -> None:
     assert "stands there twice" in remarks[0]
 
 
+def test_gps_and_imu_get_their_places() -> None:
+    gps = {"pos": {"x": "0.80", "z": "1.22"}, "rot": {"pitch": "355.0"}, "gc": {"sensorPeriod": "0.1"}}
+    rig, remarks = read(GPSList=[gps, gps], IMUList=[{"pos": {"x": "2.55", "z": "0.47"}}])
+    assert rig == (GpsSpec(x=0.8, z=1.22, pitch=-5.0), ImuSpec(x=2.55, z=0.47))
+    assert remarks == [
+        "an ego has one GPS: 1 left out",
+        "the rate of the GPS is that of the settings: --rate /gps=10",
+    ]
+
+
 def test_what_is_not_simulated_becomes_a_remark() -> None:
     other = LIDAR | {"m_TargetUniqueID": "7"}
-    _, remarks = read(cameraList=[CAMERA], Lidar3DList=[other], UltrasonicList=[{}], GPSList=[{}])
-    assert len(remarks) == 3
+    _, remarks = read(cameraList=[CAMERA], Lidar3DList=[other], UltrasonicList=[{}])
+    assert len(remarks) == 2
     assert "belongs to vehicle 7" in remarks[0]
 
 
@@ -96,7 +106,7 @@ def test_what_is_not_simulated_becomes_a_remark() -> None:
     [
         ({"cameraList": [CAMERA | {"pos": {"x": "abc"}}]}, "cameraList[0].pos.x: expected a number, got 'abc'"),
         ({"cameraList": [CAMERA | {"cc": CAMERA["cc"] | {"cameraFOV": 180}}]}, "camera[0].fov: expected at most 170"),
-        ({"cameraList": []}, "expected cameras, lidars or radars, got none"),
+        ({"cameraList": []}, "expected sensors, got none"),
         ({"cameraList": 3}, "cameraList: expected a list"),
     ],
 )

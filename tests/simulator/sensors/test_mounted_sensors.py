@@ -10,8 +10,16 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.graph.topics_services import Answer
-from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
-from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar2dSpec, Lidar3dSpec, RadarSpec
+from rosbridge_sim.scenery.pictures import EXTINCTION, Weather
+from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Echoes, fade
+from rosbridge_sim.simulator.sensors.sensor_specs import (
+    CameraSpec,
+    GpsSpec,
+    ImuSpec,
+    Lidar2dSpec,
+    Lidar3dSpec,
+    RadarSpec,
+)
 from tests.simulator.sensors.analytic_makers import AtOnceWorker, ManualWorker
 from tests.simulator.sim_harness import ALL, Client, SimHarness, put_egos, rates
 
@@ -41,7 +49,7 @@ def sensors(client: Client, **request: Any) -> dict[str, Any]:  # noqa: ANN401 -
     answer = client.call("/sim/sensors", request)
     assert answer.is_ok, answer.values
     response: dict[str, Any] = json.loads(answer.values.json)  # type: ignore[attr-defined]
-    return response
+    return {**response, "mounted": response["sensors"][2:]}  # behind GPS and IMU
 
 
 def points(message: dict[str, Any]) -> Any:  # noqa: ANN401 - a structured array
@@ -327,7 +335,7 @@ def test_snapshot_goes_on_with_the_same_bytes() -> None:
     answer = client.call("/sim/restore", {"id": "here", "user_id": "me"})
     assert answer.is_ok
     assert json.loads(answer.values.json)["result"]  # type: ignore[attr-defined]
-    assert [one["frame_id"] for one in sensors(client)["sensors"]] == ["Camera", "velodyne", "left"]
+    assert [one["frame_id"] for one in sensors(client)["mounted"]] == ["Camera", "velodyne", "left"]
     client.raw.clear()
     for _ in range(10):
         client.tick()
@@ -345,7 +353,7 @@ def test_reset_puts_the_rig_of_the_start_back_and_drops_what_is_drawn() -> None:
     assert len(answers) == 1  # refused: its pictures will never come
     worker.finish()
     assert not client.messages(IMAGE)
-    (camera,) = sensors(client)["sensors"]
+    (camera,) = sensors(client)["mounted"]
     assert camera["z"] == 2.0
     client.tick()
     assert len(begin_tick(harness, client)) == 0
@@ -407,7 +415,7 @@ def test_real_time_skips_while_the_worker_is_busy_and_uses_the_next_free_frame()
     before = harness.world.frame
     harness.run(0.02)
     assert worker.jobs[0][0].frame.frame == before + 1
-    (camera,) = sensors(client)["sensors"]
+    (camera,) = sensors(client)["mounted"]
     assert camera["skipped"] >= 5
     assert camera["measured"] < 5.0
     assert camera["rate"] == 30.0
@@ -418,7 +426,7 @@ def test_measured_rate_is_that_of_the_messages() -> None:
     client = harness.client()
     client.listen(IMAGE)
     harness.run(3.0)
-    (camera,) = sensors(client)["sensors"]
+    (camera,) = sensors(client)["mounted"]
     assert camera["measured"] == pytest.approx(30.0, abs=0.5)
     assert camera["skipped"] == 0
 
@@ -428,23 +436,23 @@ def test_measured_rate_is_that_of_the_messages() -> None:
 
 def test_sensors_are_added_moved_and_removed() -> None:
     _, client = in_sync()
-    assert sensors(client)["sensors"] == []
+    assert sensors(client)["mounted"] == []
     added = sensors(
         client, add='{"camera": [{"frame_id": "left", "rate": 50, "width": 16, "height": 12}], "radar": [{}]}'
     )
     assert (added["result"], added["message"]) == (True, "")
-    assert [(one["number"], one["kind"], one["frame_id"]) for one in added["sensors"]] == [
+    assert [(one["number"], one["kind"], one["frame_id"]) for one in added["mounted"]] == [
         (2, "camera", "left"),
         (3, "radar", "radar"),
     ]
-    assert added["sensors"][0]["topics"] == [IMAGE, "/image_jpeg/camera_info", "/image_jpeg/boxes"]
+    assert added["mounted"][0]["topics"] == [IMAGE, "/image_jpeg/camera_info", "/image_jpeg/boxes"]
     client.listen(IMAGE)
     client.tick()
     assert client.messages(IMAGE)[0]["header"]["frame_id"] == "left"
-    moved = sensors(client, move=['{"frame_id": "left", "z": 1.5, "pitch": "-5"}'])["sensors"][0]
+    moved = sensors(client, move=['{"frame_id": "left", "z": 1.5, "pitch": "-5"}'])["mounted"][0]
     assert (moved["z"], moved["pitch"]) == (1.5, -5.0)
     assert json.loads(moved["settings"])["pitch"] == -5.0
-    assert [one["frame_id"] for one in sensors(client, remove=["left"])["sensors"]] == ["radar"]
+    assert [one["frame_id"] for one in sensors(client, remove=["left"])["mounted"]] == ["radar"]
     client.tick()
     assert len(client.messages(IMAGE)) == 1
 
@@ -462,7 +470,9 @@ def test_sensors_are_added_moved_and_removed() -> None:
         ({"add": json.dumps({"radar": [{"frame_id": f"r{i}"} for i in range(32)]})}, "at most 32 for an ego, got 33"),
         ({"add": '{"radar": [{"topic": "/clock"}]}'}, "/clock"),
         ({"remove": ["camra"]}, "remove: expected one of Camera, got 'camra'"),
-        ({"move": ['{"frame_id": "x"}']}, "move[0].frame_id: expected one of Camera, got 'x'"),
+        ({"move": ['{"frame_id": "x"}']}, "move[0].frame_id: expected one of gps_link, imu_link, Camera, got 'x'"),
+        ({"remove": ["gps_link"]}, "remove: gps_link: each ego has one; expected one of Camera"),
+        ({"add": '{"imu": {"z": 1}}'}, "add: imu: each ego has one; move imu_link instead"),
         ({"move": ['{"frame_id": "Camera", "zz": 1}']}, "move[0].zz: expected one of x, y, z, roll, pitch, yaw"),
         ({"move": ['{"frame_id": "Camera", "z": 1000}']}, "z: expected at most 100, got 1000"),
         ({"move": ['{"frame_id": "Camera", "z": NaN}']}, "z: "),
@@ -470,11 +480,11 @@ def test_sensors_are_added_moved_and_removed() -> None:
 )
 def test_wrong_change_is_refused_as_a_whole(request_: dict[str, Any], text: str) -> None:
     _, client = in_sync(CAMERA)
-    before = sensors(client)["sensors"]
+    before = sensors(client)["mounted"]
     answer = sensors(client, **request_)
     assert not answer["result"]
     assert text in answer["message"]
-    assert sensors(client)["sensors"] == before
+    assert sensors(client)["mounted"] == before
 
 
 def test_nothing_can_be_drawn_without_a_worker() -> None:
@@ -487,9 +497,103 @@ def test_nothing_can_be_drawn_without_a_worker() -> None:
 def test_sensor_pos_control_moves_sensors_behind_gps_and_imu() -> None:
     harness, client = in_sync(CAMERA, LIDAR)
     client.send("/SensorPosControl", "morai_msgs/SensorPosControl", sensor_index=[3], **_places(1.0, 0.5, 2.0))
-    lidar = sensors(client)["sensors"][1]
+    lidar = sensors(client)["mounted"][1]
     assert (lidar["x"], lidar["y"], lidar["z"]) == (1.0, 0.5, 2.0)
     assert harness.node.egos.first.mountings["velodyne"].place == (1.0, 0.5, 2.0)
+
+
+def test_gps_and_imu_are_listed_first_and_moved_like_the_others() -> None:
+    rig = (GpsSpec(z=1.2), CAMERA)
+    harness, client = in_sync(*rig)
+    client.listen("/gps")
+    for _ in range(4):
+        client.tick()
+    gps, imu, camera = sensors(client)["sensors"]
+    assert [(one["number"], one["kind"], one["frame_id"], one["topics"]) for one in (gps, imu)] == [
+        (0, "gps", "gps_link", ["/gps"]),
+        (1, "imu", "imu_link", ["/imu"]),
+    ]
+    assert (gps["z"], gps["rate"], gps["measured"], imu["measured"], camera["number"]) == (1.2, 50.0, 50.0, 0.0, 2)
+    height = client.messages("/gps")[-1]["altitude"]
+    assert sensors(client, move=['{"frame_id": "gps_link", "z": 2.2}'])["sensors"][0]["z"] == 2.2
+    client.tick()
+    assert client.messages("/gps")[-1]["altitude"] == pytest.approx(height + 1.0)
+    client.call("/sim/reset", {})
+    assert harness.node.egos.first.mountings["gps_link"].place == (0.0, 0.0, 1.2)
+
+
+def test_snapshot_keeps_the_places_of_gps_and_imu() -> None:
+    harness, client = in_sync(ImuSpec(x=1.5))
+    sensors(client, move=['{"frame_id": "imu_link", "z": 0.5}'])
+    client.call("/sim/snapshot", {"id": "here"})
+    client.send("/SensorPosControl", "morai_msgs/SensorPosControl", sensor_index=[1], **_places(0.0, 0.0, 9.0))
+    client.call("/sim/restore", {"id": "here", "user_id": "me"})
+    assert harness.node.egos.first.mountings["imu_link"].place == (1.5, 0.0, 0.5)
+
+
+def test_raw_pictures_of_many_egos_are_drawn_and_published_in_several_jobs() -> None:
+    worker = ManualWorker()
+    spec = CameraSpec(picture="depth", width=1600, height=1200, rate=50.0)  # 7.7 MB each
+    harness, client = in_sync(spec, worker=worker)
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(0, 2, 3))
+    client.listen("/image", "/Ego-2/image", "/Ego-3/image")
+    answers = begin_tick(harness, client)
+    assert [len(job.sights) for job, _ in worker.jobs] == [1, 1, 1]
+    assert len({id(job.frame) for job, _ in worker.jobs}) == 1
+    for _ in range(3):
+        assert not answers
+        worker.fail()
+    assert len(answers) == 1
+
+
+# Weather and dressing
+
+
+def test_weather_is_that_of_the_settings_until_the_service_changes_it() -> None:
+    worker = ManualWorker()
+    harness, client = in_sync(CAMERA, worker=worker, weather=Weather.RAIN, is_dressed=False)
+
+    def ask(name: str = "") -> dict[str, Any]:
+        response: dict[str, Any] = json.loads(client.call("/sim/weather", {"weather": name}).values.json)  # type: ignore[attr-defined]
+        return response
+
+    assert ask() == {"result": True, "message": "", "weather": "rain"}
+    assert ask("fog")["weather"] == "fog"
+    client.listen(IMAGE)
+    client.tick()
+    begin_tick(harness, client)
+    job, _ = worker.jobs[0]
+    assert (job.weather, job.is_dressed) == (Weather.FOG, False)
+    worker.finish()
+    refused = ask("snow")
+    assert (refused["result"], refused["weather"]) == (False, "fog")
+    assert "expected one of noon, dusk, night, rain, fog, or nothing to ask; got 'snow'" in refused["message"]
+    client.call("/sim/snapshot", {"id": "fog"})
+    client.call("/sim/reset", {})
+    assert ask()["weather"] == "rain"
+    client.call("/sim/restore", {"id": "fog", "user_id": "me"})
+    assert ask()["weather"] == "fog"
+
+
+def test_lidar_loses_far_echoes_in_fog() -> None:
+    rig = (LIDAR.model_copy(update={"rate": 50.0}),)
+    seen = []
+    for weather in (Weather.NOON, Weather.NIGHT, Weather.RAIN, Weather.FOG):
+        _, client = in_sync(*rig, weather=weather)
+        client.listen(POINTS)
+        client.tick()
+        seen.append(points(client.messages(POINTS)[0]))
+    noon, night, rain, fog = seen
+    assert len(noon) == len(night) > len(rain) >= len(fog)  # the ring at -1 deg meets the ground at 72 m
+    assert fog["intensity"].mean() < noon["intensity"].mean()
+
+
+def test_echo_in_fog_is_lost_where_it_is_weaker_than_the_darkest_at_the_end_of_the_range() -> None:
+    ranges = np.array([35.0, 37.0, 57.0, 59.0, np.inf], dtype=np.float32)
+    echoes = Echoes(ranges, np.array([7.0, 7.0, 60.0, 60.0, 0.0], dtype=np.float32), np.ones(5, dtype=np.float32))
+    found = fade(echoes, EXTINCTION[Weather.FOG], 100.0)
+    assert found.ranges.tolist() == [35.0, math.inf, 57.0, math.inf, math.inf]
+    assert found.intensities[2] == round(60.0 * math.exp(-0.056 * 57.0))
 
 
 # Files

@@ -1,0 +1,165 @@
+"""The component of `/sim/sensors`: it lists the sensors of an ego, and adds, removes and moves them."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from rosbridge_sim.errors import DocumentError, FieldError, PeerError
+from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.kernel.component import Component
+from rosbridge_sim.simulator.kernel.context import SimulatorContext
+from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.sensors.ego_rig import MEASURED_FRAMES, EgoRig
+from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
+from rosbridge_sim.simulator.sensors.sensor_presets import document_of, parse_object, read_rig, read_rig_text
+from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, FrameSpec, SensorSpec, check_rig
+from rosbridge_sim.suggestions import hint
+from rosbridge_sim.world.vehicle.sensor_readings import Mounting
+
+__all__ = ["SensorService"]
+
+_log = logging.getLogger("rosbridge_sim.morai")
+
+
+class SensorService(Component):
+    """The component of the service. It holds no state: that is `MountedSensors`'."""
+
+    def __init__(self, context: SimulatorContext, mounted: MountedSensors) -> None:
+        """Offer nothing yet.
+
+        Args:
+            context: of the simulator.
+            mounted: the sensors.
+        """
+        self._context = context
+        self._mounted = mounted
+        self._make_info = maker(
+            context.bus.store,
+            "rosbridge_sim_msgs/SensorInfo",
+            *("number", "kind", "frame_id", "topics", "rate", "measured", "skipped"),
+            *("x", "y", "z", "roll", "pitch", "yaw", "settings"),
+        )
+
+    def bind(self, bindings: SubscribersServices) -> None:
+        """Offer the service."""
+        bindings.provide("sim/sensors", "rosbridge_sim_msgs/Sensors", self._serve)
+
+    def _serve(self, call: Call, now: float) -> None:
+        request: Any = call.request
+        respond = call.service.type.response.struct_type
+        ego = self._context.egos.find(request.ego)
+        if ego is None:
+            numbers = ", ".join(str(one.index) for one in self._context.egos)
+            message = f"ego: expected the number of an ego, one of {numbers}; got {request.ego}"
+            call.answer(respond(result=False, message=message))
+            return
+        rig, message = self._mounted.rig_of(ego), ""
+        try:
+            if request.remove or request.add or request.move:
+                self._change(rig, request, now)
+        except (PeerError, DocumentError) as error:
+            message = str(error)
+        call.answer(respond(result=not message, message=message, sensors=self._list(rig)))
+
+    def _change(self, rig: EgoRig, request: Any, now: float) -> None:  # noqa: ANN401 - a generated struct
+        """Remove, add and move sensors.
+
+        Raises:
+            DocumentError: a text is no sensor, or no place.
+            PeerError: an ego cannot have these sensors together, or there is no such sensor. Nothing has changed.
+        """
+        ego = rig.ego
+        specs = list(rig.specs)
+        for name in request.remove:
+            _check_removal(rig, name)
+            specs = [spec for spec in specs if spec.frame_id != name]
+        added = read_rig_text(request.add, "add") if request.add else ()
+        for spec in added:
+            if isinstance(spec, FrameSpec):
+                raise FieldError(f"add: {spec.kind}: each ego has one; move {spec.frame_id} instead")
+        specs += added
+        check_rig(specs)
+        why = self._mounted.why_no_worker(added)
+        if why:
+            raise FieldError(f"add: {why}")
+        moved = self._read_moves(request.move, {spec.frame_id: spec for spec in specs}, ego)
+        rig.mount(tuple(specs), now)
+        ego.mountings |= moved
+        self._context.static_tf.announce(now)
+        _log.info("ego %d: %d cameras, lidars and radars", ego.index, len(rig.behind))
+
+    def _read_moves(self, texts: Sequence[str], specs: dict[str, SensorSpec], ego: Ego) -> dict[str, Mounting]:
+        """Return new places by frame.
+
+        Raises:
+            DocumentError: one of them is none, or names no sensor.
+        """
+        moved: dict[str, Mounting] = {}
+        for i, text in enumerate(texts):
+            where = f"move[{i}]"
+            values = parse_object(text, where)
+            name = values.pop("frame_id", None)
+            spec = specs.get(name) if isinstance(name, str) else None
+            if spec is None:
+                known = ", ".join(specs) or "no sensors"
+                raise DocumentError(f"{where}.frame_id: expected one of {known}, got {str(name)[:80]!r}")
+            keys = ("x", "y", "z", "roll", "pitch", "yaw")
+            unknown = [key for key in values if key not in keys]
+            if unknown:
+                raise DocumentError(
+                    f"{where}.{unknown[0][:40]}: expected one of {', '.join(keys)}{hint(unknown[0], keys)}"
+                )
+            here = ego.mountings.get(spec.frame_id, spec.mounting)
+            table = _place_of(here) | values
+            (checked,) = read_rig(document_of(spec, **table), where)
+            moved[spec.frame_id] = checked.mounting
+        return moved
+
+    def _list(self, rig: EgoRig) -> list[Struct]:
+        frame, infos = self._context.world.frame, []
+        for i, mounted in enumerate(rig.sensors):
+            spec = mounted.spec
+            place = _place_of(rig.ego.mountings[spec.frame_id])
+            num = sum(one > frame - MEASURED_FRAMES for one in mounted.frames)
+            infos.append(
+                self._make_info(
+                    i,
+                    spec.kind,
+                    spec.frame_id,
+                    [one.topic.name for one in mounted.publishers if one.topic is not None],
+                    rig.rate_of(mounted),
+                    num * FRAME_RATE / min(MEASURED_FRAMES, max(frame, 1)),
+                    mounted.num_skipped,
+                    *place.values(),
+                    json.dumps(spec.model_dump(mode="json") | place),
+                )
+            )
+        return infos
+
+
+def _check_removal(rig: EgoRig, name: str) -> None:
+    """Check that an ego may lose a sensor.
+
+    Raises:
+        FieldError: there is none of this name, or each ego has it.
+    """
+    known = [mounted.spec.frame_id for mounted in rig.behind]
+    if name in {spec.frame_id for spec in rig.specs} - set(known):
+        raise FieldError(f"remove: {name}: each ego has one; expected one of {', '.join(known) or 'no sensors'}")
+    if name not in known:
+        raise FieldError(
+            f"remove: expected one of {', '.join(known) or 'no sensors'}, got {name[:80]!r}{hint(name, known)}"
+        )
+
+
+def _place_of(mounting: Mounting) -> dict[str, float]:
+    """Return a place as specifications have it, with angles in degrees."""
+    angles = {name: round(math.degrees(getattr(mounting, name)), 9) for name in ("roll", "pitch", "yaw")}
+    return {"x": mounting.x, "y": mounting.y, "z": mounting.z, **angles}
