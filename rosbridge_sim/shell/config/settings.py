@@ -305,7 +305,7 @@ class Settings:
         "none",
         _WORLD,
         text_of("none, typical or a file", "none|typical|FILE"),
-        "errors of /gps and /imu: none, those of usual units, or those of a *.json file",
+        "errors of the sensors: none, those of usual units, or those of a *.json file",
     )
     sensors: str = _flag(
         "none",

@@ -7,7 +7,7 @@ same job gives the same bytes.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final, Protocol, TypeAlias
 
@@ -20,6 +20,7 @@ from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import EXTINCTION, Channel, Picture, PictureMaker, RayMaker, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame
+from rosbridge_sim.simulator.sensors.drawn_errors import disturb_echoes, disturb_picture
 from rosbridge_sim.simulator.sensors.lidar_sweep import (
     FADING,
     Beams,
@@ -31,6 +32,7 @@ from rosbridge_sim.simulator.sensors.lidar_sweep import (
     pack_points,
     sweep,
 )
+from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource
 from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar2dSpec, Lidar3dSpec
 
 __all__ = [
@@ -65,6 +67,7 @@ class Sight:
         carrier: id of the vehicle, which the sensor does not see.
         has_boxes: the boxes of a picture are wanted, too.
         is_for_file: the bytes of a file are wanted.
+        errors: of the sensor; None for none.
     """
 
     spec: DrawnSpec
@@ -72,6 +75,7 @@ class Sight:
     carrier: int
     has_boxes: bool = False
     is_for_file: bool = False
+    errors: NoiseSource | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,6 +226,9 @@ def _see(sight: Sight, static: Mesh, job: DrawingJob, makers: Makers) -> Result:
     echoes = echoes_of(hits, directions)
     if job.weather in FADING:
         echoes = fade(echoes, EXTINCTION[job.weather], spec.max_range)
+    if sight.errors is not None:
+        chance = sight.errors.generator(spec.frame_id)
+        echoes = disturb_echoes(echoes, spec.max_range, sight.errors.noise.lidar, chance)
     if isinstance(spec, Lidar2dSpec):
         is_found = (echoes.ranges >= spec.min_range) & (echoes.ranges <= spec.max_range)
         ranges = np.where(is_found, echoes.ranges, np.float32(np.inf))
@@ -275,6 +282,9 @@ def _shoot(spec: CameraSpec, sight: Sight, static: Mesh, job: DrawingJob, makers
     picture = makers.pictures().render(
         static, job.frame, camera, pose, job.weather, without=sight.carrier, channels=channels
     )
+    if sight.errors is not None and picture.rgb is not None:
+        chance = sight.errors.generator(spec.frame_id)
+        picture = replace(picture, rgb=disturb_picture(picture.rgb, sight.errors.noise.camera, chance))
     jpeg = b""
     if spec.is_jpeg or sight.is_for_file:
         assert picture.rgb is not None, "it was asked for"

@@ -125,7 +125,7 @@ def read_morai_sensors(text: bytes, source: str) -> tuple[Rig, list[str]]:
     """
     file = read_document(_DOCUMENT, text, source, MAX_SENSORS_BYTES)
     reading = _Reading()
-    document = {
+    lists: dict[str, Any] = {
         "camera": [reading.camera(item) for item in reading.of_ego("camera", file.cameraList)],
         "lidar3d": [reading.lidar(item) for item in reading.of_ego("3D lidar", file.Lidar3DList)],
         "lidar2d": [
@@ -138,7 +138,6 @@ def read_morai_sensors(text: bytes, source: str) -> tuple[Rig, list[str]]:
     }
     if file.UltrasonicList:
         reading.remarks.append(f"ultrasonic sensors are not simulated: {len(file.UltrasonicList)} left out")
-    lists: dict[str, Any] = document
     places = {"gps": reading.place("GPS", "/gps", file.GPSList), "imu": reading.place("IMU", "/imu", file.IMUList)}
     document = {kind: each for kind, each in {**places, **lists}.items() if each}
     if not document:

@@ -34,11 +34,12 @@ from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.plain.typed_plain import read_as
 from rosbridge_sim.simulator.sensors.drawing import Cloud, DrawingJob, Result, Scan, SensorWorker, Shot, Sight
+from rosbridge_sim.simulator.sensors.drawn_errors import disturb_radar
 from rosbridge_sim.simulator.sensors.ego_rig import EgoRig, MountedSensor, is_wanted
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.radar_echoes import find_echoes
 from rosbridge_sim.simulator.sensors.sensor_messages import SensorMessages
-from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
+from rosbridge_sim.simulator.sensors.sensor_noise import NoiseSource, SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_presets import read_rig_text, text_of
 from rosbridge_sim.simulator.sensors.sensor_specs import (
     CameraSpec,
@@ -107,6 +108,7 @@ class MountedSensors(Component):
         """
         self._context = context
         self._start_rig = complete(rig)
+        self._noise = noise
         self.frame_sensors = {sensor.frame: sensor(context, noise) for sensor in SENSORS}
         self._worker = worker
         self._weather = weather or WeatherControl(context)
@@ -180,6 +182,8 @@ class MountedSensors(Component):
             is_now = is_due(rig.rate_of(mounted), frame)
             if not (is_now or mounted.is_owed):
                 continue
+            if self._is_lost(ego, spec):
+                continue
             wanted = [is_wanted(publisher) for publisher in mounted.publishers]
             if not any(wanted):
                 mounted.is_owed = False
@@ -197,11 +201,32 @@ class MountedSensors(Component):
 
     def _read_radar(self, ego: Ego, mounted: MountedSensor, spec: RadarSpec, now: float) -> None:
         world = self._context.world
-        echoes = find_echoes(world, ego.row, ego.mountings[spec.frame_id], spec)
+        carrier = world, ego.row, ego.mountings[spec.frame_id]
+        echoes = find_echoes(*carrier, spec)
+        errors = self._errors_of(ego)
+        if errors is not None:
+            echoes = disturb_radar(echoes, carrier, spec, errors.noise.radar, errors.generator(spec.frame_id))
         mounted.frames.append(world.frame)
         self._context.publishers.deliver(
             mounted.publishers[0], self._messages.detections(self._header(ego, spec), echoes), now
         )
+
+    def _errors_of(self, ego: Ego) -> NoiseSource | None:
+        """Return the errors of an ego's sensors in this frame; None without any."""
+        world = self._context.world
+        if self._noise is None:
+            return None
+        return NoiseSource(self._noise, world.seed, world.uid.item(ego.row), world.frame)
+
+    def _is_lost(self, ego: Ego, spec: SensorSpec) -> bool:
+        """Return whether the noise of the settings loses the messages of a sensor in this frame."""
+        errors = self._errors_of(ego)
+        if errors is None:
+            return False
+        noise = errors.noise
+        if isinstance(spec, CameraSpec):
+            return errors.is_lost(spec.frame_id, noise.camera.lost)
+        return errors.is_lost(spec.frame_id, noise.radar.lost if isinstance(spec, RadarSpec) else noise.lidar.lost)
 
     def _header(self, ego: Ego, spec: SensorSpec) -> Struct:
         return self._context.convert.header(self._context.world.frame, frame_prefix(ego) + spec.frame_id)
@@ -224,7 +249,8 @@ class MountedSensors(Component):
             mounted.frames.append(frame)
             self._publish(mounted, header, result, now)
 
-        plan.sights.append(Sight(spec, self._motion(ego, spec), ego.index, has_boxes=has_boxes))
+        errors = self._errors_of(ego)
+        plan.sights.append(Sight(spec, self._motion(ego, spec), ego.index, has_boxes=has_boxes, errors=errors))
         plan.finishes.append(finish)
 
     def _motion(self, ego: Ego, spec: SensorSpec) -> Motion:
@@ -332,7 +358,8 @@ class MountedSensors(Component):
         prefix = frame_prefix(ego)
         plan, files = _Plan(), dict[str, bytes]()
         for spec in specs:
-            plan.sights.append(Sight(spec, self._motion(ego, spec), ego.index, is_for_file=True))
+            errors = self._errors_of(ego)
+            plan.sights.append(Sight(spec, self._motion(ego, spec), ego.index, is_for_file=True, errors=errors))
             is_camera = isinstance(spec, CameraSpec)
             kind, suffix = ("CAMERA", "jpeg") if is_camera else ("LIDAR", "bin")
             plan.finishes.append(partial(_keep_file, files, f"{prefix}{kind}_{spec.frame_id}_{{}}.{suffix}"))

@@ -27,11 +27,11 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.simulator.sensors.sensor_specs import RadarSpec
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, Vector, chain, quaternion, rotate
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, Quaternion, Vector, chain, quaternion, rotate
 from rosbridge_sim.world.state.world import Kind, World
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, locate
 
-__all__ = ["RadarEchoes", "find_echoes"]
+__all__ = ["RadarEchoes", "find_echoes", "own_velocity"]
 
 _CLASS: Final = {Kind.EGO: 10.0, Kind.VEHICLE: 10.0, Kind.PEDESTRIAN: -8.0, Kind.OBSTACLE: 0.0}
 _BICYCLE: Final = -3.0
@@ -57,12 +57,15 @@ MAX_COMPARED: Final = 300
 """Boxes that may hide each other or give echoes, the nearest first; the others are out of sight in any such crowd."""
 
 
+_UNITS: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
 @dataclass(frozen=True, slots=True)
 class RadarEchoes:
     """Echoes of one scan, the nearest first; (k,) float64 each unless noted.
 
     Attributes:
-        rows: int64, rows of the entities.
+        rows: int64, rows of the entities; -1 for clutter (`drawn_errors`).
         position: (k, 3) places of the points in the frame of the radar [m].
         distance: from the radar [m].
         azimuth: direction, positive to the left [rad].
@@ -88,7 +91,7 @@ def find_echoes(world: World, row: int, mounting: Mounting, spec: RadarSpec) -> 
         spec: of the radar.
     """
     here = locate(world, row, mounting)
-    axes = chain(quaternion(*(array.item(row) for array in (world.roll, world.pitch, world.yaw))), mounting.orientation)
+    axes = _axes(world, row, mounting)
     reach = max(spec.near_range, spec.far_range)
     others = _nearest(world, row, here, reach)
     if not len(others):
@@ -97,7 +100,7 @@ def find_echoes(world: World, row: int, mounting: Mounting, spec: RadarSpec) -> 
     x, y = feet.nearest_points()
     away = np.stack([x, y, world.z[others] + 0.5 * world.height[others] - here[2]])
     distance = np.maximum(np.sqrt(np.square(away).sum(axis=0)), 1e-3)
-    columns = np.array([rotate(axes, unit) for unit in ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))])
+    columns = np.array([rotate(axes, unit) for unit in _UNITS])
     seen = (columns[:, :, None] * away).sum(axis=1)  # no matmul: its bits depend on the library behind it
     azimuth = np.arctan2(seen[1], seen[0])
     elevation = np.arctan2(seen[2], np.hypot(seen[0], seen[1]))
@@ -118,6 +121,32 @@ def find_echoes(world: World, row: int, mounting: Mounting, spec: RadarSpec) -> 
     return RadarEchoes(
         others[found], seen[:, found].T.copy(), distance[found], azimuth[found], rate[found], amplitude[found]
     )
+
+
+def own_velocity(world: World, row: int, mounting: Mounting) -> FloatArray:
+    """Return the velocity of a radar over the ground, (3,) in its own frame: forward, left, up [m/s].
+
+    Args:
+        world: read only.
+        row: row of the vehicle with the radar.
+        mounting: of the radar.
+    """
+    east, north = _velocity(world, row, locate(world, row, mounting))
+    axes = _axes(world, row, mounting)
+    return np.array([east * x + north * y for x, y, _ in (rotate(axes, unit) for unit in _UNITS)])
+
+
+def _axes(world: World, row: int, mounting: Mounting) -> Quaternion:
+    """Return the orientation of a radar in the map."""
+    own = quaternion(*(array.item(row) for array in (world.roll, world.pitch, world.yaw)))
+    return chain(own, mounting.orientation)
+
+
+def _velocity(world: World, row: int, here: Vector) -> tuple[float, float]:
+    """Return the velocity of a place on a vehicle to the east and to the north [m/s]."""
+    yaw, speed, turn = world.yaw.item(row), world.speed.item(row), world.yaw_rate.item(row)
+    x, y = here[0] - world.x.item(row), here[1] - world.y.item(row)
+    return speed * math.cos(yaw) - turn * y, speed * math.sin(yaw) + turn * x
 
 
 def _no_echoes() -> RadarEchoes:
@@ -200,11 +229,10 @@ def _relative_velocities(
     world: World, row: int, others: IntArray, here: Vector, point: tuple[FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
     """Return the velocities of points of the others as the radar sees them: to the east and to the north [m/s]."""
-    own_yaw, own_speed, own_rate = world.yaw.item(row), world.speed.item(row), world.yaw_rate.item(row)
-    own_x, own_y = here[0] - world.x.item(row), here[1] - world.y.item(row)
+    own_east, own_north = _velocity(world, row, here)
     yaw, speed, turn = world.yaw[others], world.speed[others], world.yaw_rate[others]
     x, y = point[0] + here[0] - world.x[others], point[1] + here[1] - world.y[others]
     return (
-        speed * np.cos(yaw) - turn * y - (own_speed * math.cos(own_yaw) - own_rate * own_y),
-        speed * np.sin(yaw) + turn * x - (own_speed * math.sin(own_yaw) + own_rate * own_x),
+        speed * np.cos(yaw) - turn * y - own_east,
+        speed * np.sin(yaw) + turn * x - own_north,
     )

@@ -1,6 +1,6 @@
-"""Errors of real sensors, for GPS and IMU: white noise, a bias that wanders, and drop-outs.
+"""Errors of real sensors: noise, a bias that wanders, drop-outs and lost messages.
 
-A reading of one axis gets
+A reading of one axis of GPS and IMU gets
 
     error(t) = offset n_0 + wander b(t) + white n(t)
 
@@ -9,12 +9,13 @@ knots that are `time` apart, b = cos(p) n_i + sin(p) n_i+1, with p from 0 to pi/
 
 All normal numbers are hashes of the world's seed, the ego's id, the axis and the frame. So there is no state: readings
 repeat to the bit after a reset, from a snapshot and in every process, however often they are read. Another seed gives
-other errors.
+other errors. `drawn_errors` has the errors of cameras, lidars and radars, from a generator with such a hash as seed.
 
 `TYPICAL` has the figures of usual units: a GPS receiver without corrections (u-blox NEO-M8, data sheet: 2.5 m CEP), and
 an inertial unit of the kind that is built into drones and cars (Bosch BMI088, data sheet: 0.014 deg/s and 175 ug for
 each root of a hertz, zero offsets up to 1 deg/s and 20 mg) with an orientation filter (Xsens MTi-3, data sheet: 0.8 and
-2 deg).
+2 deg). Ranges of a lidar have those of a VLP-16 (data sheet: +-3 cm, taken as two standard deviations). The figures of
+cameras and radars, and those of drop-outs, are our choice.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ import math
 from hashlib import blake2b
 from typing import Annotated, Any, Final
 
+import numpy as np
 from pydantic import BeforeValidator, Field, TypeAdapter, WithJsonSchema
 
 from rosbridge_sim.documents import Document, Ratio, keys_beside, read_document, read_number, sort_keys
@@ -33,7 +35,18 @@ from rosbridge_sim.world.geometry.planar import Quaternion, Vector, chain, quate
 from rosbridge_sim.world.state.world import DT
 from rosbridge_sim.world.vehicle.sensor_readings import Inertia
 
-__all__ = ["MAX_NOISE_BYTES", "TYPICAL", "NoiseSource", "SensorNoise", "covariance", "noise_schema", "read_noise"]
+__all__ = [
+    "MAX_NOISE_BYTES",
+    "TYPICAL",
+    "CameraNoise",
+    "LidarNoise",
+    "NoiseSource",
+    "RadarNoise",
+    "SensorNoise",
+    "covariance",
+    "noise_schema",
+    "read_noise",
+]
 
 MAX_NOISE_BYTES: Final = 1 << 16
 """Longest document [bytes]; all keys together take less than 1 kB."""
@@ -49,12 +62,28 @@ MAX_RATE: Final = 36_000.0
 """Most drop-outs in an hour: ten in a second."""
 
 
+MAX_BLUR: Final = 5.0
+"""Largest blur [pixels]: it costs 31 products a pixel and side."""
+
+MAX_EXPOSURE: Final = 8.0
+"""Largest exposure: 256 times the light."""
+
+MAX_CLUTTER: Final = 100.0
+"""Most echoes in a scan that nothing gives."""
+
+
 def _schema(low: float, high: float) -> WithJsonSchema:
     return WithJsonSchema({"type": ["number", "string"], "minimum": low, "maximum": high})
 
 
 _Sigma = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_SIGMA), _schema(0.0, MAX_SIGMA)]
 _Time = Annotated[float, BeforeValidator(read_number), Field(ge=MIN_TIME, le=MAX_TIME), _schema(MIN_TIME, MAX_TIME)]
+_Grey = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=255.0), _schema(0.0, 255.0)]
+_Blur = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_BLUR), _schema(0.0, MAX_BLUR)]
+_Exposure = Annotated[
+    float, BeforeValidator(read_number), Field(ge=-MAX_EXPOSURE, le=MAX_EXPOSURE), _schema(-MAX_EXPOSURE, MAX_EXPOSURE)
+]
+_Clutter = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_CLUTTER), _schema(0.0, MAX_CLUTTER)]
 _Rate = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_RATE), _schema(0.0, MAX_RATE)]
 
 
@@ -113,11 +142,74 @@ class ImuNoise(Document):
     lost: Ratio = 0.0
 
 
+class CameraNoise(Document):
+    """Errors of the colours of cameras. Depth, classes, instances and boxes stay exact.
+
+    Attributes:
+        dark: standard deviation of the noise of a black pixel [grey levels of 255].
+        light: of the noise that light adds to a white pixel [grey levels].
+        blur: standard deviation of the blur [pixels].
+        exposure: each 1 doubles the light, each -1 halves it.
+        lost: share of the pictures that are lost.
+    """
+
+    dark: _Grey = 0.0
+    light: _Grey = 0.0
+    blur: _Blur = 0.0
+    exposure: _Exposure = 0.0
+    lost: Ratio = 0.0
+
+
+class LidarNoise(Document):
+    """Errors of 3D and 2D lidars.
+
+    Attributes:
+        range: standard deviation of ranges [m].
+        intensity: of intensities, which are 0 to 255.
+        drop_out: share of the echoes that are lost.
+        drop_out_far: further share at the longest range; it grows with the square of the range.
+        drop_out_grazing: further share where the beam grazes a surface; it grows with 1 - cos of the incidence.
+        lost: share of the messages that are lost.
+    """
+
+    range: _Sigma = 0.0
+    intensity: _Grey = 0.0
+    drop_out: Ratio = 0.0
+    drop_out_far: Ratio = 0.0
+    drop_out_grazing: Ratio = 0.0
+    lost: Ratio = 0.0
+
+
+class RadarNoise(Document):
+    """Errors of radars.
+
+    Attributes:
+        range: standard deviation of distances [m].
+        azimuth: of directions [rad].
+        range_rate: [m/s].
+        amplitude: [dB].
+        drop_out: share of the echoes that are lost.
+        clutter: mean number of echoes in a scan that nothing gives.
+        lost: share of the messages that are lost.
+    """
+
+    range: _Sigma = 0.0
+    azimuth: _Sigma = 0.0
+    range_rate: _Sigma = 0.0
+    amplitude: _Sigma = 0.0
+    drop_out: Ratio = 0.0
+    clutter: _Clutter = 0.0
+    lost: Ratio = 0.0
+
+
 class SensorNoise(Document):
     """Errors of the sensors; all are 0 unless they are given."""
 
     gps: GpsNoise = GpsNoise()
     imu: ImuNoise = ImuNoise()
+    camera: CameraNoise = CameraNoise()
+    lidar: LidarNoise = LidarNoise()
+    radar: RadarNoise = RadarNoise()
 
 
 _MG: Final = 9.80665e-3
@@ -139,6 +231,9 @@ TYPICAL: Final = SensorNoise(
         roll_pitch=AxisNoise(wander=math.radians(0.8)),
         yaw=AxisNoise(wander=math.radians(2.0)),
     ),
+    camera=CameraNoise(dark=1.0, light=4.0),
+    lidar=LidarNoise(range=0.015, intensity=2.0, drop_out=0.002, drop_out_far=0.1, drop_out_grazing=0.1),
+    radar=RadarNoise(range=0.25, azimuth=0.005, range_rate=0.1, amplitude=2.0, drop_out=0.02, clutter=1.0),
 )
 """See the head of this file. Drop-outs are our estimate for a town."""
 
@@ -177,16 +272,19 @@ class NoiseSource:
         seed: of the world.
         uid: id of the vehicle.
         frame: of the world.
+
+    Attributes:
+        noise: how large they are.
     """
 
     def __init__(self, noise: SensorNoise, seed: int, uid: int, frame: int) -> None:
-        self._noise = noise
+        self.noise = noise
         self._key = blake2b(f"{seed} {uid}".encode(), digest_size=32).digest()
         self._frame = frame
 
     def locate(self, place: Vector) -> Vector | None:
         """Return a place with the errors of the GPS [m]; None without a fix."""
-        gps = self._noise.gps
+        gps = self.noise.gps
         if gps.drop_outs_per_hour > 0.0:
             # At most one drop-out within each stretch of this length, which begins at a random moment in it.
             stretch = max(3600.0 / gps.drop_outs_per_hour, gps.drop_out_time)
@@ -203,7 +301,7 @@ class NoiseSource:
 
     def feel(self, exact: Inertia) -> Inertia:
         """Return a reading of the inertial unit with its errors."""
-        imu = self._noise.imu
+        imu = self.noise.imu
         x, y, z = exact.angular_velocity
         ahead, left, up = exact.acceleration
         lean = [self._error(axis, imu.roll_pitch) for axis in ("roll", "pitch")]
@@ -224,8 +322,22 @@ class NoiseSource:
 
     def is_imu_lost(self) -> bool:
         """Return whether the message of the inertial unit is lost in this frame."""
-        share = float(self._noise.imu.lost)
+        share = float(self.noise.imu.lost)
         return share > 0.0 and self._uniform("lost", self._frame) < share
+
+    def is_lost(self, name: str, share: float) -> bool:
+        """Return whether the message of a sensor is lost in this frame.
+
+        Args:
+            name: of the sensor.
+            share: of its messages that are lost.
+        """
+        return share > 0.0 and self._uniform(f"lost {name}", self._frame) < share
+
+    def generator(self, name: str) -> np.random.Generator:
+        """Return random numbers for a sensor in this frame."""
+        seed = blake2b(f"array {name} {self._frame}".encode(), digest_size=16, key=self._key).digest()
+        return np.random.default_rng(int.from_bytes(seed))
 
     def _error(self, axis: str, noise: AxisNoise) -> float:
         error = 0.0

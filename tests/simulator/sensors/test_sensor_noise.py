@@ -178,7 +178,8 @@ def test_snapshot_of_other_noise_is_refused(chosen: SensorNoise | None) -> None:
 def test_example_of_the_docs_is_close_to_the_typical_noise() -> None:
     text = (ROOT / "docs" / "reference" / "sensors.md").read_text(encoding="utf-8")
     example = read_noise(text.partition("```json\n")[2].partition("```")[0].encode(), "sensors.md")
-    assert example.gps == TYPICAL.gps
+    for kind in ("gps", "camera", "lidar", "radar"):
+        assert getattr(example, kind) == getattr(TYPICAL, kind)
     for name in ("angular_velocity", "acceleration", "roll_pitch", "yaw"):
         shown, exact = getattr(example.imu, name).variance, getattr(TYPICAL.imu, name).variance
         assert shown == pytest.approx(exact, rel=0.05)
