@@ -91,7 +91,7 @@ def test_reading_of_the_unit_has_errors_in_all_its_values() -> None:
         ({"imu": {"lost": 1.5}}, "imu.lost: expected at most 1"),
         ({"imu": {"yaw": 3}}, "imu.yaw: expected an object, got 3"),
         ({"imu": {"yaw": {"whit": 3}}}, "imu.yaw.whit: expected one of white, wander, time, offset (did you mean"),
-        ({"lidar": {}}, "lidar: expected one of gps, imu"),
+        ({"lidr": {}}, "lidr: expected one of gps, imu, camera, lidar, radar (did you mean lidar?)"),
         (b" " * 70_000, "expected at most"),
         (b'{"gps": NaN}', "expected an object"),
     ],
