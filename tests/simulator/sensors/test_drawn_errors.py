@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_echoes, disturb_picture, disturb_radar
 from rosbridge_sim.simulator.sensors.lidar_sweep import Echoes
-from rosbridge_sim.simulator.sensors.radar_echoes import RadarEchoes, find_echoes
+from rosbridge_sim.simulator.sensors.radar_echoes import find_echoes
 from rosbridge_sim.simulator.sensors.sensor_noise import (
     TYPICAL,
     CameraNoise,
@@ -148,7 +149,7 @@ def test_lost_and_weakened_echoes_are_not_there() -> None:
     exact = find_echoes(*carrier, RADAR)
     scans = [disturb_radar(exact, carrier, RADAR, RadarNoise(drop_out=0.3), chance(i)) for i in range(500)]
     assert np.mean([len(scan.rows) for scan in scans]) == pytest.approx(0.7, abs=0.07)
-    weak = RadarEchoes(*(getattr(exact, name) for name in RadarEchoes.__slots__[:-1]), amplitude=np.array([0.0]))
+    weak = replace(exact, amplitude=np.array([0.0]))
     scans = [disturb_radar(weak, carrier, RADAR, RadarNoise(amplitude=3.0), chance(i)) for i in range(500)]
     assert np.mean([len(scan.rows) for scan in scans]) == pytest.approx(0.5, abs=0.07)
 
