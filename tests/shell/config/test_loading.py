@@ -53,6 +53,7 @@ OTHER: dict[str, object] = {
     "data_quota_files": None,
     "start": "sync",
     "weather": "fog",
+    "dressing": False,
     "seed": 3,
     "on_world_failure": "serve",
     "publishers": {"/Ego_topic": InterfaceChoice("/car", is_on=True, rate=10.0), "/tf": InterfaceChoice(rate=0.5)},
