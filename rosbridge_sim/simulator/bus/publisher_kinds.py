@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any, Final
 
 from rosbridge_sim.graph.bus import Bus
@@ -18,6 +19,23 @@ __all__ = ["LatchedPublisher", "PeriodicPublisher"]
 
 _FRAME_RATE: Final = 50
 """Frames of a second of simulated time."""
+
+
+_MAX_RATES: Final = 1_000
+"""Rates that are known as fractions: settings may give each topic another one. Thirty new egos have 210 topics, and their
+fractions would take a quarter of the time for all of it."""
+
+
+@lru_cache(_MAX_RATES)
+def _in_each_frame(rate: float) -> Fraction:
+    """Return the publications for each frame at a rate [Hz]."""
+    return Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
+
+
+@lru_cache(_MAX_RATES)
+def _least(in_each_frame: Fraction, most: Fraction) -> Fraction:
+    """Return the publications for each frame where there are at most so many in a second."""
+    return min(in_each_frame, most / _FRAME_RATE)
 
 
 class TopicPublisher(Interface):
@@ -122,14 +140,14 @@ class PeriodicPublisher(TopicPublisher):
         Args:
             rate: publications a second [Hz].
         """
-        self._rate = Fraction(rate).limit_denominator(10_000) / _FRAME_RATE
+        self._rate = _in_each_frame(rate)
         self._up, self._down = self._rate.numerator, self._rate.denominator
         self.limit(self._most)
 
     def limit(self, most: Fraction | None) -> None:
         """Go out at most so often while real time moves the world, in simulated time [Hz]; None for no limit."""
         self._most = most
-        rate = self._rate if most is None else min(self._rate, most / _FRAME_RATE)
+        rate = self._rate if most is None else _least(self._rate, most)
         self._real_up, self._real_down = rate.numerator, rate.denominator
 
     @property

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from hashlib import blake2b
 from typing import Final
 
@@ -63,8 +64,18 @@ Segments = FloatArray
 """(k, 10), one row for each segment; see `lay_segments`."""
 
 
+MAX_KNOWN_POINTS: Final = 250
+"""Points of a path whose segments are remembered: a pedestrian's or a vehicle's way through a town has some dozens."""
+
+MAX_KNOWN_PATHS: Final = 256
+"""Paths whose segments are remembered: those of a few scenarios, in 15 MB at most. 40 paths take 20 ms to lay, and a load
+that is repeated, or was rehearsed in another thread, must not stop the world for so long."""
+
+
 def lay_segments(points: FloatArray, *, is_loop: bool, reach: float) -> Segments:
     """Return the segments of a polyline: its legs, cut where the heading starts or stops to change.
+
+    Do not write into them: those of short paths are remembered.
 
     Args:
         points: (m, 3) vertices, east, north, up [m]. Vertices that repeat the one before are left out.
@@ -82,6 +93,19 @@ def lay_segments(points: FloatArray, *, is_loop: bool, reach: float) -> Segments
     """
     if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():  # noqa: PLR2004 - x, y, z
         raise ValueError(f"path: expected finite points of shape (m, 3), got shape {points.shape}")
+    if len(points) <= MAX_KNOWN_POINTS:
+        return _lay_once(points.astype(np.float64).tobytes(), is_loop, reach)
+    return _lay(points, is_loop=is_loop, reach=reach)
+
+
+@lru_cache(MAX_KNOWN_PATHS)
+def _lay_once(data: bytes, is_loop: bool, reach: float) -> Segments:  # noqa: FBT001 - the cache wants it so
+    segments = _lay(np.frombuffer(data, np.float64).reshape(-1, 3), is_loop=is_loop, reach=reach)
+    segments.flags.writeable = False
+    return segments
+
+
+def _lay(points: FloatArray, *, is_loop: bool, reach: float) -> Segments:
     if is_loop and len(points):
         points = np.concatenate([points, points[:1]])
     # One pass: of a run of tiny steps each single one is left out, which matters to no real file.

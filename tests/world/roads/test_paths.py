@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.geometry.planar import FloatArray
-from rosbridge_sim.world.roads.paths import MAX_KEY, MAX_PATH_LENGTH, Paths, lay_segments
+from rosbridge_sim.world.roads.paths import MAX_KEY, MAX_KNOWN_POINTS, MAX_PATH_LENGTH, Paths, lay_segments
 
 REACH = 0.1  # [m]
 SQUARE = np.array([[0.0, 0.0, 0.0], [4.0, 0.0, 0.0], [4.0, 4.0, 0.0], [0.0, 4.0, 0.0]])
@@ -213,3 +213,14 @@ def test_digest_changes_with_added_and_removed_paths() -> None:
     both = paths.digest()
     paths.remove(1)
     assert len({empty, alone, both, paths.digest()}) == 4  # the next path gets another key than before
+
+
+def test_same_short_path_is_laid_once_and_cannot_be_written() -> None:
+    points = np.cumsum(np.arange(3.0 * MAX_KNOWN_POINTS).reshape(-1, 3), axis=0)
+    first = lay_segments(points, is_loop=False, reach=1.0)
+    assert lay_segments(points.copy(), is_loop=False, reach=1.0) is first
+    assert not first.flags.writeable
+    for changed in (lay_segments(points, is_loop=True, reach=1.0), lay_segments(points, is_loop=False, reach=2.0)):
+        assert not np.array_equal(changed, first)
+    longer = np.vstack([points, points[-1:] + 1.0])
+    assert lay_segments(longer, is_loop=False, reach=1.0) is not lay_segments(longer, is_loop=False, reach=1.0)
