@@ -22,8 +22,8 @@ _FRAME_RATE: Final = 50
 
 
 _MAX_RATES: Final = 1_000
-"""Rates that are known as fractions: settings may give each topic another one. Thirty new egos have 210 topics, and their
-fractions would take a quarter of the time for all of it."""
+"""Rates that are known as fractions: settings may give each topic another one. Thirty new egos have 210 topics, and
+their fractions would take a quarter of the time for all of it."""
 
 
 @lru_cache(_MAX_RATES)

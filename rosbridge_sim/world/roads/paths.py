@@ -68,8 +68,8 @@ MAX_KNOWN_POINTS: Final = 250
 """Points of a path whose segments are remembered: a pedestrian's or a vehicle's way through a town has some dozens."""
 
 MAX_KNOWN_PATHS: Final = 256
-"""Paths whose segments are remembered: those of a few scenarios, in 15 MB at most. 40 paths take 20 ms to lay, and a load
-that is repeated, or was rehearsed in another thread, must not stop the world for so long."""
+"""Paths whose segments are remembered: those of a few scenarios, in 15 MB at most. 40 paths take 20 ms to lay, and a
+load that is repeated, or was rehearsed in another thread, must not stop the world for so long."""
 
 
 def lay_segments(points: FloatArray, *, is_loop: bool, reach: float) -> Segments:
