@@ -196,6 +196,14 @@ class Policy:
         """
         return self._why_not(Use.ACTION, name) is None
 
+    def may_subscribe(self, topic: str) -> bool:
+        """Return True if a client may subscribe to a topic.
+
+        Args:
+            topic: its name.
+        """
+        return self._why_not(Use.SUBSCRIBE, topic) is None
+
     def may_see(self, topic: str, type_name: str = "") -> bool:
         """Return True if a client may publish or subscribe to a topic.
 

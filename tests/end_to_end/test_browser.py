@@ -100,7 +100,7 @@ async def page_at(url: str, folder: Path) -> AsyncIterator[Page]:
             await browser.close()
 
 
-DATA = ("/map.json", "/metrics", "/version")
+DATA = ("/map.json", "/log.json", "/metrics", "/version")
 """Paths of our server with data."""
 
 

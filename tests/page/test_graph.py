@@ -400,3 +400,25 @@ async def test_graph_and_log_have_no_serious_fault_of_accessibility(
     for tab in ("Clients", "Log"):
         await page.get_by_role("tab", name=tab).click()
         assert await faults_of(page) == []
+
+
+async def test_mistake_of_another_client_is_told_once_over_the_map_and_counted_at_the_log(
+    serve: Serve, open_page: OpenPage, connect: Connect
+) -> None:
+    server = serve()
+    client = await connect(server.url)
+    await client.send("publish", topic="/early", msg={})
+    await client.settle()
+    page = await open_page(server)
+    badge = page.get_by_role("tab", name="Log").locator(".badge")
+    await expect(badge).to_have_text("1")
+    await expect(page.locator(".toast")).to_have_count(0)
+    for _ in range(3):
+        await client.send("publish", topic="/late", msg={})
+    await expect(page.locator(".toast")).to_have_count(1)
+    await expect(page.locator(".toast")).to_contain_text("127.0.0.1:")
+    await expect(page.locator(".toast")).to_contain_text("publish /late: ")
+    await expect(badge).to_have_text("2")
+    await page.locator(".toast").click()
+    await expect(page.locator(".log-lines")).to_contain_text("/early")
+    await expect(badge).to_have_count(0)

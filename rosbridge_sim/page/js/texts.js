@@ -710,7 +710,10 @@ export const TEXTS = {
   },
   log: {
     title: "Log",
-    hint: "Log lines and refused requests while this panel is shown; messages to this page always.",
+    hint: "Refused requests of all clients, and messages to this page; log lines while this panel is shown.",
+    /** @param {number} count */
+    unseen: (count) => `${count} new ${count === 1 ? "mistake" : "mistakes"}`,
+    openLog: "Open the log",
     level: "Level",
     levels: { debug: "Debug", info: "Info", warning: "Warning", error: "Error" },
     search: "Search",

@@ -88,6 +88,7 @@ class RefusalLog:
         on_change: called after each refusal.
         total: number of refusals since the start.
         counts: number of refusals by reason.
+        mask: removes the token from texts.
     """
 
     def __init__(
@@ -115,7 +116,7 @@ class RefusalLog:
         self._clock = clock or loop.time
         self._frame = frame
         self._is_quiet = is_quiet
-        self._mask = mask
+        self.mask = mask
         self._kinds: dict[tuple[str, Reason], _Kind] = {}
         self._kept: dict[str, deque[Noted]] = {}
         self._timer: asyncio.TimerHandle | None = None
@@ -135,8 +136,8 @@ class RefusalLog:
         """
         self.total += 1
         self.counts[request.reason] += 1
-        if request.text != (text := self._mask(request.text)) or request.subject != self._mask(request.subject):
-            request = request._replace(text=text, subject=self._mask(request.subject))
+        if request.text != (text := self.mask(request.text)) or request.subject != self.mask(request.subject):
+            request = request._replace(text=text, subject=self.mask(request.subject))
         request = _shorten(request)  # before the comparison, so that a repeated long text counts as equal
         self._keep(request)
         if not self._is_quiet:

@@ -24,6 +24,7 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.graph.ways import PolicyEffect, Use, Way
 from rosbridge_sim.loose_types import JsonValue, Struct
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.shell.monitoring.log_page import LogPage
 from rosbridge_sim.shell.monitoring.refusal_log import RefusalLog, escape
 from rosbridge_sim.shell.monitoring.topic_report import TopicReport
 from rosbridge_sim.shell.websocket.connected_client import Client
@@ -100,6 +101,8 @@ class ServerTopics:
         self._refused = self._advertise(refused, "rosbridge_sim_msgs/Refusals", depth=1, is_exclusive=True)
         self._refusals = RefusalLog(loop) if refusals is None else refusals
         self._refusals.on_change = self._tell_refusals_soon
+        log_page = self._log_page = LogPage(self._refusals)
+        server.render_log = lambda has_warnings: log_page.render(has_warnings=has_warnings)
         self._refusals_at = float("-inf")  # time of the last message on /sim/refusals [s]
         self._refusals_timer: asyncio.TimerHandle | None = None
         bus.on_refusal = self._refusals.note
@@ -118,6 +121,7 @@ class ServerTopics:
             self._refusals_timer.cancel()
         self._refusals.on_change = lambda: None
         self._refusals.stop()
+        self._log_page.stop()
         if self._soon is not None:
             self._soon.cancel()
         logging.getLogger("rosbridge_sim").removeHandler(self._log)

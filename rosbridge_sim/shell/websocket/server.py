@@ -83,6 +83,9 @@ _VERSION = json.dumps({"name": "rosbridge-sim", "version": __version__, "protoco
 MAP_SERVICE = "/sim/map"
 """The service that gives the map in pages; who may not call it may not read `/map.json` either."""
 
+REFUSALS_TOPIC = "/sim/refusals"
+"""The topic with the refusals of all clients; who may not subscribe to it may not read `/log.json` either."""
+
 UNAUTHENTICATED = "no token"
 """Name in the log and on `/sim/refusals` for all connections that have not sent the token."""
 
@@ -99,6 +102,8 @@ class Server:
             there is no such page.
         ask_map: called for `/map.json` with the `If-None-Match` header; returns the text once it is written, or None if
             the settings switch it off. None if there is no such page.
+        render_log: called for `/log.json` with whether the log may be read, too; returns JSON text. None if there is
+            no such page.
         page: the web page at `/`; None if there is none.
         num_bugs: number of frames and requests that failed by an internal error; each is in the log with its traceback.
             Errors counted by the bus's guard are not included.
@@ -122,6 +127,7 @@ class Server:
         self.describe: Callable[[], Mapping[str, object]] = dict
         self.render_metrics: Callable[[str], Awaitable[tuple[bytes, str]]] | None = None
         self.ask_map: Callable[[str], asyncio.Future[MapText] | None] | None = None
+        self.render_log: Callable[[bool], bytes] | None = None
         self.page: WebPage | None = None
         self.num_bugs = 0
         self.port = 0
@@ -350,6 +356,8 @@ class Server:
             return self._tell_metrics(connection, request, self.render_metrics)
         if path == "/map.json" and self.ask_map is not None:
             return self._tell_map(connection, request, self.ask_map)
+        if path == "/log.json" and self.render_log is not None:
+            return self._tell_log(connection, request, self.render_log)
         return self._judge_root(connection, request, path)
 
     def _judge_root(
@@ -393,7 +401,7 @@ class Server:
 
     def _tell_links(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
         """Answer a program that wants no HTML: name and links, and the version for those who may know it."""
-        pages = {"map.json": self.ask_map, "metrics": self.render_metrics}
+        pages = {"map.json": self.ask_map, "log.json": self.render_log, "metrics": self.render_metrics}
         paths = [] if self.page is None else ["", *(folder.lstrip("/") for folder in self.page.folders)]
         paths += [*(path for path, part in pages.items() if part is not None), "healthz", "version"]
         access = self._limits.access
@@ -492,6 +500,21 @@ class Server:
         except Exception:  # noqa: BLE001 - an internal error; see `_process_request`
             return self._regret_request(connection)
         return answer_with(connection, HTTPStatus.OK, body, content_type)
+
+    def _tell_log(
+        self, connection: ServerConnection, request: Request, render: Callable[[bool], bytes]
+    ) -> Response | Awaitable[Response]:
+        """Answer the last refusals and warnings, to those who may have data and subscribe to `/sim/refusals`."""
+        refusal = self._refuse_data(connection, request, "/log.json")
+        if refusal is not None:
+            return refusal
+        policy = self._limits.policy
+        if not policy.may_subscribe(REFUSALS_TOPIC):
+            text = f"Not allowed to subscribe to {REFUSALS_TOPIC}, which tells the same\n"
+            return connection.respond(HTTPStatus.FORBIDDEN, text)
+        response = answer_with(connection, HTTPStatus.OK, render(policy.may_subscribe("/rosout")), JSON_KIND)
+        response.headers["Cache-Control"] = "no-store"
+        return response
 
     def _tell_map(
         self,

@@ -137,12 +137,13 @@ async def test_program_that_wants_no_html_gets_name_version_and_links(sim: Simul
             "docs": "docs/",
             "types": "types/",
             "map": "map.json",
+            "log": "log.json",
             "metrics": "metrics",
             "healthz": "healthz",
             "version": "version",
         },
     }
-    for link in ("docs", "types", "map", "metrics", "healthz", "version"):
+    for link in ("docs", "types", "map", "log", "metrics", "healthz", "version"):
         assert (await get(sim, f"/{answer.json['links'][link]}")).status == 200
 
 

@@ -317,7 +317,7 @@ async def get(port: int, path: str, *lines: str) -> tuple[int, str]:
     return int(head.split()[1]), body
 
 
-DATA = ("/map.json", "/metrics", "/version")
+DATA = ("/map.json", "/log.json", "/metrics", "/version")
 """Paths with data."""
 
 

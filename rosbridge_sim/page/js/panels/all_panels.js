@@ -48,6 +48,6 @@ export function addPanels(context, layout) {
   layout.addPanel("time", makeTimePanel(context));
   layout.addPanel("objects", makeObjectsPanel(context));
   layout.addPanel("graph", makeGraphPanel(context));
-  layout.addPanel("log", makeLogPanel(context));
+  layout.addPanel("log", makeLogPanel(context, layout));
   layout.addPanel("code", makeCodePanel(context));
 }

@@ -3,6 +3,7 @@
 import { labelled } from "../widgets/action_button.js";
 import { element, replaceChildren, setText } from "../widgets/dom.js";
 import { whileSeen } from "../widgets/seen.js";
+import { cutText } from "../widgets/tree_rows.js";
 import { stampSeconds } from "./ego_values.js";
 import { LOG_LEVELS, LogStore, RefusalReader, rosoutLevel } from "./log_store.js";
 
@@ -19,11 +20,19 @@ const SHOWN_LINES = 200;
 /** Log lines that may wait on the server, so that a burst is not lost. */
 const ROSOUT_QUEUE = 100;
 
+/** A mistake is told over the map for so long [ms], and so many at once; the badge counts all. */
+const TOAST_SHOWN = 8000;
+const MOST_TOASTS = 3;
+
+/** Characters of a mistake over the map. */
+const TOAST_LENGTH = 240;
+
 /**
  * @param {PanelContext} context
+ * @param {import("../layout.js").Layout} layout
  * @returns {{element: HTMLElement, title: string}}
  */
-export function makeLogPanel({ connection, texts: { log: texts } }) {
+export function makeLogPanel({ connection, showTab, texts: { log: texts } }, layout) {
   const store = new LogStore();
   const list = element("ol", { className: "log-lines", "aria-label": texts.title, tabIndex: 0 });
   const note = element("p", { className: "hint" });
@@ -58,6 +67,35 @@ export function makeLogPanel({ connection, texts: { log: texts } }) {
     draw();
   });
   const refusals = new RefusalReader(store, texts.statusSource);
+  /** Mistakes since the panel was seen. */
+  let unseen = 0;
+  const showBadge = () => layout.tabs.setBadge("log", unseen, texts.unseen(unseen));
+  const toasts = element("div", { className: "toasts", role: "status" });
+  layout.stage.append(toasts);
+  let isFirst = true; // what was before this connection is counted, and not told
+  connection.onState((state) => {
+    if (state === "open") {
+      refusals.forget();
+      isFirst = true;
+    }
+  });
+  refusals.onNew = (text) => {
+    if (isSeen) {
+      return;
+    }
+    unseen += 1;
+    if (!isFirst && toasts.childElementCount < MOST_TOASTS) {
+      const toast = element("button", { type: "button", className: "toast", title: texts.openLog }, cutText(text, TOAST_LENGTH));
+      toast.onclick = () => showTab("log");
+      toasts.append(toast);
+      setTimeout(() => toast.remove(), TOAST_SHOWN);
+    }
+  };
+  connection.subscribe("/sim/refusals", "rosbridge_sim_msgs/Refusals", (message) => {
+    refusals.take(message);
+    isFirst = false;
+    showBadge();
+  });
   connection.onStatus(({ level: given, msg }) => {
     const known = LOG_LEVELS.find((name) => name === given) ?? (given === "none" ? "debug" : "info");
     refusals.takeStatus(known, msg, Date.now() / 1000);
@@ -73,14 +111,14 @@ export function makeLogPanel({ connection, texts: { log: texts } }) {
   );
   whileSeen(panel, () => {
     isSeen = true;
+    unseen = 0;
+    showBadge();
+    replaceChildren(toasts);
     draw();
-    const takers = [
-      connection.subscribe("/rosout", "", (message) => refusals.takeLine(...rosoutLine(message)), { queueLength: ROSOUT_QUEUE }),
-      connection.subscribe("/sim/refusals", "rosbridge_sim_msgs/Refusals", (message) => refusals.take(message)),
-    ];
+    const lines = connection.subscribe("/rosout", "", (message) => refusals.takeLine(...rosoutLine(message)), { queueLength: ROSOUT_QUEUE });
     return () => {
       isSeen = false;
-      takers.forEach((taker) => taker.close());
+      lines.close();
     };
   });
   return { title: texts.title, element: panel };

@@ -129,6 +129,13 @@ export class RefusalReader {
     this.latest = new Map();
     /** Count of each refusal of the last message. @type {Map<string, number>} */
     this.counts = new Map();
+    /** Called for each refusal that is not one of before again. @type {(text: string) => void} */
+    this.onNew = () => undefined;
+  }
+
+  /** Begin anew with another connection, whose server counts anew. */
+  forget() {
+    this.counts = new Map();
   }
 
   /**
@@ -177,7 +184,11 @@ export class RefusalReader {
         this.store.remove((line) => line.source === this.statusSource && isSameText(line.text, text));
         this.latest.delete(text);
         this.latest.set(text, time);
-        this.store.add("warning", client, `${[op, subject].filter(Boolean).join(" ")}: ${text} (${reason})`, time, Math.min(count, added - known));
+        const told = `${[op, subject].filter(Boolean).join(" ")}: ${text} (${reason})`;
+        this.store.add("warning", client, told, time, Math.min(count, added - known));
+        if (known === 0) {
+          this.onNew(`${client}: ${told}`);
+        }
       }
     }
     this.counts = counts;

@@ -57,6 +57,20 @@ export class Tabs {
     }
   }
 
+  /**
+   * Show a number at a tab; 0 takes it away.
+   * @param {string} id
+   * @param {number} count
+   * @param {string} label - in words, for screen readers
+   */
+  setBadge(id, count, label) {
+    const { tab } = this.entry(id);
+    tab.querySelector(".badge")?.remove();
+    if (count > 0) {
+      tab.append(element("span", { className: "badge", role: "img", "aria-label": label }, count > 99 ? "99+" : count));
+    }
+  }
+
   /** @param {string} id */
   entry(id) {
     const entry = this.entries.get(id);
