@@ -11,7 +11,7 @@ import msgspec
 from rosbridge_sim.schema.dialect import Dialect
 from rosbridge_sim.schema.parse import Definition, Field
 
-__all__ = ["FieldSpec", "MessageSpec"]
+__all__ = ["FieldSpec", "MessageSpec", "layout_of"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,3 +61,18 @@ class MessageSpec:
     aliases: Mapping[str, str]
     is_header: bool
     finalize: Callable[[Any, int], None] | None = None
+
+
+def layout_of(spec: MessageSpec) -> list[object]:
+    """Return everything that decides a type's byte layout in ROS 2; it is equal in both generations for nearly all.
+
+    Args:
+        spec: the type, of either generation.
+    """
+    layout: list[object] = []
+    for field_spec in spec.fields.values():
+        one = field_spec.definition
+        if spec.name == "std_msgs/Header" and one.name == "seq":
+            continue  # ROS 2 has no such field
+        layout += [one.array, one.is_bounded, one.type if field_spec.nested is None else layout_of(field_spec.nested)]
+    return layout

@@ -140,6 +140,8 @@ class _RosSource(Source):
     def message(self, spec: MessageSpec, value: str) -> None:
         """Add all fields of the message that the expression `value` stands for."""
         for field_spec in spec.fields.values():
+            if self._is_cdr and spec.name == "std_msgs/Header" and field_spec.definition.name == "seq":
+                continue  # a header of ROS 1, written for ROS 2
             item = f"{value}.{field_spec.attribute}"
             if field_spec.definition.array is not None:
                 self.array(field_spec, spec, self.keep(item))

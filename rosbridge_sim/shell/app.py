@@ -45,7 +45,7 @@ from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.access_rights import is_writable, why_not_writable
-from rosbridge_sim.shell.files.definitions import read_definitions
+from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 from rosbridge_sim.shell.files.quota import DataQuota, in_thread
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
 from rosbridge_sim.shell.map_page import MapPage
@@ -72,6 +72,7 @@ from rosbridge_sim.suggestions import listing
 if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.attach import Attachment
     from rosbridge_sim.shell.bags.bag_recorder import Recorder
+    from rosbridge_sim.shell.ros2.joining import JoinedRos2
 
 __all__ = ["AddressError", "Simulator"]
 
@@ -133,6 +134,7 @@ class Simulator:
         self._thread: LoopThread | None = None
         self._is_stopped = False
         self._wrong_release: asyncio.Future[None] | None = None
+        self._ros2: JoinedRos2 | None = None
 
     def __repr__(self) -> str:
         """Return the address, the world and the state."""
@@ -294,6 +296,7 @@ class Simulator:
             if settings.port_file is not None:
                 self._port_file = PortFile(settings.port_file, server.port)
             self._recorder = start_recorder(settings, bus, node, texts)
+            self._join_ros2(bus, limits, texts, scheduler)
         except DocumentError:
             self._remove_port_file()
             await server.stop()
@@ -399,6 +402,18 @@ class Simulator:
             scheduler.add(attachment.mirror)
             attachment.start()
 
+    def _join_ros2(self, bus: Bus, limits: ServerLimits, texts: Texts, scheduler: Scheduler) -> None:
+        """Become a node on the graph of ROS 2, if the settings say so.
+
+        Raises:
+            DocumentError: the DDS library is missing, or refuses the domain.
+        """
+        if self.settings.ros2_domain is None:
+            return
+        from rosbridge_sim.shell.ros2.joining import join_ros2  # noqa: PLC0415 - most servers join no domain
+
+        self._ros2 = join_ros2(self.settings, bus, limits.policy, texts, scheduler)
+
     def _bridge_ages(self, now: float) -> dict[str, float]:
         """Return how old topic messages are when each bridge handles them [s], by its URL."""
         return {attachment.url: attachment.mirror.age(now) for attachment in self.attachments}
@@ -422,20 +437,19 @@ class Simulator:
         """Close every connection (code 1001) and stop the world, within two seconds. A second call does nothing."""
         self._remove_port_file()  # before another server can take the port
         self._is_stopped = self.bus is not None
-        if self._scheduler is not None:
-            self._scheduler.stop()
-        if self._recordings is not None:
-            self._recordings.stop()
-        if self._quota is not None:
-            self._quota.stop()
-        if self.descriptors is not None:
-            self.descriptors.stop()
-        if self._reader is not None:
-            self._reader.stop()
-        if self._worker is not None:
-            self._worker.stop()
-        if self._reports is not None:
-            self._reports.stop()
+        parts = (
+            self._scheduler,
+            self._recordings,
+            self._quota,
+            self.descriptors,
+            self._reader,
+            self._worker,
+            self._reports,
+            self._ros2,
+        )
+        for part in parts:
+            if part is not None:
+                part.stop()
         try:
             if self._server is not None:
                 await asyncio.gather(self._server.stop(), *(attachment.stop() for attachment in self.attachments))

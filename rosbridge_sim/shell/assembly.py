@@ -335,6 +335,11 @@ def check_sense(settings: Settings) -> None:
             f"real-time-factor: expected 1 with --stamps wall; got {settings.real_time_factor:g};"
             " --stamps sim allows any factor"
         )
+    if settings.ros2_domain is not None and settings.token is not None and not settings.ros2_without_token:
+        raise DocumentError(
+            "ros2-domain: expected no --token, because DDS lets every program in the domain read and command without"
+            " one; --ros2-without-token allows it"
+        )
     if settings.open and not (settings.listen and settings.page):
         raise DocumentError("open: expected a server that listens and has its page; got --no-listen or --no-page")
     if settings.port_file is not None and not settings.listen:

@@ -13,6 +13,7 @@ from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from tests.vector_player import read_frame
 
@@ -22,14 +23,14 @@ SCHEMAS = Path(__file__).parents[2] / "schemas"
 
 
 @cache
-def make_store() -> Store:
+def make_store(ros: Generation = 1) -> Store:
     """All types of `schemas/`, one release of morai_msgs; made once, for nothing changes it."""
     texts = {}
     for path in sorted(p for p in SCHEMAS.glob("*/**/*") if p.suffix in {".msg", ".srv", ".action"}):
         package, *release, kind, _ = path.relative_to(SCHEMAS).parts
         if release in ([], ["22.R2"]):
             texts[package, kind, path.stem] = path.read_text()
-    return Store(texts)
+    return Store(texts, ros=ros)
 
 
 def make_bus() -> Bus:

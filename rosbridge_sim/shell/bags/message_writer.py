@@ -13,7 +13,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rosbridge_sim.errors import DocumentError, EncodingError, GraphError, PeerError
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.schema.message_spec import MessageSpec
+from rosbridge_sim.schema.message_spec import layout_of
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import Bag, Channel
@@ -34,17 +34,6 @@ class _Track:
     type: MessageType
     channel: Channel
     recode: Callable[[bytes], bytes] | None
-
-
-def _layout(spec: MessageSpec) -> list[object]:
-    """Return everything that decides a type's byte layout; it is equal in both generations for nearly all types."""
-    layout: list[object] = []
-    for field_spec in spec.fields.values():
-        one = field_spec.definition
-        if spec.name == "std_msgs/Header" and one.name == "seq":
-            continue  # ROS 2 has no such field, and rosbags handles that
-        layout += [one.array, one.is_bounded, one.type if field_spec.nested is None else _layout(field_spec.nested)]
-    return layout
 
 
 class BagMessageWriter:
@@ -99,7 +88,7 @@ class BagMessageWriter:
             other = self._source.message(message_type.name)
         except PeerError:
             return None
-        if _layout(other.spec) != _layout(message_type.spec):
+        if layout_of(other.spec) != layout_of(message_type.spec):
             return None
         full_name = message_type.name.replace("/", "/msg/")
         ros2 = self._store if self._store.ros != 1 else self._source  # rosbags needs the definition of ROS 2

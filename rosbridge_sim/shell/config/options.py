@@ -29,6 +29,12 @@ class SimulatorOptions(TypedDict, total=False):
     scene: bool
     strict_release: bool
     attach_retry: float
+    ros2_domain: int | None
+    ros2_distro: Literal["humble", "iron", "jazzy", "kilted", "rolling"]
+    ros2_namespace: str
+    ros2_topics: Sequence[str] | str
+    ros2_discovery: Literal["localhost", "multicast"]
+    ros2_without_token: bool
     token: str | None
     allow_origin: Sequence[str] | str
     allow_host: Sequence[str] | str

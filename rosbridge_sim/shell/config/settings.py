@@ -17,6 +17,7 @@ from rosbridge_sim.shell.config.value_types import (
     FOLDERS,
     FRAMES,
     HOSTS,
+    NAMESPACE,
     ORIGINS,
     PATTERNS,
     RATES,
@@ -64,6 +65,7 @@ def _flag(default: T, group: str, kind: ValueType, text: str) -> T:
 
 _LISTEN = "listening"
 _ATTACH = "attaching to another rosbridge"
+_ROS2 = "ROS 2"
 _ACCESS = "access"
 _WORLD = "the world"
 _NETWORK = "the simulator's topics and services"
@@ -151,6 +153,44 @@ class Settings:
     )
     attach_retry: float = _flag(
         10.0, _ATTACH, period(0.1, 3_600.0), "longest wait between two attempts to connect to a bridge"
+    )
+
+    ros2_domain: int | None = _flag(
+        None,
+        _ROS2,
+        or_none(whole_number(0, 232), "none"),
+        "join this domain of ROS 2 (ROS_DOMAIN_ID) as a node, without an installation of ROS; needs the extra"
+        " rosbridge-sim[ros2]",
+    )
+    ros2_distro: Literal["humble", "iron", "jazzy", "kilted", "rolling"] = _flag(
+        "jazzy",
+        _ROS2,
+        choice_of("humble", "iron", "jazzy", "kilted", "rolling"),
+        "distribution of the other nodes; humble tells names of nodes in another form",
+    )
+    ros2_namespace: str = _flag(
+        "",
+        _ROS2,
+        NAMESPACE,
+        "namespace of the node and of all its topics, such as /sim1; none by default",
+    )
+    ros2_topics: tuple[str, ...] = _flag(
+        (),
+        _ROS2,
+        PATTERNS,
+        "topics that pass between ROS 2 and this server, such as /tf*; without it all that clients may use; repeatable",
+    )
+    ros2_discovery: Literal["localhost", "multicast"] = _flag(
+        "localhost",
+        _ROS2,
+        choice_of("localhost", "multicast"),
+        "where nodes are looked for: on this machine alone, so that no packet leaves it, or in the whole network",
+    )
+    ros2_without_token: bool = _flag(
+        default=False,
+        group=_ROS2,
+        kind=SWITCH,
+        text="allow --ros2-domain beside --token: DDS asks nobody for a token",
     )
 
     token: str | None = _flag(

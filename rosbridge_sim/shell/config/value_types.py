@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
+from rosbridge_sim.graph.ros2.ros2_names import is_name
 from rosbridge_sim.link.urls import DEFAULT_PORT, check_url
 
 __all__ = [
@@ -22,6 +23,7 @@ __all__ = [
     "FOLDER_TYPE",
     "FRAMES",
     "HOSTS",
+    "NAMESPACE",
     "ORIGINS",
     "PATTERNS",
     "RATES",
@@ -328,6 +330,16 @@ def _read_hosts(value: object) -> tuple[str, ...]:
 
 
 HOSTS = ValueType("host names without blanks, such as sim or *.lab.example", _read_hosts, "HOST", ",")
+
+
+def _read_namespace(value: object) -> str:
+    name = cast("str", value).strip().rstrip("/")  # a value that is not text raises, as it should
+    if name and not is_name(name):
+        raise ValueError
+    return name
+
+
+NAMESPACE = ValueType("an absolute name of ROS 2, such as /sim1", _read_namespace, "NAME")
 
 
 def _read_frames(value: object) -> tuple[str, ...]:

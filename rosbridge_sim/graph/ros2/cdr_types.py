@@ -1,0 +1,199 @@
+"""Messages as nodes of ROS 2 exchange them: CDR bytes, made and read for the types of a store of either generation.
+
+The writer is the one of `ros_serialization.py`. A store of ROS 1 has the same layout for nearly all types, apart from
+the `seq` of a header, which ROS 2 does not have; the few others go through JSON and the type of ROS 2. The reader is
+that of rosbags. What it read is checked like a body of any client.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from rosbridge_sim.errors import FieldError, PeerError, Reason, TypeNameError
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_spec import MessageSpec, layout_of
+from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.names import spelled
+from rosbridge_sim.schema.ros_serialization import RosWriters
+from rosbridge_sim.schema.store import Store
+
+if TYPE_CHECKING:  # an import of a tenth of a second that only a node of ROS 2 needs
+    from rosbags.interfaces.typing import Fielddefs, Typesdict
+    from rosbags.typesys.store import Typestore
+
+__all__ = ["MAX_NESTED", "CdrType", "CdrTypes"]
+
+MAX_NESTED: Final = 128 * 1024
+"""Longest message with an array of messages or of texts that is read [bytes]: each element is an object of Python, and
+so many bytes take up to 50 ms. Other messages may be as long as frames may be."""
+
+
+class CdrType:
+    """A message type as nodes of ROS 2 know it; `CdrTypes` makes it.
+
+    Attributes:
+        name: `pkg/msg/Type`.
+        type: the type in the store of the bus.
+        hash: ROS 2's hash of the definition, `RIHS01_` and 64 hexadecimal digits.
+        definitions: all types in it, itself included: `pkg/msg/Type` -> fields, in the form of rosbags.
+    """
+
+    def __init__(
+        self, message_type: MessageType, cdr_type: MessageType, types: Typesdict, known: Typestore, *, is_same: bool
+    ) -> None:
+        self.name = spelled(cdr_type.name, "msg", 2)
+        self.type = message_type
+        self.hash = known.hash_rihs01(self.name)
+        self.definitions: Mapping[str, Fielddefs] = {name: found for name, (_, found) in types.items()}
+        self._cdr_type = cdr_type
+        self._types = known
+        self._is_same = is_same
+        self._has_elements = _has_elements(message_type.spec)
+
+    def encode(self, message: Message) -> bytes:
+        """Return a message as CDR, with its four bytes of encapsulation; made once for all who want it.
+
+        Args:
+            message: a message of the type.
+
+        Raises:
+            EncodingError: it cannot be written, because of an internal error.
+        """
+        if message.type.spec.dialect.ros != 1:  # type: ignore[union-attr] # a type of the store, as `type` is
+            return message.raw
+        return message.shared("CDR", lambda: self._encode(message))
+
+    def _encode(self, message: Message) -> bytes:
+        if self._is_same:
+            return _WRITERS.serialize(self.type.spec, message.value)
+        return self._cdr_type.encode_raw(self._cdr_type.decode_json(message.json, 0))
+
+    def decode(self, raw: bytes, stamp_ns: int) -> Struct:
+        """Return the checked value of a message.
+
+        Args:
+            raw: CDR, with its four bytes of encapsulation.
+            stamp_ns: the present time, for a header without a stamp [ns].
+
+        Raises:
+            FieldError: the bytes are not a message of the type, or are too many.
+        """
+        if self._has_elements and len(raw) > MAX_NESTED:
+            why = f"{self.name}: expected at most {MAX_NESTED:,} bytes, since it has arrays of messages or texts"
+            raise FieldError(f"{why}; got {len(raw):,}", reason=Reason.TOO_MUCH)
+        try:
+            value = _plain(self._types.deserialize_cdr(raw, self.name), self.definitions)
+        except Exception as error:  # noqa: BLE001 - a library reads foreign bytes: any error means that they are broken
+            raise FieldError(f"{self.name}: the bytes are not a message of this type: {error!r:.100}") from None
+        return self.type.check(value if self._is_same else _without_unknown(value, self.type.spec), stamp_ns)
+
+
+_WRITERS: Final = RosWriters(2)
+"""Writers for types of ROS 1 that have the layout of ROS 2; a cache of pure functions."""
+
+
+class CdrTypes:
+    """The types of one store as nodes of ROS 2 know them, each made at its first use.
+
+    Args:
+        store: the types of the bus.
+        ros2: the same types in the form of ROS 2; `store` itself if it has that.
+    """
+
+    def __init__(self, store: Store, ros2: Store) -> None:
+        from rosbags.typesys import Stores, get_typestore  # noqa: PLC0415 - see above
+
+        assert ros2.ros == 2  # noqa: PLR2004 - a generation
+        self._store = store
+        self._ros2 = ros2
+        self._types: dict[str, CdrType | PeerError] = {}
+        self._known = get_typestore(Stores.EMPTY)
+
+    def find(self, name: str) -> CdrType:
+        """Return a type.
+
+        Args:
+            name: `pkg/Type`, in any spelling.
+
+        Raises:
+            TypeNameError: ROS 2 has no such type, or none is known here.
+            FieldError: nodes of ROS 2 cannot exchange it.
+        """
+        canonical = self._store.canonical(name)
+        known = self._types.get(canonical)
+        if known is None:
+            try:
+                known = self._make(canonical)
+            except PeerError as error:
+                known = error
+            if len(self._types) >= _MAX_TYPES:
+                self._types.clear()
+            self._types[canonical] = known
+        if isinstance(known, PeerError):
+            raise known
+        return known
+
+    def _make(self, name: str) -> CdrType:
+        from rosbridge_sim.graph.ros2.rosbags_types import types_in  # noqa: PLC0415 - see above
+
+        message_type = self._store.message(name)
+        cdr_type = self._ros2.message(name)
+        cdr_type.encode_raw(cdr_type.default())  # raises now if ROS 2 cannot write the type
+        types = types_in(cdr_type.spec)
+        is_same = layout_of(message_type.spec) == layout_of(cdr_type.spec)
+        try:
+            self._known.register(types)
+            return CdrType(message_type, cdr_type, types, self._known, is_same=is_same)
+        except Exception as error:  # noqa: BLE001 - a library that reads definitions of users
+            raise TypeNameError(f"{name} cannot be used with ROS 2: {error!r:.100}") from None
+
+
+_MAX_TYPES: Final = 10_000
+"""Types that are remembered; a server knows fewer, unless clients name ever new ones."""
+
+
+def _has_elements(spec: MessageSpec) -> bool:
+    """Return True if a type has an array whose elements are messages or texts."""
+    for field_spec in spec.fields.values():
+        if field_spec.definition.array is not None and (
+            field_spec.nested is not None or field_spec.definition.type in {"string", "wstring", "time", "duration"}
+        ):
+            return True
+        if field_spec.nested is not None and _has_elements(field_spec.nested):
+            return True
+    return False
+
+
+def _without_unknown(value: Any, spec: MessageSpec) -> Any:  # noqa: ANN401 - objects of Python
+    """Return a message of ROS 2 without the fields that its type does not have in ROS 1."""
+    known = {}
+    for name, part in value.items():
+        name_here = spec.aliases.get(name, name)
+        if name_here in spec.fields:
+            nested = spec.fields[name_here].nested
+            known[name] = _without_unknown(part, nested) if nested is not None and isinstance(part, dict) else part
+    return known
+
+
+def _plain(value: Any, types: Mapping[str, Any]) -> Any:  # noqa: ANN401 - what a library has read
+    """Return a message of rosbags as Python objects, as `MessageType.check` takes them.
+
+    Args:
+        value: the message, or a value in it.
+        types: its types: name -> fields.
+    """
+    if isinstance(value, np.ndarray):
+        if value.dtype == np.uint8:
+            return value.tobytes()
+        return value.tolist() if value.dtype == np.bool_ else value.copy()
+    if isinstance(value, list):
+        return [_plain(one, types) for one in value]
+    name = getattr(value, "__msgtype__", None)
+    if name is None:
+        return value
+    found = types[name]
+    return {field: _plain(getattr(value, field), types) for field, _ in found}

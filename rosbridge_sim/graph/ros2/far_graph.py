@@ -1,0 +1,99 @@
+"""What the gateway knows of the graph of ROS 2, and what it needs of the node there. `shell/` provides the node."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from rosbridge_sim.graph.ros2.cdr_types import CdrType
+
+__all__ = ["Endpoint", "FarNode", "Quality"]
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """Quality of service of an endpoint, as far as two endpoints must agree in it.
+
+    Attributes:
+        is_reliable: lost messages are sent again.
+        is_latched: late subscribers get the last messages (`transient_local`).
+        depth: messages that are kept for a slow or late subscriber.
+    """
+
+    is_reliable: bool = True
+    is_latched: bool = False
+    depth: int = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Endpoint:
+    """A publisher or subscription of another program on the graph.
+
+    Attributes:
+        key: tells endpoints apart.
+        topic: name of the topic on our bus.
+        dds_type: name of its type for DDS.
+        is_writer: it publishes.
+        quality: what it offers or asks for.
+        node: name of its node, or of its program if the node has not told its name.
+    """
+
+    key: str
+    topic: str
+    dds_type: str
+    is_writer: bool
+    quality: Quality
+    node: str
+
+
+class FarNode(Protocol):
+    """Our node on the graph of ROS 2. Names of topics are those of our bus."""
+
+    def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
+        """Publish on a topic; other nodes see it from now on.
+
+        Args:
+            topic: its name.
+            cdr_type: its type.
+            quality: what is offered.
+
+        Raises:
+            GraphError: the library refuses it.
+        """
+
+    def open_reader(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
+        """Subscribe to a topic. Its messages go to the gateway.
+
+        Args:
+            topic: its name.
+            cdr_type: its type.
+            quality: what is asked for.
+
+        Raises:
+            GraphError: the library refuses it.
+        """
+
+    def close_writer(self, topic: str) -> None:
+        """Stop to publish on a topic.
+
+        Args:
+            topic: its name.
+        """
+
+    def close_reader(self, topic: str) -> None:
+        """Stop to subscribe to a topic.
+
+        Args:
+            topic: its name.
+        """
+
+    def write(self, topic: str, raw: bytes) -> bool:
+        """Send a message on a topic that has a writer. It never waits for a slow subscriber.
+
+        Args:
+            topic: its name.
+            raw: the message as CDR.
+
+        Returns:
+            False if it was dropped, because too much waits for a slow subscriber already.
+        """

@@ -1,0 +1,445 @@
+"""The gateway between the bus and the graph of ROS 2: all programs there, as one participant of the bus.
+
+    topic with a publisher on the bus          a writer there; a message is encoded only if somebody there subscribes
+    topic with a subscription on the bus       a reader there; its messages are published on the bus
+    topic with a publisher there               advertised on the bus, so that clients find it
+
+The gateway is a guest of the bus like any client: it gives way to the server's own parts, and the patterns of access
+hold for it. A message that came from the graph is never sent back to it.
+The graph changes often and in many small steps. So the wanted writers and readers are computed anew from the bus and
+from the endpoints there, after a change, at most ten times a second.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import OfferKind, Participant
+from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
+from rosbridge_sim.graph.ros2.far_graph import Endpoint, FarNode, Quality
+from rosbridge_sim.graph.ros2.ros2_names import dds_type, is_name, type_of
+from rosbridge_sim.graph.topics_services import Subscription, Topic
+from rosbridge_sim.schema.message import Message
+
+__all__ = ["MAX_TOPICS", "PERIOD", "Ros2Gateway"]
+
+MAX_TOPICS: Final = 1_000
+"""Most topics in each direction. DDS tells every program of every endpoint, so more would be a burden to all."""
+
+OWN_TOPICS: Final = frozenset({"/rosout", "/parameter_events", "/client_count", "/connected_clients"})
+"""Topics that ROS 2 and rosbridge each have for themselves: logs and parameters of nodes, and clients of a server."""
+
+OWN_FOLDERS: Final = ("/tf2_web_republisher/",)
+"""Topics of an action of ROS 1, which ROS 2 does not have in this form."""
+
+MAX_ENDPOINTS: Final = 20_000
+"""Most endpoints of other programs that are remembered."""
+
+MAX_LINES: Final = 200
+"""Most lines of the log that are written once each, whatever other programs do."""
+
+ENDPOINTS_PER_TURN: Final = 2
+"""Writers and readers that one turn opens: the DDS library takes up to 20 ms for a new type."""
+
+PERIOD: Final = 0.1
+"""Least time between two looks at all topics [s]."""
+
+_log = logging.getLogger("rosbridge_sim.ros2")
+
+
+@dataclass(slots=True)
+class _Writer:
+    """A topic that we publish there."""
+
+    type: CdrType
+    quality: Quality
+    subscription: Subscription
+
+
+@dataclass(slots=True)
+class _Reader:
+    """A topic that we subscribe to there."""
+
+    type: CdrType
+    quality: Quality
+
+
+class Ros2Gateway:
+    """All programs on the graph of ROS 2, as one participant of our bus.
+
+    Attributes:
+        name: name of its node in rosapi's lists.
+        address: stands for the address of a client, in the log.
+        num_received, num_sent, num_dropped: messages from the graph, to it, and dropped for slow subscribers there.
+    """
+
+    name = "/ros2"
+    address = "ROS 2"
+
+    def __init__(self, bus: Bus, types: CdrTypes, node: FarNode, policy: Policy, topics: Rule) -> None:
+        """Start without writers and readers; the first `advance` makes them.
+
+        Args:
+            bus: our bus.
+            types: its types as ROS 2 knows them.
+            node: our node on the graph.
+            policy: rights of all clients.
+            topics: topics that pass, in both directions.
+        """
+        self.num_received = self.num_sent = self.num_dropped = 0
+        self._bus = bus
+        self._types = types
+        self._node = node
+        self._policy = policy
+        self._topics = topics
+        self._writers: dict[str, _Writer] = {}
+        self._readers: dict[str, _Reader] = {}
+        self._endpoints: dict[str, Endpoint] = {}
+        self._advertised: dict[str, str] = {}
+        self._told: set[str] = set()
+        self._refused: set[tuple[str, str]] = set()
+        self._due: float | None = 0.0
+        self._looked_at = -PERIOD
+        self._now = 0.0
+        self._num_opened = 0
+        self.on_change: Callable[[], None] = _do_nothing
+        bus.on_topic.append(self._note_topic)
+        bus.on_holdings.append(self._note_holdings)
+
+    # As a participant of the bus
+
+    def notify(self, level: str, text: str) -> None:
+        """Log a notice of the bus."""
+        self._tell(text, logging.getLevelNamesMapping().get(level.upper(), logging.WARNING))
+
+    def lose(self, kind: OfferKind, name: str, why: str) -> None:
+        """See `Guest`: a part of the server publishes there from now on."""
+        self._advertised.pop(name, None)
+        self._tell(f"{kind} {name}: {why}")
+
+    def check_subscribe(self, topic: str, type_name: str) -> None:
+        """See `Restricted`.
+
+        Raises:
+            GraphError: programs on the graph must not have its messages.
+        """
+        self._policy.check_subscribe(topic, type_name)
+
+    def fail(self, error: Exception) -> None:
+        """See `Guarded`: all ends, and nothing passes any more.
+
+        Args:
+            error: the internal error.
+        """
+        _log.error("internal error; nothing passes to or from ROS 2 any more", exc_info=error)
+        self.leave(self._now)
+
+    def leave(self, now: float) -> None:
+        """End everything, on the bus and on the graph. A second call does nothing.
+
+        Args:
+            now: monotonic time [s].
+        """
+        if self._note_topic not in self._bus.on_topic:
+            return
+        self._bus.on_topic.remove(self._note_topic)
+        self._bus.on_holdings.remove(self._note_holdings)
+        self._due = None
+        self._bus.leave(self, now)
+        for topic in list(self._writers):
+            self._node.close_writer(topic)
+        for topic in list(self._readers):
+            self._node.close_reader(topic)
+        self._writers.clear()
+        self._readers.clear()
+
+    # What the graph tells
+
+    def note_endpoints(self, found: Iterable[Endpoint], lost: Iterable[str], now: float) -> None:
+        """Note that endpoints of other programs have come, or have gone.
+
+        Args:
+            found: new or changed endpoints.
+            lost: keys of those that are gone.
+            now: monotonic time [s].
+        """
+        for key in lost:
+            self._endpoints.pop(key, None)
+        for endpoint in found:
+            if len(self._endpoints) < MAX_ENDPOINTS:
+                self._endpoints[endpoint.key] = endpoint
+            else:
+                self._tell(f"more than {MAX_ENDPOINTS:,} endpoints of other programs: the others are not seen")
+        self._mark(now)
+
+    def receive(self, name: str, raws: Iterable[bytes], now: float) -> None:
+        """Publish messages of a topic on the bus. One that does not fit is dropped, and its mistake is told.
+
+        Args:
+            name: name of the topic on the bus.
+            raws: the messages as CDR.
+            now: monotonic time [s].
+        """
+        reader, topic = self._readers.get(name), self._bus.find_topic(name)
+        if reader is None or topic is None or topic.type.name != reader.type.type.name:
+            return
+        if name not in self._advertised and not self._advertise(name, reader.type):
+            return
+        for raw in raws:
+            try:
+                value = reader.type.decode(raw, self._bus.stamp_ns)
+                self.num_received += 1
+                self._bus.publish(self, topic, Message(reader.type.type, value), now)
+            except PeerError as error:
+                self._refuse(name, error)
+
+    # Looking
+
+    def next_due(self, _now: float) -> float | None:
+        """Return when `advance` has something to do next [s]."""
+        return self._due
+
+    def advance(self, now: float) -> None:
+        """Make the wanted writers and readers, if something has changed.
+
+        Args:
+            now: monotonic time [s].
+        """
+        self._now = now
+        if self._due is None or now < self._due:
+            return
+        self._due = None
+        self._looked_at = now
+        self._num_opened = 0
+        self._look(now)
+        if self._num_opened > ENDPOINTS_PER_TURN:
+            self._due = now
+
+    def end(self, error: Exception) -> None:
+        """See `Endable`."""
+        self.fail(error)
+
+    def _mark(self, now: float) -> None:
+        """Have `advance` look at all topics, soon."""
+        if self._due is None:
+            self._due = max(now, self._looked_at + PERIOD)
+            self.on_change()
+
+    def _note_topic(self, _topic: Topic) -> None:
+        self._mark(self._now)
+
+    def _note_holdings(self, owner: Participant) -> None:
+        if owner is not self:
+            self._mark(self._now)
+
+    def _look(self, now: float) -> None:
+        self._advertise_foreign(now)
+        topics = list(self._bus.topics.values())
+        self._set_writers(topics, now)
+        self._set_readers(topics)
+
+    def _advertise_foreign(self, now: float) -> None:
+        """Advertise on the bus what others publish on the graph, and end what they publish no more."""
+        foreign: dict[str, Endpoint] = {}
+        for endpoint in self._endpoints.values():
+            if endpoint.is_writer and self._passes(endpoint.topic):
+                foreign.setdefault(endpoint.topic, endpoint)
+        for name in [name for name in self._advertised if name not in foreign]:
+            self._bus.unadvertise(self, name, now)
+            del self._advertised[name]
+        for name, endpoint in foreign.items():
+            if name in self._advertised:
+                continue
+            type_name = type_of(endpoint.dds_type)
+            if type_name is None:
+                self._tell(f"{name}: {endpoint.node} publishes {endpoint.dds_type}, which is no message of ROS 2")
+                continue
+            try:
+                cdr_type = self._types.find(type_name)
+            except PeerError as error:
+                self._tell(f"{name} of {endpoint.node} does not pass: {error}", logging.INFO)
+                continue
+            self._advertise(name, cdr_type, endpoint.node)
+
+    def _advertise(self, name: str, cdr_type: CdrType, node: str = "a program there") -> bool:
+        """Advertise a topic on the bus for a program on the graph; return False if that is refused."""
+        if len(self._advertised) >= MAX_TOPICS:
+            self._tell(f"more than {MAX_TOPICS:,} topics of other programs: the others do not pass")
+            return False
+        try:
+            self._policy.check_publish(name, cdr_type.type.name)
+            self._bus.advertise(self, name, cdr_type.type.name, is_on_demand=True)
+        except PeerError as error:
+            self._tell(f"{node} publishes {name}, and its messages do not pass: {error}")
+            return False
+        self._advertised[name] = cdr_type.name
+        return True
+
+    def _set_writers(self, topics: list[Topic], now: float) -> None:
+        """Open and close writers, and start and stop the encoding for those that somebody reads."""
+        wanted: dict[str, tuple[Topic, CdrType]] = {}
+        for topic in topics:
+            if topic.is_settled and any(owner is not self for owner in topic.publishers) and self._may_leave(topic):
+                cdr_type = self._find(topic)
+                if cdr_type is not None:
+                    wanted[topic.name] = (topic, cdr_type)
+        for name, writer in list(self._writers.items()):
+            if name not in wanted or wanted[name][1] is not writer.type:
+                self._bus.unsubscribe(writer.subscription, now)
+                self._node.close_writer(name)
+                del self._writers[name]
+        read = {endpoint.topic for endpoint in self._endpoints.values() if not endpoint.is_writer}
+        for name, (topic, cdr_type) in wanted.items():
+            if name not in self._writers and not self._open_writer(topic, cdr_type):
+                continue
+            writer = self._writers[name]
+            writer.subscription.is_idle = name not in read and not writer.quality.is_latched
+
+    def _open_writer(self, topic: Topic, cdr_type: CdrType) -> bool:
+        self._num_opened += 1
+        if self._num_opened > ENDPOINTS_PER_TURN:
+            return False
+        if len(self._writers) >= MAX_TOPICS:
+            self._tell(f"more than {MAX_TOPICS:,} topics on the bus: the others do not pass")
+            return False
+        quality = Quality(is_latched=topic.is_latching, depth=topic.depth or Quality().depth)
+        try:
+            self._node.open_writer(topic.name, cdr_type, quality)
+        except GraphError as error:
+            self._tell(f"{topic.name} cannot be published: {error}")
+            self._refused.add((topic.name, cdr_type.name))
+            return False
+        subscription = self._bus.subscribe(
+            self, topic.name, self._send, is_idle=not quality.is_latched, is_general=True
+        )
+        self._writers[topic.name] = _Writer(cdr_type, quality, subscription)
+        for owner, held in topic.kept.items():
+            for message in held.messages():
+                self._send(topic, message, owner, self._now)
+        return True
+
+    def _set_readers(self, topics: list[Topic]) -> None:
+        """Open and close readers, for the subscriptions on the bus."""
+        wanted: dict[str, CdrType] = {}
+        for topic in topics:
+            if any(one.owner is not self and not one.is_general for one in topic.all_subscriptions) and (
+                self._may_enter(topic)
+            ):
+                cdr_type = self._find(topic)
+                if cdr_type is not None:
+                    wanted[topic.name] = cdr_type
+        offered = self._offered(wanted)
+        for name, reader in list(self._readers.items()):
+            if wanted.get(name) is not reader.type or reader.quality != offered[name]:
+                self._node.close_reader(name)
+                del self._readers[name]
+        for name, cdr_type in wanted.items():
+            if name in self._readers:
+                continue
+            self._num_opened += 1
+            if self._num_opened > ENDPOINTS_PER_TURN:
+                return
+            self._open_reader(name, cdr_type, offered[name])
+
+    def _open_reader(self, name: str, cdr_type: CdrType, quality: Quality) -> None:
+        if len(self._readers) >= MAX_TOPICS:
+            self._tell(f"more than {MAX_TOPICS:,} subscribed topics: the others do not pass")
+            return
+        try:
+            self._node.open_reader(name, cdr_type, quality)
+        except GraphError as error:
+            self._tell(f"{name} cannot be subscribed to: {error}")
+            self._refused.add((name, cdr_type.name))
+            return
+        self._readers[name] = _Reader(cdr_type, quality)
+
+    def _offered(self, wanted: dict[str, CdrType]) -> dict[str, Quality]:
+        """Return the best quality that all publishers of each topic offer, so that a reader gets all of them."""
+        found: dict[str, list[Quality]] = {}
+        for endpoint in self._endpoints.values():
+            if endpoint.is_writer and endpoint.topic in wanted:
+                if endpoint.dds_type != dds_type(wanted[endpoint.topic].name):
+                    expected = wanted[endpoint.topic].name
+                    text = f"{endpoint.node} publishes {endpoint.topic} as {endpoint.dds_type}, not as {expected}"
+                    self._tell(f"{text}: its messages do not pass")
+                    continue
+                found.setdefault(endpoint.topic, []).append(endpoint.quality)
+        return {
+            name: Quality(
+                is_reliable=all(one.is_reliable for one in found.get(name, ())),
+                is_latched=bool(found.get(name)) and all(one.is_latched for one in found[name]),
+            )
+            for name in wanted
+        }
+
+    # Messages to the graph
+
+    def _send(self, topic: Topic, message: Message, sender: Participant, _now: float) -> None:
+        """Send a message of the bus to the graph, unless it came from there."""
+        writer = self._writers.get(topic.name)
+        if writer is None or sender is self or message.type.name != writer.type.type.name:
+            return
+        if self._node.write(topic.name, writer.type.encode(message)):
+            self.num_sent += 1
+        else:
+            self.num_dropped += 1
+
+    # Rights and lines of the log
+
+    def _passes(self, name: str) -> bool:
+        is_own = name in OWN_TOPICS or name.startswith(OWN_FOLDERS)
+        return not is_own and is_name(name) and self._topics.admits(name)
+
+    def _may_leave(self, topic: Topic) -> bool:
+        """Return True if programs on the graph may have a topic's messages."""
+        if not self._passes(topic.name):
+            return False
+        try:
+            self._policy.check_subscribe(topic.name, topic.type.name)
+        except GraphError:
+            return False
+        return True
+
+    def _may_enter(self, topic: Topic) -> bool:
+        """Return True if programs on the graph may publish on a topic."""
+        if not self._passes(topic.name) or (topic.owner is not None and topic.owner is not self):
+            return False
+        try:
+            self._policy.check_publish(topic.name, topic.type.name)
+        except GraphError:
+            return False
+        return True
+
+    def _find(self, topic: Topic) -> CdrType | None:
+        """Return the type of a topic as ROS 2 knows it; None if it has none or was refused, which is told once."""
+        try:
+            found = self._types.find(topic.type.name)
+        except PeerError as error:
+            self._tell(f"{topic.name} does not pass: {error}", logging.INFO)
+            return None
+        return None if (topic.name, found.name) in self._refused else found
+
+    def _refuse(self, name: str, error: PeerError) -> None:
+        """Report a message of the graph that does not fit, as a client's mistake."""
+        text = f"{name}: {error}"
+        self._tell(f"a message is dropped: {text}")
+        reason = error.reason if isinstance(error, (FieldError, GraphError)) else Reason.REFUSED
+        refusal = RefusedRequest(self.address, reason, "publish", name, text)
+        self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
+
+    def _tell(self, text: str, level: int = logging.WARNING) -> None:
+        """Log a line once."""
+        if text not in self._told and len(self._told) < MAX_LINES:
+            self._told.add(text)
+            _log.log(level, "%s", text)
+
+
+def _do_nothing() -> None:
+    """Do nothing: nobody waits for a change."""

@@ -1,0 +1,289 @@
+"""Our node on the graph of ROS 2: endpoints by DDS, their announcement, and the messages between threads and the loop.
+
+Threads of the DDS library only report that something waits. The event loop takes it, a few messages in each turn.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.ros2.cdr_types import CdrType
+from rosbridge_sim.graph.ros2.discovery_info import (
+    DISCOVERY_TOPIC,
+    Distro,
+    discovery_type,
+    node_names,
+    write_discovery,
+)
+from rosbridge_sim.graph.ros2.far_graph import Endpoint, Quality
+from rosbridge_sim.graph.ros2.gateway import Ros2Gateway
+from rosbridge_sim.graph.ros2.ros2_names import dds_topic, topic_of
+from rosbridge_sim.shell.ros2.dds_library import DdsDomain, DdsEndpoint, DdsReader, DdsTypes, DdsWriter, check_library
+
+__all__ = ["NODE_NAME", "Ros2Choices", "Ros2Node"]
+
+NODE_NAME: Final = "rosbridge_sim"
+"""Name of our node."""
+
+BYTES_PER_TURN: Final = 256 * 1024
+"""Messages that one turn of the loop takes from the graph [bytes]; the rest waits for the next one."""
+
+ENDPOINTS_PER_TURN: Final = 50
+"""Changes of endpoints that one turn of the loop takes; each costs a tenth of a millisecond."""
+
+MAX_KEYS: Final = 20_000
+"""Most endpoints of other programs whose nodes are remembered by name."""
+
+_log = logging.getLogger("rosbridge_sim.ros2")
+
+_COMMON: Final = "<MaxMessageSize>65500B</MaxMessageSize><FragmentSize>65000B</FragmentSize>"
+"""Messages of any size in datagrams that are as large as may be: with the library's own 1.4 kB, most clouds of points
+were lost on loopback."""
+
+_INTERNAL: Final = (
+    "<Internal><WriterLingerDuration>0 s</WriterLingerDuration>"
+    "<Watermarks><WhcHigh>16 MB</WhcHigh></Watermarks><MaxSampleSize>{max_size}B</MaxSampleSize></Internal>"
+)
+"""No wait for slow subscribers at the end; and more room for them than a large picture takes."""
+
+_CONFIGS: Final = {
+    "localhost": (
+        '<General><Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>'
+        f"<AllowMulticast>false</AllowMulticast>{_COMMON}</General>"
+        '<Discovery><Peers><Peer address="127.0.0.1"/></Peers><ParticipantIndex>auto</ParticipantIndex>'
+        "<MaxAutoParticipantIndex>40</MaxAutoParticipantIndex></Discovery>"
+    ),
+    "multicast": f"<General><AllowMulticast>spdp</AllowMulticast>{_COMMON}</General>",
+}
+"""Configurations of Cyclone DDS. With `localhost` no packet leaves loopback."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ros2Choices:
+    """What the user has chosen.
+
+    Attributes:
+        domain: number of the domain (`ROS_DOMAIN_ID`).
+        distro: distribution of the other nodes.
+        namespace: stands before all names on the graph; empty, or absolute without a slash at its end.
+        discovery: where other programs are looked for.
+        max_message_size: longest message from the graph [bytes].
+    """
+
+    domain: int
+    distro: Distro = "jazzy"
+    namespace: str = ""
+    discovery: Literal["localhost", "multicast"] = "localhost"
+    max_message_size: int = 16 * 2**20
+
+
+class Ros2Node:
+    """Our node; see `FarNode`."""
+
+    def __init__(self, choices: Ros2Choices, loop: asyncio.AbstractEventLoop) -> None:
+        """Join the domain, and tell others of the node.
+
+        Args:
+            choices: see above.
+            loop: takes what comes.
+
+        Raises:
+            DocumentError: the library is missing or refuses the domain.
+        """
+        check_library()
+        config = _CONFIGS[choices.discovery] + _INTERNAL.format(max_size=choices.max_message_size)
+        self.gateway: Ros2Gateway | None = None
+        self.on_work: Callable[[], None] = _do_nothing
+        self._choices = choices
+        self._loop = loop
+        self._domain = DdsDomain(
+            choices.domain, f'<CycloneDDS><Domain Id="any">{config}</Domain></CycloneDDS>', b"enclave=/;"
+        )
+        self._types = DdsTypes()
+        self._writers: dict[str, DdsWriter] = {}
+        self._readers: dict[str, DdsReader] = {}
+        self._waiting: set[str] = set()
+        self._is_stopped = False
+        self._nodes: dict[bytes, str] = {}
+        quality = Quality(is_latched=True, depth=1)
+        self._discovery_type = self._types.make(*discovery_type(choices.distro))
+        self._discovery = self._domain.open_writer(DISCOVERY_TOPIC, self._discovery_type, quality, b"")
+        self._others = self._domain.open_reader(
+            DISCOVERY_TOPIC, self._discovery_type, quality, b"", self._report(self._take_names, DISCOVERY_TOPIC)
+        )
+        self._endpoints = self._domain.watch(self._report(self._take_endpoints, ""))
+        self._is_changed = False
+        self._announce()
+
+    @property
+    def full_name(self) -> str:
+        """Full name of the node on the graph."""
+        return f"{self._choices.namespace}/{NODE_NAME}"
+
+    def stop(self) -> None:
+        """Leave the domain. A second call does nothing."""
+        if not self._is_stopped:
+            self._is_stopped = True
+            self._domain.close()
+
+    # As a `FarNode`
+
+    def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
+        """See `FarNode`.
+
+        Raises:
+            GraphError: the library refuses it.
+        """
+        self._writers[topic] = self._domain.open_writer(
+            dds_topic(topic, self._choices.namespace), self._data_type(cdr_type), quality, _user_data(cdr_type)
+        )
+        self._change()
+
+    def open_reader(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
+        """See `FarNode`.
+
+        Raises:
+            GraphError: the library refuses it.
+        """
+        self._readers[topic] = self._domain.open_reader(
+            dds_topic(topic, self._choices.namespace),
+            self._data_type(cdr_type),
+            quality,
+            _user_data(cdr_type),
+            self._report(lambda: self._take(topic), topic),
+        )
+        self._change()
+
+    def close_writer(self, topic: str) -> None:
+        """See `FarNode`."""
+        writer = self._writers.pop(topic, None)
+        if writer is not None and not self._is_stopped:
+            writer.close()
+            self._change()
+
+    def close_reader(self, topic: str) -> None:
+        """See `FarNode`."""
+        reader = self._readers.pop(topic, None)
+        if reader is not None and not self._is_stopped:
+            reader.close()
+            self._change()
+
+    def write(self, topic: str, raw: bytes) -> bool:
+        """See `FarNode`."""
+        return not self._is_stopped and self._writers[topic].write(raw)
+
+    def _data_type(self, cdr_type: CdrType) -> type:
+        """Return the library's class of a type.
+
+        Raises:
+            GraphError: the library cannot have it.
+        """
+        try:
+            made: type = self._types.make(cdr_type.name, cdr_type.definitions)
+        except Exception as error:  # noqa: BLE001 - a library that gets definitions of users
+            raise GraphError(f"the DDS library cannot have {cdr_type.name}: {error!r:.200}") from None
+        return made
+
+    # Announcement of the node
+
+    def _change(self) -> None:
+        """Announce the node's endpoints anew, once for all changes of this turn."""
+        if not self._is_changed:
+            self._is_changed = True
+            self._loop.call_soon(self._announce)
+
+    def _announce(self) -> None:
+        self._is_changed = False
+        if self._is_stopped:
+            return
+        readers = [reader.key for reader in self._readers.values()]
+        writers = [writer.key for writer in self._writers.values()]
+        node = self._choices.namespace or "/", NODE_NAME
+        self._discovery.write(write_discovery(self._choices.distro, self._domain.key, node, readers, writers))
+
+    # From the threads of the library to the loop
+
+    def _report(self, take: Callable[[], None], key: str) -> Callable[[], None]:
+        """Return a function for the threads of the library, which calls `take` once in the loop."""
+
+        def run() -> None:
+            self._waiting.discard(key)
+            if not self._is_stopped:
+                take()
+
+        def report() -> None:
+            if key not in self._waiting:
+                self._waiting.add(key)
+                with suppress(RuntimeError):  # the loop is closed
+                    self._loop.call_soon_threadsafe(run)
+
+        return report
+
+    def _take(self, topic: str) -> None:
+        """Give the waiting messages of a topic to the gateway, as many as a turn allows."""
+        reader = self._readers.get(topic)
+        size = 0
+        while reader is not None and self.gateway is not None:
+            raws = reader.take()
+            if not raws:
+                break
+            self.gateway.receive(topic, raws, self._loop.time())
+            size += sum(map(len, raws))
+            if size > BYTES_PER_TURN:
+                self._loop.call_soon(self._take, topic)
+                break
+        self.on_work()
+
+    def _take_names(self) -> None:
+        """Learn the names of other nodes."""
+        for raw in self._others.take():
+            found = node_names(self._choices.distro, raw)
+            if len(self._nodes) + len(found) <= MAX_KEYS:
+                self._nodes.update(found)
+
+    def _take_endpoints(self) -> None:
+        """Learn the endpoints of other programs, as many as a turn allows."""
+        found: list[Endpoint] = []
+        lost: list[str] = []
+        self._take_names()
+        for take, is_writer in zip(self._endpoints, (True, False), strict=True):
+            for _ in range(ENDPOINTS_PER_TURN):
+                try:
+                    one = take()
+                except Exception as error:  # noqa: BLE001 - a library that reads what others have announced
+                    _log.info("an endpoint of another program cannot be read: %r", error)
+                    continue
+                if one is None:
+                    break
+                if not one.is_alive:
+                    lost.append(one.key.hex())
+                    self._nodes.pop(one.key, None)
+                elif one.participant != self._domain.key:
+                    endpoint = self._endpoint(one, is_writer=is_writer)
+                    if endpoint is not None:
+                        found.append(endpoint)
+            else:
+                self._loop.call_soon(self._take_endpoints)
+        if self.gateway is not None and (found or lost):
+            self.gateway.note_endpoints(found, lost, self._loop.time())
+
+    def _endpoint(self, one: DdsEndpoint, *, is_writer: bool) -> Endpoint | None:
+        topic = topic_of(one.topic, self._choices.namespace)
+        if topic is None:
+            return None
+        node = self._nodes.get(one.key, f"program {one.participant.hex()[:12]}")
+        return Endpoint(one.key.hex(), topic, one.type[:300], is_writer, one.quality, node)
+
+
+def _user_data(cdr_type: CdrType) -> bytes:
+    return f"typehash={cdr_type.hash};".encode()
+
+
+def _do_nothing() -> None:
+    """Do nothing: nobody waits for work."""

@@ -1,0 +1,112 @@
+"""Types as nodes of ROS 2 know them: bytes there and back, hashes, and bytes that do not fit."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from rosbridge_sim.errors import FieldError, PeerError, Reason, TypeNameError
+from rosbridge_sim.graph.ros2.cdr_types import MAX_NESTED, CdrTypes
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.store import Store
+from tests.graph.bus_fixture import make_store
+
+IMU_IN_JAZZY = "RIHS01_7d9a00ff131080897a5ec7e26e315954b8eae3353c3f995c55faf71574000b5b"
+"""As `ros2 topic info --verbose` shows it."""
+
+
+@cache
+def make_types(ros: Generation) -> tuple[Store, CdrTypes]:
+    store = make_store(ros)
+    return store, CdrTypes(store, make_store(2))
+
+
+def test_types_go_there_and_back_to_the_byte() -> None:
+    assert check_round_trip(1, ("diagnostic_msgs", "rosbridge_sim_msgs", "visualization_msgs")) == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("ros", [1, 2])
+def test_every_type_goes_there_and_back_to_the_byte(ros: Generation) -> None:
+    (reason,) = check_round_trip(ros, ())
+    assert "wstring" in reason
+
+
+def check_round_trip(ros: Generation, packages: tuple[str, ...]) -> list[str]:
+    """Check all types of some packages, or of all; return why some were refused."""
+    store, types = make_types(ros)
+    refused = []
+    for name in store.names("msg"):
+        if packages and name.partition("/")[0] not in packages:
+            continue
+        try:
+            cdr_type = types.find(name)
+        except PeerError as error:
+            refused.append(str(error))
+            continue
+        raw = cdr_type.encode(Message(cdr_type.type, cdr_type.type.default()))
+        again = cdr_type.encode(Message(cdr_type.type, cdr_type.decode(raw, 0)))
+        assert again == raw, name
+    return refused
+
+
+def test_both_generations_write_the_same_bytes() -> None:
+    (one, types1), (two, types2) = make_types(1), make_types(2)
+    pose = b'{"position":{"x":1.5},"orientation":{"w":1}}'
+    body = b'{"header":{"frame_id":"map"},"child_frame_id":"car","pose":{"pose":%b}}' % pose
+    raws = []
+    for store, types in ((one, types1), (two, types2)):
+        message_type = store.message("nav_msgs/Odometry")
+        message = Message(message_type, message_type.decode_json(body, 7_000_000_001))
+        raws.append(types.find("nav_msgs/Odometry").encode(message))
+    assert raws[0] == raws[1]
+    assert (
+        one.message("nav_msgs/Odometry")
+        .encode_json(types1.find("nav_msgs/Odometry").decode(raws[1], 0))
+        .startswith(b'{"header":{"seq":0,"stamp":{"secs":7,"nsecs":1}')
+    )
+
+
+def test_hashes_are_those_of_ros2() -> None:
+    store, types = make_types(2)
+    assert types.find("sensor_msgs/Imu").hash == IMU_IN_JAZZY
+    for name in ("visualization_msgs/MarkerArray", "shape_msgs/SolidPrimitive", "morai_msgs/EgoVehicleStatus"):
+        reference = get_typestore(Stores.EMPTY)
+        full_name = name.replace("/", "/msg/")
+        reference.register(get_types_from_msg(store.full_text(name), full_name))
+        assert types.find(name).hash == reference.hash_rihs01(full_name)
+
+
+def test_pictures_and_clouds_keep_their_bytes() -> None:
+    _, types = make_types(1)
+    image = types.find("sensor_msgs/Image")
+    value = image.type.struct_type(height=2, width=3, data=bytes(range(6)))
+    assert image.decode(image.encode(Message(image.type, value)), 0).data == bytes(range(6))
+    scan = types.find("sensor_msgs/LaserScan")
+    value = scan.type.struct_type(ranges=np.arange(360, dtype=np.float32))
+    assert list(scan.decode(scan.encode(Message(scan.type, value)), 0).ranges) == list(range(360))
+
+
+@pytest.mark.parametrize("raw", [b"", b"\0\1\0\0", b"\0\1\0\0\xff\xff\xff\x7fab", b"\0\1\0\0\4\0\0\0\xff\xfe\xfd\0"])
+def test_bytes_that_do_not_fit_are_refused_in_words(raw: bytes) -> None:
+    _, types = make_types(1)
+    with pytest.raises(FieldError, match="std_msgs/msg/String: the bytes are not a message of this type"):
+        types.find("std_msgs/String").decode(raw, 0)
+
+
+def test_messages_of_many_small_parts_are_bounded() -> None:
+    _, types = make_types(1)
+    with pytest.raises(FieldError, match="at most") as refusal:
+        types.find("morai_msgs/ObjectStatusList").decode(bytes(MAX_NESTED + 1), 0)
+    assert refusal.value.reason is Reason.TOO_MUCH
+
+
+def test_types_that_ros2_does_not_have_are_refused_each_time() -> None:
+    _, types = make_types(1)
+    for _ in range(2):
+        with pytest.raises(TypeNameError):
+            types.find("nowhere_msgs/Nothing")

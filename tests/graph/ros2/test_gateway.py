@@ -1,0 +1,332 @@
+"""The gateway between the bus and a graph of ROS 2 in memory: what passes, what does not, and what is told."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+import pytest
+
+from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.policy import Policy, Rule
+from rosbridge_sim.graph.refusals import RefusedRequest
+from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
+from rosbridge_sim.graph.ros2.far_graph import Endpoint, Quality
+from rosbridge_sim.graph.ros2.gateway import MAX_TOPICS, PERIOD, Ros2Gateway
+from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.schema.message import Message
+from tests.graph.bus_fixture import Wire, make_store
+from tests.graph.participants import STRING, Somebody, text
+
+DDS_STRING = "std_msgs::msg::dds_::String_"
+
+
+class GraphInMemory:
+    """A graph that remembers our endpoints, and gives the gateway what a program there does."""
+
+    def __init__(self, policy: Policy | None = None, topics: Rule | None = None) -> None:
+        self.bus = Bus(make_store())
+        self.refusals: list[RefusedRequest] = []
+        self.bus.on_refusal = self.refusals.append
+        self.types = CdrTypes(self.bus.store, make_store(2))
+        self.writers: dict[str, Quality] = {}
+        self.readers: dict[str, Quality] = {}
+        self.sent: list[tuple[str, bytes]] = []
+        self.has_room = True
+        self.why_not = ""
+        self.now = 0.0
+        self.gateway = Ros2Gateway(self.bus, self.types, self, policy or Policy(), topics or Rule())
+        self.settle()
+
+    def settle(self) -> None:
+        """Let all looks be done."""
+        while self.gateway.next_due(self.now) is not None:
+            self.now += PERIOD
+            self.gateway.advance(self.now)
+
+    def meet(self, topic: str, *, is_writer: bool, dds_type: str = DDS_STRING, quality: Quality | None = None) -> str:
+        """Let a node on the graph publish or subscribe; return the key of its endpoint."""
+        key = f"{topic} {is_writer} {dds_type} {quality}"
+        endpoint = Endpoint(key, topic, dds_type, is_writer, quality or Quality(), "/planner")
+        self.gateway.note_endpoints([endpoint], [], self.now)
+        self.settle()
+        return key
+
+    def part(self, key: str) -> None:
+        self.gateway.note_endpoints([], [key], self.now)
+        self.settle()
+
+    def say(self, topic: str, data: str) -> None:
+        """Let a node publish a text."""
+        self.gateway.receive(topic, [self.types.find(STRING).encode(text(self.bus, data))], self.now)
+
+    def heard(self) -> list[tuple[str, str]]:
+        """The texts that nodes got."""
+        return [(topic, self.types.find(STRING).decode(raw, 0).data) for topic, raw in self.sent]
+
+    # As a `FarNode`
+
+    def open_writer(self, topic: str, _cdr_type: CdrType, quality: Quality) -> None:
+        self._refuse()
+        self.writers[topic] = quality
+
+    def open_reader(self, topic: str, _cdr_type: CdrType, quality: Quality) -> None:
+        self._refuse()
+        self.readers[topic] = quality
+
+    def close_writer(self, topic: str) -> None:
+        del self.writers[topic]
+
+    def close_reader(self, topic: str) -> None:
+        del self.readers[topic]
+
+    def write(self, topic: str, raw: bytes) -> bool:
+        self.sent.append((topic, raw))
+        return self.has_room
+
+    def _refuse(self) -> None:
+        if self.why_not:
+            raise GraphError(self.why_not)
+
+
+@pytest.fixture
+def graph() -> GraphInMemory:
+    return GraphInMemory()
+
+
+@pytest.fixture
+def warned(caplog: pytest.LogCaptureFixture) -> Callable[[], list[str]]:
+    caplog.set_level(logging.INFO, "rosbridge_sim.ros2")
+    return lambda: [record.getMessage() for record in caplog.records if record.name == "rosbridge_sim.ros2"]
+
+
+# To the graph
+
+
+def test_nodes_see_topics_of_the_bus_and_get_messages_once_they_subscribe(graph: GraphInMemory) -> None:
+    car = Somebody("/car")
+    topic = graph.bus.advertise(car, "/state", STRING)
+    graph.settle()
+    assert graph.writers == {"/state": Quality()}
+    assert not topic.has_listener, "nobody reads, so nothing is encoded"
+    graph.meet("/state", is_writer=False)
+    assert topic.has_listener
+    graph.bus.publish(car, topic, text(graph.bus, "one"), 0.0)
+    assert graph.heard() == [("/state", "one")]
+    assert graph.gateway.num_sent == 1
+
+
+def test_a_topic_without_publisher_leaves_the_graph(graph: GraphInMemory) -> None:
+    client = Wire(graph.bus)
+    client.says(op="advertise", topic="/state", type=STRING)
+    graph.settle()
+    assert "/state" in graph.writers
+    client.says(op="unadvertise", topic="/state")
+    graph.settle()
+    assert not graph.writers
+    assert not graph.bus.holdings(graph.gateway).subscriptions
+
+
+def test_encoding_stops_when_the_last_reader_leaves(graph: GraphInMemory) -> None:
+    topic = graph.bus.advertise(Somebody("/car"), "/state", STRING)
+    key = graph.meet("/state", is_writer=False)
+    graph.part(key)
+    assert not topic.has_listener
+
+
+def test_latched_messages_wait_for_late_nodes(graph: GraphInMemory) -> None:
+    car = Somebody("/car")
+    topic = graph.bus.advertise(car, "/plate", STRING, depth=1)
+    graph.bus.publish(car, topic, text(graph.bus, "12 GA 3456"), 0.0)
+    graph.settle()
+    assert graph.writers == {"/plate": Quality(is_latched=True, depth=1)}
+    assert graph.heard() == [("/plate", "12 GA 3456")]
+    graph.bus.publish(car, topic, text(graph.bus, "34 NA 1"), 0.0)
+    assert graph.heard()[-1] == ("/plate", "34 NA 1")
+
+
+def test_dropped_messages_are_counted(graph: GraphInMemory) -> None:
+    car = Somebody("/car")
+    topic = graph.bus.advertise(car, "/state", STRING)
+    graph.meet("/state", is_writer=False)
+    graph.has_room = False
+    graph.bus.publish(car, topic, text(graph.bus, "one"), 0.0)
+    assert (graph.gateway.num_sent, graph.gateway.num_dropped) == (0, 1)
+
+
+@pytest.mark.parametrize("name", ["/Ego-2/state", "/rosout", "/tf2_web_republisher/goal"])
+def test_names_that_ros2_cannot_have_or_has_itself_stay(graph: GraphInMemory, name: str) -> None:
+    graph.bus.advertise(Somebody("/car"), name, STRING)
+    graph.settle()
+    assert not graph.writers
+
+
+# From the graph
+
+
+def test_messages_of_nodes_reach_subscriptions(graph: GraphInMemory) -> None:
+    client = Wire(graph.bus)
+    client.says(op="subscribe", topic="/plan", type=STRING)
+    graph.settle()
+    assert graph.readers == {"/plan": Quality()}
+    graph.meet("/plan", is_writer=True)
+    graph.say("/plan", "left")
+    (frame,) = client.hears()
+    assert frame["msg"] == {"data": "left"}
+    assert graph.gateway.num_received == 1
+
+
+def test_clients_find_what_nodes_publish_and_need_no_type(graph: GraphInMemory) -> None:
+    Rosapi(graph.bus)
+    graph.meet("/plan", is_writer=True)
+    client = Wire(graph.bus)
+    (answer,) = client.says(op="call_service", service="/rosapi/publishers", args={"topic": "/plan"})
+    assert answer["values"] == {"publishers": ["/ros2"]}
+    assert not graph.readers, "nobody on the bus subscribes yet"
+    client.says(op="subscribe", topic="/plan")
+    graph.settle()
+    graph.say("/plan", "left")
+    assert [frame["msg"] for frame in client.hears()] == [{"data": "left"}]
+
+
+def test_a_topic_that_nodes_publish_no_more_leaves_the_bus(graph: GraphInMemory) -> None:
+    key = graph.meet("/plan", is_writer=True)
+    topic = graph.bus.find_topic("/plan")
+    assert topic is not None
+    assert topic.publishers
+    graph.part(key)
+    assert not topic.publishers
+
+
+def test_nothing_goes_back_to_where_it_came_from(graph: GraphInMemory) -> None:
+    client = Wire(graph.bus)
+    client.says(op="advertise", topic="/chat", type=STRING)
+    client.says(op="subscribe", topic="/chat")
+    graph.meet("/chat", is_writer=True)
+    graph.meet("/chat", is_writer=False)
+    graph.say("/chat", "from a node")
+    client.says(op="publish", topic="/chat", msg={"data": "from a client"})
+    assert graph.heard() == [("/chat", "from a client")]
+
+
+def test_the_reader_asks_for_what_all_publishers_offer(graph: GraphInMemory) -> None:
+    Wire(graph.bus).says(op="subscribe", topic="/plan", type=STRING)
+    first = graph.meet("/plan", is_writer=True, quality=Quality(is_latched=True))
+    assert graph.readers == {"/plan": Quality(is_latched=True)}
+    graph.meet("/plan", is_writer=True, quality=Quality(is_reliable=False))
+    assert graph.readers == {"/plan": Quality(is_reliable=False)}
+    graph.part(first)
+    assert graph.readers == {"/plan": Quality(is_reliable=False)}
+
+
+def test_a_message_that_does_not_fit_is_told_and_the_rest_arrives(graph: GraphInMemory) -> None:
+    client = Wire(graph.bus)
+    client.says(op="subscribe", topic="/plan", type=STRING)
+    graph.meet("/plan", is_writer=True)
+    good = graph.types.find(STRING).encode(text(graph.bus, "left"))
+    graph.gateway.receive("/plan", [b"\0\1\0\0\xff\xff", good], graph.now)
+    assert [frame["msg"] for frame in client.hears()] == [{"data": "left"}]
+    (refusal,) = graph.refusals
+    assert (refusal.client, refusal.subject) == ("ROS 2", "/plan")
+
+
+def test_another_type_under_one_name_is_told_with_the_node(
+    graph: GraphInMemory, warned: Callable[[], list[str]]
+) -> None:
+    Wire(graph.bus).says(op="subscribe", topic="/plan", type=STRING)
+    graph.bus.advertise(Somebody("/car"), "/plan", STRING)
+    for _ in range(3):
+        graph.part(graph.meet("/plan", is_writer=True, dds_type="std_msgs::msg::dds_::Int32_"))
+    lines = [line for line in warned() if "/planner publishes /plan as std_msgs::msg::dds_::Int32_" in line]
+    assert len(lines) == 1
+
+
+def test_a_topic_that_the_simulator_publishes_alone_is_not_taken_from_nodes(
+    graph: GraphInMemory, warned: Callable[[], list[str]]
+) -> None:
+    graph.bus.advertise(Somebody("/sim"), "/clock", STRING, is_exclusive=True)
+    Wire(graph.bus).says(op="subscribe", topic="/clock")
+    graph.meet("/clock", is_writer=True)
+    assert not graph.readers
+    assert any("/planner publishes /clock" in line and "/sim alone" in line for line in warned())
+
+
+def test_a_part_of_the_server_takes_the_name_of_a_node(graph: GraphInMemory) -> None:
+    graph.meet("/plan", is_writer=True)
+    graph.bus.advertise(Somebody("/sim"), "/plan", STRING, is_exclusive=True)
+    graph.settle()
+    topic = graph.bus.find_topic("/plan")
+    assert topic is not None
+    assert graph.gateway not in topic.publishers
+
+
+# Rights and limits
+
+
+def test_patterns_of_access_hold_in_both_directions() -> None:
+    graph = GraphInMemory(Policy(publish=Rule(deny=("/plan",)), subscribe=Rule(deny=("/secret",))))
+    graph.bus.advertise(Somebody("/car"), "/secret", STRING)
+    Wire(graph.bus).says(op="subscribe", topic="/plan", type=STRING)
+    graph.meet("/plan", is_writer=True)
+    assert not graph.writers
+    assert not graph.readers
+    topic = graph.bus.find_topic("/plan")
+    assert topic is not None
+    assert not topic.publishers
+
+
+def test_topics_can_be_chosen() -> None:
+    graph = GraphInMemory(topics=Rule(("/a", "/b*"), ("/bad",)))
+    for name in ("/a", "/bee", "/bad", "/c"):
+        graph.bus.advertise(Somebody(name), name, STRING)
+    graph.settle()
+    assert set(graph.writers) == {"/a", "/bee"}
+
+
+def test_a_thousand_topics_of_nodes_are_enough(graph: GraphInMemory, warned: Callable[[], list[str]]) -> None:
+    endpoints = [Endpoint(f"{i}", f"/t{i}", DDS_STRING, True, Quality(), "/many") for i in range(MAX_TOPICS + 5)]  # noqa: FBT003 - a field
+    graph.gateway.note_endpoints(endpoints, [], 0.0)
+    graph.settle()
+    assert len(graph.bus.holdings(graph.gateway).published) == MAX_TOPICS
+    assert sum("more than 1,000 topics" in line for line in warned()) == 1
+
+
+def test_an_endpoint_that_the_library_refuses_is_told_once_and_holds_up_nothing(
+    graph: GraphInMemory, warned: Callable[[], list[str]]
+) -> None:
+    graph.why_not = "out of resources"
+    for name in ("/a", "/b", "/c"):
+        graph.bus.advertise(Somebody(name), name, STRING)
+    graph.settle()
+    graph.why_not = ""
+    graph.bus.advertise(Somebody("/d"), "/d", STRING)
+    graph.settle()
+    assert set(graph.writers) == {"/d"}
+    assert sum("out of resources" in line for line in warned()) == 3
+
+
+def test_leaving_ends_everything(graph: GraphInMemory) -> None:
+    graph.bus.advertise(Somebody("/car"), "/state", STRING)
+    Wire(graph.bus).says(op="subscribe", topic="/plan", type=STRING)
+    graph.meet("/plan", is_writer=True)
+    graph.gateway.leave(graph.now)
+    graph.gateway.leave(graph.now)
+    assert not graph.writers
+    assert not graph.readers
+    assert graph.gateway not in graph.bus.owners()
+    graph.bus.advertise(Somebody("/late"), "/late", STRING)
+    assert graph.gateway.next_due(graph.now) is None
+
+
+def test_messages_of_a_type_that_changed_do_not_go_to_the_old_writer(graph: GraphInMemory) -> None:
+    client = Wire(graph.bus)
+    client.says(op="advertise", topic="/state", type=STRING)
+    graph.meet("/state", is_writer=False)
+    sim = Somebody("/sim")
+    topic = graph.bus.advertise(sim, "/state", "std_msgs/Int32", is_exclusive=True)
+    message_type = graph.bus.store.message("std_msgs/Int32")
+    graph.bus.publish(sim, topic, Message(message_type, message_type.struct_type(data=5)), 0.0)
+    assert graph.sent == []
+    graph.settle()
+    assert set(graph.writers) == {"/state"}

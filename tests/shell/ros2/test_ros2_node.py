@@ -1,0 +1,104 @@
+"""A server as a node of ROS 2, and a program there that is not ours, on loopback."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from rosbridge_sim import Simulator
+from rosbridge_sim.errors import DocumentError
+from tests.shell.ros2.dds_program import Clock, CtrlCmd, Program, String, domain_of, until
+from tests.support import Client
+
+TOPICS = ("/clock", "/ctrl_cmd", "/words")
+"""The DDS library takes some milliseconds for each type: these are enough here."""
+
+
+class Joined(NamedTuple):
+    """A simulator in a domain at frame 0, a client of it that is master, and a foreign program."""
+
+    sim: Simulator
+    client: Client
+    program: Program
+    domain: int
+
+    async def tick(self) -> None:
+        await self.client.ask("/SyncModeWaitForTick", user_id="1")
+
+    async def heard_by_nodes(self, topic: str) -> None:
+        """Wait until a node's subscription has the topic encoded."""
+        bus = self.sim.bus
+        assert bus is not None
+        await until(lambda: topic in bus.topics and bus.topics[topic].has_listener)
+
+
+@pytest.fixture
+async def joined(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[Joined]:
+    options: dict[str, Any] = getattr(request, "param", {})
+    domain = domain_of(0)
+    sim = Simulator(port=0, start="sync", data_dir=tmp_path, ros2_domain=domain, ros2_topics=TOPICS, **options)
+    async with sim, await Client.open(sim.url) as client:
+        await client.ask("/SyncModeCmd", user_id="1", start_sync_mode=True, time_step=20)
+        program = Program(domain)
+        yield Joined(sim, client, program, domain)
+        program.close()
+
+
+async def test_a_tick_s_messages_reach_nodes_of_ros2(joined: Joined) -> None:
+    clock = await joined.program.subscribe("/clock", Clock)
+    await joined.heard_by_nodes("/clock")
+    for _ in range(5):
+        await joined.tick()
+    stamps = [(message.clock.sec, message.clock.nanosec) for message in [await clock.next() for _ in range(5)]]
+    assert stamps == [(0, 20_000_000 * i) for i in range(1, 6)]
+
+
+async def test_commands_of_nodes_reach_the_simulator(joined: Joined) -> None:
+    writer = joined.program.publish("/ctrl_cmd", CtrlCmd)
+    await joined.client.subscribe("/ctrl_cmd", type="morai_msgs/CtrlCmd")
+    await joined.program.matched(writer)
+    command = CtrlCmd(longl_cmd_type=2, accel=0.0, brake=0.0, steering=0.1, velocity=20.0, acceleration=0.0)
+    writer.write(command)
+    message = await joined.client.message("/ctrl_cmd")
+    assert (message["longlCmdType"], message["steering"], message["velocity"]) == (2, 0.1, 20.0)
+
+
+async def test_publishers_that_lose_messages_are_heard_too(joined: Joined) -> None:
+    writer = joined.program.publish("/words", String, is_reliable=False)
+    await joined.client.subscribe("/words", type="std_msgs/String")
+    await joined.program.matched(writer)
+    writer.write(String("from a sensor"))
+    assert await joined.client.message("/words") == {"data": "from a sensor"}
+
+
+@pytest.mark.parametrize("joined", [{"ros": 2}], indirect=True)
+async def test_what_clients_publish_reaches_nodes(joined: Joined) -> None:
+    await joined.client.send("advertise", topic="/words", type="std_msgs/msg/String")
+    heard = await joined.program.subscribe("/words", String)
+    await joined.heard_by_nodes("/words")
+    await joined.client.send("publish", topic="/words", msg={"data": "from a client"})
+    assert (await heard.next()).data == "from a client"
+
+
+async def test_a_domain_is_used_once_in_a_process(joined: Joined) -> None:
+    with pytest.raises(DocumentError, match="another simulator of this process is in it"):
+        await Simulator(port=0, ros2_domain=joined.domain).start()
+
+
+def num_threads() -> int:
+    return len(list(Path("/proc/self/task").iterdir()))
+
+
+async def test_stopping_leaves_no_thread(tmp_path: Path) -> None:
+    before = num_threads()
+    async with Simulator(port=0, start="sync", data_dir=tmp_path, ros2_domain=domain_of(1), ros2_topics=TOPICS):
+        assert num_threads() > before + 2
+    assert num_threads() <= before + 1
+
+
+async def test_a_token_needs_a_word_of_consent() -> None:
+    with pytest.raises(DocumentError, match="--ros2-without-token"):
+        await Simulator(port=0, token="secret", ros2_domain=domain_of(2)).start()  # noqa: S106 - for a test
