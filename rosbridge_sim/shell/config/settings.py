@@ -211,8 +211,8 @@ class Settings:
         (),
         _ACCESS,
         HOSTS,
-        "host names by which web pages may address the server, and by which /metrics, /map.json, /log.json and /version are"
-        " told without a token, in addition to localhost, IP addresses and its own name; repeatable",
+        "host names by which web pages may address the server, and by which /metrics, /map.json, /log.json and /version"
+        " are told without a token, in addition to localhost, IP addresses and its own name; repeatable",
     )
     allow_publish: tuple[str, ...] = _flag(
         (), _ACCESS, PATTERNS, "topics that clients may publish, such as /a/*; without it all; repeatable"
