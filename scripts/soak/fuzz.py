@@ -144,14 +144,9 @@ class Visitor:
                 await self.act(socket, act)
                 if act.form == "part":
                     return
-            await self._ask(socket)
-            await socket.close()
-            self._report.num["closed by the client"] += 1
+            await self.leave(socket)
         except (ConnectionClosed, AttributeError):  # AttributeError is the library's own, of a closed transport
-            code = socket.close_code
-            self._report.num[f"closed with {code}"] += 1
-            if code not in {1002, 1007, 1008, 1009}:
-                raise FuzzError(f"client {self._number} was closed with {code} {socket.close_reason!r}") from None
+            self.judge_close(socket)
         finally:
             socket.transport.abort()
             reading.cancel()
@@ -183,6 +178,33 @@ class Visitor:
                 await asyncio.sleep(0.005)
                 socket.transport.abort()
 
+    async def leave(self, socket: ClientConnection) -> None:
+        """Make the honest call, and close.
+
+        Args:
+            socket: the connection.
+
+        Raises:
+            FuzzError: it was not answered.
+        """
+        await self._ask(socket)
+        await socket.close()
+        self._report.num["closed by the client"] += 1
+
+    def judge_close(self, socket: ClientConnection) -> None:
+        """Count how the server has closed a connection.
+
+        Args:
+            socket: the connection.
+
+        Raises:
+            FuzzError: not for a mistake of this client.
+        """
+        code = socket.close_code
+        self._report.num[f"closed with {code}"] += 1
+        if code not in {1002, 1007, 1008, 1009}:
+            raise FuzzError(f"client {self._number} was closed with {code} {socket.close_reason!r}") from None
+
     async def _ask(self, socket: ClientConnection) -> None:
         """Make one call at the end; it must be answered, whatever the client did."""
         call = {"op": "call_service", "service": "/rosapi/get_time", "id": self._mark}
@@ -194,6 +216,7 @@ class Visitor:
             done, _ = await asyncio.wait(waiting, timeout=FRAGMENTS, return_when=asyncio.FIRST_COMPLETED)
         for task in waiting:
             task.cancel()
+        self._report.num["honest calls answered"] += self._answered.is_set()
         if not done and self._num_fragments > num_fragments:
             self._report.num["left behind fragments of their own"] += 1
         elif not done:
@@ -409,28 +432,40 @@ async def _together(clients: Sequence[Any], watching: Any) -> None:  # noqa: ANN
 
 
 async def replay(server: Server, tape: Tape, report: Report) -> None:
-    """Send the acts of a tape again, each client's on its own connection, in the same order.
+    """Send the acts of a tape again, each client's on its own connection, in the same order, and its honest call.
 
     Args:
         server: running.
         tape: the acts.
         report: counts.
+
+    Raises:
+        FuzzError: the server did something wrong.
     """
-    sockets: dict[int, ClientConnection] = {}
+    visits: dict[int, tuple[Visitor, ClientConnection]] = {}
+    closed: set[int] = set()
     reading: list[asyncio.Task[None]] = []
     last = {client: i for i, (client, _) in enumerate(tape.acts)}
     for i, (client, act) in enumerate(tape.acts):
-        visitor = Visitor(client, tape, report, None)
-        with suppress(ConnectionClosed):
-            if act.form == "raw":
-                await _send_raw(server.url, act.data)
-                continue
-            if client not in sockets:
-                sockets[client] = await _connect(server.url, offers_deflate=client % 3 == 0)
-                reading.append(asyncio.create_task(visitor.read(sockets[client])))
-            await visitor.act(sockets[client], act)
-            if last[client] == i:
-                await sockets[client].close()
+        if act.form == "raw":
+            await _send_raw(server.url, act.data)
+            continue
+        if client not in visits:
+            visits[client] = (
+                Visitor(client, tape, report, None),
+                await _connect(server.url, offers_deflate=client % 3 == 0),
+            )
+            reading.append(asyncio.create_task(visits[client][0].read(visits[client][1])))
+        visitor, socket = visits[client]
+        if client in closed:
+            continue
+        try:
+            await visitor.act(socket, act)
+            if last[client] == i and act.form != "part":
+                await visitor.leave(socket)
+        except (ConnectionClosed, AttributeError):  # as in `visit`
+            closed.add(client)
+            visitor.judge_close(socket)
         if i % 100 == 0:
             server.check()
     for task in reading:

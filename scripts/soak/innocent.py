@@ -71,7 +71,9 @@ class Innocent:
             await self._send("subscribe", topic=f"{PREFIX}/chatter", type="std_msgs/String")
             if self._topic is not None:
                 await self._send("subscribe", topic=self._topic)
-            while not is_over.is_set():
+            is_first = True  # one round at least, also on a machine that is too busy to start this in time
+            while is_first or not is_over.is_set():
+                is_first = False
                 working = asyncio.create_task(self._round())
                 await asyncio.wait((working, reading), return_when=asyncio.FIRST_COMPLETED)
                 if reading.done():

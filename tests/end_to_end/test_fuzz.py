@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from scripts.soak.fuzz import Report, fuzz
+from scripts.soak.fuzz import Report, fuzz, replay
 from scripts.soak.fuzz_frames import Act
 from scripts.soak.fuzz_server import CONFIGURATIONS, make_data, serving
 from scripts.soak.fuzz_tape import Tape
@@ -30,3 +30,17 @@ def test_recorded_fuzz_round_reads_back_as_written(tmp_path: Path) -> None:
     tape.add(8, Act("text", b"{}"))
     tape.write(tmp_path / "tape.jsonl")
     assert Tape.read(tmp_path / "tape.jsonl") == tape
+
+
+@pytest.mark.slow
+async def test_replayed_clients_make_their_honest_call_too(tmp_path: Path) -> None:
+    (configuration,) = (one for one in CONFIGURATIONS if one.name == "town")
+    make_data(tmp_path, seed=0, has_recordings=False)
+    tape, report = Tape(configuration), Report()
+    for client in (0, 1, 0, 2):
+        tape.add(client, Act("text", b'{"op":"nonsense"}'))
+    tape.add(2, Act("binary", b"\xff"))
+    tape.add(3, Act("part", b"\x81\x85"))
+    with serving(configuration, tmp_path) as server:
+        await replay(server, tape, report)
+    assert report.num["honest calls answered"] == 3, "of 0, 1 and 2; 3 leaves within a frame"

@@ -1,11 +1,12 @@
 """Comparison of the fields of `morai_msgs` at a remote bridge with ours.
 
 A ROS machine with another release of the package refuses each message of a changed type, and its programs wait in
-silence. So the fields of our types are asked for once everything is announced on a connection.
+silence. So names and types of the fields of our types are asked for once everything is announced on a connection.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from typing import Final
 
@@ -18,11 +19,26 @@ from rosbridge_sim.schema.typedefs import typedefs
 
 __all__ = ["ReleaseCheck"]
 
+_END_OF_NAME: Final = re.compile(r"[\[<>, ]")
+"""First character behind the name of a type: of its length, or of what a sequence holds."""
+
 PACKAGE: Final = "morai_msgs"
 """The package that has several releases."""
 
-Fields = dict[str, frozenset[str]]
-"""Type -> names of its fields."""
+Fields = dict[str, frozenset[tuple[str, str]]]
+"""Type -> name and type of each of its fields; the type as both generations of ROS mean it."""
+
+_SAME_TYPES: Final = {
+    "byte": "octet",
+    "char": "uint8",
+    "boolean": "bool",
+    "float": "float32",
+    "double": "float64",
+    "wstring": "string",
+    "builtin_interfaces/Time": "time",
+    "builtin_interfaces/Duration": "duration",
+}
+"""Other names of the same types: older ones, those of IDL, which rosapi of ROS 2 shows, and those of ROS 2."""
 
 
 class ReleaseCheck:
@@ -91,10 +107,33 @@ def _fields_in(values: Values | None) -> Fields:
     fields: Fields = {}
     found = values.get("typedefs") if values is not None else None
     for each in found if isinstance(found, list) else ():
-        name, names = (each.get("type"), each.get("fieldnames")) if isinstance(each, dict) else (None, None)
-        if isinstance(name, str) and name.startswith(f"{PACKAGE}/") and isinstance(names, list):
-            fields[plain_type(name)] = frozenset(one.lstrip("_") for one in names if isinstance(one, str))
+        if not isinstance(each, dict):
+            continue
+        name, names, types, lengths = (each.get(key) for key in ("type", "fieldnames", "fieldtypes", "fieldarraylen"))
+        if not (isinstance(name, str) and name.startswith(f"{PACKAGE}/") and isinstance(names, list)):
+            continue
+        if not (isinstance(types, list) and isinstance(lengths, list) and len(names) == len(types) == len(lengths)):
+            continue
+        fields[plain_type(name)] = frozenset(
+            (str(one).lstrip("_"), _spelled(kind, length))
+            for one, kind, length in zip(names, types, lengths, strict=True)
+        )
     return fields
+
+
+def _spelled(kind: object, length: object) -> str:
+    """Return a field's type in one spelling for all servers; arrays of different lengths are one type here.
+
+    rosapi of ROS 2 shows a bounded sequence with another length than ours, so only list or no list is compared.
+
+    Args:
+        kind: from `fieldtypes`.
+        length: from `fieldarraylen`: -1 for no array.
+    """
+    text = str(kind)
+    is_list = length != -1 or text.startswith("sequence<")
+    base = plain_type(_END_OF_NAME.split(text.removeprefix("sequence<"), maxsplit=1)[0])
+    return _SAME_TYPES.get(base, base) + ("[]" if is_list else "")
 
 
 def _differing(theirs: Fields, store: Store) -> list[str]:
@@ -108,6 +147,13 @@ def _fields_of(name: str, store: Store) -> frozenset[str] | None:
     except TypeNameError:
         return None
     return next(
-        (frozenset(each.fieldnames) for each in found if plain_type(each.type) == name),
+        (
+            frozenset(
+                (one, _spelled(kind, length))
+                for one, kind, length in zip(each.fieldnames, each.fieldtypes, each.fieldarraylen, strict=True)
+            )
+            for each in found
+            if plain_type(each.type) == name
+        ),
         None,
     )
