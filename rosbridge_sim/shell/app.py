@@ -306,7 +306,7 @@ class Simulator:
         self.descriptors = DescriptorWatch(loop)
         frame = (lambda: -1) if node is None else (lambda: node.world.frame)
         refusals = RefusalLog(loop, frame, is_quiet=settings.quiet_clients, mask=mask_of(settings.token))
-        self._reports = ServerTopics(bus, server, loop, refusals, limits.policy)
+        self._reports = ServerTopics(bus, server, loop, refusals, limits.policy, ages=self._bridge_ages)
         server.render_metrics = Metrics(
             loop, server, node, refusals, lambda: self.num_bugs, ages=self._bridge_ages
         ).render

@@ -12,6 +12,7 @@ import pytest
 from playwright.async_api import Locator, Page, WebSocketRoute, expect
 
 from tests.conftest import Connect, Serve
+from tests.far_side.server import FarSide
 from tests.page.conftest import OpenPage, page_url
 from tests.page.test_page import faults_of
 from tests.support import PATIENCE, Client, Frame, ServerProcess
@@ -202,6 +203,15 @@ async def watched(page: Page, connect: Connect, server: ServerProcess, topic: st
     await client.message_where("/sim/topics", has_count)
     await client.close()
     assert not page.is_closed()
+
+
+async def test_clients_tab_tells_how_old_messages_are_at_a_remote_bridge(serve: Serve, open_page: OpenPage) -> None:
+    async with FarSide() as far_side:
+        page = await open_graph(open_page, serve("--attach", far_side.url))
+        await page.get_by_role("tab", name="Clients").click()
+        bridge = page.get_by_role("list", name="Remote bridges").get_by_role("listitem")
+        text = rf"^Attached to {re.escape(far_side.url)}/?: messages are \d+\.\d\d s old when it handles them$"
+        await expect(bridge).to_have_text(re.compile(text))
 
 
 async def test_page_subscribes_only_to_what_is_seen(serve: Serve, open_page: OpenPage, connect: Connect) -> None:

@@ -141,7 +141,7 @@ def _differing(theirs: Fields, store: Store) -> list[str]:
     return sorted(name for name, fields in theirs.items() if _fields_of(name, store) != fields)
 
 
-def _fields_of(name: str, store: Store) -> frozenset[str] | None:
+def _fields_of(name: str, store: Store) -> frozenset[tuple[str, str]] | None:
     try:
         found = typedefs(store.message(name).spec)
     except TypeNameError:

@@ -188,7 +188,7 @@ def npc_ghosts(message: Struct, most: int) -> NpcGhosts:
         raise FieldError(f"{where}: the world holds {most:,} at most, got {len(npcs):,} vehicles")
     has_speed = len(npcs) > 0 and hasattr(npcs[0], "vehicle_speed")
     read = attrgetter(*_NPC_POSE, "vehicle_speed") if has_speed else attrgetter(*_NPC_POSE)
-    values = np.fromiter(chain.from_iterable(map(read, npcs)), dtype=np.float64).reshape(len(npcs), -1)
+    values = np.fromiter(chain.from_iterable(map(read, npcs)), dtype=np.float64).reshape(-1, 6 + has_speed)
     place, turn_deg = values[:, :3].T, values[:, 3:6].T
     velocity_kmh = values[:, 6] if has_speed else np.zeros(len(npcs))
     speed = velocity_kmh / MPS_TO_KMH

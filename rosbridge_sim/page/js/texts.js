@@ -695,6 +695,12 @@ export const TEXTS = {
       empty: "No client matches.",
       address: "Address",
       thisPage: "this page",
+      bridges: "Remote bridges",
+      /**
+       * @param {string} url
+       * @param {number} seconds
+       */
+      bridge: (url, seconds) => `Attached to ${url}: messages are ${seconds.toFixed(2)} s old when it handles them`,
       time: "Connected",
       received: "Frames in",
       refused: "Refused",

@@ -15,6 +15,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections.abc import Callable, Mapping
 from typing import Literal
 
 from rosbridge_sim.graph.bus import Bus
@@ -77,6 +78,8 @@ class ServerTopics:
         loop: asyncio.AbstractEventLoop,
         refusals: RefusalLog | None = None,
         policy: Policy = OPEN,
+        *,
+        ages: Callable[[float], Mapping[str, float]] | None = None,
     ) -> None:
         """Advertise the topics and follow the server's clients and this process's log, until `stop`.
 
@@ -86,10 +89,12 @@ class ServerTopics:
             loop: runs the timers.
             refusals: the refused requests of clients; None creates a new list.
             policy: the rights of clients; `/sim/topics` tells only what it allows.
+            ages: returns how old topic messages are at each remote bridge [s], by its URL; takes monotonic time [s].
         """
         self.bus = bus
         self._server = server
         self._loop = loop
+        self._ages = ages
         count, connected, clients, log, refused, topics = TOPICS
         self._count = self._advertise(count, "std_msgs/Int32", depth=1, is_exclusive=True)
         self._connected = self._advertise(connected, "rosbridge_msgs/ConnectedClients", depth=1, is_exclusive=True)
@@ -220,7 +225,10 @@ class ServerTopics:
                 statuses.append(self._status(client))
             except Exception as error:  # noqa: BLE001 - an internal error in this client's own state
                 self.bus.guard.blame(client.peer, error)
-        self.publish(self._clients, header=self.stamp(), clients=statuses)
+        make = self.bus.store.message("rosbridge_sim_msgs/BridgeStatus").struct_type
+        ages = {} if self._ages is None else self._ages(self._loop.time())
+        bridges = [make(url=url, age=age) for url, age in ages.items()]
+        self.publish(self._clients, header=self.stamp(), clients=statuses, bridges=bridges)
 
     def _status(self, client: Client) -> Struct:
         store = self.bus.store

@@ -291,6 +291,14 @@ def test_ghost_numbers_can_be_used_again_after_a_load() -> None:
     assert list(npcs_of(client)) == [40, 41]
 
 
+@pytest.mark.parametrize("release", ["22.R2", "26.R1"])
+def test_message_without_ghosts_changes_nothing(release: str) -> None:
+    harness = SimHarness(release=release)
+    before = harness.world.digest()
+    place(harness.client())
+    assert harness.world.digest() == before
+
+
 def test_number_of_ghosts_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rosbridge_sim.simulator.scene.ghosts.MAX_ENTITIES", 3)
     harness = SimHarness("empty")

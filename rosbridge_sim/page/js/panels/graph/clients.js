@@ -10,6 +10,8 @@ import { bytesText, durationText } from "./figures.js";
 
 /** @typedef {{address: string, connection_time: any, frames_received: number, frames_refused: number, messages_sent: number, bytes_sent: number, bytes_waiting: number, bytes_held: number, dropped_topics: string[], dropped_counts: ArrayLike<number | bigint>}} ClientInfo */
 
+/** @typedef {{url: string, age: number}} BridgeStatus */
+
 /** Topics with lost messages that are named; a client may have hundreds. */
 const MAX_NAMED = 5;
 
@@ -43,11 +45,18 @@ export function makeClientsPart({ connection, drivers, texts: { graph: { clients
       { key: "held", title: texts.held, value: (client) => Number(client.bytes_held), text: (client) => bytesText(Number(client.bytes_held)), isMinor: true },
     ],
   });
-  const part = element("div", { className: "graph-part" }, element("p", { className: "hint" }, texts.hint), table.element);
+  const bridges = element("ul", { className: "bridges", ariaLabel: texts.bridges });
+  bridges.hidden = true;
+  const showBridges = (/** @type {BridgeStatus[]} */ found) => {
+    bridges.hidden = !found.length;
+    bridges.replaceChildren(...found.map(({ url, age: seconds }) => element("li", {}, texts.bridge(url, seconds))));
+  };
+  const part = element("div", { className: "graph-part" }, element("p", { className: "hint" }, texts.hint), bridges, table.element);
   whileSeen(part, () => {
     const taker = connection.subscribe("/sim/clients", "rosbridge_sim_msgs/Clients", (message) => {
       now = stampSeconds(message.header.stamp);
       table.show(message.clients);
+      showBridges(message.bridges);
     });
     return () => taker.close();
   });
