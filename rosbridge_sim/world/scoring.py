@@ -39,7 +39,7 @@ from rosbridge_sim.world.contacts.time_to_collision import find_times_to_collisi
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from rosbridge_sim.world.roads.stop_lines import StopLines, find_red_lanes, settle
-from rosbridge_sim.world.state.world import DT, Kind, World
+from rosbridge_sim.world.state.world import DT, MAX_UID, Kind, World
 from rosbridge_sim.world.vehicle.ground import are_on_road
 
 __all__ = ["NUM_IDS", "Before", "Score", "judge", "read_score", "remember"]
@@ -193,25 +193,26 @@ def _count_contacts(world: World, rows: IntArray, before: IntArray) -> None:
     now = world.contacts
     if not len(now):
         return
-    is_new = ~np.isin(_keys(now), _keys(before))
+    is_new = ~np.isin(_keys(now), _keys(before)) if world.world_of_row is None else ~_are_among(now, before)
     new = now[is_new]
     both = np.concatenate([new, new[:, ::-1]])  # each pair once from either side
     order = np.lexsort((both[:, 1], both[:, 0]))
     own, other = both[order].T
-    place = world.uid[rows].argsort()
-    at = np.minimum(world.uid[rows][place].searchsorted(own), len(rows) - 1)
-    is_ego = world.uid[rows][place][at] == own
+    ids = world.ids()[rows]
+    place = ids.argsort()
+    at = np.minimum(ids[place].searchsorted(own), len(rows) - 1)
+    is_ego = ids[place][at] == own
     mine, other = rows[place[at[is_ego]]], other[is_ego]
     num = np.bincount(mine, minlength=world.n)[rows]
     world.num_collisions[rows] += num
     world.has_collided[rows] = num > 0
-    ids = world.int_block("contact_1", f"contact_{NUM_IDS}")
+    latest = world.int_block("contact_1", f"contact_{NUM_IDS}")
     # Those of one ego are neighbours: `left` more follow each.
     left = _num_after(mine)
     for i in range(min(NUM_IDS, int(left.max(initial=-1)) + 1) - 1, -1, -1):
         those = left == i
-        ids[1:, mine[those]] = ids[:-1, mine[those]]
-        ids[0, mine[those]] = other[those] + 1
+        latest[1:, mine[those]] = latest[:-1, mine[those]]
+        latest[0, mine[those]] = (other[those] & MAX_UID) + 1
 
 
 def _num_after(values: IntArray) -> IntArray:
@@ -226,6 +227,13 @@ def _num_after(values: IntArray) -> IntArray:
 def _keys(pairs: IntArray) -> IntArray:
     """Return one number for each pair of ids (m, 2)."""
     return np.asarray((pairs[:, 0] << 31) | pairs[:, 1])  # ids have 31 bits
+
+
+def _are_among(pairs: IntArray, others: IntArray) -> BoolArray:
+    """Return which pairs of ids of many worlds, (m, 2), are among other pairs, (k, 2)."""
+    ids, index = np.unique(np.concatenate([pairs, others]), return_inverse=True)
+    keys = index.reshape(-1, 2) @ np.array([len(ids), 1])
+    return np.isin(keys[: len(pairs)], keys[len(pairs) :])
 
 
 def _judge_comfort(world: World, rows: IntArray, before: Before) -> None:
@@ -253,7 +261,7 @@ def _judge_lanes(world: World, rows: IntArray, middle: ComplexArray, heading: Co
         middle: (k,) of their boxes, east + i north [m].
         heading: (k,) unit vectors.
     """
-    roads = world.roads
+    roads = world.roads.alone
     x, y = middle.real.copy(), middle.imag.copy()
     z = world.z[rows]
     places = roads.nearest(x, y, world.yaw[rows], z)
@@ -331,7 +339,7 @@ def _judge_lines(world: World, rows: IntArray, nose: tuple[ComplexArray, Complex
         heading: (k,) unit vectors after the step.
     """
     world.has_passed_red[rows] = False
-    roads, signals = world.roads, world.signals
+    roads, signals = world.roads.alone, world.signals
     passed = roads.derived(StopLines).find_passed(signals, *nose, heading, world.z[rows])
     open_lines = world.open_line[rows]
     if open_lines.any():
@@ -347,7 +355,7 @@ def _judge_lines(world: World, rows: IntArray, nose: tuple[ComplexArray, Complex
         return
     those = rows[passed.index]
     world.num_stop_lines[those] += 1
-    red, every = find_red_lanes(roads, signals, passed.lane)
+    red, every = find_red_lanes(roads, signals, passed.lane, world.own_lights(those, np.zeros_like(those)))
     is_red = (red == every) & (red != 0)
     world.has_passed_red[those[is_red]] = True
     world.num_red_lights[those[is_red]] += 1

@@ -38,6 +38,7 @@ from rosbridge_sim.world.geometry.planar import (
     FloatArray,
     IntArray,
     do_boxes_meet,
+    ranges,
     wrap_angle,
 )
 from rosbridge_sim.world.state.world import NO_CONTACTS, Kind, World
@@ -101,20 +102,22 @@ class CollisionDetector:
             "_poses_before",
             "_swing",
         ),
-        *("_rate", "_reach", "_rows", "_seen", "_uid", "_world", "is_partial", "poses"),
+        *("_rate", "_reach", "_rows", "_seen", "_uid", "_world", "_world_of_row", "is_partial", "poses"),
     )
 
     def __init__(self, world: World) -> None:
         n = world.n
         rows = world.alive.nonzero()[0]
         self._world = world
-        self._uid = world.uid.copy()
+        self._uid = world.ids().copy()
+        self._world_of_row = world.world_of_row
         self._rows = rows[self._uid[rows].argsort()]
         # Radius around the reference point that holds the box at any yaw.
         self._reach = np.maximum(np.hypot(world.half_length + np.abs(world.centre), world.half_width), TOUCHING)
         is_car = world.kind[self._rows] <= Kind.VEHICLE
         # A small world needs no cells: each entity with each one after it.
-        self._may_meet = np.triu(is_car[:, None] | is_car, 1) if len(rows) <= MAX_PAIRWISE else None
+        is_small = len(rows) <= MAX_PAIRWISE and self._world_of_row is None
+        self._may_meet = np.triu(is_car[:, None] | is_car, 1) if is_small else None
         self.poses: FloatArray = np.zeros((2, 5, n))
         self._poses_before, self._poses_after = self.poses
         self._now = world.block("x", "z")
@@ -147,8 +150,10 @@ class CollisionDetector:
         np.subtract(self._places, self._seen, self._drift)
         np.absolute(self._drift, self._drift)
         np.greater(self._drift, self._margin, self._is_out)
-        if self._life <= 0 or self._is_astray():
-            self._look_around()
+        if self._life <= 0:
+            self._look_around(slice(None))
+        elif self._is_astray():
+            self._look_around(self._find_astray())
         self._life -= 1
         return self._judge() if self._pairs.size else NO_CONTACTS
 
@@ -163,51 +168,99 @@ class CollisionDetector:
         np.greater(turn, self._margin[POSE_YAW], self._is_out[:, POSE_YAW])
         return bool(self._is_out.any())
 
-    def _look_around(self) -> None:
-        """Make the list of pairs for this step and `LIFE` more."""
+    def _find_astray(self) -> slice | IntArray:
+        """Return the rows of the worlds in which an entity is astray."""
+        if self._world_of_row is None:
+            return slice(None)
+        is_astray = np.zeros(int(self._world_of_row.max(initial=0)) + 1, dtype=bool)
+        is_astray[self._world_of_row[self._is_out.any(axis=(0, 1))]] = True
+        return is_astray[self._world_of_row].nonzero()[0]
+
+    def _look_around(self, at: slice | IntArray) -> None:
+        """Make the list of pairs for this step and `LIFE` more.
+
+        Args:
+            at: rows to look around from, those of whole worlds. What the list has of other worlds stays, and its life.
+        """
         world = self._world
-        start, end = self._places
-        self._life = LIFE
-        self._seen = self._places.copy()
-        self._rate = end - start
-        turn = np.abs(wrap_angle(self._rate[POSE_YAW]))
-        self._rate[POSE_YAW] = 0.0
-        reach = self._reach
+        is_all = isinstance(at, slice)
+        start, end = self._places[..., at]
+        if is_all:
+            self._life = LIFE
+        self._seen[..., at] = self._places[..., at]
+        rate = end - start
+        turn = np.abs(wrap_angle(rate[POSE_YAW]))
+        rate[POSE_YAW] = 0.0
+        self._rate[:, at] = rate
+        reach = self._reach[at]
         # An entity that turns now may go on turning.
-        self._margin[:POSE_YAW] = MARGIN + 0.5 * LIFE * LIFE * np.abs(self._rate[:POSE_YAW]).max(axis=0) * turn
-        self._margin[POSE_YAW] = TURN_MARGIN / reach + LIFE * turn
-        extra = math.sqrt(2.0) * self._margin[POSE_X] + self._margin[POSE_YAW] * reach
+        margin = np.empty_like(rate)
+        margin[:POSE_YAW] = MARGIN + 0.5 * LIFE * LIFE * np.abs(rate[:POSE_YAW]).max(axis=0) * turn
+        margin[POSE_YAW] = TURN_MARGIN / reach + LIFE * turn
+        self._margin[:, at] = margin
+        extra = math.sqrt(2.0) * margin[POSE_X] + margin[POSE_YAW] * reach
 
         # The middles of the boxes from the beginning of this step on, at the present heading.
         heading = _unit(end[POSE_YAW])
         slide, middle = (
-            _complex(self._rate[POSE_X], self._rate[POSE_Y]),
-            heading * world.centre + _complex(end[POSE_X], end[POSE_Y]),
+            _complex(rate[POSE_X], rate[POSE_Y]),
+            heading * world.centre[at] + _complex(end[POSE_X], end[POSE_Y]),
         )
         first, last = middle - slide, middle + LIFE * slide
-        cos, sin, half = np.abs(heading.real), np.abs(heading.imag), (world.half_length, world.half_width)
+        cos, sin, half = np.abs(heading.real), np.abs(heading.imag), (world.half_length[at], world.half_width[at])
         span = np.array([half[0] * cos + half[1] * sin, half[0] * sin + half[1] * cos])
-        span += 0.5 * (LIFE + 1) * np.abs(self._rate[:POSE_YAW]) + extra
+        span += 0.5 * (LIFE + 1) * np.abs(rate[:POSE_YAW]) + extra
         middle = 0.5 * (first + last)
-        near = self._near(np.array([middle.real, middle.imag]), span)
-        pairs = self._rows[near]
+        pairs = self._near(np.array([middle.real, middle.imag]), span, at)
         if pairs.size:
             sides = _in_pairs(half[0][pairs], half[1][pairs]) + extra[pairs][..., None]
             apart = [place[pairs[1]] - place[pairs[0]] for place in (first, last)]
             pairs = pairs[:, do_boxes_meet(apart[0], apart[1], heading[pairs], sides)]
+        if not isinstance(at, slice):
+            pairs = self._with_old(at[pairs], at)
         self._list(pairs)
 
-    def _near(self, place: FloatArray, span: FloatArray) -> IntArray:
-        """Return pairs of indices into `_rows` whose rectangles overlap, (2, m); arguments as for `find_near_pairs`."""
+    def _with_old(self, pairs: IntArray, at: IntArray) -> IntArray:
+        """Return new pairs (2, m) of the rows `at`, and the pairs of the list that are of others, in order of ids."""
+        is_new = np.zeros(len(self._uid), dtype=bool)
+        is_new[at] = True
+        pairs = np.concatenate([self._pairs[:, ~is_new[self._pairs[0]]], pairs], axis=1)
+        return pairs[:, np.lexsort(self._uid[pairs[::-1]])]
+
+    def _near(self, place: FloatArray, span: FloatArray, at: slice | IntArray) -> IntArray:
+        """Return pairs of indices into the rows `at` whose rectangles overlap, (2, m), those of lower ids first."""
         rows = self._rows
+        if self._world_of_row is not None:
+            return self._near_in_worlds(place, span, np.arange(len(self._uid))[at])
         place, span = place[:, rows], span[:, rows]
         if self._may_meet is not None:
             is_near = np.abs(place[:, :, None] - place[:, None]) <= span[:, :, None] + span[:, None]
-            return np.array((is_near[0] & is_near[1] & self._may_meet).nonzero())
+            return rows[np.array((is_near[0] & is_near[1] & self._may_meet).nonzero())]
         kind = self._world.kind[rows]
         near, is_all = find_near_pairs(place, span, kind <= Kind.VEHICLE, kind == Kind.EGO)
         self.is_partial = not is_all
-        return near
+        return rows[near]
+
+    def _near_in_worlds(self, place: FloatArray, span: FloatArray, at: IntArray) -> IntArray:
+        """Return the same of small worlds: each entity is compared with all others of its world."""
+        assert self._world_of_row is not None
+        place_of = np.full(len(self._uid), -1, dtype=np.int64)
+        place_of[at] = np.arange(len(at))
+        index = place_of[self._rows]
+        index = index[index >= 0]  # by world, and by id in each
+        world = self._world_of_row[at[index]]
+        here = np.arange(len(index))
+        count = world.searchsorted(world, side="right") - here - 1
+        one, other = index[here.repeat(count)], index[ranges(here + 1, count)]
+        is_car = self._world.kind[at] <= Kind.VEHICLE
+        for line in range(2):
+            is_near = np.abs(place[line].take(one) - place[line].take(other)) <= span[line].take(one) + span[line].take(
+                other
+            )
+            near = is_near.nonzero()[0]
+            one, other = one.take(near), other.take(near)
+        near = (is_car.take(one) | is_car.take(other)).nonzero()[0]
+        return np.stack([one.take(near), other.take(near)])
 
     def _list(self, pairs: IntArray) -> None:
         """Take pairs of rows, (2, m), as the list."""
@@ -241,10 +294,10 @@ class CollisionDetector:
         is_hit = do_boxes_meet(apart[0], apart[1], heading[1], self._half)
         stray = turn / self._chord
         if np.count_nonzero(stray > 1.0):
-            is_turning = (stray > 1.0).any(axis=0)
-            most = max(1, MAX_SWEEPS // np.count_nonzero(is_turning))
-            num = min(MAX_SWEEP_PIECES, most, math.ceil(stray.max()))
-            is_hit[is_turning] = self._judge_turning(poses[..., is_turning], is_turning, num)
+            turning = (stray > 1.0).any(axis=0).nonzero()[0]
+            for those in self._by_world(turning):
+                num = min(MAX_SWEEP_PIECES, max(1, MAX_SWEEPS // len(those)), math.ceil(stray[:, those].max()))
+                is_hit[those] = self._judge_turning(poses[..., those], those, num)
         if not np.count_nonzero(is_hit):
             return NO_CONTACTS
         pairs, z = pairs[:, is_hit], poses[:, POSE_Z][..., is_hit]
@@ -253,6 +306,13 @@ class CollisionDetector:
             low, high = self._reach_on_slope(pairs, low, high)
         pairs = pairs[:, (low < high[::-1] - TOUCHING).all(axis=0)]
         return np.ascontiguousarray(self._uid[pairs].T)
+
+    def _by_world(self, which: IntArray) -> list[IntArray]:
+        """Return pairs of the list, (m,) int64, apart for each world."""
+        if self._world_of_row is None:
+            return [which]
+        world = self._world_of_row[self._pairs[0, which]]
+        return [which[world == each] for each in np.unique(world)]
 
     def _reach_on_slope(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return least and greatest heights of bodies on sloping ground, whose reference points are between others.
@@ -270,12 +330,12 @@ class CollisionDetector:
         aside = np.abs(np.sin(roll)) * world.half_width[pairs]
         return low + np.minimum(nose, tail) - aside, high + np.maximum(nose, tail) + aside
 
-    def _judge_turning(self, poses: FloatArray, of: BoolArray, num: int) -> BoolArray:
+    def _judge_turning(self, poses: FloatArray, of: IntArray, num: int) -> BoolArray:
         """Return which pairs of boxes that turn touch, with the step cut into pieces.
 
         Args:
             poses: (2, 5, 2, m) of the pairs.
-            of: (list,) bool, which pairs of the list they are.
+            of: (m,) int64, which pairs of the list they are.
             num: pieces of the step.
         """
         start, end = poses

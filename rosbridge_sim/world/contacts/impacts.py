@@ -69,6 +69,12 @@ def collide(world: World, dt: float) -> None:
         world: written in place.
         dt: length of the step [s].
     """
+    for each in world.struck():
+        _collide(each, dt)
+
+
+def _collide(world: World, dt: float) -> None:
+    """Do the same in one world."""
     placed, world.placed_uids = world.placed_uids, set()
     if not len(world.contacts):
         world.passing = NO_CONTACTS

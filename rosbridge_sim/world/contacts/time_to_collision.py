@@ -18,6 +18,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray
+from rosbridge_sim.world.geometry.world_pairs import pair_in_worlds
 from rosbridge_sim.world.roads.surface import Surface
 from rosbridge_sim.world.state.world import World
 
@@ -84,7 +85,18 @@ def _may_touch(world: World, rows: IntArray, middle: ComplexArray, velocity: Com
         (m,) int64, indices into `rows`, and (m,) int64, rows of the others.
     """
     radius = np.hypot(world.half_length, world.half_width)
-    bottom, top = world.z, world.z + world.height - TOUCHING
+    if world.world_of_row is not None:
+        alive = world.alive.nonzero()[0]
+        i, j = pair_in_worlds(world.world_of_row[rows], world.world_of_row[alive])
+        j = alive[j]
+        span = radius + HORIZON * np.abs(velocity)
+        reach = span[j] + span[rows[i]]
+        is_near = np.abs(middle.real[j] - middle.real[rows[i]]) <= reach
+        is_near &= np.abs(middle.imag[j] - middle.imag[rows[i]]) <= reach
+        is_near &= rows[i] != j
+        i, j = i[is_near], j[is_near]
+        is_met = _do_meet(world, (rows[i], j), middle, velocity, radius)
+        return i[is_met], j[is_met]
     span = radius + HORIZON * np.abs(velocity)
     east, north = middle.real.copy(), middle.imag.copy()
     found = []
@@ -98,22 +110,35 @@ def _may_touch(world: World, rows: IntArray, middle: ComplexArray, velocity: Com
         i, j = is_near.nonzero()
         if not len(i):
             continue
-        me = part[i]
-        apart, towards, width = middle[j] - middle[me], velocity[j] - velocity[me], radius[j] + radius[me]
-        distance, speed = np.abs(apart), np.abs(towards)
-        product = apart.conj() * towards
-        # They come nearer, and will not miss one another.
-        is_met = (product.real < 0.0) & (np.abs(product.imag) <= width * speed)
-        is_met &= distance - width <= HORIZON * speed
-        is_met |= distance <= width
-        is_met &= world.alive[j]
-        if world.roads.is_flat:
-            is_met &= (bottom[me] < top[j]) & (bottom[j] < top[me])
+        is_met = _do_meet(world, (part[i], j), middle, velocity, radius)
         found.append((first + i[is_met], j[is_met]))
     if not found:
         return NOTHING, NOTHING
     mine, others = zip(*found, strict=True)
     return np.concatenate(mine), np.concatenate(others)
+
+
+def _do_meet(
+    world: World,
+    pairs: tuple[IntArray, IntArray],
+    middle: ComplexArray,
+    velocity: ComplexArray,
+    radius: FloatArray,
+) -> BoolArray:
+    """Return of which pairs of rows (m,) the circles touch within the horizon; arguments as in `_may_touch`."""
+    me, j = pairs
+    apart, towards, width = middle[j] - middle[me], velocity[j] - velocity[me], radius[j] + radius[me]
+    distance, speed = np.abs(apart), np.abs(towards)
+    product = apart.conj() * towards
+    # They come nearer, and will not miss one another.
+    is_met: BoolArray = (product.real < 0.0) & (np.abs(product.imag) <= width * speed)
+    is_met &= distance - width <= HORIZON * speed
+    is_met |= distance <= width
+    is_met &= world.alive[j]
+    if world.roads.is_flat:
+        bottom, top = world.z, world.z + world.height - TOUCHING
+        is_met &= (bottom[me] < top[j]) & (bottom[j] < top[me])
+    return is_met
 
 
 def _are_level(

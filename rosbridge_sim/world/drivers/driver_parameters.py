@@ -21,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
-from rosbridge_sim.world.state.chance import bell, salt_of
+from rosbridge_sim.world.state.chance import bell
 from rosbridge_sim.world.state.world import Kind, World
 
 __all__ = ["BICYCLE", "CAR", "HEAVY", "LIGHT_GOODS", "MOTORCYCLE", "DriverParameters", "Figure", "classes_of"]
@@ -143,7 +143,7 @@ class DriverParameters:
             rows: (k,) int64.
         """
         kinds = classes_of(2.0 * world.half_length[rows], 2.0 * world.half_width[rows], world.height[rows])
-        salt = salt_of(world.seed, world.uid[rows])
+        salt = world.salts(rows)
         varies = np.where(world.kind[rows] == Kind.EGO, 0.0, 1.0)
         columns = []
         for question, each in enumerate(fields(cls)):

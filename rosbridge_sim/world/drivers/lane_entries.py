@@ -9,7 +9,7 @@ drivers at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
 import numpy as np
@@ -20,7 +20,7 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["Drivers", "Entries", "EntryQueue", "find_entries", "sibling_entries"]
+__all__ = ["Drivers", "Entries", "EntryQueue", "MAX_SCALE_TICKS", "find_entries", "scale_ticks", "sibling_entries"]
 
 CORRIDOR: Final = 1.4
 """An entity nearer to a lane's line than this obstructs the lane: half the width of a car, and half a metre [m]."""
@@ -30,6 +30,9 @@ _INDEX_BITS: Final = 20
 _INDEX_MASK: Final = (1 << _INDEX_BITS) - 1
 """A sorting key has a place in 2^-16 m in its upper bits and an index in the lower 20: a million entries."""
 
+
+MAX_SCALE_TICKS: Final = 1 << (63 - _INDEX_BITS)
+"""The scales of all worlds together are shorter than this."""
 
 _SLOWEST: Final = 0.01
 """Keeps quotients finite [m/s]."""
@@ -107,6 +110,10 @@ class Entries:
     def at(self, which: IntArray | BoolArray) -> Entries:
         """Return some entries."""
         return Entries(*(getattr(self, column)[which] for column in _COLUMNS))
+
+    def on_lanes(self, lane: IntArray) -> Entries:
+        """Return the same entries on other lanes, (m,) int64."""
+        return self if lane is self.lane else replace(self, lane=lane)
 
     @staticmethod
     def join(*parts: Entries) -> Entries:
@@ -205,7 +212,7 @@ class EntryQueue:
         # One whole number for each entry, of its place and its index: equal places have an order then, and a sort of
         # plain numbers is faster than one of indices.
         place = roads.base[entries.lane] + np.minimum(np.maximum(entries.s, 0.0), roads.length[entries.lane])
-        key = ((place * _TICKS).astype(np.int64) << _INDEX_BITS) | np.arange(self.num)
+        key = _keys(roads, place, entries.lane) | np.arange(self.num)
         key.sort()
         order = key & _INDEX_MASK
         self.position = np.empty(self.num, dtype=np.int64)
@@ -227,7 +234,7 @@ class EntryQueue:
             s: (k,) arc lengths, held within the lanes [m].
         """
         place = self._roads.base[lane] + np.minimum(np.maximum(s, 0.0), self._roads.length[lane])
-        return self._key.searchsorted((place * _TICKS).astype(np.int64) << _INDEX_BITS)
+        return self._key.searchsorted(_keys(self._roads, place, lane))
 
     def first_on(self, lane: IntArray) -> IntArray:
         """Return the position of the first entry on each lane, (k,) int64; `num` where the lane is empty."""
@@ -237,7 +244,20 @@ class EntryQueue:
 
 def _first_keys(roads: Roads) -> IntArray:
     """Return the key of the start of each lane, (l,) int64."""
-    return (roads.base * _TICKS).astype(np.int64) << _INDEX_BITS
+    return _keys(roads, roads.base, np.arange(len(roads)))
+
+
+def _keys(roads: Roads, place: FloatArray, lane: IntArray) -> IntArray:
+    """Return the keys of places on the one scale of all lanes, (k,) int64, with 0 in the lower bits."""
+    ticks = (place * _TICKS).astype(np.int64)
+    if roads.scale_of_lane is not None:  # the copies of a scale for many worlds
+        ticks += roads.scale_of_lane[lane] * scale_ticks(roads)
+    return ticks << _INDEX_BITS
+
+
+def scale_ticks(roads: Roads) -> int:
+    """Return the length of the one scale of all lanes, in units of keys."""
+    return int(float(roads.chain[-1]) * _TICKS) + 2 if len(roads.chain) else 1
 
 
 def _in_order(values: npt.NDArray[_Number], order: IntArray, end: float) -> npt.NDArray[_Number]:

@@ -22,7 +22,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
-from rosbridge_sim.world.state.chance import bell, salt_of
+from rosbridge_sim.world.state.chance import bell
 from rosbridge_sim.world.state.world import DT, Kind, World
 
 __all__ = ["USUAL_WANDER", "LaneWander", "aims_at"]
@@ -75,7 +75,7 @@ def _waves_of(salt: npt.NDArray[np.uint64]) -> tuple[FloatArray, FloatArray]:
     return np.array(rates), np.array(phases)
 
 
-def _sum_of_waves(rate: FloatArray, phase: FloatArray, frame: int) -> FloatArray:
+def _sum_of_waves(rate: FloatArray, phase: FloatArray, frame: int | IntArray) -> FloatArray:
     """Return the sum of three waves of parabolas, which have the same bits on every machine, (k,)."""
     turn = rate * frame + phase
     turn -= np.floor(turn) + 0.5
@@ -101,7 +101,8 @@ class LaneWander:
         mine = rows[self.which]
         is_run = len(mine) > 0 and int(mine[-1]) - int(mine[0]) + 1 == len(mine)
         self._at: slice | IntArray = slice(int(mine[0]), int(mine[-1]) + 1) if is_run else mine
-        self._rates, self._phases = _waves_of(salt_of(world.seed, world.uid[mine]))
+        self._rates, self._phases = _waves_of(world.salts(mine))
+        self._rows = mine
         self._width = world.wander_width[mine]
         self._half_width = world.half_width[mine] + MARGIN
         self._room = world.roads.derived(_room_of)
@@ -123,7 +124,7 @@ class LaneWander:
         way = distance if is_all else distance[which]
         angle = heading if is_all else heading[which]
         most = np.fmax(self._room[lane if is_all else lane[which]] - self._half_width, 0.0)
-        aim = self._width * _sum_of_waves(self._rates, self._phases, world.frame)
+        aim = self._width * _sum_of_waves(self._rates, self._phases, world.frames(self._rows))
         aim = np.fmin(np.fmax(aim, -most), most)
         if len(off):
             is_off = np.zeros(len(distance), dtype=bool)

@@ -14,15 +14,14 @@ from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.lane_change_map import LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.turn_shares import ONE, Turns
-from rosbridge_sim.world.state.chance import mix, salt_of
+from rosbridge_sim.world.state.chance import mix
+from rosbridge_sim.world.state.row_worlds import NO_ROUTE
 from rosbridge_sim.world.state.world import World
 
 __all__ = ["NUM_AHEAD", "RouteChoice"]
 
 NUM_AHEAD: Final = 5
 """Lanes that are chosen in advance. They are the columns `ahead_1` to `ahead_5` of the world."""
-
-_NO_ROUTE: Final[IntArray] = np.empty(0, dtype=np.int64)
 
 
 class RouteChoice:
@@ -39,12 +38,12 @@ class RouteChoice:
         self.world, self.rows = world, rows
         self.onward = world.roads.derived(LaneConflicts).onward
         self.neighbours = world.roads.derived(LaneNeighbours)
-        routes = [world.routes.get(uid, _NO_ROUTE) for uid in world.uid[rows].tolist()] if world.routes else []
+        routes = world.routes_of(rows)
         self.length = np.array([len(route) for route in routes] or [0] * len(rows), dtype=np.int64)
         self.first = np.cumsum(self.length) - self.length
-        self.route = np.concatenate(routes) if routes else _NO_ROUTE
+        self.route = np.concatenate(routes) if routes else NO_ROUTE
         self.is_loop = world.is_loop[rows].copy()
-        self.salt = salt_of(world.seed, world.uid[rows])
+        self.salt = world.salts(rows)
         self.bounds = None if world.turn_shares is None else world.roads.derived(Turns).bounds(world.turn_shares)
 
     def plan(self, which: IntArray) -> None:
@@ -143,7 +142,7 @@ class RouteChoice:
         neighbours, roads = self.neighbours, self.world.roads
         wanted = wanted.copy()
         for i in is_beside.nonzero()[0].tolist():  # few: those who overtake
-            following = roads.successors(int(lane[i])) if lane[i] >= 0 else _NO_ROUTE
+            following = roads.successors(int(lane[i])) if lane[i] >= 0 else NO_ROUTE
             following = following[neighbours.group[following] == neighbours.group[wanted[i]]]
             apart = np.abs(neighbours.place[following] - neighbours.place[wanted[i]])
             wanted[i] = following[apart.argmin()] if len(following) else -1

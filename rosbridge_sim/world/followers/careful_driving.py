@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry.neighbours import find_neighbours
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, ranges
 from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
 from rosbridge_sim.world.state.world import DT, Kind, World
 
@@ -93,15 +93,16 @@ class _Careful:
         """Return the gap to the first body on each path, inf for none [m], and its speed along the path [m/s]."""
         world, rows, bodies = self.world, self.rows, self.bodies
         nose = world.half_length[rows] + world.centre[rows]
-        num = int(np.ceil((HORIZON + HORIZON_TIME * float(speed.max())) / SPACING))
+        fastest = world.most_of_world(speed, rows, rows)
+        num = np.broadcast_to(np.ceil((HORIZON + HORIZON_TIME * fastest) / SPACING), rows.shape).astype(np.int64)
         owner = np.arange(len(rows)).repeat(num)
-        ahead = (np.arange(num) * SPACING)[None, :] + nose[:, None]
-        arc, length = (world.arc[rows][:, None] + ahead).ravel(), world.path_length[rows][owner]
+        ahead = ranges(np.zeros_like(num), num) * SPACING + nose[owner]
+        arc, length = world.arc[rows][owner] + ahead, world.path_length[rows][owner]
         is_loop = world.is_loop[rows][owner]
         at = (is_loop | (arc <= length)).nonzero()[0]
-        owner, ahead = owner[at], ahead.ravel()[at]
+        owner, ahead = owner[at], ahead[at]
         arc = np.where(is_loop[at], np.fmod(arc[at], length[at]), arc[at])
-        leg = world.paths.find(world.path_base[rows][owner], arc).T
+        leg = world.paths.find(world.path_bases(rows)[owner], arc).T
         along = np.fmin(arc, leg[END]) - leg[START]
         x, y = leg[X] + along * leg[DX], leg[Y] + along * leg[DY]
         yaw = world.yaw[bodies]
@@ -109,7 +110,7 @@ class _Careful:
         middle_x = world.x[bodies] + world.centre[bodies] * cos
         middle_y = world.y[bodies] + world.centre[bodies] * sin
         reach = self.longest + float(world.half_width[rows].max())
-        place, body = find_neighbours(x, y, middle_x, middle_y, reach)
+        place, body = find_neighbours(x, y, middle_x, middle_y, reach, world.worlds_of(rows[owner], bodies))
         one = owner[place]
         room = world.half_width[rows[one]] + self.margin[body]
         east, north = x[place] - middle_x[body], y[place] - middle_y[body]

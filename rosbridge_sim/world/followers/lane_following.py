@@ -241,7 +241,7 @@ class _LaneFollowers:
         wanted = follow_in_joins(self.conflicts, drivers, others.first(num_driving), wanted)
         if self.changes.is_possible:
             desired_speed = np.fmin(self.parameters.desired_speed, perception.safe_speed)
-            wanted = self.changes.decide(drivers, perception, desired_speed, wanted, world.frame // DECISION)
+            wanted = self.changes.decide(drivers, perception, desired_speed, wanted, self._decision())
             self.shifted = find_shifted(world, at)
             lanes = world.int_block("lane", "ahead_5")[:, at]
         accel = drivers.accel + self.response * (wanted - drivers.accel)
@@ -251,12 +251,16 @@ class _LaneFollowers:
             self.egos.command(lanes[:, index], wanted[index])
         world.accel[at] = accel
         self._steer(lanes, speed, accel)
-        is_turn = (world.frame // DECISION + self.uid) % MAX_WAIT_DECISIONS == 0
+        is_turn = (self._decision() + self.uid) % MAX_WAIT_DECISIONS == 0
         gives_up = (perception.is_shut_out | perception.is_blocked) & (speed < CREEP) & is_turn
         if np.count_nonzero(gives_up):
             self.choice.change(gives_up.nonzero()[0])
         if not isinstance(at, slice):
             world.claim[at], world.held[at], world.exit_lane[at] = drivers.claim, drivers.held, drivers.exit_lane
+
+    def _decision(self) -> int | IntArray:
+        """Return the number of this decision, one for all or (n,)."""
+        return self.world.frames(self.rows) // DECISION
 
     def drivers(self) -> Drivers:
         """Return the lane followers; columns of the world as they are, views of it where their rows are neighbours."""
@@ -274,7 +278,7 @@ class _LaneFollowers:
             claim=world.claim[at],
             held=world.held[at],
             exit_lane=world.exit_lane[at],
-            is_let_in=(world.frame // DECISION + LET_IN_APART * self.uid) % LET_IN_EVERY < LET_IN_FOR,
+            is_let_in=(self._decision() + LET_IN_APART * self.uid) % LET_IN_EVERY < LET_IN_FOR,
             parameters=self.parameters,
         )
         drivers.leaving = self.changes.find_leaving(drivers)
@@ -495,6 +499,7 @@ def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray, FloatA
         foresight=foresight,
         stands=(world.kind[rows] != Kind.PEDESTRIAN) & (np.abs(world.speed[rows]) < MOVES),
     )
+    entries = entries.on_lanes(world.own_lanes(rows[owner], entries.lane))
     return entries, index[owner], later[owner] + arrival
 
 

@@ -99,7 +99,7 @@ class _LegChange:
         _, _, _, self.speed, _, self.arc = values[:6]
         self.legs = values[6:]
         self.is_loop, self.path_length = world.is_loop[rows], world.path_length[rows]
-        self.path_base = world.path_base[rows]
+        self.path_base = world.path_bases(rows)
 
     def make(self) -> None:
         """Bring arc lengths and legs up to date; a row at the end of its path stops."""

@@ -9,7 +9,10 @@ placed elsewhere stops waiting.
 
 from __future__ import annotations
 
+import numpy as np
+
 from rosbridge_sim.world.geometry.planar import IntArray
+from rosbridge_sim.world.geometry.world_pairs import pair_in_worlds
 from rosbridge_sim.world.state.world import Kind, World
 
 __all__ = ["start"]
@@ -40,9 +43,16 @@ class _Waiting:
     def start(self) -> None:
         """Start the rows that an EGO is near enough to."""
         world, rows, egos = self._world, self.rows, self.egos
-        away_x = world.x[rows][:, None] - world.x[egos]
-        away_y = world.y[rows][:, None] - world.y[egos]
-        nearest = (away_x * away_x + away_y * away_y).min(axis=1)
+        worlds = world.worlds_of(rows, egos)
+        if worlds is None:
+            away_x = world.x[rows][:, None] - world.x[egos]
+            away_y = world.y[rows][:, None] - world.y[egos]
+            nearest = (away_x * away_x + away_y * away_y).min(axis=1)
+        else:
+            one, ego = pair_in_worlds(*worlds)
+            away_x, away_y = world.x[rows[one]] - world.x[egos[ego]], world.y[rows[one]] - world.y[egos[ego]]
+            nearest = np.full(len(rows), np.inf)
+            np.minimum.at(nearest, one, away_x * away_x + away_y * away_y)
         within = world.start_within[rows]
         starting = rows[nearest <= within * within]
         if len(starting):

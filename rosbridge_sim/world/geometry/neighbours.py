@@ -8,6 +8,7 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.near_pairs import find_share
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, ranges
+from rosbridge_sim.world.geometry.world_pairs import pair_in_worlds
 
 __all__ = ["find_neighbours"]
 
@@ -24,7 +25,12 @@ MAX_PAIRWISE: Final = 1 << 11
 
 
 def find_neighbours(
-    x: FloatArray, y: FloatArray, other_x: FloatArray, other_y: FloatArray, reach: float
+    x: FloatArray,
+    y: FloatArray,
+    other_x: FloatArray,
+    other_y: FloatArray,
+    reach: float | FloatArray,
+    worlds: tuple[IntArray, IntArray] | None = None,
 ) -> tuple[IntArray, IntArray]:
     """Return the pairs of a place and another one that are within a reach of each other.
 
@@ -33,12 +39,19 @@ def find_neighbours(
         y: (k,) north [m].
         other_x: (m,) east of the others [m].
         other_y: (m,) north of the others [m].
-        reach: positive [m].
+        reach: positive, one for all; or (k,), for places of many worlds [m].
+        worlds: (k,) and (m,) int64, the worlds of the places and the others, which see only their own; None for one.
 
     Returns:
         (p,) int64, indices of the places, rising, and (p,) int64, indices of the others, rising for each place. So sums
         over the pairs of one place have the same order whatever the other places are. Of a heap they are a part.
     """
+    if worlds is not None:  # small ones
+        place, other = pair_in_worlds(*worlds)
+        away = np.square(x.take(place) - other_x.take(other)) + np.square(y.take(place) - other_y.take(other))
+        reach = np.broadcast_to(np.asarray(reach), x.shape).take(place)
+        near = (away < reach * reach).nonzero()[0]
+        return place.take(near), other.take(near)
     if len(x) * len(other_x) <= MAX_PAIRWISE:
         away = np.square(x[:, None] - other_x) + np.square(y[:, None] - other_y)
         place, other = (away < reach * reach).nonzero()

@@ -16,6 +16,7 @@ import numpy as np
 from rosbridge_sim.world.drivers.driver_model import CREEP
 from rosbridge_sim.world.drivers.lane_entries import CORRIDOR
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
+from rosbridge_sim.world.geometry.world_pairs import pair_in_worlds
 from rosbridge_sim.world.lane_changes.lane_change_motion import (
     TIGHT_BEND,
     bend_slope,
@@ -119,12 +120,17 @@ def _find_edges(world: World, shifts: Shifts, which: IntArray) -> FloatArray:
     """
     own = shifts.rows[which]
     alive = world.alive.nonzero()[0]
-    alive = alive[world.x[alive].argsort(kind="stable")]
-    x = world.x[alive]
-    first, last = x.searchsorted(world.x[own] - SEEN), x.searchsorted(world.x[own] + SEEN, side="right")
-    count = last - first
-    count[count.cumsum() > MAX_PAIRS] = 0
-    i, near = np.repeat(np.arange(len(own)), count), alive[ranges(first, count)]
+    worlds = world.worlds_of(own, alive)
+    if worlds is None:
+        alive = alive[world.x[alive].argsort(kind="stable")]
+        x = world.x[alive]
+        first, last = x.searchsorted(world.x[own] - SEEN), x.searchsorted(world.x[own] + SEEN, side="right")
+        count = last - first
+        count[count.cumsum() > MAX_PAIRS] = 0
+        i, near = np.repeat(np.arange(len(own)), count), alive[ranges(first, count)]
+    else:
+        i, near = pair_in_worlds(*worlds)
+        near = alive[near]
     apart = np.abs(world.x[near] - world.x[own[i]]) + np.abs(world.y[near] - world.y[own[i]])
     is_near = (apart < SEEN) & (near != own[i])
     i, near = i[is_near], near[is_near]

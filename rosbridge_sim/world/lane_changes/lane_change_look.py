@@ -143,19 +143,19 @@ class LaneLook:
         if len(blocked):
             self._to_entry[blocked] = self._find_entry(conflicts.wait_point)[blocked]
 
-    def decide(self, accel: FloatArray, decision: int) -> tuple[IntArray, IntArray, BoolArray]:
+    def decide(self, accel: FloatArray, decision: int | IntArray) -> tuple[IntArray, IntArray, BoolArray]:
         """Choose who signals and who begins to change.
 
         Args:
             accel: (n,) of all drivers, written: for gaps that open [m/s^2].
-            decision: number of the decision.
+            decision: number of the decision, one for all or (k,).
 
         Returns:
             Those that begin, (m,) int64; (m,) int64, to which side; and (m,) bool, whether they pull out from rest.
         """
         drivers, which, neighbours = self._drivers, self._which, self._neighbours
         world, rows = self._world, self._rows[which]
-        num = len(which)
+        num, frame = len(which), world.frames(rows)
         options = self._look_aside()
         now, since, signal = world.change[rows], world.change_since[rows], world.signal[rows]
         reason, side = self._find_must(options)
@@ -175,7 +175,7 @@ class LaneLook:
         most = np.fmax(advantages[0], advantages[RIGHT])
         is_right = (best == RIGHT) & (options[RIGHT].advantage < THRESHOLD)
         is_back = (world.came_from[rows] == best + 1) & (most < GOOD_REASON)
-        has_rested = (since == 0) | (world.frame - since >= np.where(is_right | is_back, RETURN, REST))
+        has_rested = (since == 0) | (frame - since >= np.where(is_right | is_back, RETURN, REST))
         wishes = ~must & (now == 0) & (most > THRESHOLD) & safe & has_rested
         side = np.where(wishes, best, side)
         reason = np.where(wishes, np.where(is_right, LaneChange.KEEP_RIGHT, LaneChange.FASTER), reason)
@@ -183,12 +183,12 @@ class LaneLook:
         is_kept = ~must & ((now == LaneChange.FASTER) | (now == LaneChange.KEEP_RIGHT))
         old_side = np.maximum(signal - 1, 0)
         old_advantage = np.where(old_side == RIGHT, advantages[RIGHT], advantages[0])
-        is_kept &= (old_advantage > 0.0) & (world.frame - since < PATIENCE)
+        is_kept &= (old_advantage > 0.0) & (frame - since < PATIENCE)
         side, reason = np.where(is_kept, old_side, side), np.where(is_kept, now, reason)
         # The signals from now on
         shows = np.where(reason > 0, side + 1, 0)
         is_new = shows != signal
-        since = np.where(is_new, world.frame, since)
+        since = np.where(is_new, frame, since)
         world.change[rows], world.signal[rows], world.change_since[rows] = reason, shows, since
         # The drivers that begin
         index = np.arange(num)
@@ -197,7 +197,7 @@ class LaneLook:
         is_clear = np.zeros(num, dtype=bool)
         at = ((reason > 0) & ~is_inside).nonzero()[0]
         is_clear[at] = self._is_clear(at, side[at], is_tight[at])
-        begins = (reason > 0) & ~is_new & (world.frame - since >= SIGNAL_FRAMES) & chosen.is_there & chosen.is_safe
+        begins = (reason > 0) & ~is_new & (frame - since >= SIGNAL_FRAMES) & chosen.is_there & chosen.is_safe
         begins &= is_clear & (side == decision % NUM_SIDES)
         must_wait = (reason >= LaneChange.ROUTE) & ~begins & chosen.is_there & ~is_inside
         self._open_gaps(index[must_wait], chosen, is_clear, accel)
@@ -268,7 +268,7 @@ class LaneLook:
         lead = perception.lead[self._which[at]]
         rows = self._rows[lead]
         is_stuck = (world.change[rows] == LaneChange.AROUND) | (world.leaving[rows] > 0)
-        is_stuck &= world.frame - world.change_since[rows] > STUCK
+        is_stuck &= world.frames(rows) - world.change_since[rows] > STUCK
         is_parked = (lead < 0) | (world.desired_speed[rows] < STANDS) | is_stuck
         # The entry of the lead vehicle, if it is on the same lane, and the one ahead of it
         position = np.minimum(queue.position[self._which[at]] + 1, queue.num)
@@ -284,8 +284,8 @@ class LaneLook:
     def _open_gaps(self, at: IntArray, chosen: _Option, is_clear: BoolArray, accel: FloatArray) -> None:
         """Have followers open gaps for those that must change, and these adapt to the lead vehicles there."""
         which, world = self._which, self._world
-        since = world.change_since[self._rows[which[at]]]
-        helped = at[((world.frame - since) % (2 * COURTESY) < COURTESY) & is_clear[at] & (chosen.follower[at] >= 0)]
+        waited = world.frames(self._rows[which[at]]) - world.change_since[self._rows[which[at]]]
+        helped = at[(waited % (2 * COURTESY) < COURTESY) & is_clear[at] & (chosen.follower[at] >= 0)]
         follower = chosen.follower[helped]
         speed = self._drivers.speed[follower]
         brakes = follow(speed, self._desired_speed[follower], chosen.gap_behind[helped], self._speed[helped])

@@ -102,7 +102,7 @@ class LaneChanges:
         perception: Perception,
         desired_speed: FloatArray,
         accel: FloatArray,
-        decision: int,
+        decision: int | IntArray,
     ) -> FloatArray:
         """Choose who signals, begins or ends a lane change; return the accelerations (k,) that all choose then.
 
@@ -111,7 +111,7 @@ class LaneChanges:
             perception: theirs.
             desired_speed: (k,) the desired speed or the safe one, whichever is lower [m/s].
             accel: (k,) that they chose without regard to lane changes [m/s^2].
-            decision: number of the decision.
+            decision: number of the decision, one for all or (k,).
         """
         if not self.is_possible or perception.queue is None:
             return accel
@@ -122,16 +122,16 @@ class LaneChanges:
             self._mind_old_lane(drivers, perception.queue, desired_speed, accel)
         self._leave_room(drivers, perception, desired_speed, accel)
         is_free = self._may & (world.leaving[rows] == 0)
-        part = decision // LOOK_EVERY if decision % LOOK_EVERY == 0 else -1
-        is_turn = np.full(len(rows), part >= 0) & (drivers.uid % LOOK_PARTS == part % LOOK_PARTS)
+        is_part = decision % LOOK_EVERY == 0
+        is_turn = is_part & (drivers.uid % LOOK_PARTS == decision // LOOK_EVERY % LOOK_PARTS)
         looks = is_turn & self.neighbours.has_side[drivers.lanes[0]]
         # A driver that must change looks for its gap at each decision; one that signals by choice, at each
         # `LOOK_EVERY`-th.
-        looks |= world.change[rows] >= (LaneChange.FASTER if part >= 0 else LaneChange.ROUTE)
+        looks |= world.change[rows] >= np.where(is_part, LaneChange.FASTER, LaneChange.ROUTE)
         which = (is_free & looks).nonzero()[0]
         if len(which):
             look = LaneLook(world, rows, self.choice, drivers, perception, perception.queue, desired_speed, which)
-            begins = look.decide(accel, decision)
+            begins = look.decide(accel, decision if isinstance(decision, int) else decision[which])
             if len(begins[0]):
                 self._start(drivers, *begins)
         return accel
@@ -141,7 +141,7 @@ class LaneChanges:
         world, rows = self.world, self.rows
         done = rows[(world.leaving[rows] > 0) & (world.lateral_left[rows] == 0.0)]
         world.leaving[done] = world.signal[done] = world.change[done] = 0
-        world.change_since[done] = world.frame
+        world.change_since[done] = world.frames(done)
 
     def _mind_old_lane(self, drivers: Drivers, queue: EntryQueue, desired_speed: FloatArray, accel: FloatArray) -> None:
         """Brake for the lead vehicle in the old lane, where a vehicle that changes lanes would touch it."""

@@ -198,7 +198,7 @@ class _People:
         if not self.num:
             return
         rows = self.rows
-        self.base, self.length, self.is_loop = world.path_base[rows], world.path_length[rows], world.is_loop[rows]
+        self.base, self.length, self.is_loop = world.path_bases(rows), world.path_length[rows], world.is_loop[rows]
         low, high = SIDES
         share = (world.uid[rows] * 0x9E3779B1 % 2**32) / 2**32  # even, and the same in every world
         self.side = low + (high - low) * share
@@ -215,14 +215,14 @@ class _People:
         """
         world = self.world
         known = world.roads.derived(_KnownCrossings)
-        found = [known.of(world, int(world.uid[row])) for row in self.rows.tolist()]
+        found = [known.of(world.world_with(row), int(world.uid[row])) for row in self.rows.tolist()]
         count = np.array([len(each.start) for each in found], dtype=np.int64)
         self.first = np.append(0, np.cumsum(count))
         self.owner = np.arange(self.num).repeat(count)
         self.number = np.arange(len(self.owner)) - self.first[self.owner]
         self.start = np.concatenate([each.start for each in found])
         self.end = np.concatenate([each.end for each in found])
-        self.light = np.concatenate([each.light for each in found])
+        self.light = world.own_lights(self.rows[self.owner], np.concatenate([each.light for each in found]))
         self.ends = np.concatenate([each.ends for each in found])
 
     def decide(self) -> None:
@@ -313,7 +313,7 @@ class _People:
         world = self.world
         others = self.others
         other_x, other_y = world.x[others], world.y[others]
-        one, index = find_neighbours(x, y, other_x, other_y, REACH)
+        one, index = find_neighbours(x, y, other_x, other_y, REACH, world.worlds_of(self.rows, others))
         is_other = (others.take(index) != self.rows.take(one)).nonzero()[0]
         one, index = one.take(is_other), index.take(is_other)
         other = others.take(index)
@@ -336,8 +336,9 @@ class _People:
     ) -> tuple[ComplexArray, ComplexArray]:
         """Return the accelerations by the boxes of vehicles and things: away from them, and along them."""
         world, solid = self.world, self.solid
-        longest = float(world.half_length[solid].max(initial=0.0))
-        one, other = find_neighbours(x, y, *self._middles(solid), REACH + longest)
+        longest = world.most_of_world(world.half_length[solid], solid, self.rows)
+        worlds = world.worlds_of(self.rows, solid)
+        one, other = find_neighbours(x, y, *self._middles(solid), REACH + longest, worlds)
         other = solid[other]
         turn = np.exp(-1j * world.yaw[other])
         local = (x[one] - world.x[other] + 1j * (y[one] - world.y[other])) * turn - world.centre[other]
@@ -393,7 +394,7 @@ class _People:
         state = np.where(is_in & (state < COMMITTED), COMMITTED + next_of, state)  # it was put onto the road
         asks = ((state < COMMITTED) & (nearest < AT_KERB) & (wish > 0.0)).nonzero()[0]
         if len(asks):
-            goes = asks[self._may_cross(self.first[asks] + next_of[asks], world.desired_speed[rows[asks]])]
+            goes = asks[self._may_cross(asks, self.first[asks] + next_of[asks], world.desired_speed[rows[asks]])]
             state[goes] = COMMITTED + next_of[goes]
         world.yields[rows] = state
         room = nearest - KERB_GAP
@@ -412,10 +413,11 @@ class _People:
             np.minimum.at(arc, owner[held], np.nextafter(self.start[held], 0.0))
         return arc
 
-    def _may_cross(self, crossing: IntArray, speed: FloatArray) -> BoolArray:
+    def _may_cross(self, asks: IntArray, crossing: IntArray, speed: FloatArray) -> BoolArray:
         """Return who may begin to cross, (a,).
 
         Args:
+            asks: (a,) int64, which of the pedestrians ask.
             crossing: (a,) int64, rows of the crossings.
             speed: (a,) of those who ask [m/s].
         """
@@ -424,10 +426,10 @@ class _People:
         shown = signals.shown[np.maximum(light, 0)] if len(signals.shown) else np.zeros(len(light), dtype=np.int64)
         may = (light < 0) | (shown < 0) | (shown & int(Lamp.GREEN) != 0)
         at = may.nonzero()[0]
-        may[at] = ~self._is_endangered(crossing[at], speed[at])
+        may[at] = ~self._is_endangered(asks[at], crossing[at], speed[at])
         return np.asarray(may)
 
-    def _is_endangered(self, crossing: IntArray, speed: FloatArray) -> BoolArray:
+    def _is_endangered(self, asks: IntArray, crossing: IntArray, speed: FloatArray) -> BoolArray:
         """Return which of some crossings a vehicle is on, or will reach too early, (a,)."""
         world, cars = self.world, self.cars
         ends = self.ends[crossing]
@@ -436,7 +438,8 @@ class _People:
         way = (stop - start) / width
         middle = 0.5 * (start + stop)
         car_x, car_y = self._middles(cars)
-        one, car = find_neighbours(middle.real, middle.imag, car_x, car_y, SIGHT)
+        worlds = world.worlds_of(self.rows[asks], cars)
+        one, car = find_neighbours(middle.real, middle.imag, car_x, car_y, SIGHT, worlds)
         place, car = car_x[car] + 1j * car_y[car], cars[car]
         half, pace = world.half_length[car], world.speed[car]
         heading = np.exp(1j * world.yaw[car])

@@ -79,6 +79,8 @@ class Roads:
         base, chain: (l,) and (n,) one scale for all lanes: the place `s` on lane `i` is `base[i] + s`. `chain` has the
             points' places, rising. Between two lanes there is an unused metre [m].
         digest: 16 bytes that stand for all of it.
+        scale_of_lane: (l,) int64, which copy of the map a lane is in, for many worlds; None for a map. See `many_roads`.
+        alone: the lanes of one copy: these roads, if they are a map.
     """
 
     __slots__ = (
@@ -87,6 +89,7 @@ class Roads:
         "_legs_per_metre",
         "_rows",
         "_search",
+        "alone",
         "bank",
         "base",
         "border",
@@ -104,6 +107,7 @@ class Roads:
         "points",
         "right",
         "s",
+        "scale_of_lane",
         "segments",
         "speed_limit",
         "successor",
@@ -145,6 +149,8 @@ class Roads:
         if not len(ids) == len(lines) == len(successors) == len(width) == len(speed_limit):
             raise ValueError("expected a name, a line, successors, a width and a speed limit for every lane")
         num = len(ids)
+        self.scale_of_lane: IntArray | None = None
+        self.alone: Roads = self
         self.left = np.array([-1] * num if left is None else left, dtype=np.int64)
         self.right = np.array([-1] * num if right is None else right, dtype=np.int64)
         self.is_stop = np.array([False] * num if is_stop is None else is_stop, dtype=bool)
@@ -180,6 +186,10 @@ class Roads:
 
     def __len__(self) -> int:
         return len(self.ids)
+
+    def in_map(self, lane: IntArray) -> IntArray:
+        """Return rows of lanes as rows of `alone`."""
+        return lane
 
     def row(self, name: str) -> int:
         """Return the row of the lane with this name.

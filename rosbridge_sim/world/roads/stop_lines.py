@@ -104,7 +104,7 @@ class StopLines:
         return Passed(index[best], lane[best])
 
 
-def find_red_lanes(roads: Roads, signals: Signals, lane: IntArray) -> tuple[IntArray, IntArray]:
+def find_red_lanes(roads: Roads, signals: Signals, lane: IntArray, first: IntArray) -> tuple[IntArray, IntArray]:
     """Return the lanes behind stop lines that show red now.
 
     A light forbids a lane if its red lamp is lit and none that allows this lane. Yellow forbids nothing here: it is for
@@ -114,6 +114,7 @@ def find_red_lanes(roads: Roads, signals: Signals, lane: IntArray) -> tuple[IntA
         roads: the lanes.
         signals: their lights.
         lane: (m,) int64, rows of the lanes that end at the lines.
+        first: (m,) int64, where in `signals.shown` the lights begin that count.
 
     Returns:
         (m,) int64, a sum of 2^i for the i-th of `Roads.successors` that is forbidden; and (m,) int64, the same sum if
@@ -127,7 +128,7 @@ def find_red_lanes(roads: Roads, signals: Signals, lane: IntArray) -> tuple[IntA
     red = np.zeros(len(lane), dtype=np.int64)
     if len(plan.lights):
         light = plan.light_of_lane[behind]
-        shown = signals.shown[light]
+        shown = signals.shown[light + first.repeat(count)]
         is_red = (light >= 0) & (shown > 0) & (shown & Lamp.RED != 0) & (shown & plan.pass_of_lane[behind] == 0)
         np.add.at(red, np.arange(len(lane)).repeat(count), np.where(is_red, bit, 0))
     return red, np.left_shift(1, count) - 1

@@ -56,7 +56,7 @@ from rosbridge_sim.world.state.labels import (
     labels_and_boxes,
     reach_of,
 )
-from rosbridge_sim.world.state.row_motion import RowMotion
+from rosbridge_sim.world.state.row_worlds import RowWorlds
 from rosbridge_sim.world.state.settling import keep_level, settle
 from rosbridge_sim.world.state.snapshot import Snapshot
 
@@ -122,7 +122,7 @@ _KEEPS_LANE: Final = BOOLS.index("keeps_lane")
 _BOX_COLUMNS: Final = ("half_length", "half_width", "height", "centre")
 
 
-class World(RowMotion):
+class World(RowWorlds):
     """All entities, one row each in `EntityArrays`, which `spawn`, `remove`, `clear`, `reset` and `restore` replace.
 
     An entity stays in its row as long as it exists; afterwards another one may get the row. Every attribute may be
@@ -130,8 +130,6 @@ class World(RowMotion):
     columns follow from others.
 
     Attributes:
-        frame: steps done since the last reset; simulated time is frame * 20 ms.
-        seed: of all chance in the world; see `chance`.
         roads: the lanes; see `lay_roads`.
         signals: the traffic lights at this frame.
         contacts: (m, 2) int64, ids of the pairs that touched during the last step; see `collisions`.
@@ -561,6 +559,14 @@ class World(RowMotion):
         return state.hexdigest()
 
     # -- for the other modules of `world`
+
+    def struck(self) -> Iterator[World]:
+        """Yield the worlds in which pairs touch, touched, or were placed since the last step: perhaps this one."""
+        yield self
+
+    def world_with(self, _row: int) -> World:
+        """Return the world that a row belongs to."""
+        return self
 
     def derived(self, make: Callable[[World], T]) -> T:
         """Return `make(world)`, made once and kept until the next `touch`."""
