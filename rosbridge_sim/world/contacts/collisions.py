@@ -225,7 +225,7 @@ class CollisionDetector:
         is_new = np.zeros(len(self._uid), dtype=bool)
         is_new[at] = True
         pairs = np.concatenate([self._pairs[:, ~is_new[self._pairs[0]]], pairs], axis=1)
-        return pairs[:, np.lexsort(self._uid[pairs[::-1]])]
+        return np.asarray(pairs[:, np.lexsort(self._uid[pairs[::-1]])])
 
     def _near(self, place: FloatArray, span: FloatArray, at: slice | IntArray) -> IntArray:
         """Return pairs of indices into the rows `at` whose rectangles overlap, (2, m), those of lower ids first."""

@@ -20,7 +20,16 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["Drivers", "Entries", "EntryQueue", "MAX_SCALE_TICKS", "find_entries", "scale_ticks", "sibling_entries"]
+__all__ = [
+    "MAX_SCALE_TICKS",
+    "Drivers",
+    "Entries",
+    "EntryQueue",
+    "find_entries",
+    "first_keys",
+    "scale_ticks",
+    "sibling_entries",
+]
 
 CORRIDOR: Final = 1.4
 """An entity nearer to a lane's line than this obstructs the lane: half the width of a car, and half a metre [m]."""
@@ -218,7 +227,7 @@ class EntryQueue:
         self.position = np.empty(self.num, dtype=np.int64)
         self.position[order] = np.arange(self.num)
         self._key = key
-        self._first_key = roads.derived(_first_keys)
+        self._first_key = roads.derived(first_keys)
         self.lane = _in_order(entries.lane, order, -1)
         self.s = _in_order(entries.s, order, np.inf)
         self.tail = _in_order(entries.tail, order, np.inf)
@@ -242,7 +251,7 @@ class EntryQueue:
         return np.where(self.lane[position] == lane, position, self.num)
 
 
-def _first_keys(roads: Roads) -> IntArray:
+def first_keys(roads: Roads) -> IntArray:
     """Return the key of the start of each lane, (l,) int64."""
     return _keys(roads, roads.base, np.arange(len(roads)))
 

@@ -23,7 +23,7 @@ from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["find_long", "find_swinging", "plan_swings"]
+__all__ = ["are_tight", "find_long", "find_swinging", "plan_swings"]
 
 MARGIN: Final = 0.1
 """Distance that the vehicle keeps to the borders of its lane if it can [m]: mirrors reach 0.1 to 0.2 m out."""
@@ -61,7 +61,7 @@ def find_swinging(world: World, rows: IntArray) -> IntArray:
     Vehicles that change lanes are none of them.
     """
     is_free = (world.lateral_left[rows] == 0.0) & (world.leaving[rows] == 0)
-    tight = world.roads.derived(_are_tight)
+    tight = world.roads.derived(are_tight)
     near = world.int_block("behind", "ahead_2")[:, rows]
     is_near = np.logical_or.reduce(tight[near] & (near >= 0))
     is_off = (world.lateral[rows] != 0.0) | (world.lateral_rate[rows] != 0.0)
@@ -141,7 +141,7 @@ def _beyond(
     return lateral - border[:, 0] + MARGIN, -lateral - border[:, 1] + MARGIN
 
 
-def _are_tight(roads: Roads) -> BoolArray:
+def are_tight(roads: Roads) -> BoolArray:
     """Return which lanes have a bend of less than `MAX_RADIUS`, (l,)."""
     speed = roads.derived(LaneConflicts).bend_speed
     return np.asarray(np.minimum.reduceat(speed, roads.first[:-1]) < math.sqrt(MAX_LATERAL * MAX_RADIUS))

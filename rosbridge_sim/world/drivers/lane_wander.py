@@ -25,7 +25,7 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.chance import bell
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["USUAL_WANDER", "LaneWander", "aims_at"]
+__all__ = ["USUAL_WANDER", "LaneWander", "aims_at", "room_of"]
 
 USUAL_WANDER: Final = 0.15
 """Standard deviation of the aim [m]. On motorways that of the position is 0.15 to 0.25 m (de Waard 1996; Verster and
@@ -105,7 +105,7 @@ class LaneWander:
         self._rows = mine
         self._width = world.wander_width[mine]
         self._half_width = world.half_width[mine] + MARGIN
-        self._room = world.roads.derived(_room_of)
+        self._room = world.roads.derived(room_of)
 
     def plan(self, distance: FloatArray, heading: FloatArray, lane: IntArray, off: IntArray, interval: float) -> None:
         """Work out the displacements until the next decision; add the angles of the wander to the headings.
@@ -160,6 +160,6 @@ class LaneWander:
         world.block("x", "y")[:, at] += now
 
 
-def _room_of(roads: Roads) -> FloatArray:
+def room_of(roads: Roads) -> FloatArray:
     """Return the least distance from the line to a border of each lane, (l,) [m]."""
     return np.asarray(np.minimum.reduceat(np.abs(roads.border).min(axis=1), roads.first[:-1]))

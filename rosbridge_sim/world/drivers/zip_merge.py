@@ -17,7 +17,7 @@ import numpy as np
 
 from rosbridge_sim.world.drivers.driver_model import CREEP, FIRM, HARDEST, gap_wanted, keep_gap
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
-from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 
 __all__ = ["follow_in_joins"]
@@ -28,6 +28,15 @@ drivers brake for those far away; with more, they open their gaps too late."""
 
 _APART: Final = 4096.0
 """Difference of the sorting keys of two joins, more than any distance in a join [m]."""
+
+
+def _keys(join: IntArray, distance: FloatArray, num_in_map: int) -> FloatArray | IntArray:
+    """Return sorting keys, (m,): by join, then by distance. Of many worlds they have the order that each alone has."""
+    if not num_in_map:
+        return np.asarray(join * _APART + distance)
+    keys = join % num_in_map * _APART + distance
+    rank = np.unique(keys, return_inverse=True)[1]
+    return np.asarray(join // num_in_map * (len(keys) + 1) + rank)
 
 
 def follow_in_joins(conflicts: LaneConflicts, drivers: Drivers, moving: Entries, accel: FloatArray) -> FloatArray:
@@ -56,7 +65,7 @@ def follow_in_joins(conflicts: LaneConflicts, drivers: Drivers, moving: Entries,
     speed = np.concatenate([drivers.speed[own], moving.speed[other]])
     to_join = joins.to_join[lane] + conflicts.roads.length[lane]
     join, side = joins.join[lane], joins.side[lane]
-    key = join * _APART + (to_join - nose)
+    key = _keys(join, to_join - nose, joins.num_in_map)
     lead = np.full(num, -1, dtype=np.int64)
     for this in (0, 1):
         mine, theirs = (side[:num] == this).nonzero()[0], (side != this).nonzero()[0]

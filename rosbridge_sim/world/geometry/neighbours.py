@@ -24,7 +24,7 @@ MAX_PAIRWISE: Final = 1 << 11
 """Up to so many pairs are all compared, without cells: 16 us in place of 45."""
 
 
-def find_neighbours(
+def find_neighbours(  # noqa: PLR0917 - two sets of places
     x: FloatArray,
     y: FloatArray,
     other_x: FloatArray,

@@ -45,6 +45,7 @@ class LaneNeighbours:
     """The facts for one map; get them by `roads.derived(LaneNeighbours)`.
 
     Attributes:
+        roads: the lanes.
         is_any: whether one may change lanes anywhere.
         beside: (2, l) int64, rows of the lanes to the left and to the right; -1 for none. If the map names one lane as
             the neighbour of another, both are beside each other.
@@ -74,11 +75,11 @@ class LaneNeighbours:
             "merge_side",
             "place",
         ),
-        "_roads",
+        "roads",
     )
 
     def __init__(self, roads: Roads) -> None:
-        self._roads = roads
+        self.roads = roads
         num = len(roads)
         named = np.stack((roads.left, roads.right))
         self.may = named >= 0
@@ -116,7 +117,7 @@ class LaneNeighbours:
         Returns:
             (k,) int64, rows of lanes, -1 where no lane is beside the place; and (k,) arc lengths on them, else 0 [m].
         """
-        point, share = self._roads.locate(lane, s)
+        point, share = self.roads.locate(lane, s)
         start, end = self.across[side, point], self.across[side, point + 1]
         there = start + share * (end - start)
         is_good = ~np.isnan(there)
@@ -124,7 +125,7 @@ class LaneNeighbours:
 
     def _measure(self, side: int, lane: int) -> None:
         """Write the places beside one lane."""
-        roads, other = self._roads, int(self.beside[side, lane])
+        roads, other = self.roads, int(self.beside[side, lane])
         rows = slice(int(roads.first[lane]), int(roads.first[lane + 1]))
         line = roads.points[rows]
         near = nearest_on_polyline(roads.points[roads.first[other] : roads.first[other + 1]], line[:, 0], line[:, 1])
@@ -140,7 +141,7 @@ class LaneNeighbours:
 
     def _groups(self) -> tuple[IntArray, IntArray]:
         """Return `group` and `place`."""
-        group = np.arange(len(self._roads), dtype=np.int64)
+        group = np.arange(len(self.roads), dtype=np.int64)
         place = np.zeros(len(group), dtype=np.int64)
         at = group.copy()
         for _ in range(MAX_BESIDE):

@@ -33,6 +33,7 @@ class Joins:
         shared: (j,) length before the join on which the two lanes are too near for two vehicles side by side [m].
         lanes: (j, 2) int64, rows of the two lanes.
         narrow_from: (l,) arc length from which a lane shares its room with the other one; inf for all other lanes [m].
+        num_in_map: joins of one world, of many worlds; 0 for those of a map.
     """
 
     join: IntArray
@@ -41,6 +42,7 @@ class Joins:
     shared: FloatArray
     lanes: IntArray
     narrow_from: FloatArray
+    num_in_map: int = 0
 
 
 def find_joins(  # noqa: PLR0917 - columns of the pairs of near lanes

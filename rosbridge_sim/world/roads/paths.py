@@ -319,6 +319,11 @@ class Paths:
         self._compact()
         return True
 
+    @property
+    def next_base(self) -> int:
+        """The first free key."""
+        return self._next_base
+
     def base(self, path: int) -> int:
         """Return the key where a path begins."""
         return int(self._keys[self._spans[path][0]])

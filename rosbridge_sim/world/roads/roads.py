@@ -79,7 +79,7 @@ class Roads:
         base, chain: (l,) and (n,) one scale for all lanes: the place `s` on lane `i` is `base[i] + s`. `chain` has the
             points' places, rising. Between two lanes there is an unused metre [m].
         digest: 16 bytes that stand for all of it.
-        scale_of_lane: (l,) int64, which copy of the map a lane is in, for many worlds; None for a map. See `many_roads`.
+        scale_of_lane: (l,) int64, which copy of the map a lane is in, see `many_roads`; None for a map.
         alone: the lanes of one copy: these roads, if they are a map.
     """
 

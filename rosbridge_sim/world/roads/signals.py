@@ -117,6 +117,11 @@ class Signals:
         is_silent = (light < 0) | (shown <= 0) | plan.is_warning[light] & ~is_forced[plan.group[light]]
         self.may_enter = is_silent | (shown & plan.pass_of_lane != 0)
 
+    @property
+    def next_change(self) -> int:
+        """The first frame at which a light shows something else."""
+        return self._next_change
+
     def next_changes(self) -> IntArray:
         """Return the frame at which each light shows something else, (lights,) int64; `NEVER_FRAME` if none is known.
 

@@ -6,6 +6,7 @@ order of the questions does not matter.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -13,7 +14,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 
-__all__ = ["bell", "mix", "salt_of"]
+__all__ = ["bell", "mix", "salt_of", "salt_of_seeds"]
 
 _SEED_FACTOR: Final = 0x632BE59BD9B4E019
 """An odd number, so that worlds with neighbouring seeds get unrelated choices."""
@@ -44,6 +45,18 @@ def salt_of(seed: int, uid: IntArray) -> npt.NDArray[np.uint64]:
         uid: (k,) int64, ids of entities.
     """
     return mix(uid.astype(np.uint64) + np.uint64(seed * _SEED_FACTOR % 2**64))
+
+
+def salt_of_seeds(seeds: Sequence[int], which: IntArray, uid: IntArray) -> npt.NDArray[np.uint64]:
+    """Return the same for entities of many worlds.
+
+    Args:
+        seeds: of the worlds.
+        which: (k,) int64, the world of each entity.
+        uid: (k,) int64, ids of entities.
+    """
+    offset = np.array([seed * _SEED_FACTOR % 2**64 for seed in seeds], dtype=np.uint64)
+    return mix(uid.astype(np.uint64) + offset[which])
 
 
 def bell(salt: npt.NDArray[np.uint64], question: int) -> FloatArray:

@@ -66,7 +66,9 @@ def settle_on_lanes(arrays: EntityArrays, roads: Roads, rows: IntArray) -> None:
     """
     if roads.is_flat:
         return
-    along, left = roads.derived(Surface).find_on_lanes(arrays.point[rows], roads.in_map(arrays.lane[rows]), arrays.arc[rows])
+    along, left = roads.derived(Surface).find_on_lanes(
+        arrays.point[rows], roads.in_map(arrays.lane[rows]), arrays.arc[rows]
+    )
     arrays.pitch[rows], arrays.roll[rows] = _tilt(along, left)
 
 

@@ -1,0 +1,1 @@
+"""Many worlds in one set of columns, which one step moves; see `batch`."""

@@ -1,0 +1,183 @@
+"""The lanes of a map, once for each of many worlds: row w * l + i is lane i in world w, of l lanes.
+
+Points, lines and all that is searched by place are those of the map, shared. What is kept for each lane is repeated, so
+that drivers of different worlds never have a lane in common. The lines are not shifted: that would change rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Final, TypeVar, cast
+
+import numpy as np
+import numpy.typing as npt
+
+from rosbridge_sim.world.drivers import lane_entries, lane_swing, lane_wander
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.roads.lane_change_map import LaneNeighbours
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts, Links
+from rosbridge_sim.world.roads.lane_joins import Joins
+from rosbridge_sim.world.roads.roads import LanePlaces, Roads
+from rosbridge_sim.world.roads.turn_shares import ONE, Turns, TurnShares
+
+__all__ = ["ManyRoads", "most_worlds"]
+
+T = TypeVar("T")
+
+MAX_POINTS: Final = 1 << 10
+"""Places that are looked for at once: far below the bound at which a search leaves some out."""
+
+_BY_LANE: Final[set[Callable[..., Any]]] = {lane_swing.are_tight, lane_wander.room_of}
+"""Functions of roads that return an array (l,) of figures: these are repeated."""
+
+
+def most_worlds(roads: Roads) -> int:
+    """Return for how many worlds the lanes of a map can be repeated: sorting keys are whole numbers of 63 bits."""
+    return int(lane_entries.MAX_SCALE_TICKS // lane_entries.scale_ticks(roads)) - 1
+
+
+class ManyRoads(Roads):
+    """Roads whose lanes stand once for each world.
+
+    `nearest`, `within` and `find_segments` return lanes of the map; `left`, `right`, `is_stop` and the successors are
+    those of the map, too.
+
+    Attributes:
+        num: number of worlds.
+
+    Args:
+        roads: of the map.
+        num: see above.
+    """
+
+    __slots__ = ("num",)
+
+    def __init__(self, roads: Roads, num: int) -> None:
+        self.num, self.alone = num, roads
+        for name in Roads.__slots__:
+            if name not in {"alone", "_derived"}:
+                setattr(self, name, getattr(roads, name))
+        self._derived = {}
+        self.scale_of_lane = np.arange(num).repeat(len(roads))
+        for name in ("length", "width", "speed_limit", "turn", "base", "_last_leg", "_legs_per_metre"):
+            setattr(self, name, np.tile(getattr(roads, name), num))
+        self.first = np.append(np.tile(roads.first[:-1], num), len(roads.points))
+
+    def __len__(self) -> int:
+        return self.num * len(self.alone)
+
+    def in_map(self, lane: IntArray) -> IntArray:
+        """Return rows of lanes as rows of the map's lanes; -1 stays -1."""
+        return np.where(lane >= 0, lane % len(self.alone), -1)
+
+    def successors(self, lane: int) -> IntArray:
+        """Return the lanes that begin where a lane ends, in its world."""
+        world, row = divmod(lane, len(self.alone))
+        return self.alone.successors(row) + world * len(self.alone)
+
+    def at(self, lane: npt.ArrayLike, s: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Return points on lanes; see `Roads.at`."""
+        return self.alone.at(np.asarray(lane) % len(self.alone), s)
+
+    def locate(self, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
+        """Return between which points given places lie; see `Roads.locate`."""
+        return self.alone.locate(lane % len(self.alone), s)
+
+    def within(self, x: FloatArray, y: FloatArray, radius: FloatArray) -> tuple[IntArray, LanePlaces]:
+        """Return all lanes of the map near each point; see `Roads.within`."""
+        parts = [slice(start, start + MAX_POINTS) for start in range(0, max(len(x), 1), MAX_POINTS)]
+        found = [self.alone.within(x[part], y[part], radius[part]) for part in parts]
+        if len(found) == 1:
+            return found[0]
+        owners = [part.start + owner for part, (owner, _) in zip(parts, found, strict=True)]
+        columns = ([getattr(places, name) for _, places in found] for name in LanePlaces.__slots__)
+        return np.concatenate(owners), LanePlaces(*map(np.concatenate, columns))
+
+    def derived(self, make: Callable[[Roads], T]) -> T:
+        """Return `make(roads)` of the map, with what it has for each lane repeated."""
+        value: T | None = self._derived.get(make)
+        if value is None:
+            value = self._derived[make] = self._make(make)
+        return value
+
+    def _make(self, make: Callable[[Roads], T]) -> T:
+        if make is lane_entries.first_keys:
+            return make(self)
+        value: Any = self.alone.derived(make)
+        many: Any = value  # of points, or of places on the map
+        if isinstance(value, LaneConflicts):
+            many = _repeat_conflicts(value, self)
+        elif isinstance(value, LaneNeighbours):
+            many = _repeat_neighbours(value, self)
+        elif isinstance(value, Turns):
+            many = _ManyTurns(value, self)
+        elif make in _BY_LANE:
+            many = np.tile(value, self.num)
+        return cast("T", many)
+
+
+def _lanes(lanes: IntArray, roads: ManyRoads) -> IntArray:
+    """Return rows of lanes (..., k) once for each world, (..., num k); -1 stays -1."""
+    offset = (np.arange(roads.num) * len(roads.alone)).repeat(lanes.shape[-1])
+    tiled = np.tile(lanes, roads.num)
+    return np.where(tiled >= 0, tiled + offset, tiled)
+
+
+def _links(links: Links, roads: ManyRoads) -> Links:
+    count = np.tile(np.diff(links.first), roads.num)
+    first = np.append(0, np.cumsum(count))
+    return Links(first, _lanes(links.other, roads), np.tile(links.figure, roads.num))
+
+
+def _repeat_conflicts(one: LaneConflicts, roads: ManyRoads) -> LaneConflicts:
+    many = object.__new__(LaneConflicts)
+    for name in LaneConflicts.__slots__:
+        setattr(many, name, getattr(one, name))
+    many.roads = roads
+    for name in ("wait_point", "clear_point", "shared", "gives_way", "rival_from"):
+        setattr(many, name, np.tile(getattr(one, name), roads.num))
+    for name in ("onward", "rivals", "siblings"):
+        setattr(many, name, _links(getattr(one, name), roads))
+    num = len(one.rival_back)
+    many.rival_back = np.tile(one.rival_back, roads.num) + (np.arange(roads.num) * num).repeat(num)
+    joins, num = one.joins, len(one.joins.shared)
+    join = np.tile(joins.join, roads.num)
+    assert roads.scale_of_lane is not None
+    many.joins = Joins(
+        join=np.where(join >= 0, join + roads.scale_of_lane * num, -1),
+        side=np.tile(joins.side, roads.num),
+        to_join=np.tile(joins.to_join, roads.num),
+        shared=np.tile(joins.shared, roads.num),
+        lanes=np.tile(joins.lanes, (roads.num, 1)) + (np.arange(roads.num) * len(roads.alone)).repeat(num)[:, None],
+        narrow_from=np.tile(joins.narrow_from, roads.num),
+        num_in_map=num,
+    )
+    return many
+
+
+def _repeat_neighbours(one: LaneNeighbours, roads: ManyRoads) -> LaneNeighbours:
+    many = object.__new__(LaneNeighbours)
+    for name in LaneNeighbours.__slots__:
+        setattr(many, name, getattr(one, name))
+    many.roads = roads
+    many.beside = _lanes(one.beside, roads)
+    many.group = _lanes(one.group, roads)
+    for name in ("may", "has_side", "merge_side", "place", "keeps_right"):
+        setattr(many, name, np.tile(getattr(one, name), roads.num))
+    many.before = _links(one.before, roads)
+    return many
+
+
+class _ManyTurns(Turns):
+    """The turns of a map, once for each world."""
+
+    __slots__ = ("_one", "_roads")
+
+    def __init__(self, one: Turns, roads: ManyRoads) -> None:
+        self._one, self._roads = one, roads
+        self._bounds = None
+
+    def _find_bounds(self, shares: TurnShares) -> IntArray:
+        bounds = self._one.bounds(shares)
+        step = ONE * len(self._roads.alone)
+        return np.tile(bounds, self._roads.num) + (np.arange(self._roads.num) * step).repeat(len(bounds))
