@@ -235,7 +235,7 @@ class CollisionDetector:
         place, span = place[:, rows], span[:, rows]
         if self._may_meet is not None:
             is_near = np.abs(place[:, :, None] - place[:, None]) <= span[:, :, None] + span[:, None]
-            return rows[np.array((is_near[0] & is_near[1] & self._may_meet).nonzero())]
+            return np.asarray(rows[np.array((is_near[0] & is_near[1] & self._may_meet).nonzero())])
         kind = self._world.kind[rows]
         near, is_all = find_near_pairs(place, span, kind <= Kind.VEHICLE, kind == Kind.EGO)
         self.is_partial = not is_all

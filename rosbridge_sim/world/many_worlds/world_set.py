@@ -23,7 +23,7 @@ class WorldSet:
 
     def __init__(self, worlds: Sequence[OneOfMany]) -> None:
         self.worlds = tuple(worlds)
-        self._batches: dict[Hashable, list[Batch]] = {}
+        self._batches: list[Batch] = []
         self._alone: list[OneOfMany] = []
 
     def advance(self, num_frames: int = 1) -> None:
@@ -35,13 +35,11 @@ class WorldSet:
         changed = [world for world in self.worlds if world.has_changed]
         if changed:
             self._place(changed)
-        for batches in self._batches.values():
-            for batch in batches:
-                batch.advance(num_frames)
+        for batch in self._batches:
+            batch.advance(num_frames)
         for world in self._alone:
             for _ in range(num_frames):
                 step(world)
-                world.has_changed = False
 
     def _place(self, changed: list[OneOfMany]) -> None:
         """Put worlds into the batches that they belong to now."""
@@ -49,37 +47,37 @@ class WorldSet:
         for world in changed:
             world.has_changed = False
             key = _key_of(world)
-            batch = world.batch
-            if batch is None or world.n > MAX_ROWS or key != _key_of_batch(batch):
-                wanted.setdefault(key if world.n <= MAX_ROWS else None, []).append(world)
+            if world.n > MAX_ROWS:
+                if world.batch is not None:
+                    world.move_to(None, -1)
+            elif world.batch is None or key != _key_of_batch(world.batch):
+                wanted.setdefault(key, []).append(world)
         for key, worlds in wanted.items():
             for world in worlds:
                 if world.batch is not None:
                     world.move_to(None, -1)
-                    world.has_changed = False
-            if key is not None:
-                self._fill(self._batches.setdefault(key, []), worlds)
-        phases: dict[Hashable, list[Batch]] = {}
-        for batches in self._batches.values():
-            for batch in batches:
-                if any(world is not None for world in batch.worlds):
-                    phases.setdefault(_key_of_batch(batch), []).append(batch)
-        self._batches = phases
+            self._fill(key, worlds)
+            for world in worlds:
+                world.has_changed = False
+        self._batches = [batch for batch in self._batches if any(world is not None for world in batch.worlds)]
         self._alone = [world for world in self.worlds if world.batch is None]
 
-    @staticmethod
-    def _fill(batches: list[Batch], worlds: list[OneOfMany]) -> None:
-        """Take worlds into batches with free slots, and into new ones."""
+    def _fill(self, key: Hashable, worlds: list[OneOfMany]) -> None:
+        """Take worlds into batches of a key, and into new ones."""
+        most = most_worlds(worlds[0].roads)
         left = list(worlds)
-        most = most_worlds(left[0].roads)
+        for batch in [each for each in self._batches if _key_of_batch(each) == key]:
+            can_double = 2 * len(batch.worlds) <= most
+            room = batch.worlds.count(None) + can_double * len(batch.worlds)
+            for world in left[:room]:
+                batch.add(world)
+            left = left[room:]
         while left:
-            batch = next((each for each in batches if None in each.worlds or 2 * len(each.worlds) <= most), None)
-            if batch is None:
-                batch = Batch(left[0], min(len(left), most))
-                batches.append(batch)
-            world = left.pop()
-            batch.add(world)
-            world.has_changed = False
+            batch = Batch(left[0], min(len(left), most))
+            self._batches.append(batch)
+            for world in left[:most]:
+                batch.add(world)
+            left = left[most:]
 
 
 def _key_of(world: OneOfMany) -> Hashable:
