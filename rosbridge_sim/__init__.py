@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rosbridge_sim.shell.app import AddressError, Simulator
     from rosbridge_sim.shell.config.options import SimulatorOptions
     from rosbridge_sim.shell.scheduler import WorldFailedError
+    from rosbridge_sim.worlds.worlds import Worlds
 
 __all__ = [
     "AddressError",
@@ -21,6 +22,7 @@ __all__ = [
     "Simulator",
     "SimulatorOptions",
     "WorldFailedError",
+    "Worlds",
     "__version__",
 ]
 
@@ -32,6 +34,7 @@ _MODULES = {
     "Simulator": "rosbridge_sim.shell.app",
     "SimulatorOptions": "rosbridge_sim.shell.config.options",
     "WorldFailedError": "rosbridge_sim.shell.scheduler",
+    "Worlds": "rosbridge_sim.worlds.worlds",
 }
 """Module of each public name."""
 

@@ -41,7 +41,7 @@ PROGRAM = re.compile(r"^```(?:python|js|html|toml|csv)$", re.MULTILINE)
 
 NUMBER = re.compile(r"-?\d+\.\d+")
 
-EXACT = ("python", "tutorial", "drive", "messages", "step", "score", "barrier")
+EXACT = ("python", "tutorial", "drive", "messages", "step", "score", "barrier", "worlds")
 """Programs in Python that print the same on every machine, since the world waits for them or no figure is printed."""
 
 TESTS = ("first-test", "fixtures", "unittest", "brakes")

@@ -52,6 +52,7 @@ world.lane_changes: world.drivers world.geometry world.roads world.state
 world.followers: world.drivers world.geometry world.lane_changes world.people world.roads world.state
 world: world.contacts world.drivers world.followers world.geometry world.lane_changes world.people world.roads
     world.state world.vehicle
+world.many_worlds: world world.contacts world.drivers world.geometry world.roads world.state
 # files of the user
 documents: * not_json
 maps: * documents units world.geometry world.roads world.state
@@ -99,6 +100,8 @@ shell.ros2: * graph graph.ros2 morai schema shell shell.config shell.files
 shell.files: * maps scenarios schema shell.config simulator.bus simulator.sensors world.state
 shell.bags: * graph schema shell.files simulator.replays
 shell.rendering: scenery world.geometry
+worlds: maps scenarios shell.files simulator.kernel simulator.plain simulator.scene simulator.sim_services
+    world.drivers world.geometry world.many_worlds world.roads world.state
 cli: * cli.tools cli.watch link
 cli.tools: * client graph link maps morai scenarios schema shell shell.bags shell.config shell.files shell.page
     simulator.scene units world.geometry world.roads world.state
@@ -106,7 +109,7 @@ cli.watch: * cli.tools client link units world.geometry world.roads
 pytest_plugin: package client shell
 serving: * package link shell shell.config shell.monitoring shell.websocket
 __main__: * cli serving
-package: * shell shell.config version
+package: * shell shell.config version worlds
 """
 """A line for each room: the rooms that it may import, beside itself. `*` means the rooms of `_BASE`, `package` is the
 package's own `__init__`. A folder within a room is a room of its own; the files beside it are the room's."""
@@ -130,7 +133,7 @@ def _name_of_room(word: str) -> str:
 
 ARROWS = _read_arrows(_TABLE)
 
-OUTSIDE = frozenset({"shell", "cli", "client", "link", "serving", "pytest_plugin", "__main__", ""})
+OUTSIDE = frozenset({"shell", "cli", "client", "link", "serving", "pytest_plugin", "worlds", "__main__", ""})
 """The rooms that may reach outside, with all that is within them."""
 
 PURE_LIBRARIES: dict[str, set[str]] = {

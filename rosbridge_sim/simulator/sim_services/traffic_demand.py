@@ -14,7 +14,7 @@ import logging
 import math
 from collections import Counter
 from hashlib import blake2b
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
@@ -22,18 +22,19 @@ from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.simulator.kernel.component import Component
-from rosbridge_sim.simulator.kernel.context import SimulatorContext
+from rosbridge_sim.simulator.kernel.hooks import Hooks
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.scene.load import Load
+from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_limits import MAX_ENTITIES
 from rosbridge_sim.world.demand import LaneSlots, has_room, keep_clear, safe_speed_at
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.drivers.lane_wander import USUAL_WANDER
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.routing import KnownRoutes
-from rosbridge_sim.world.state.world import DT, Kind
+from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["MAX_TRAFFIC", "Traffic"]
+__all__ = ["MAX_TRAFFIC", "EgoStatuses", "Traffic", "TrafficHost"]
 
 MAX_TRAFFIC: Final = 10_000
 """Largest `--traffic`: what one step is made for."""
@@ -90,14 +91,41 @@ _FILL: Final = -1
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
+class EgoStatuses(Protocol):
+    """What is told of the egos, and kept until something changes."""
+
+    def forget_statuses(self) -> None:
+        """Make it anew when it is asked for."""
+
+
+class TrafficHost(Protocol):
+    """What traffic is in: a `SimulatorContext`, or a world without a server."""
+
+    @property
+    def world(self) -> World:
+        """The world."""
+
+    @property
+    def scene(self) -> Scene:
+        """Its population."""
+
+    @property
+    def hooks(self) -> Hooks:
+        """The moments at which traffic acts."""
+
+    @property
+    def egos(self) -> EgoStatuses:
+        """What is told of the egos."""
+
+
 class Traffic(Component):
     """The component of spawn points and of `--traffic`."""
 
-    def __init__(self, context: SimulatorContext, num: int = 0, *, wanders: bool = True) -> None:
+    def __init__(self, context: TrafficHost, num: int = 0, *, wanders: bool = True) -> None:
         """Fill the opening scene.
 
         Args:
-            context: of the simulator, with the opening scene.
+            context: where it is, with the opening scene.
             num: vehicles on the lanes besides those of the scenario, at most; 0 for none.
             wanders: these vehicles wander within their lanes.
         """
@@ -385,7 +413,7 @@ class Traffic(Component):
         return next(model for model, upto in self._mix if share < upto)
 
 
-def _read_mix(context: SimulatorContext) -> list[tuple[Model, float]]:
+def _read_mix(context: TrafficHost) -> list[tuple[Model, float]]:
     """Return the models of `--traffic`, each with the sum of the shares up to it."""
     total, found = 0.0, []
     for name, share in MIX:

@@ -36,7 +36,7 @@ from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.chance import salt_of_seeds
-from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, EntityArrays
+from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS
 from rosbridge_sim.world.state.entity_types import Body, Dynamics, Kind
 from rosbridge_sim.world.state.row_worlds import NO_ROUTE
 from rosbridge_sim.world.state.world import MAX_UID, NO_CONTACTS, World
@@ -64,6 +64,7 @@ class OneOfMany(World):
         batch: where its columns are; None while it has its own.
         slot: which of the batch's worlds it is.
         has_changed: something other than a step has touched it since `WorldSet` looked.
+        num_changes: rises when its rows change or move.
     """
 
     def __init__(
@@ -79,6 +80,7 @@ class OneOfMany(World):
         self.batch: Batch | None = None
         self.slot = -1
         self.has_changed = True
+        self.num_changes = 0
         self._own_frame = 0
         self._own_contacts = NO_CONTACTS
         self._seen_touches = -1
@@ -131,6 +133,11 @@ class OneOfMany(World):
             self.batch.many_signals.forget(self.slot)
 
     @property
+    def lights(self) -> Signals:
+        """The traffic lights as they were when they last changed; read only."""
+        return self._signals
+
+    @property
     def plan(self) -> SignalPlan:
         """The plan of the lights."""
         return self._signals.plan
@@ -169,7 +176,7 @@ class OneOfMany(World):
             old.leave(self.slot)
         self.batch, self.slot = batch, slot
         if batch is None:
-            EntityArrays._allocate(self, n)  # noqa: SLF001 - its own columns again
+            self._allocate(n)  # its own columns again
         else:
             batch.need_rows(n)
             self.bind_columns()
@@ -184,7 +191,7 @@ class OneOfMany(World):
         assert self.batch is not None
         floats, ints, bools = self.batch.blocks
         self._floats, self._ints, self._bools = floats[:, :, self.slot], ints[:, :, self.slot], bools[:, :, self.slot]
-        EntityArrays._bind(self, self.n)  # noqa: SLF001 - the number of rows is as before
+        self._bind(self.n)
 
     def _allocate(self, n: int) -> None:
         if self.batch is None:
@@ -203,6 +210,7 @@ class OneOfMany(World):
 
     def _bind(self, n: int) -> None:
         super()._bind(n)
+        self.num_changes += 1
         if self.batch is not None:
             self.batch.has_new_rows = True
 
@@ -293,22 +301,26 @@ class Batch(World):
 
     def _signals_of(self, slot: int) -> Signals | None:
         world = self.worlds[slot]
-        return None if world is None else world._signals  # noqa: SLF001 - to read them changes nothing
+        return None if world is None else world.lights
 
     # -- a step
 
     def advance(self, num_frames: int) -> None:
         """Move all worlds by so many frames."""
-        if self.has_new_rows:
-            self.has_new_rows = False
-            num_rows = max((world.n for world in self.worlds if world is not None), default=0)
-            self._bind(num_rows * len(self.worlds))
+        self.bind_rows()
         self._number_lanes(1)
         try:
             for _ in range(num_frames):
                 step(self)
         finally:
             self._number_lanes(-1)
+
+    def bind_rows(self) -> None:
+        """Have as many rows as its largest world, if that has changed."""
+        if self.has_new_rows:
+            self.has_new_rows = False
+            num_rows = max((world.n for world in self.worlds if world is not None), default=0)
+            self._bind(num_rows * len(self.worlds))
 
     def _number_lanes(self, sign: int) -> None:
         """Turn lanes of the map into lanes of `roads`, or back."""

@@ -32,14 +32,20 @@ class WorldSet:
         Args:
             num_frames: positive.
         """
-        changed = [world for world in self.worlds if world.has_changed]
-        if changed:
-            self._place(changed)
+        self.settle()
         for batch in self._batches:
             batch.advance(num_frames)
         for world in self._alone:
             for _ in range(num_frames):
                 step(world)
+
+    def settle(self) -> None:
+        """Put all worlds into the batches that they belong to now; `advance` does it, too."""
+        changed = [world for world in self.worlds if world.has_changed]
+        if changed:
+            self._place(changed)
+        for batch in self._batches:
+            batch.bind_rows()
 
     def _place(self, changed: list[OneOfMany]) -> None:
         """Put worlds into the batches that they belong to now."""
@@ -83,13 +89,13 @@ class WorldSet:
 def _key_of(world: OneOfMany) -> Hashable:
     """Return what must be equal for worlds of one batch."""
     return (
-        *(id(world.roads), id(world.plan), world.frame % PHASES, world.dynamics, world.is_creeping),
+        *(world.roads.digest, world.plan.digest, world.frame % PHASES, world.dynamics, world.is_creeping),
         *(world.has_stability_control, world.has_impacts, world.is_scoring, world.turn_shares),
     )
 
 
 def _key_of_batch(batch: Batch) -> Hashable:
     return (
-        *(id(batch.map_roads), id(batch.map_plan), batch.frame, batch.dynamics, batch.is_creeping),
+        *(batch.map_roads.digest, batch.map_plan.digest, batch.frame, batch.dynamics, batch.is_creeping),
         *(batch.has_stability_control, batch.has_impacts, batch.is_scoring, batch.turn_shares),
     )

@@ -8,11 +8,14 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from rosbridge_sim.world.state.control_columns import update_control_columns
+import numpy as np
+
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.state.control_columns import update_all_control_columns, update_control_columns
 from rosbridge_sim.world.state.placement import set_ghost
 from rosbridge_sim.world.state.world import MAX_SPEED, Gear, Kind, Mode, World
 
-__all__ = ["command", "release", "shift", "turn_wheels"]
+__all__ = ["command", "command_all", "release", "shift", "turn_wheels"]
 
 MAX_COMMAND_ACCEL: Final = 100.0
 """Commanded accelerations are clipped at this [m/s^2]: beyond any brake, and it keeps the controller's sums finite."""
@@ -74,6 +77,60 @@ def command(
     set_ghost(world, row, is_ghost=False)
     if (before == Mode.PEDALS) != (mode == Mode.PEDALS):
         world.touch()  # the controller's calls are only in the programs that need them
+
+
+def command_all(
+    world: World,
+    rows: IntArray,
+    *,
+    mode: Mode,
+    steer: FloatArray,
+    throttle: FloatArray | None = None,
+    brake: FloatArray | None = None,
+    speed: FloatArray | None = None,
+    accel: FloatArray | None = None,
+) -> None:
+    """Command many driven rows, each as `command` does; all arguments but the mode are (k,).
+
+    Args:
+        world: written in place.
+        rows: (k,) int64, rows of EGOs, each once.
+        mode: of all of them; only its arguments count.
+        steer: front wheels, left positive, clipped at the bodies' limits [rad]. Rear wheels stand straight.
+        throttle: 0..1, clipped; for PEDALS.
+        brake: 0..1, clipped; for PEDALS.
+        speed: in the direction of the gear; for SPEED [m/s].
+        accel: in the direction of the gear; for ACCEL [m/s^2].
+
+    Raises:
+        ValueError: an argument that counts is not finite. Nothing has changed.
+    """
+    given: dict[Mode, dict[str, FloatArray | None]] = {
+        Mode.PEDALS: {"throttle": throttle, "brake": brake},
+        Mode.SPEED: {"speed": speed},
+        Mode.ACCEL: {"accel": accel},
+    }
+    counts = {"steer": steer, **given[mode]}
+    for name, values in counts.items():
+        if values is None or not np.isfinite(values).all():
+            raise ValueError(f"{name}: expected finite numbers")
+    limit = world.max_steer[rows]
+    world.steer_cmd[rows] = np.minimum(np.maximum(steer, -limit), limit)
+    world.rear_steer_cmd[rows] = 0.0
+    if throttle is not None and brake is not None and mode == Mode.PEDALS:
+        world.throttle[rows] = np.minimum(np.maximum(throttle, 0.0), 1.0)
+        world.brake[rows] = np.minimum(np.maximum(brake, 0.0), 1.0)
+    elif speed is not None and mode == Mode.SPEED:
+        world.speed_cmd[rows] = np.minimum(np.maximum(speed, -MAX_SPEED), MAX_SPEED)
+    elif accel is not None and mode == Mode.ACCEL:
+        world.accel_cmd[rows] = np.minimum(np.maximum(accel, -MAX_COMMAND_ACCEL), MAX_COMMAND_ACCEL)
+    switches = (world.mode[rows] == Mode.PEDALS) != (mode == Mode.PEDALS)
+    world.mode[rows] = mode
+    update_all_control_columns(world, rows, mode, is_creeping=world.is_creeping)
+    for row in rows[world.is_ghost[rows]].tolist():
+        set_ghost(world, row, is_ghost=False)
+    if np.count_nonzero(switches):
+        world.touch()
 
 
 def shift(world: World, row: int, gear: Gear) -> bool:

@@ -8,10 +8,13 @@ from __future__ import annotations
 import math
 from typing import Final
 
+import numpy as np
+
+from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.entity_arrays import EntityArrays
 from rosbridge_sim.world.state.entity_types import Gear, Mode
 
-__all__ = ["update_control_columns"]
+__all__ = ["update_all_control_columns", "update_control_columns"]
 
 STICTION: Final = 1e-9
 """Resistance of a row at rest in any gear but P [m/s^2]. It is too small to notice, and the controller does not count
@@ -70,3 +73,28 @@ def update_control_columns(arrays: EntityArrays, row: int, *, is_creeping: bool)
         if mode == Mode.SPEED and target == 0.0:
             throttle_max = 0.0
     arrays.throttle_max[row] = throttle_max
+
+
+def update_all_control_columns(arrays: EntityArrays, rows: IntArray, mode: Mode, *, is_creeping: bool) -> None:
+    """Do what `update_control_columns` does for many rows whose mode is the same, and whose gears have not changed.
+
+    Args:
+        arrays: written in place.
+        rows: (k,) int64, rows of EGOs, each once.
+        mode: of all of them.
+        is_creeping: see `update_control_columns`.
+    """
+    gear = arrays.gear[rows]
+    does_creep = is_creeping and mode == Mode.PEDALS
+    arrays.creep[rows] = np.where(does_creep & ((gear == Gear.DRIVE) | (gear == Gear.REVERSE)), CREEP_ACCEL, 0.0)
+    arrays.rolls[rows] = float(does_creep)
+    arrays.jerk_limit[rows] = _JERK_LIMITS[mode]
+    if mode == Mode.ACCEL:
+        arrays.accel_min[rows] = arrays.accel_max[rows] = arrays.accel_cmd[rows]
+        arrays.throttle_max[rows] = 1.0
+        return
+    wanted = arrays.speed_cmd[rows]
+    target = np.where(gear == Gear.REVERSE, np.abs(wanted), np.maximum(wanted, 0.0))
+    arrays.target[rows] = target
+    arrays.accel_min[rows], arrays.accel_max[rows] = -arrays.speed_decel[rows], arrays.speed_accel[rows]
+    arrays.throttle_max[rows] = np.where((target == 0.0) & (mode == Mode.SPEED), 0.0, 1.0)

@@ -1,0 +1,84 @@
+"""The egos of many worlds as arrays (num_worlds, num_egos): where their rows are, and how columns are gathered."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from rosbridge_sim.world.geometry.planar import BoolArray, IntArray
+from rosbridge_sim.world.many_worlds.batch import Batch, OneOfMany
+from rosbridge_sim.world.state.world import Kind, World
+
+__all__ = ["EgoTable", "Part"]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """The egos whose rows are in one set of columns.
+
+    Attributes:
+        columns: a batch, or a world that is alone.
+        rows: (k,) int64, rows of the egos there.
+        world, ego: (k,) int64, their places in the arrays.
+    """
+
+    columns: World
+    rows: IntArray
+    world: IntArray
+    ego: IntArray
+
+    @property
+    def num_slots(self) -> int:
+        """Number of worlds whose rows the columns have; row r of the world in slot s is row r * num_slots + s."""
+        return len(self.columns.worlds) if isinstance(self.columns, Batch) else 1
+
+
+class EgoTable:
+    """The egos of some worlds.
+
+    Attributes:
+        is_there: (num_worlds, num_egos) bool, the world has so many egos.
+        parts: where their columns are.
+
+    Args:
+        worlds: the worlds, in their batches.
+    """
+
+    def __init__(self, worlds: Sequence[OneOfMany]) -> None:
+        egos = [world.rows(Kind.EGO) for world in worlds]
+        num = max((len(rows) for rows in egos), default=0)
+        self.is_there: BoolArray = np.zeros((len(worlds), num), dtype=bool)
+        found: dict[int, tuple[World, list[tuple[int, int, int]]]] = {}
+        for i, (world, rows) in enumerate(zip(worlds, egos, strict=True)):
+            columns: World = world if world.batch is None else world.batch
+            slots, slot = (1, 0) if world.batch is None else (len(world.batch.worlds), world.slot)
+            places = found.setdefault(id(columns), (columns, []))[1]
+            for j, row in enumerate(rows.tolist()):
+                self.is_there[i, j] = True
+                places.append((row * slots + slot, i, j))
+        self.parts = [
+            Part(columns, *np.array(places, dtype=np.int64).reshape(-1, 3).T) for columns, places in found.values()
+        ]
+        self._seen = [self._state_of(world) for world in worlds]
+
+    def is_true(self, worlds: Sequence[OneOfMany]) -> bool:
+        """Return whether the rows are still where they were."""
+        return self._seen == [self._state_of(world) for world in worlds]
+
+    @staticmethod
+    def _state_of(world: OneOfMany) -> tuple[int, int, int, int]:
+        batch = world.batch
+        return (id(batch), world.slot, 0 if batch is None else len(batch.worlds), world.num_changes)
+
+    def __iter__(self) -> Iterator[Part]:
+        return iter(self.parts)
+
+    def gather(self, name: str) -> npt.NDArray[np.float64]:
+        """Return a column of the egos, (num_worlds, num_egos) float64; nan where there is no ego."""
+        values = np.full(self.is_there.shape, np.nan)
+        for part in self.parts:
+            values[part.world, part.ego] = getattr(part.columns, name)[part.rows]
+        return values

@@ -1,0 +1,112 @@
+"""One of many worlds with its scene and its traffic, as a server would have them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.scenarios.catalogue import Model
+from rosbridge_sim.scenarios.scenario import Scenario
+from rosbridge_sim.simulator.kernel.hooks import Hooks
+from rosbridge_sim.simulator.plain.plain_bytes import PlainData
+from rosbridge_sim.simulator.scene.load import FoundMap, Library, Load
+from rosbridge_sim.simulator.scene.scene import Scene
+from rosbridge_sim.simulator.sim_services.traffic_demand import Traffic
+from rosbridge_sim.world.many_worlds.batch import OneOfMany
+from rosbridge_sim.world.state.world import Gear, Snapshot
+
+__all__ = ["OneScene", "SavedScene"]
+
+TRAFFIC_INTERVAL = 10
+"""Frames from one look of traffic to the next, see `traffic_demand`."""
+
+
+class _NoStatuses:
+    """Nobody is told of the egos here."""
+
+    def forget_statuses(self) -> None:
+        """Do nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class SavedScene:
+    """A copy of a world with its scene; opaque.
+
+    Attributes:
+        world, loaded, found, next_uid, traffic: what `OneScene` restores.
+    """
+
+    world: Snapshot
+    loaded: Load
+    found: FoundMap
+    next_uid: int
+    traffic: PlainData
+
+
+class OneScene:
+    """A world, its scene and its traffic.
+
+    Attributes:
+        world: moved by a `WorldSet`.
+        scene: its population.
+        hooks: the moments at which the traffic acts; a caller calls those of `after_frame`.
+        egos: nobody is told of them.
+        has_traffic: vehicles come and go.
+
+    Args:
+        world: empty.
+        library: has the maps.
+        scenario: the opening scene.
+        traffic: vehicles besides those of the scenario, at most.
+        model: of the egos; None for that of the scenario.
+
+    Raises:
+        DocumentError: the scenario does not fit its map.
+    """
+
+    def __init__(
+        self, world: OneOfMany, library: Library, scenario: Scenario, traffic: int, model: Model | None
+    ) -> None:
+        self.world, self.hooks, self.egos = world, Hooks(), _NoStatuses()
+        if model is not None:
+            scenario = replace(scenario, egos=tuple(replace(ego, model=model) for ego in scenario.egos))
+        self.scene = Scene(world, library, scenario, ego_gear=Gear.DRIVE)
+        self._traffic = Traffic(self, traffic)
+
+    @property
+    def has_traffic(self) -> bool:
+        """Whether vehicles come and go."""
+        return self._traffic.save_state() is not None
+
+    @property
+    def road_map(self) -> RoadMap:
+        """The map in use."""
+        return self.scene.road_map
+
+    def after_frame(self) -> None:
+        """Let vehicles come and go; nothing on most frames."""
+        for act in self.hooks.after_frame:
+            act(0.0)
+
+    def reset(self, seed: int | None) -> None:
+        """Begin the opening scene again at frame 0; the seed None keeps the present one."""
+        is_scoring = self.world.is_scoring
+        self.scene.reset(seed)
+        for forget in self.hooks.on_reset:
+            forget()
+        for follow in self.hooks.on_new_scene:
+            follow(0.0)
+        if is_scoring:
+            self.world.start_scoring()
+
+    def save(self) -> SavedScene:
+        """Return a copy of all that decides what will happen."""
+        scene = self.scene
+        return SavedScene(
+            self.world.snapshot(), scene.loaded, scene.found_map, scene.next_uid, self._traffic.save_state()
+        )
+
+    def load(self, saved: SavedScene) -> None:
+        """Become what was saved, in this world or in another one of the same set."""
+        self.scene.restore(saved.world, loaded=saved.loaded, found=saved.found, next_uid=saved.next_uid)
+        self._traffic.load_state(saved.traffic, 0.0)

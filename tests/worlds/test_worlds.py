@@ -1,0 +1,169 @@
+"""`Worlds`: the worlds of a server, without a server."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rosbridge_sim import Worlds
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.simulator.node_factory import make_node
+from rosbridge_sim.simulator.simulator_node import NodeSettings
+from rosbridge_sim.world.state.commands import command
+from rosbridge_sim.world.state.world import Dynamics, Kind, Mode, World
+from tests.simulator.sim_harness import Client, make_store
+
+PEDALS = {"steering": 0.02, "throttle": 0.4, "brake": 0.0}
+
+
+def digests_of_server(seed: int, num_frames: int, traffic: int) -> str:
+    """Drive a server's world in synchronous mode with the pedals of `PEDALS`."""
+    library, bus, world = DiskLibrary(), Bus(make_store()), World(seed, Dynamics.SINGLE_TRACK)
+    settings = NodeSettings(start_mode="external", traffic=traffic, start="sync")
+    make_node(bus, world, library, library.opening_scenario("loop"), settings)
+    client = Client(bus, "/master")
+    client.start()
+    world.start_scoring()
+    row = int(world.rows(Kind.EGO)[0])
+    command(world, row, mode=Mode.PEDALS, steer=0.02, throttle=0.4)
+    for frame in range(num_frames):
+        client.tick(frame=frame)
+    assert world.frame == num_frames
+    return world.digest()
+
+
+def test_world_equals_that_of_a_server() -> None:
+    worlds = Worlds("loop", 3, seed=4, traffic=6)
+    worlds.step(PEDALS, 37)
+    assert worlds.digests()[1] == digests_of_server(5, 37, 6)
+
+
+def test_reset_begins_the_masked_worlds_again() -> None:
+    worlds, fresh = Worlds("loop", 3, traffic=4), Worlds("loop", 3, traffic=4)
+    start = fresh.digests()
+    worlds.step(PEDALS, 12)
+    before = worlds.digests()
+    worlds.reset(np.array([False, True, False]))
+    assert worlds.digests() == [before[0], start[1], before[2]]
+    assert worlds.frames.tolist() == [12, 0, 12]
+
+
+def test_reset_takes_new_seeds() -> None:
+    worlds = Worlds("loop", 2, traffic=4)
+    worlds.reset(seeds=[7, None])
+    assert worlds.seeds == [7, 1]
+    assert worlds.digests() == [
+        Worlds("loop", seed=7, traffic=4).digests()[0],
+        Worlds("loop", seed=1, traffic=4).digests()[0],
+    ]
+
+
+def test_saved_worlds_go_on_as_they_did() -> None:
+    worlds = Worlds("loop", 2, traffic=4)
+    worlds.step(PEDALS, 20)
+    saved = worlds.save()
+    worlds.step(PEDALS, 30)
+    after = worlds.digests()
+    worlds.load(saved)
+    worlds.step(PEDALS, 30)
+    assert worlds.digests() == after
+    worlds.load(saved[:1], np.array([False, True]))
+    worlds.step(PEDALS, 30)
+    assert worlds.digests()[1] == after[0]
+
+
+def test_egos_move_as_they_are_commanded() -> None:
+    worlds = Worlds("loop", 2)
+    start = worlds.egos()
+    worlds.step({"steering": [[0.0], [0.1]], "speed": 5.0}, 100)
+    egos = worlds.egos()
+    assert egos["speed"] == pytest.approx(np.full((2, 1), 5.0), abs=0.2)
+    assert abs(egos["yaw"] - start["yaw"])[0, 0] < 1e-6
+    assert (egos["yaw"] - start["yaw"])[1, 0] > 0.1
+    assert worlds.scores()["score_distance"][0, 0] > 3.0
+
+
+def test_others_are_seen_from_the_ego() -> None:
+    worlds = Worlds("loop", 2)
+    ego = {name: float(values[1, 0]) for name, values in worlds.egos().items()}
+    ahead = ego["x"] + 20.0 * np.cos(ego["yaw"]), ego["y"] + 20.0 * np.sin(ego["yaw"])
+    uid = worlds.spawn(1, "2015_Kia_K5", x=ahead[0], y=ahead[1], yaw=ego["yaw"])
+    out = np.empty((2, 1, 1, 9))
+    seen = worlds.others(1, out)
+    assert seen is out
+    is_there, x, y, vx, _, cos, _, length, _ = seen[1, 0, 0]
+    assert (is_there, cos) == (1.0, pytest.approx(1.0))
+    assert x == pytest.approx(20.0, abs=2.0)  # the middle of the car, not its rear axle
+    assert (y, vx) == (pytest.approx(0.0, abs=1e-6), 0.0)
+    assert length > 4.0
+    worlds.remove(1, uid)
+    assert not np.allclose(worlds.others(1)[1], seen[1]) or not worlds.others(1)[1].any()
+
+
+def test_lanes_are_told_in_the_frame_of_the_ego() -> None:
+    worlds = Worlds("loop")
+    lanes = worlds.lanes([0.0, 10.0])
+    assert lanes["is_on_road"].tolist() == [[1.0]]
+    assert abs(lanes["offset"][0, 0]) < 0.5
+    assert lanes["points"][0, 0, 1] == pytest.approx([10.0, 0.0], abs=0.5)
+    x, y, yaw = (worlds.egos()[name][0, 0] for name in ("x", "y", "yaw"))
+    worlds.place(0, x=x - np.sin(yaw), y=y + np.cos(yaw), yaw=yaw)
+    assert worlds.lanes()["offset"][0, 0] == pytest.approx(lanes["offset"][0, 0] + 1.0, abs=1e-6)
+
+
+def test_contacts_are_those_of_each_world() -> None:
+    worlds = Worlds("loop", 2)
+    ego = {name: float(values[0, 0]) for name, values in worlds.egos().items()}
+    uid = worlds.spawn(0, "2015_Kia_K5", x=ego["x"], y=ego["y"], yaw=ego["yaw"])
+    worlds.step()
+    assert [pairs.tolist() for pairs in worlds.contacts()] == [[[0, uid]], []]
+    assert worlds.scores()["num_collisions"].tolist() == [[1.0], [0.0]]
+
+
+def test_worlds_may_have_different_scenarios() -> None:
+    worlds = Worlds(["loop", "hills", "loop"], seed=[1, 2, 3])
+    worlds.step(PEDALS, 20)
+    assert worlds.digests()[1] == _stepped("hills", 2, 20)
+
+
+def _stepped(scenario: str, seed: int, num_frames: int) -> str:
+    one = Worlds(scenario, seed=seed)
+    one.step(PEDALS, num_frames)
+    return one.digests()[0]
+
+
+@pytest.mark.parametrize(
+    ("commands", "text"),
+    [
+        ({"steering": 0.0}, "commands: expected steering with throttle and brake, with speed or with accel"),
+        ({"speed": 0.0}, "commands: expected steering"),
+        ({"steering": [0.0, 1.0, 2.0], "speed": 0.0}, r"steering: expected an array of shape \(2, 1\), got \(3,\)"),
+        ({"steering": 0.0, "speed": float("nan")}, "speed: expected finite numbers"),
+    ],
+)
+def test_wrong_commands_are_refused(commands: dict[str, object], text: str) -> None:
+    worlds = Worlds("loop", 2)
+    before = worlds.digests()
+    with pytest.raises(ValueError, match=text):
+        worlds.step(commands)  # type: ignore[arg-type]
+    assert worlds.digests() == before
+
+
+def test_wrong_arguments_are_refused() -> None:
+    worlds = Worlds("loop", 2)
+    with pytest.raises(ValueError, match=r"mask: expected bool of shape \(2,\)"):
+        worlds.reset([True])
+    with pytest.raises(ValueError, match="seeds: expected 2 numbers"):
+        worlds.reset(seeds=[1])
+    with pytest.raises(ValueError, match="n: expected at least 1 frame"):
+        worlds.step(n=0)
+    with pytest.raises(ValueError, match=r"world: expected 0\.\.1, got 2"):
+        worlds.spawn(2, "2015_Kia_K5")
+    with pytest.raises(ValueError, match="the catalogue has no 'no such car'"):
+        worlds.spawn(0, "no such car")
+    with pytest.raises(ValueError, match="saved: expected 2 copies, got 1"):
+        worlds.load(worlds.save(np.array([True, False])))
+    with pytest.raises(DocumentError):
+        Worlds("no such scenario")
