@@ -41,7 +41,7 @@ PROGRAM = re.compile(r"^```(?:python|js|html|toml|csv)$", re.MULTILINE)
 
 NUMBER = re.compile(r"-?\d+\.\d+")
 
-EXACT = ("python", "tutorial", "drive", "messages", "step", "score", "barrier", "worlds")
+EXACT = ("python", "tutorial", "drive", "messages", "step", "score", "barrier")
 """Programs in Python that print the same on every machine, since the world waits for them or no figure is printed."""
 
 TESTS = ("first-test", "fixtures", "unittest", "brakes")
@@ -265,6 +265,18 @@ def test_simulator_without_pytest_runs(tmp_path: Path) -> None:
     assert re.fullmatch(r"<Simulator ws://\S+ scenario='demo' seed=0 running> has \d+ topics\n", printed)
 
 
+WITHOUT_SERVER = ("worlds",)
+"""Programs in Python that need no server."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mark", WITHOUT_SERVER)
+def test_program_without_a_server_prints_what_the_page_says(tmp_path: Path, mark: str) -> None:
+    script = tmp_path / "program.py"
+    script.write_text(example(mark))
+    assert run([sys.executable, "-W", "error", str(script)], tmp_path) == shown(mark)
+
+
 # Files and commands
 
 
@@ -318,7 +330,7 @@ def test_sensors_of_a_file_are_read(tmp_path: Path) -> None:
 
 def test_each_program_has_a_mark_and_each_mark_a_test() -> None:
     examples = read_examples()
-    assert sorted(examples) == sorted([*EXACT, *TESTS, *OTHERS])
+    assert sorted(examples) == sorted([*EXACT, *TESTS, *OTHERS, *WITHOUT_SERVER])
     assert [mark for mark, found in examples.items() if len(found) > 1] == []
     programs = sum(len(PROGRAM.findall(path.read_text("utf-8"))) for path in PAGES)
     assert programs == len(examples) - 1, "all but the commands of `tools`, which are sh"

@@ -36,7 +36,7 @@ def measure(work: Callable[[], object]) -> float:
 
 
 def of_worlds(scenario: str, num: int, traffic: int) -> tuple[float, float, float, float]:
-    """Return CPU time of an env step, of its observation and of a reset of one world [s], and memory a world [bytes]."""
+    """Return CPU time of a step, of its observation and of a reset of one world [s], and memory a world [bytes]."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     worlds = Worlds(scenario, num, traffic=traffic)
     rng = np.random.default_rng(0)
