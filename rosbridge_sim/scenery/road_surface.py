@@ -107,10 +107,11 @@ def add_edges(builder: MeshBuilder, roads: Roads, cover: RoadCover, terrain: Ter
         for i in (0, 1):
             offset = edges[:, i] + SHOULDER
             probe = _beside(points, side, offset + PROBE, edges[:, 2 + i], i)
-            is_open = _drop_short(~cover.is_on(probe, margin=SHOULDER))
+            is_ground = ~cover.is_on(probe, margin=SHOULDER)
+            is_open = _drop_short(is_ground)
             whole = _Edge(points, side, offset, edges[:, 2 + i], left=not i)
             if is_turn[lane]:
-                is_open &= ~_add_gaps(builder, cover, whole, is_open)
+                is_open &= ~_add_gaps(builder, cover, whole, is_ground)
             outer = whole.beyond(VERGE_WIDTH)
             is_bridge = outer[:, 2] - terrain.height(outer) > BRIDGE
             for start, end in [*_runs(is_open & ~is_bridge), *_runs(is_open & is_bridge)]:
@@ -137,19 +138,23 @@ def _are_turns(roads: Roads) -> BoolArray:
 
 
 def _add_gaps(builder: MeshBuilder, cover: RoadCover, edge: _Edge, is_open: BoolArray) -> BoolArray:
-    """Fill narrow ground between the edge of a lane and the next lane with asphalt; return where, (n,)."""
+    """Fill narrow ground between the edge of a lane and the next lane with asphalt; return where, (n,).
+
+    Each piece of it ends in a point at the places beside it, which closes the corners where two turns part.
+    """
     width = np.zeros(len(is_open))
     for distance in np.arange(1.0, GAP + 1.0):
         empty = np.flatnonzero(is_open & (width == 0.0))
         reached = cover.is_on(edge.beyond(distance)[empty], margin=SHOULDER)
         width[empty[reached]] = distance
     is_gap = width > 0.0
-    for start, end in _runs(is_gap):
-        own = slice(start, end)
-        far = edge.beyond(0.0)[own].copy()
-        for i, distance in enumerate(width[own].tolist()):
-            far[i] = edge.beyond(distance)[start + i]
-        near = edge.beyond(0.0)[own]
+    if not is_gap.any():
+        return is_gap
+    with_ends = np.convolve(is_gap, [1, 1, 1], mode="same") > 0
+    edges = edge.beyond(0.0)
+    for start, end in _runs(with_ends):
+        near = edges[start:end]
+        far = np.array([edge.beyond(distance)[start + i] for i, distance in enumerate(width[start:end].tolist())])
         builder.add(*(strip(far, near) if edge.left else strip(near, far)), ASPHALT, Label.ASPHALT)
     return is_gap
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -18,6 +20,7 @@ from tests.world.road_factory import line, make
 PAINT = (Label.PAINT_WHITE, Label.PAINT_YELLOW, Label.CROSSWALK, Label.STOP_LINE)
 
 
+@cache
 def map_of(name: str) -> RoadMap:
     return DiskLibrary().map(name)
 
@@ -27,6 +30,7 @@ def places_of(mesh: Mesh, *labels: Label) -> np.ndarray:
     return mesh.vertices[mesh.triangles[np.isin(mesh.label, labels)]].astype(np.float64) + mesh.origin
 
 
+@cache
 def bare(road_map: RoadMap) -> Mesh:
     return static_mesh(road_map, road_map.name, 0, is_dressed=False)
 
@@ -112,6 +116,21 @@ def test_crossing_of_the_town_has_no_island_between_its_lanes() -> None:
         ray = np.array([np.cos(angle), np.sin(angle), 0.0])
         is_enclosed &= np.any([cover.is_on(near + distance * ray) for distance in range(1, 13)], axis=0)
     assert not is_enclosed.any()
+
+
+@pytest.mark.slow
+def test_crossing_of_the_town_is_asphalt_between_its_turns() -> None:
+    corners = places_of(bare(map_of("town")), Label.ASPHALT)[..., :2]
+    near = corners[(np.abs(corners).min(axis=1) < 14.0).all(axis=1)]
+    x, y = np.meshgrid(np.arange(-11.0, 11.1, 0.25), np.arange(-11.0, 11.1, 0.25))
+    places = np.column_stack([x.ravel(), y.ravel()])
+    places = places[np.abs(places).min(axis=1) < 6.5]  # the roads that meet are 14 m wide
+    is_paved = np.zeros(len(places), dtype=bool)
+    for a, b, c in near:
+        pairs = ((a, b), (b, c), (c, a))
+        sides = [(q - p)[0] * (places - p)[:, 1] - (q - p)[1] * (places - p)[:, 0] for p, q in pairs]
+        is_paved |= np.all([side >= -1e-6 for side in sides], axis=0) | np.all([side <= 1e-6 for side in sides], axis=0)
+    assert is_paved.all()
 
 
 def test_map_without_lines_gets_them_from_its_lanes() -> None:
