@@ -80,6 +80,25 @@ _TEXTS_OF_ROS2: Final[Mapping[str, str]] = {
     # rosbags leaves default values out; these are the only ones in a package of everyday
     "geometry_msgs/Quaternion": "# An orientation.\n\nfloat64 x 0\nfloat64 y 0\nfloat64 z 0\nfloat64 w 1\n",
     "visualization_msgs/Marker": _MARKER_OF_ROS2,
+    # vision_msgs 4, as in Humble and later
+    "vision_msgs/BoundingBox2D": "# A box in a picture.\n\n"
+    "vision_msgs/Pose2D center  # its middle, and its turn\n"
+    "float64 size_x             # width before it is turned [px]\n"
+    "float64 size_y             # height, the same [px]\n",
+    "vision_msgs/ObjectHypothesis": "# What an object may be.\n\n"
+    "string class_id  # its class: the number in the table in docs/reference/sensors.md\n"
+    "float64 score    # how sure that is, 0 to 1\n",
+    "vision_msgs/ObjectHypothesisWithPose": "# What an object may be, and where.\n\n"
+    "vision_msgs/ObjectHypothesis hypothesis\n"
+    "geometry_msgs/PoseWithCovariance pose    # its middle and its axes\n",
+    "vision_msgs/Detection2D": "# An object in a picture.\n\nstd_msgs/Header header\n"
+    "vision_msgs/ObjectHypothesisWithPose[] results  # what it may be\n"
+    "vision_msgs/BoundingBox2D bbox                  # its box in the picture\n"
+    "string id                                       # of the object, the same in each message\n",
+    "vision_msgs/Detection3D": "# An object in space.\n\nstd_msgs/Header header\n"
+    "vision_msgs/ObjectHypothesisWithPose[] results  # what it may be\n"
+    "vision_msgs/BoundingBox3D bbox                  # its box\n"
+    "string id                                       # of the object, the same in each message\n",
 }
 """Texts of ROS 2 that count instead of the ROS 1 texts in `schemas/`."""
 

@@ -16,6 +16,7 @@ from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind, NetworkSettings, read_choices
@@ -88,9 +89,9 @@ ALL = {
 
 
 @cache
-def make_store(release: str = "22.R2") -> Store:
+def make_store(release: str = "22.R2", ros: Generation = 1) -> Store:
     """All types, with the other names and shapes that MORAI's documents use."""
-    return Store(read_definitions(release), leniency=LENIENCY)
+    return Store(read_definitions(release), leniency=LENIENCY, ros=ros)
 
 
 @cache
@@ -312,6 +313,7 @@ class SimHarness:
         scenario: str = "crowd",
         *,
         release: str = "22.R2",
+        ros: Generation = 1,
         recordings: Recordings | None = None,
         reader: Reader | None = None,
         worker: SensorWorker | None = None,
@@ -322,7 +324,7 @@ class SimHarness:
         **settings: Any,  # noqa: ANN401 - NodeSettings' own fields
     ) -> None:
         """A simulator with its opening scene; `network` is what a TOML file would say of it."""
-        self.bus = Bus(make_store(release))
+        self.bus = Bus(make_store(release, ros))
         self.world = World(0, dynamics, is_creeping=is_creeping, has_impacts=has_impacts)
         self.shelf = MemoryLibrary()
         self.drawer = MemoryDataStore()

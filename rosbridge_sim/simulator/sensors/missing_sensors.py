@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.simulator.sensors.sensor_specs import BOXES
+from rosbridge_sim.simulator.sensors.sensor_specs import BOXES, DETECTIONS_2D, DETECTIONS_3D
 
 __all__ = ["advise"]
 _PRESETS: Final[Mapping[str, tuple[str, str]]] = {
@@ -24,6 +24,8 @@ _LACKING: Final[Mapping[str, str]] = {
     "sensor_msgs/PointCloud": "its lidars publish sensor_msgs/PointCloud2",
     "velodyne_msgs/VelodyneScan": "its lidars publish sensor_msgs/PointCloud2, and no packets",
     "sensor_msgs/Range": "it has no ultrasonic sensors",
+    DETECTIONS_2D: "its cameras publish them if their settings have detections = true",
+    DETECTIONS_3D: "its cameras publish them if their settings have detections = true",
 }
 """Type of messages of a sensor -> what this simulator has instead."""
 

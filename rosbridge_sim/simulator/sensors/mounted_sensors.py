@@ -208,7 +208,7 @@ class MountedSensors(Component):
             echoes = disturb_radar(echoes, carrier, spec, errors.noise.radar, errors.generator(spec.frame_id))
         mounted.frames.append(world.frame)
         self._context.publishers.deliver(
-            mounted.publishers[0], self._messages.detections(self._header(ego, spec), echoes), now
+            mounted.publishers[0], self._messages.radar(self._header(ego, spec), echoes), now
         )
 
     def _errors_of(self, ego: Ego) -> NoiseSource | None:
@@ -240,10 +240,10 @@ class MountedSensors(Component):
         if isinstance(spec, CameraSpec):
             if wanted[1]:
                 self._context.publishers.deliver(mounted.publishers[1], self._messages.camera_info(spec, header), now)
-            if not (wanted[0] or wanted[2]):
+            if not (wanted[0] or any(wanted[2:])):
                 mounted.frames.append(frame)
                 return
-            has_boxes = wanted[2]
+            has_boxes = any(wanted[2:])
 
         def finish(result: Result, now: float) -> None:
             mounted.frames.append(frame)
@@ -319,8 +319,11 @@ class MountedSensors(Component):
             assert isinstance(spec, CameraSpec), "a picture is of a camera"
             if is_wanted(own[0]):
                 deliver(own[0], messages.picture(spec, header, result), now)
-            if result.boxes is not None:
+            if result.boxes is not None and is_wanted(own[2]):
                 deliver(own[2], messages.boxes(header, result.boxes), now)
+            for publisher in own[3:]:
+                if result.boxes is not None and is_wanted(publisher):
+                    deliver(publisher, messages.detections_of(publisher.type_name, header, result.boxes), now)
         elif isinstance(result, Scan):
             assert isinstance(spec, Lidar2dSpec), "ranges are of a 2D lidar"
             deliver(own[0], messages.scan(spec, header, result), now)

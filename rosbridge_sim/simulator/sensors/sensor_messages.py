@@ -11,6 +11,7 @@ from rosbridge_sim.simulator.sensors.drawing import Cloud, Scan, Shot, VisibleBo
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
 from rosbridge_sim.simulator.sensors.radar_echoes import RadarEchoes
 from rosbridge_sim.simulator.sensors.sensor_specs import BOXES, PIXEL_BYTES, CameraSpec, Lidar2dSpec
+from rosbridge_sim.simulator.sensors.vision_messages import VisionMessages, optical
 
 __all__ = ["SensorMessages"]
 
@@ -65,6 +66,7 @@ class SensorMessages:
         )
         self._point = maker(store, "geometry_msgs/Point", "x", "y", "z")
         self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
+        self._vision = VisionMessages(store)
         self._boxes = maker(store, BOXES, "header", "boxes")
         self._box = maker(
             store,
@@ -104,13 +106,23 @@ class SensorMessages:
                     boxes.labels[i],
                     *boxes.bounds[i],
                     boxes.visibility[i],
-                    self._point(*_optical(boxes.centres[i])),
+                    self._point(*optical(boxes.centres[i])),
                     self._vector(*boxes.sizes[i]),
-                    *(self._vector(*_optical(axis)) for axis in boxes.axes[i]),
+                    *(self._vector(*optical(axis)) for axis in boxes.axes[i]),
                 )
                 for i in range(len(boxes.ids))
             ],
         )
+
+    def detections_of(self, type_name: str, header: Struct, boxes: VisibleBoxes) -> Struct:
+        """Return the boxes of a picture as vision_msgs, in the optical frame of the camera.
+
+        Args:
+            type_name: `DETECTIONS_2D` or `DETECTIONS_3D`.
+            header: of the picture.
+            boxes: of the picture.
+        """
+        return self._vision.detections_of(type_name, header, boxes)
 
     def cloud(self, header: Struct, cloud: Cloud) -> Struct:
         """Return the PointCloud2 of a turn."""
@@ -135,7 +147,7 @@ class SensorMessages:
             scan.intensities,
         )
 
-    def detections(self, header: Struct, echoes: RadarEchoes) -> Struct:
+    def radar(self, header: Struct, echoes: RadarEchoes) -> Struct:
         """Return the RadarDetections of a scan."""
         columns = (echoes.azimuth, echoes.range_rate, echoes.amplitude)
         return self._detections(
@@ -147,9 +159,3 @@ class SensorMessages:
                 )
             ],
         )
-
-
-def _optical(vector: list[float]) -> tuple[float, float, float]:
-    """Return a vector of x forward, y left, z up as x right, y down, z ahead."""
-    x, y, z = vector
-    return -y, -z, x

@@ -32,6 +32,8 @@ from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
 __all__ = [
     "BOXES",
+    "DETECTIONS_2D",
+    "DETECTIONS_3D",
     "FRAME_RATE",
     "LIDAR_NAMES",
     "MAX_LEVER",
@@ -107,6 +109,9 @@ LIDAR_NAMES: Final = ("/lidar3D", "/velodyne_points")
 
 BOXES: Final = "rosbridge_sim_msgs/BoundingBoxes"
 """Type of the boxes of what a camera shows."""
+
+DETECTIONS_2D, DETECTIONS_3D = "vision_msgs/Detection2DArray", "vision_msgs/Detection3DArray"
+"""Types of the same boxes for programs of others."""
 
 _FRAME_ID: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 _TOPIC: Final = re.compile(r"(?:/[A-Za-z][A-Za-z0-9_]*)+")
@@ -217,6 +222,7 @@ class CameraSpec(MountedSpec):
         encoding: of colours: `jpeg` gives a CompressedImage, `raw` an Image. The other pictures are always an Image.
         quality: of the JPEG.
         distortion: k1, k2, p1, p2, k3 of the plumb bob model; all 0 for a pinhole.
+        detections: publish the boxes as vision_msgs, too.
     """
 
     kind: ClassVar[str] = "camera"
@@ -230,6 +236,7 @@ class CameraSpec(MountedSpec):
     encoding: Literal["jpeg", "raw"] = "jpeg"
     quality: _Quality = 90
     distortion: tuple[_Coefficient, _Coefficient, _Coefficient, _Coefficient, _Coefficient] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    detections: bool = False
 
     @model_validator(mode="before")
     @classmethod
@@ -319,8 +326,7 @@ class Lidar2dSpec(MountedSpec):
 class RadarSpec(MountedSpec):
     """A radar with a wide beam for what is near and a narrow beam for what is far.
 
-    The defaults are those of the Delphi ESR 2.5, for which MORAI's newer presets have a list: 60 m within +-45 deg,
-    174 m within +-10 deg, 64 echoes, 20 Hz (product data sheet).
+    The defaults are our choice, of the class of a car's 77 GHz radar with two beams.
 
     Attributes:
         near_range, far_range: of the two beams [m].
@@ -380,13 +386,16 @@ def _step(rate: float) -> tuple[int, int]:
 def topics_of(spec: SensorSpec) -> list[tuple[str, str]]:
     """Return the topics of a sensor, each with its type.
 
-    Of a camera they are the picture, its CameraInfo and its boxes; of a lidar all names of its one message.
+    Of a camera they are the picture, its CameraInfo, its boxes, and these as vision_msgs if they are chosen; of a lidar
+    all names of its one message.
     """
     if isinstance(spec, FrameSpec):
         return [(spec.topic, Gps.type_name if isinstance(spec, GpsSpec) else Imu.type_name)]
     if isinstance(spec, CameraSpec):
         kind = "sensor_msgs/CompressedImage" if spec.is_jpeg else "sensor_msgs/Image"
         beside = [("camera_info", "sensor_msgs/CameraInfo"), ("boxes", BOXES)]
+        if spec.detections:
+            beside += [("detections_2d", DETECTIONS_2D), ("detections_3d", DETECTIONS_3D)]
         return [(spec.topic, kind), *((f"{spec.base_topic}/{name}", type_name) for name, type_name in beside)]
     if isinstance(spec, Lidar3dSpec):
         names = LIDAR_NAMES if spec.topic in LIDAR_NAMES else (spec.topic,)

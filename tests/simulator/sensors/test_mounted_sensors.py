@@ -11,6 +11,7 @@ import pytest
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.scenery.pictures import EXTINCTION, Weather
+from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Echoes, fade
 from rosbridge_sim.simulator.sensors.sensor_specs import (
     CameraSpec,
@@ -20,6 +21,7 @@ from rosbridge_sim.simulator.sensors.sensor_specs import (
     Lidar3dSpec,
     RadarSpec,
 )
+from rosbridge_sim.world.geometry.planar import rotate
 from tests.simulator.sensors.analytic_makers import AtOnceWorker, ManualWorker
 from tests.simulator.sim_harness import ALL, Client, SimHarness, put_egos, rates
 
@@ -199,6 +201,34 @@ def test_boxes_name_the_objects_of_the_picture() -> None:
         assert box["center"]["z"] > 0.0
         assert math.hypot(*box["up"].values()) == pytest.approx(1.0, abs=1e-6)
     assert not client.messages(IMAGE)
+
+
+@pytest.mark.parametrize("ros", [1, 2])
+def test_detections_are_the_boxes_in_the_optical_frame(ros: Generation) -> None:
+    spec = CameraSpec(width=320, height=240, x=0.0, z=3.0, yaw=-90.0, pitch=10.0, rate=50.0, detections=True)
+    _, client = in_sync(spec, ros=ros)
+    flat, solid = "/image_jpeg/detections_2d", "/image_jpeg/detections_3d"
+    client.listen("/image_jpeg/boxes", flat, solid)
+    client.tick()
+    boxes, shown, around = (client.messages(topic)[0] for topic in ("/image_jpeg/boxes", flat, solid))
+    assert shown["header"]["frame_id"] == around["header"]["frame_id"] == "Camera_optical"
+    assert shown["header"]["stamp"] == boxes["header"]["stamp"]
+    assert len(shown["detections"]) == len(around["detections"]) == len(boxes["boxes"]) > 0
+    for box, one, other in zip(boxes["boxes"], shown["detections"], around["detections"], strict=True):
+        middle = one["bbox"]["center"]["position"] if ros == 2 else one["bbox"]["center"]
+        assert middle["x"] == pytest.approx(0.5 * (box["left"] + box["right"]), abs=1e-3)
+        assert one["bbox"]["size_y"] == pytest.approx(box["bottom"] - box["top"], abs=1e-3)
+        assert other["bbox"]["center"]["position"] == box["center"]
+        assert other["bbox"]["size"] == box["size"]
+        turn = tuple(other["bbox"]["center"]["orientation"][name] for name in "xyzw")
+        assert rotate(turn, (1.0, 0.0, 0.0)) == pytest.approx(tuple(box["forward"].values()), abs=1e-6)
+        assert rotate(turn, (0.0, 0.0, 1.0)) == pytest.approx(tuple(box["up"].values()), abs=1e-6)
+        for detection in (one, other):
+            (result,) = detection["results"]
+            assert (result["hypothesis"]["class_id"] if ros == 2 else result["id"]) == (
+                str(box["label"]) if ros == 2 else box["label"]
+            )
+            assert ros == 1 or detection["id"] == str(box["unique_id"])
 
 
 def test_cameras_share_a_topic_and_differ_in_the_frame() -> None:
