@@ -257,7 +257,7 @@ async def test_form_publishes_what_another_client_receives(serve: Serve, open_pa
     await publish.click()
     assert (await client.message("/ctrl_cmd"))["velocity"] == 5
     await page.get_by_role("tab", name="Code").click()
-    await expect(page.locator("pre.code")).to_contain_text("velocity")
+    await expect(page.get_by_label("Program", exact=True)).to_contain_text("velocity")
 
 
 async def test_reason_of_a_refused_message_is_beside_the_form(serve: Serve, open_page: OpenPage) -> None:

@@ -1,14 +1,15 @@
 """Work for a client's message that waits for turns of its own: all of it at once would delay the other clients.
 
 A large message fills a turn by its decoding alone. What it brings about is done in the passes of the event loop that
-follow, one part in each, and the world does not move in these passes. The client is held meanwhile, so its messages
-take effect in their order. The last part alone changes something.
+follow, one part in every second one. In the passes between, the world moves, so no flood of messages stops it. The
+client is held meanwhile, so its messages take effect in their order. The last part alone changes something.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Generator
+from typing import Final
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.guard import Guard
@@ -16,6 +17,10 @@ from rosbridge_sim.graph.participant import Notify, Participant, notifier
 from rosbridge_sim.simulator.kernel.sync_driver import SyncDriver
 
 __all__ = ["LateWork"]
+
+MAX_WAITING: Final = 8
+"""Works that wait at most, because each holds a message of up to 20 MB. Further ones are done at once, each in the turn
+of its client."""
 
 Parts = Generator[None, None, None]
 """Does a part of some work up to each `yield`; it raises a PeerError for a mistake of the client."""
@@ -39,13 +44,14 @@ class LateWork:
         self._sync_driver = sync_driver
         self._guard = guard
         self._waiting: deque[tuple[Parts, Callable[[float], None]]] = deque()
+        self._had_turn = False
 
     def __len__(self) -> int:
         """Return how many works wait."""
         return len(self._waiting)
 
     def do(self, parts: Parts, client: Participant, source: str) -> None:
-        """Do some work, later if there are turns.
+        """Do some work, later if there are turns and not too much waits.
 
         Args:
             parts: the work.
@@ -53,9 +59,9 @@ class LateWork:
             source: name of the topic or service, for these.
 
         Raises:
-            PeerError: a mistake, where there are no turns.
+            PeerError: a mistake, if it is done at once.
         """
-        if self.has_turns:
+        if self.has_turns and len(self._waiting) < MAX_WAITING:
             told = _tell_mistakes(parts, notifier(client), source)
             self._waiting.append((told, self._sync_driver.hold(client)))
         else:
@@ -63,15 +69,16 @@ class LateWork:
                 pass
 
     def take_turn(self, now: float) -> bool:
-        """Do one part of the oldest work.
+        """Do one part of the oldest work, in every second call.
 
         Args:
             now: monotonic time [s].
 
         Returns:
-            False if none waits.
+            False if none was done, because none waits or it is the world's turn.
         """
-        if not self._waiting:
+        self._had_turn = bool(self._waiting) and not self._had_turn
+        if not self._had_turn:
             return False
         parts, release = self._waiting[0]
         try:

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.morai.messages import command_parsing
+from rosbridge_sim.simulator.kernel.late_work import MAX_WAITING
 from rosbridge_sim.simulator.morai_services import command_topics
 from tests.graph.bus_fixture import make_peer
-from tests.simulator.sim_harness import SimHarness
+from tests.simulator.sim_harness import ALL, SimHarness, put_egos
 
 
 class Publisher:
@@ -47,6 +48,7 @@ def harness(monkeypatch: pytest.MonkeyPatch) -> SimHarness:
 def turn(harness: SimHarness) -> None:
     assert harness.node.next_due(0.0) == 0.0, "a turn is wanted at once"
     harness.node.advance(0.0)
+    harness.node.advance(0.0)  # the world's turn
 
 
 def xs(harness: SimHarness, *uids: int) -> list[float]:
@@ -75,17 +77,59 @@ def test_next_message_of_the_client_waits_and_others_do_not(harness: SimHarness)
     assert xs(harness, 50, 51, 52, 70) == [9.0, 2.0, 3.0, 5.0]
 
 
-def test_world_stands_in_the_turns_of_a_message() -> None:
+def test_world_moves_in_every_second_turn_whatever_waits() -> None:
     harness = SimHarness("empty")
     harness.node.limit_turns(lambda: 0.0)
     harness.run(0.1)
-    frame, publisher = harness.world.frame, Publisher(harness)
-    publisher.place(*[(100 + i, float(i)) for i in range(command_topics.MANY_GHOSTS + 1)])
-    harness.node.advance(harness.now + 1.0)
-    harness.node.advance(harness.now + 1.0)
-    assert harness.world.frame == frame
-    harness.node.advance(harness.now + 1.0)
-    assert harness.world.frame > frame
+    places = [(100 + i, float(i)) for i in range(command_topics.MANY_GHOSTS + 1)]
+    for _ in range(4):
+        Publisher(harness).place(*places)
+    moved = []
+    for _ in range(8):
+        frame = harness.world.frame
+        harness.now += 0.02
+        harness.node.advance(harness.now)
+        moved.append(harness.world.frame > frame)
+    assert moved == [False, True] * 4
+
+
+def test_message_beyond_those_that_wait_is_carried_out_at_once(harness: SimHarness) -> None:
+    waiting = [Publisher(harness) for _ in range(MAX_WAITING)]
+    for i, publisher in enumerate(waiting):
+        publisher.place((50, float(i)), (51, 2.0), (52, 3.0))
+    assert xs(harness, 50) == []
+    last = Publisher(harness)
+    last.place((70, 1.0), (71, 2.0), (72, 3.0))
+    assert xs(harness, 70) == [1.0]
+    assert not last.peer.is_held
+    last.place((70, 1.0), (71, 1e300), (72, 3.0))
+    assert "expected finite numbers" in last.told()[-1]["msg"]
+    for _ in range(2 * MAX_WAITING):
+        turn(harness)
+    assert xs(harness, 50) == [MAX_WAITING - 1.0]
+    assert not any(publisher.peer.is_held for publisher in waiting)
+
+
+@pytest.mark.parametrize("what", ["leaves", "reset", "load", "ego"])
+def test_what_happens_between_the_turns_of_a_message_meets_it_whole(harness: SimHarness, what: str) -> None:
+    publisher, client = Publisher(harness), harness.client()
+    publisher.place((50, 1.0), (51, 2.0), (52, 3.0))
+    turn(harness)
+    if what == "leaves":
+        publisher.peer.leave(0.0)
+    elif what == "reset":
+        harness.node.reset(None, 0.0)
+    elif what == "load":
+        client.ask("/Service_MoraiSL", file_name="parked", **ALL)
+    else:
+        client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(0, 51))
+    num = len(harness.world)
+    turn(harness)
+    assert len(harness.world) == (num if what == "ego" else num + 3)
+    assert not publisher.peer.is_held
+    assert harness.bus.guard.num_faults == 0
+    if what == "ego":
+        assert "it is an ego's" in publisher.told()[-1]["msg"]
 
 
 def test_mistake_among_many_ghosts_is_told_and_moves_nothing(harness: SimHarness) -> None:
