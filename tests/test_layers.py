@@ -82,9 +82,9 @@ simulator.replays: * graph morai.messages scenarios simulator.bus simulator.kern
     units world world.geometry world.state
 simulator.snapshots: * graph maps morai.messages protocol scenarios schema simulator.bus simulator.kernel
     simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.roads world.state
-simulator: graph morai morai.messages scenarios scenery schema simulator.bus simulator.kernel simulator.morai_services
-    simulator.plain simulator.replays simulator.scene simulator.sensors simulator.sim_services simulator.snapshots
-    simulator.sync world world.state
+simulator: * graph morai morai.messages scenarios scenery schema simulator.bus simulator.kernel
+    simulator.morai_services simulator.plain simulator.replays simulator.scene simulator.sensors simulator.sim_services
+    simulator.snapshots simulator.sync world world.geometry world.state
 # outside
 link: * protocol
 client: * link protocol

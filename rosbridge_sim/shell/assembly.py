@@ -173,6 +173,7 @@ def make_simulator_node(
         weather=Weather(settings.weather),
         is_dressed=settings.dressing,
         on_world_failure=settings.on_world_failure,
+        standard_topics=settings.standard_topics or settings.ros2_domain is not None,
     )
     turn_shares = TurnShares(*map(float, settings.turn_shares.split(","))) if settings.turn_shares else None
     scenario = library.opening_scenario(settings.scenario)

@@ -62,6 +62,7 @@ from rosbridge_sim.simulator.sim_services.step_service import StepService
 from rosbridge_sim.simulator.sim_services.traffic_demand import Traffic
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
 from rosbridge_sim.simulator.snapshots.snapshots import Snapshots
+from rosbridge_sim.simulator.standard_topics import StandardTopics
 from rosbridge_sim.simulator.sync.barrier import Barrier
 from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.world.state.world import Gear, World
@@ -114,6 +115,7 @@ def make_node(
     replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
     road_services = RoadServices(context, reader)
     traffic = Traffic(context, chosen.traffic, wanders=chosen.traffic_wander)
+    commands = CommandTopics(context)
     components: list[Component] = [
         StatePublishers(context),
         TrafficLightTopics(context),
@@ -123,7 +125,7 @@ def make_node(
         weather,
         Loads(context, reader, networks, has_traffic=chosen.traffic > 0),
         Services(context),
-        CommandTopics(context),
+        commands,
         replay,
         StepService(context),
         BarrierServices(context),
@@ -140,6 +142,8 @@ def make_node(
         Scenarios(context, reader, shelf),
         traffic,
     ]
+    if chosen.standard_topics:
+        components.append(StandardTopics(context, commands, chosen.sensor_noise))
     # The last one: its hash covers what all others do behind a frame.
     components.append(Snapshots(context, components, replay, reader, recordings))
     set_real_time_factor(context, chosen.real_time_factor, 0.0)

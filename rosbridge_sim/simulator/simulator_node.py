@@ -70,6 +70,7 @@ class NodeSettings:
         sensors: cameras, lidars and radars of each ego.
         weather: light and air of what cameras and lidars see, at the start.
         is_dressed: they see buildings, trees and posts beside the roads.
+        standard_topics: publish and take standard messages of ROS beside MORAI's.
         on_world_failure: `exit` raises the exception of a failed step to the caller of `advance`; `serve` stops the
             world and refuses every call.
     """
@@ -94,6 +95,7 @@ class NodeSettings:
     weather: Weather = Weather.NOON
     is_dressed: bool = True
     on_world_failure: Literal["exit", "serve"] = "exit"
+    standard_topics: bool = False
 
 
 class SimulatorNode:

@@ -79,6 +79,7 @@ class SimulatorOptions(TypedDict, total=False):
     subscribers: Mapping[str, object]
     services: Mapping[str, object]
     replay_info: bool
+    standard_topics: bool
     release: Literal["22.R2", "26.R1"]
     profile: Literal["manual", "field"]
     wheel_angle_unit: Literal["rad", "deg"] | None

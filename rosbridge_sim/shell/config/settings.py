@@ -423,6 +423,13 @@ class Settings:
         kind=SWITCH,
         text="publish /ReplayInfo_topic to bridges and --record, too; clients that subscribe always get it",
     )
+    standard_topics: bool = _flag(
+        default=False,
+        group=_NETWORK,
+        kind=SWITCH,
+        text="publish /odom and /fix and take /cmd_vel and /ackermann_cmd, for programs without morai_msgs; always with"
+        " --ros2-domain",
+    )
 
     release: Literal["22.R2", "26.R1"] = _flag(
         "22.R2", _FACE, choice_of("22.R2", "26.R1"), "MORAI SIM release whose message definitions are used"

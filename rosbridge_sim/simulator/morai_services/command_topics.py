@@ -27,6 +27,7 @@ from rosbridge_sim.morai.messages.command_parsing import (
     lamps_of,
     npc_ghosts,
 )
+from rosbridge_sim.morai.messages.control import Control
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -81,13 +82,29 @@ class CommandTopics(Component):
         self, ego: Ego, bindings: SubscribersServices, name: str, command: Struct, sender: Participant, _now: float
     ) -> None:
         control = self._context.convert.control(command)
-        if self._is_external(ego):
-            ego.control(control)
+        if self.drive(ego, bindings, name, control, sender):
             steering, warnings = self._context.convert.steering, self._context.warnings
             warn_of_units(control, steering, bindings.topic(name), sender, warnings)
-            ego.commander, ego.command_frame = sender, self._context.world.frame
-        else:
+
+    def drive(self, ego: Ego, bindings: SubscribersServices, name: str, control: Control, sender: Participant) -> bool:
+        """Apply a command of a client to an ego, if it may move the ego now; else warn it, once.
+
+        Args:
+            ego: the ego.
+            bindings: of the ego.
+            name: default name of the topic that it came by.
+            control: in the world's units.
+            sender: the client.
+
+        Returns:
+            True if it was applied.
+        """
+        if not self._is_external(ego):
             self._decline(ego, bindings, name, bindings.service("SyncModeCtrlCmd"), sender)
+            return False
+        ego.control(control)
+        ego.commander, ego.command_frame = sender, self._context.world.frame
+        return True
 
     def _ghost(
         self, ego: Ego, bindings: SubscribersServices, message: Struct, sender: Participant, _now: float

@@ -91,6 +91,7 @@ OTHER: dict[str, object] = {
     "scene": True,
     "strict_release": True,
     "attach_retry": 2.5,
+    "standard_topics": True,
     "ros2_domain": 7,
     "ros2_distro": "humble",
     "ros2_namespace": "/sim1",
