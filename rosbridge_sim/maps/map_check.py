@@ -33,8 +33,6 @@ _ID: Final[TypeAdapter[str]] = TypeAdapter(str, config=ConfigDict(coerce_numbers
 
 UNREAD_FILES: Final = (
     "lane_node_set.json",
-    "traffic_sign_set.json",
-    "surface_marking_set.json",
     "road_polygon_set.json",
     "parking_space_set.json",
     "sim_build_data_traffic_light.csv",

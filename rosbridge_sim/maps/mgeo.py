@@ -1,8 +1,8 @@
 """MGeo maps: the JSON files of a map folder -> projection, lanes, traffic lights and crosswalks.
 
 `node_set.json` and `link_set.json` are required. The other files of `MAP_FILES` are optional: a map without them has no
-georeference, or no lights, or no crosswalks, or lane edges at half the lane's width. Other files may be passed too;
-they are ignored. `links` reads the lanes, and `lights` reads the traffic lights.
+georeference, or no lights, or no crosswalks, or lane edges at half the lane's width, or no signs and arrows. Other
+files may be passed too; they are ignored. `links` reads the lanes, and `lights` reads the traffic lights.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ from rosbridge_sim.maps.mgeo_lights import (
     read_lights,
 )
 from rosbridge_sim.maps.mgeo_links import MAX_MAP_BYTES, find_lane_mistakes, read_lanes
+from rosbridge_sim.maps.mgeo_markings import MARKING_FILE, SIGN_FILE, read_markings, read_signs
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.world.roads.surface import Surface
 
@@ -46,7 +47,7 @@ INFO_FILE: Final = "global_info.json"
 BORDER_FILES: Final = ("lane_marking_set.json", "lane_boundary_set.json")
 """Edges of lanes, by their old and their new name. If a folder has both, the old one is read."""
 
-MAP_FILES: Final = (INFO_FILE, *FILES, *BORDER_FILES, *LIGHT_FILES, *CROSSWALK_FILES)
+MAP_FILES: Final = (INFO_FILE, *FILES, *BORDER_FILES, *LIGHT_FILES, *CROSSWALK_FILES, MARKING_FILE, SIGN_FILE)
 """All files that `read_mgeo` reads."""
 
 MapText = Annotated[str, Field(max_length=1_000)]
@@ -90,12 +91,15 @@ def read_mgeo(files: Mapping[str, bytes], source: str) -> RoadMap:
     notes += [_no_roads_note(kind, names) for kind, names in lanes.left_out.items()]
     plan = read_lights(known, lanes, notes)
     crosswalks = read_crosswalks(known, plan)
+    markings, signs = read_markings(known, notes), read_signs(known, notes)
     return RoadMap(
         *(name, projection, origin, lanes.roads),
         plan=plan if plan.lights else None,
         crosswalks=crosswalks,
         notes=tuple(_short(notes)),
         borders=lanes.borders,
+        markings=markings,
+        signs=signs,
     )
 
 

@@ -14,7 +14,7 @@ from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 
-__all__ = ["Border", "Crosswalk", "Projection", "RoadMap"]
+__all__ = ["Border", "Crosswalk", "Marking", "Projection", "RoadMap", "Sign"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +83,41 @@ class Crosswalk:
     lights: tuple[int, ...] = ()
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Marking:
+    """An area that is painted on the road, such as an arrow: for drawings.
+
+    Attributes:
+        name: as the map has it.
+        outline: (k, 3) its corners, map frame [m].
+    """
+
+    name: str
+    outline: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class Sign:
+    """A traffic sign: for drawings.
+
+    Attributes:
+        name: as the map has it.
+        x, y, z: its place [m].
+        yaw: direction that it faces [rad].
+        kind: "1" warns, "2" regulates, "3" directs, "4" adds to another sign; anything else is not known.
+        width, height: of its plate [m].
+    """
+
+    name: str
+    x: float
+    y: float
+    z: float
+    yaw: float
+    kind: str = ""
+    width: float = 0.6
+    height: float = 0.6
+
+
 @dataclass(frozen=True, eq=False)  # without slots, because the digest is kept
 class RoadMap:
     """A map.
@@ -95,6 +130,8 @@ class RoadMap:
         plan: its traffic lights; None if it has none.
         crosswalks: its crosswalks.
         borders: painted lines and kerbs.
+        markings: what is painted on the roads beside lines and crosswalks.
+        signs: traffic signs.
         notes: remarks about ignored or reinterpreted entries: a line each, for the log.
     """
 
@@ -106,6 +143,8 @@ class RoadMap:
     crosswalks: tuple[Crosswalk, ...] = ()
     notes: tuple[str, ...] = ()
     borders: tuple[Border, ...] = ()
+    markings: tuple[Marking, ...] = ()
+    signs: tuple[Sign, ...] = ()
 
     @cached_property
     def digest(self) -> bytes:

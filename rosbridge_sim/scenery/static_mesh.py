@@ -11,6 +11,7 @@ from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
 from rosbridge_sim.scenery.road_cover import RoadCover
 from rosbridge_sim.scenery.road_paint import add_paint
+from rosbridge_sim.scenery.road_signs import add_markings, add_signs
 from rosbridge_sim.scenery.road_surface import add_asphalt, add_edges
 from rosbridge_sim.scenery.terrain import Terrain
 from rosbridge_sim.scenery.traffic_lights import add_lights
@@ -41,7 +42,9 @@ def static_mesh(road_map: RoadMap, name: str, seed: int, *, is_dressed: bool = T
     add_asphalt(builder, roads)
     add_edges(builder, roads, cover, terrain, has_pavement=has_people)
     add_paint(builder, road_map, cover)
+    add_markings(builder, road_map.markings)
     add_lights(builder, _lights(road_map), cover, terrain)
+    add_signs(builder, road_map.signs, cover, terrain)
     if is_dressed:
         add_dressing(builder, roads, cover, terrain, name=name, seed=seed, is_town=has_people)
     return builder.finish()

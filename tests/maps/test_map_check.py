@@ -47,7 +47,7 @@ def test_new_file_names_are_recognised() -> None:
     assert files["lane_marking_set.json"] == (False, False, None)
     assert files["synced_traffic_light_set.json"] == (True, True, "groups")
     assert files["intersection_controller_state.json"] == (True, True, "schedules")
-    assert files["traffic_sign_set.json"] == files["my_notes.txt"] == (True, False, None)
+    assert files["road_polygon_set.json"] == files["my_notes.txt"] == (True, False, None)
 
 
 def test_old_file_names_and_other_contents_are_recognised() -> None:

@@ -139,7 +139,7 @@ def test_user_folder_is_read_from_the_disk(tmp_path: Path) -> None:
         text = json.dumps(content, indent=4).replace("\n", "\r\n")
         (folder / name).write_bytes(b"\xef\xbb\xbf" + text.encode())
     (folder / "sim_build_data_traffic_light.csv").write_bytes(b"FolderPath,\xb5")
-    (folder / "traffic_sign_set.json").write_text("not read")
+    (folder / "road_polygon_set.json").write_text("not read")
     (folder / "backup").mkdir()
     for name in ("whatever a scenario asks for", "town"):
         assert lanes(DiskLibrary(own_map=str(folder)).map(name)) == lanes(read(KOREAN))

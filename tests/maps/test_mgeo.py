@@ -73,7 +73,7 @@ def test_a_map_without_links_is_refused() -> None:
 
 
 def test_other_files_are_ignored() -> None:
-    files = {"traffic_sign_set.json": b"\xff", **TRACK}
+    files = {"road_polygon_set.json": b"\xff", **TRACK}
     assert read_mgeo(files, "x").name == "x"
 
 

@@ -171,7 +171,7 @@ ROADRUNNER: Files = {
     "synced_traffic_light_set.json": _SYNCED,
     "intersection_controller_set.json": [{"idx": "IntTL13", "TL": [["C1", "C2"], ["L1"], ["P1"]]}],
     "intersection_controller_state.json": _SCHEDULE,
-    "traffic_sign_set.json": [],
+    "road_polygon_set.json": [],
     "crosswalk_set.json": [{"idx": "CW1", "single_crosswalk_list": ["SCW1"], "ref_traffic_light_list": ["P1", "?"]}],
     "singlecrosswalk_set.json": _STRIPES,
 }

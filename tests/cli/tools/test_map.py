@@ -55,7 +55,7 @@ def test_map_info_describes_a_map(folder: Path) -> None:
         "  read: global_info.json, node_set.json, link_set.json, lane_boundary_set.json,"
     )
     for line in (
-        "  present, but not needed: lane_node_set.json, traffic_sign_set.json, notes.txt",
+        "  present, but not needed: lane_node_set.json, road_polygon_set.json, notes.txt",
         "version: 2.9",
         "projection: UTM 52N, WGS84 (+proj=utm +zone=52 +ellps=WGS84)",
         "origin: 300,000.000 east, 4,000,000.000 north, 0.000 up",
