@@ -58,7 +58,7 @@ PARAPET, DECK = 0.9, 0.7
 
 GREY: Final[Colour] = (168, 166, 160)
 SLABS: Final[Colour] = (150, 146, 140)
-VERGE: Final[Colour] = (110, 116, 80)
+VERGE: Final[Colour] = (99, 112, 86)
 
 
 def add_asphalt(builder: MeshBuilder, roads: Roads) -> None:

@@ -31,7 +31,7 @@ BELOW: Final = 0.06
 ROUNDS: Final = 300
 """Rounds of smoothing between the roads; each evens out over one cell more."""
 
-GRASS: Final[tuple[Colour, ...]] = ((106, 122, 72), (112, 128, 76), (100, 117, 69), (116, 127, 80))
+GRASS: Final[tuple[Colour, ...]] = ((84, 119, 72), (88, 125, 76), (79, 114, 69), (90, 123, 80))
 """Colours of cells."""
 
 

@@ -42,8 +42,8 @@ SAME_POLE: Final = 0.5
 HOUSING: Final[Colour] = (34, 36, 36)
 STEEL: Final[Colour] = (150, 152, 154)
 
-_LIT: Final[dict[Lamp, Colour]] = {Lamp.RED: (255, 40, 28), Lamp.YELLOW: (255, 190, 20)}
-_GREEN: Final[Colour] = (20, 240, 150)
+_LIT: Final[dict[Lamp, Colour]] = {Lamp.RED: (255, 28, 42), Lamp.YELLOW: (250, 255, 24)}
+_GREEN: Final[Colour] = (20, 240, 66)
 _DARK: Final[dict[Lamp, Colour]] = {Lamp.RED: (58, 18, 16), Lamp.YELLOW: (58, 46, 14)}
 _DARK_GREEN: Final[Colour] = (14, 48, 36)
 

@@ -158,6 +158,9 @@ def town_files() -> dict[str, bytes]:
     for crossing, leg in arms:
         if leg in "EN":
             _street(files, crossing, leg)
+    for crossing in CROSSINGS:
+        if len(crossing.legs) == 2:
+            _bend_marks(files, crossing)
     for crossing, leg in arms:
         _turns(files, crossing, leg)
     for i, crossing in enumerate(crossing for crossing in CROSSINGS if crossing.is_lit):
@@ -250,6 +253,16 @@ def _turns(files: MapFiles, crossing: Crossing, leg: str) -> None:
             road_id=crossing.name,
             ego_lane=lane,
         )
+
+
+def _bend_marks(files: MapFiles, crossing: Crossing) -> None:
+    """Add the lines of a bend: they join those of its two streets."""
+    leg, to = tuple(crossing.legs)
+    edge = crossing.num_lanes(leg) * LANE
+    for name, kind, left in (("C", "centre", 0.0), ("E", "edge", edge), ("F", "edge", -edge)):
+        start, end = crossing.at(leg, BOX, left), crossing.at(to, BOX, -left)
+        middle = (start[0], end[1]) if leg in "NS" else (end[0], start[1])
+        files.border(f"{name}{crossing.name}", kind, _corner(start, middle, end))
 
 
 # Lights

@@ -48,8 +48,9 @@ MAX_SENSORS_BYTES: Final = 1 << 20
 _CAMERA: Final = CameraSpec(x=1.8, z=2.0, pitch=7.0)
 """Camera of MORAI-EDU's lane programs: 640 x 480, 90 deg, at (1.8, 0, 2.0), 7 deg down (sensor_params.json)."""
 
-_LIDAR: Final = Lidar3dSpec(x=2.0, z=1.25)
-"""Lidar of MORAI-EDU's programs: (2, 0, 1.25), level (ex_calib_velodyne.py)."""
+_LIDAR: Final = Lidar3dSpec(x=2.0, z=1.28)
+"""Lidar of MORAI-EDU's programs: (2, 0, 1.25), level (ex_calib_velodyne.py), and 3 cm higher: some of them keep what is
+above -1.25 m, others what is above -1.3 m, and mean all but the road, or the road as well."""
 
 PRESETS: Final[Mapping[str, Rig]] = {
     "none": (),

@@ -188,7 +188,7 @@ def inner(mask: np.ndarray) -> np.ndarray:
     return kept
 
 
-def test_paint_asphalt_and_sky_of_town_have_the_colours_that_masks_expect_at_noon() -> None:
+def test_paint_asphalt_ground_and_sky_of_town_have_the_colours_that_masks_expect_at_noon() -> None:
     road_map, static = built_in("town")
     roads = road_map.roads
     seen: dict[Label, list[np.ndarray]] = {label: [] for label in Label}
@@ -200,7 +200,7 @@ def test_paint_asphalt_and_sky_of_town_have_the_colours_that_masks_expect_at_noo
         assert picture.rgb is not None
         assert picture.label is not None
         assert picture.depth is not None
-        for label in (Label.ASPHALT, Label.PAINT_WHITE, Label.PAINT_YELLOW):
+        for label in (Label.ASPHALT, Label.PAINT_WHITE, Label.PAINT_YELLOW, Label.GROUND):
             near = inner(picture.label == label) & (picture.depth < 20.0)
             seen[label].append(hsv_of(picture.rgb[near]))
         sky.append(hsv_of(picture.rgb[picture.label == Label.NONE]))
@@ -212,6 +212,9 @@ def test_paint_asphalt_and_sky_of_town_have_the_colours_that_masks_expect_at_noo
     is_yellow = (yellow[:, 0] >= 20) & (yellow[:, 0] <= 30) & (yellow[:, 1] >= 130)
     assert np.mean(is_yellow & (yellow[:, 2] >= 120) & (yellow[:, 2] <= 230)) > 0.99
     assert np.mean(asphalt[:, 2] <= 145) > 0.999
+    # The widest masks for yellow paint begin at a saturation of 80 and end at a hue of 45.
+    ground = np.concatenate(seen[Label.GROUND])
+    assert np.mean((ground[:, 0] > 45) | (ground[:, 1] < 80)) > 0.999
     # No mask for white or yellow paint takes the sky: its saturation is above 80 and its hue is blue.
     blue = np.concatenate(sky)
     assert np.mean((blue[:, 1] > 80) & (blue[:, 0] > 90) & (blue[:, 0] < 120)) > 0.99

@@ -34,7 +34,7 @@ def test_teaching_preset_has_the_mounting_of_the_lane_programs() -> None:
     assert (camera.width, camera.height, camera.fov) == (640, 480, 90.0)
     assert camera.mounting.place == (1.8, 0.0, 2.0)
     assert math.degrees(camera.mounting.pitch) == pytest.approx(7.0)
-    assert lidar.mounting.place == (2.0, 0.0, 1.25)
+    assert lidar.mounting.place == (2.0, 0.0, 1.28)
 
 
 @pytest.mark.parametrize(
