@@ -42,6 +42,7 @@ __all__ = [
     "miss",
     "open_raw",
     "read_line",
+    "require_chromium",
     "require_node_modules",
     "require_tool",
 ]
@@ -75,6 +76,14 @@ def require_tool(name: str) -> str:
     if path is None:
         miss(f"needs the program {name!r} on the PATH")
     return path
+
+
+def require_chromium() -> str:
+    """The path of Chromium: of its headless shell, where it is there.
+
+    That one has the same engine and no window system: it opens a page in a quarter of the CPU time.
+    """
+    return shutil.which("chromium-headless-shell") or require_tool("chromium")
 
 
 def require_node_modules() -> Path:

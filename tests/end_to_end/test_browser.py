@@ -21,7 +21,7 @@ from playwright.async_api import Error as PlaywrightError
 from playwright.async_api import Frame, Page, Route, async_playwright
 
 from tests.conftest import Serve, Simulate
-from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
+from tests.support import PATIENCE, ROOT, ServerProcess, require_chromium, require_node_modules
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
@@ -80,7 +80,7 @@ async def page_at(url: str, folder: Path) -> AsyncIterator[Page]:
     """A page in a browser; if something fails, with its text, its console and a picture of it."""
     said: list[str] = []
     async with async_playwright() as playwright:
-        browser = await playwright.chromium.launch(executable_path=require_tool("chromium"), args=FLAGS)
+        browser = await playwright.chromium.launch(executable_path=require_chromium(), args=FLAGS)
         page = await browser.new_page()
         page.set_default_timeout(PATIENCE * 1e3)
         await page.route(is_website, show_website)

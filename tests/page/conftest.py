@@ -1,4 +1,4 @@
-"""The web page in Debian's Chromium: a test fails where the page logs an error or its security policy is broken."""
+"""The web page in Chromium: a test fails where the page logs an error or its security policy is broken."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from playwright.async_api import TimeoutError as PlaywrightTimeoutError
 
 from rosbridge_sim.shell.page.page_address import page_urls
 from tests.conftest import Connect
-from tests.support import PATIENCE, Client, ServerProcess, require_tool
+from tests.support import PATIENCE, Client, ServerProcess, require_chromium
 
 expect.set_options(timeout=PATIENCE * 1e3)  # its own 5 s are too few for a flood on a busy machine
 
@@ -116,8 +116,8 @@ def _chromium(profile: Path, flags: Sequence[str]) -> Iterator[str]:
     log = profile / "stderr.txt"
     with log.open("wb") as stderr, subprocess.Popen(
         [
-            require_tool("chromium"),
-            "--headless=new",
+            require_chromium(),
+            "--headless",
             "--remote-debugging-port=0",
             f"--user-data-dir={profile}",
             *FLAGS,
@@ -193,7 +193,8 @@ async def open_page(chromiums: Chromiums, tmp_path: Path, request: pytest.Fixtur
             **options: Any,  # noqa: ANN401 - see `OpenPage`
         ) -> Page:
             browser = await chromiums.get(has_webgl=has_webgl)
-            context = await browser.new_context(**({"viewport": {"width": 1280, "height": 720}} | options))
+            sizes = {"viewport": {"width": 1280, "height": 720}, "device_scale_factor": 0.5 if has_webgl else 1.0}
+            context = await browser.new_context(**(sizes | options))
             contexts.push_async_callback(context.close)
             page = await context.new_page()
             page.set_default_timeout(PATIENCE * 1e3)

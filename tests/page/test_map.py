@@ -30,7 +30,7 @@ def colour(hex_text: str) -> tuple[int, int, int]:
 
 async def picture(page: Page) -> Pixels:
     """The canvas as it is seen, (height, width, 3)."""
-    shot = await page.locator("canvas.map-canvas").screenshot()
+    shot = await page.locator("canvas.map-canvas").screenshot(scale="css")
     return np.asarray(Image.open(BytesIO(shot)).convert("RGB"), dtype=np.float64)
 
 
