@@ -3,7 +3,7 @@
 A start of `python -m rosbridge_sim` imports for three quarters of a second of CPU time, and the tests start hundreds.
 `start` forks instead: what runs then is the same `__main__`, with its own arguments, environment, output
 and end. What it does not have is a hash seed of its own, so tests that compare two programs start them in the
-ordinary way; so do tests of the command line.
+ordinary way; so do tests of the start and the end of a process. Nor is its memory cleared before it ends.
 
 The process of the first fork is started when it is wanted, one for each process of tests, and ends with it:
 `python -m tests.fork_server FD`, where FD is a socket. A request is the length of a text, the text, and three file
@@ -14,6 +14,7 @@ for the program itself, which finds it as `CHANNEL`.
 from __future__ import annotations
 
 import atexit
+import gc
 import json
 import os
 import runpy
@@ -22,16 +23,18 @@ import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 import time
+import traceback
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import IO, NamedTuple, NoReturn
 
-__all__ = ["CHANNEL", "ForkServer", "ForkedProgram", "start"]
+__all__ = ["CHANNEL", "ForkServer", "ForkedProgram", "run", "start"]
 
 _ROOT = Path(__file__).parent.parent
 
@@ -41,6 +44,8 @@ _MODULES = (
     "rosbridge_sim.shell.monitoring.log_format",
     "rosbridge_sim.link.stop_signals",
     "rosbridge_sim.shell.websocket.memory",
+    "rosbridge_sim.cli.command_table",
+    "rosbridge_sim.client",
     "tests.far_side.server",
     "uvloop",
     "numpy.ma",  # numpy imports it when it is first used
@@ -108,6 +113,33 @@ def start(
     return _server().start(module, words, env, stderr, channel)
 
 
+def run(
+    program: str, *words: object, cwd: Path = _ROOT, env: Mapping[str, str] | None = None, timeout: float = 180.0
+) -> subprocess.CompletedProcess[str]:
+    """Run a program that ends by itself: `python -m PROGRAM WORDS...`, or `python PROGRAM WORDS...` for a file.
+
+    Args:
+        program: a module, or the path of a file that ends with `.py`.
+        words: its arguments.
+        cwd: the folder in which it runs.
+        env: its environment beside the test's own.
+        timeout: after which it is killed, and `subprocess.TimeoutExpired` is raised [s].
+    """
+    texts = [*map(str, words)]
+    with tempfile.TemporaryFile() as stderr:
+        forked = _server().start(program, texts, {**os.environ, **(env or {})}, stderr, cwd=cwd)
+        killer = threading.Timer(timeout, forked.kill)
+        killer.start()
+        with forked.stdout:
+            out = forked.stdout.read()
+        killer.cancel()
+        code = forked.wait(timeout)
+        if code == -signal.SIGKILL:
+            raise subprocess.TimeoutExpired([program, *texts], timeout)
+        stderr.seek(0)
+        return subprocess.CompletedProcess([program, *texts], code, out, stderr.read().decode(errors="replace"))
+
+
 class ForkServer:
     """The process of which programs are forked, as the tests know it. When it is closed, they are killed."""
 
@@ -125,12 +157,18 @@ class ForkServer:
         atexit.register(self.close)
 
     def start(
-        self, module: str, words: Sequence[str], env: Mapping[str, str], stderr: IO[bytes], channel: int | None = None
+        self,
+        module: str,
+        words: Sequence[str],
+        env: Mapping[str, str],
+        stderr: IO[bytes],
+        channel: int | None = None,
+        cwd: Path = _ROOT,
     ) -> ForkedProgram:
-        """Start a program; see `start` of this module."""
+        """Start a program, a module or a file; see `start` and `run` of this module."""
         out, program_out = os.pipe()
         status, program_status = os.pipe()
-        request = json.dumps({"module": module, "words": [*words], "env": dict(env)}).encode()
+        request = json.dumps({"module": module, "words": [*words], "env": dict(env), "cwd": str(cwd)}).encode()
         try:
             more = [] if channel is None else [channel]
             self._send(request, [program_out, stderr.fileno(), program_status, *more])
@@ -172,6 +210,7 @@ class _Request(NamedTuple):
     module: str
     words: list[str]
     env: dict[str, str]
+    cwd: str
     stdout: int
     stderr: int
     status: int
@@ -181,6 +220,8 @@ class _Request(NamedTuple):
 def _main() -> None:
     for name in _MODULES:
         import_module(name)
+    gc.collect()
+    gc.freeze()  # a collection in a program would copy the pages of all that it shares
     with socket.socket(fileno=int(sys.argv[1])) as control:
         request = _serve(control)
     if request is not None:
@@ -225,7 +266,7 @@ def _receive(control: socket.socket) -> _Request | None:
     while len(text) < size:
         text += control.recv(size - len(text))
     fields = json.loads(text)
-    return _Request(fields["module"], fields["words"], fields["env"], *descriptors)
+    return _Request(fields["module"], fields["words"], fields["env"], fields["cwd"], *descriptors)
 
 
 def _report_ends(running: dict[int, int]) -> None:
@@ -240,7 +281,7 @@ def _report_ends(running: dict[int, int]) -> None:
 
 
 def _run(request: _Request) -> None:
-    """Run the program in this fork as if Python had been started with it."""
+    """Run the program in this fork as if Python had been started with it, and end."""
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -252,8 +293,39 @@ def _run(request: _Request) -> None:
     os.environ.clear()
     os.environ.update(request.env)
     time.tzset()
-    sys.argv[1:] = request.words
-    runpy.run_module(request.module, run_name="__main__", alter_sys=True)
+    os.chdir(request.cwd)
+    code: object = None
+    try:
+        if request.module.endswith(".py"):
+            sys.argv = [request.module, *request.words]
+            sys.path[0] = str(Path(request.module).parent)
+            runpy.run_path(request.module, run_name="__main__")
+        else:
+            sys.argv[1:] = request.words
+            sys.path[0] = request.cwd
+            runpy.run_module(request.module, run_name="__main__", alter_sys=True)
+    except SystemExit as end:
+        code = end.code
+    except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+        os.kill(os.getpid(), signal.SIGINT)
+    except BaseException:  # noqa: BLE001 - as the interpreter does
+        traceback.print_exc()
+        code = 1
+    _end(code)
+
+
+def _end(code: object) -> NoReturn:
+    """End as the interpreter does after `sys.exit(code)`, but leave the memory as it is: that costs as much as a fork."""
+    if code is not None and not isinstance(code, int):
+        print(code, file=sys.stderr)  # noqa: T201 - as sys.exit does
+        code = 1
+    threading._shutdown()  # type: ignore[attr-defined] # noqa: SLF001 - waits for threads, before what atexit has
+    atexit._run_exitfuncs()  # noqa: SLF001 - what the interpreter calls
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError):
+            stream.flush()
+    os._exit(int(code or 0) & 0xFF)
 
 
 if __name__ == "__main__":
