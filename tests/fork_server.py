@@ -6,9 +6,9 @@ and end. What it does not have is a hash seed of its own, so tests that compare 
 ordinary way; so do tests of the start and the end of a process. Nor is its memory cleared before it ends.
 
 The process of the first fork is started when it is wanted, one for each process of tests, and ends with it:
-`python -m tests.fork_server FD`, where FD is a socket. A request is the length of a text, the text, and three file
-descriptors: stdout and stderr of the program, and a pipe for its process id and later its exit code. A fourth one is
-for the program itself, which finds it as `CHANNEL`.
+`python -m tests.fork_server FD`, where FD is a socket. A request is the length of a text, the text, and four file
+descriptors: stdin, stdout and stderr of the program, and a pipe for its process id and later its exit code. A fifth one
+is for the program itself, which finds it as `CHANNEL`.
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ import signal
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 import traceback
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import IO, NamedTuple, NoReturn
+from types import ModuleType, TracebackType
+from typing import IO, NamedTuple, NoReturn, Self
 
-__all__ = ["CHANNEL", "ForkServer", "ForkedProgram", "run", "start"]
+__all__ = ["CHANNEL", "ForkServer", "ForkedProgram", "popen", "run", "start"]
 
 _ROOT = Path(__file__).parent.parent
 
@@ -48,6 +48,9 @@ _MODULES = (
     "rosbridge_sim.client",
     "tests.far_side.server",
     "uvloop",
+    "twisted.internet.endpoints",  # of roslibpy; what chooses an event loop is not among them
+    "twisted.internet.ssl",
+    "autobahn.websocket.protocol",
     "numpy.ma",  # numpy imports it when it is first used
 )
 """What the programs import at their start, but for their `__main__`, which each of them runs itself."""
@@ -58,7 +61,7 @@ _LENGTH = 4
 CHANNEL = 3
 """The descriptor that a program may have beside its standard streams."""
 
-_MOST_DESCRIPTORS = 4
+_MOST_DESCRIPTORS = 5
 """Of a request."""
 
 
@@ -70,15 +73,53 @@ class ForkedProgram:
 
     Attributes:
         pid: of its process.
-        stdout: its output.
+        stdin, stdout, stderr: its streams, where they are pipes.
         returncode: its exit code, minus a signal's number; None until its end was noticed.
     """
 
-    def __init__(self, pid: int, stdout: IO[str], status: int) -> None:
+    def __init__(
+        self, pid: int, status: int, stdin: IO[str] | None, stdout: IO[str] | None, stderr: IO[str] | None
+    ) -> None:
         self.pid = pid
-        self.stdout = stdout
+        self.stdin, self.stdout, self.stderr = stdin, stdout, stderr
         self.returncode: int | None = None
         self._status = status
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the pipes, and wait for its end."""
+        for stream in (self.stdin, self.stdout, self.stderr):
+            if stream is not None:
+                with suppress(BrokenPipeError):
+                    stream.close()
+        self.wait()
+
+    def communicate(self, timeout: float | None = None) -> tuple[str, str]:
+        """Close its stdin and wait for its end [s]; the rest of its output and of its stderr."""
+        if self.stdin is not None:
+            self.stdin.close()
+        texts = ["", ""]
+
+        def read(number: int, stream: IO[str]) -> None:
+            texts[number] = stream.read()
+
+        streams = (self.stdout, self.stderr)
+        readers = [threading.Thread(target=read, args=(i, one)) for i, one in enumerate(streams) if one is not None]
+        for reader in readers:
+            reader.start()
+        try:
+            self.wait(timeout)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise
+        finally:
+            for reader in readers:
+                reader.join()
+        return texts[0], texts[1]
 
     def poll(self) -> int | None:
         """The exit code, or None if it still runs."""
@@ -110,34 +151,49 @@ def start(
     module: str, words: Sequence[str], env: Mapping[str, str], stderr: IO[bytes], channel: int | None = None
 ) -> ForkedProgram:
     """Start `python -m MODULE WORDS...` in the project's folder, with its stdout in a pipe, and perhaps a `CHANNEL`."""
-    return _server().start(module, words, env, stderr, channel)
+    return _server().start(["-m", module, *words], env=env, stderr=stderr.fileno(), channel=channel)
+
+
+def popen(
+    command: Sequence[object],
+    *,
+    cwd: Path = _ROOT,
+    env: Mapping[str, str] | None = None,
+    stdin: int = subprocess.DEVNULL,
+    stdout: int = subprocess.PIPE,
+    stderr: int | IO[bytes] = subprocess.PIPE,
+) -> ForkedProgram:
+    """Start `python COMMAND...`: a file, or `-m MODULE` or `-c CODE`, with arguments.
+
+    Args:
+        command: words after Python's own.
+        cwd: the folder in which it runs.
+        env: its whole environment; None is the one of the tests.
+        stdin: `DEVNULL`, or `PIPE` for a pipe of text.
+        stdout: `PIPE`, or a descriptor.
+        stderr: the same, or a file.
+    """
+    error = stderr if isinstance(stderr, int) else stderr.fileno()
+    words = [*map(str, command)]
+    return _server().start(
+        words, env=os.environ if env is None else env, stdin=stdin, stdout=stdout, stderr=error, cwd=cwd
+    )
 
 
 def run(
-    program: str, *words: object, cwd: Path = _ROOT, env: Mapping[str, str] | None = None, timeout: float = 180.0
+    command: Sequence[object], *, cwd: Path = _ROOT, env: Mapping[str, str] | None = None, timeout: float = 180.0
 ) -> subprocess.CompletedProcess[str]:
-    """Run a program that ends by itself: `python -m PROGRAM WORDS...`, or `python PROGRAM WORDS...` for a file.
+    """Run `python COMMAND...` to its end, as `popen` starts it.
 
     Args:
-        program: a module, or the path of a file that ends with `.py`.
-        words: its arguments.
+        command: words after Python's own.
         cwd: the folder in which it runs.
-        env: its environment beside the test's own.
+        env: its whole environment; None is the one of the tests.
         timeout: after which it is killed, and `subprocess.TimeoutExpired` is raised [s].
     """
-    texts = [*map(str, words)]
-    with tempfile.TemporaryFile() as stderr:
-        forked = _server().start(program, texts, {**os.environ, **(env or {})}, stderr, cwd=cwd)
-        killer = threading.Timer(timeout, forked.kill)
-        killer.start()
-        with forked.stdout:
-            out = forked.stdout.read()
-        killer.cancel()
-        code = forked.wait(timeout)
-        if code == -signal.SIGKILL:
-            raise subprocess.TimeoutExpired([program, *texts], timeout)
-        stderr.seek(0)
-        return subprocess.CompletedProcess([program, *texts], code, out, stderr.read().decode(errors="replace"))
+    with popen(command, cwd=cwd, env=env) as program:
+        out, err = program.communicate(timeout)
+        return subprocess.CompletedProcess([*map(str, command)], program.wait(), out, err)
 
 
 class ForkServer:
@@ -158,24 +214,39 @@ class ForkServer:
 
     def start(
         self,
-        module: str,
-        words: Sequence[str],
+        command: Sequence[str],
+        *,
         env: Mapping[str, str],
-        stderr: IO[bytes],
+        stderr: int,
+        stdin: int = subprocess.DEVNULL,
+        stdout: int = subprocess.PIPE,
         channel: int | None = None,
         cwd: Path = _ROOT,
     ) -> ForkedProgram:
-        """Start a program, a module or a file; see `start` and `run` of this module."""
-        out, program_out = os.pipe()
-        status, program_status = os.pipe()
-        request = json.dumps({"module": module, "words": [*words], "env": dict(env), "cwd": str(cwd)}).encode()
-        try:
+        """Start a program; see `start` and `popen` of this module."""
+        request = json.dumps({"command": [*command], "env": dict(env), "cwd": str(cwd)}).encode()
+        with ExitStack() as theirs:
+
+            def pipe(number: int, *, is_input: bool = False) -> tuple[int, IO[str] | None]:
+                """The program's descriptor, and our end of a new pipe."""
+                if number == subprocess.DEVNULL:
+                    number = os.open(os.devnull, os.O_RDWR)
+                    theirs.callback(os.close, number)
+                if number != subprocess.PIPE:
+                    return number, None
+                ends = os.pipe()
+                far, near = ends if is_input else ends[::-1]
+                theirs.callback(os.close, far)
+                return far, os.fdopen(near, "w" if is_input else "r")
+
+            far_in, near_in = pipe(stdin, is_input=True)
+            far_out, near_out = pipe(stdout)
+            far_error, near_error = pipe(stderr)
+            status, far_status = os.pipe()
+            theirs.callback(os.close, far_status)
             more = [] if channel is None else [channel]
-            self._send(request, [program_out, stderr.fileno(), program_status, *more])
-        finally:
-            os.close(program_out)
-            os.close(program_status)
-        return ForkedProgram(_read_number(status), os.fdopen(out), status)
+            self._send(request, [far_in, far_out, far_error, far_status, *more])
+        return ForkedProgram(_read_number(status), status, near_in, near_out, near_error)
 
     def _send(self, request: bytes, descriptors: Sequence[int]) -> None:
         with self._lock:
@@ -207,14 +278,19 @@ def _read_number(status: int) -> int:
 
 
 class _Request(NamedTuple):
-    module: str
-    words: list[str]
+    command: list[str]
     env: dict[str, str]
     cwd: str
+    stdin: int
     stdout: int
     stderr: int
     status: int
     channel: int | None = None
+
+    @property
+    def descriptors(self) -> list[int]:
+        """Those that are the program's alone, but for `status`."""
+        return [number for number in (self.stdin, self.stdout, self.stderr, self.channel) if number is not None]
 
 
 def _main() -> None:
@@ -252,10 +328,8 @@ def _serve(control: socket.socket) -> _Request | None:
                 return request
             running[pid] = request.status
             os.write(request.status, b"%d\n" % pid)
-            os.close(request.stdout)
-            os.close(request.stderr)
-            if request.channel is not None:
-                os.close(request.channel)
+            for number in request.descriptors:
+                os.close(number)
 
 
 def _receive(control: socket.socket) -> _Request | None:
@@ -266,7 +340,7 @@ def _receive(control: socket.socket) -> _Request | None:
     while len(text) < size:
         text += control.recv(size - len(text))
     fields = json.loads(text)
-    return _Request(fields["module"], fields["words"], fields["env"], fields["cwd"], *descriptors)
+    return _Request(fields["command"], fields["env"], fields["cwd"], *descriptors)
 
 
 def _report_ends(running: dict[int, int]) -> None:
@@ -285,6 +359,7 @@ def _run(request: _Request) -> None:
     signal.set_wakeup_fd(-1)
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    os.dup2(request.stdin, 0)
     os.dup2(request.stdout, 1)
     os.dup2(request.stderr, 2)
     if request.channel is not None:
@@ -293,17 +368,29 @@ def _run(request: _Request) -> None:
     os.environ.clear()
     os.environ.update(request.env)
     time.tzset()
+    # Those of the server, to which `__stdout__` holds, are for another kind of file.
+    sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115 - a descriptor, to the end
+    sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - a descriptor, to the end
+    sys.stderr = open(2, "w", 1, "utf-8", "backslashreplace", closefd=False)  # noqa: SIM115 - the same
+    if request.env.get("PYTHONUNBUFFERED"):
+        sys.stdout.reconfigure(line_buffering=True)
     os.chdir(request.cwd)
     code: object = None
+    first, *words = request.command
     try:
-        if request.module.endswith(".py"):
-            sys.argv = [request.module, *request.words]
-            sys.path[0] = str(Path(request.module).parent)
-            runpy.run_path(request.module, run_name="__main__")
-        else:
-            sys.argv[1:] = request.words
+        if first == "-c":
+            sys.argv = ["-c", *words[1:]]
             sys.path[0] = request.cwd
-            runpy.run_module(request.module, run_name="__main__", alter_sys=True)
+            module = sys.modules["__main__"] = ModuleType("__main__")
+            exec(compile(words[0], "<string>", "exec"), module.__dict__)  # noqa: S102 - the program
+        elif first == "-m":
+            sys.argv[1:] = words[1:]
+            sys.path[0] = request.cwd
+            runpy.run_module(words[0], run_name="__main__", alter_sys=True)
+        else:
+            sys.argv = [first, *words]
+            sys.path[0] = str(Path(first).parent)
+            runpy.run_path(first, run_name="__main__")
     except SystemExit as end:
         code = end.code
     except KeyboardInterrupt:
@@ -316,12 +403,12 @@ def _run(request: _Request) -> None:
 
 
 def _end(code: object) -> NoReturn:
-    """End as the interpreter does after `sys.exit(code)`, but leave the memory as it is: that costs as much as a fork."""
+    """End as after `sys.exit(code)`, but leave the memory as it is: to clear it costs as much as a fork."""
     if code is not None and not isinstance(code, int):
         print(code, file=sys.stderr)  # noqa: T201 - as sys.exit does
         code = 1
-    threading._shutdown()  # type: ignore[attr-defined] # noqa: SLF001 - waits for threads, before what atexit has
-    atexit._run_exitfuncs()  # noqa: SLF001 - what the interpreter calls
+    threading._shutdown()  # type: ignore[attr-defined]  # waits for threads, as the interpreter does
+    atexit._run_exitfuncs()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError):
             stream.flush()

@@ -25,6 +25,7 @@ from rosbridge_sim.client import Client
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
 from rosbridge_sim.shell.files.sensors_file import read_sensors
 from rosbridge_sim.world.state.world import Kind
+from tests import fork_server
 from tests.cli.tool_fixture import run as run_tool
 from tests.conftest import Connect, Serve
 from tests.end_to_end.test_browser import page_at, until
@@ -131,7 +132,9 @@ def run_python(mark: str, port: int, folder: Path) -> str:
     """What a marked Python program prints when it talks to this port."""
     script = folder / f"{mark}.py"
     script.write_text(at_port(example(mark), port))
-    return run([sys.executable, str(script)], folder)
+    done = fork_server.run([script], cwd=folder)
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
+    return done.stdout
 
 
 def node_command(mark: str, port: int, folder: Path) -> list[str]:

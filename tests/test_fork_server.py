@@ -15,36 +15,34 @@ from tests.support import PATIENCE, read_line
 pytestmark = pytest.mark.slow
 
 
-def run(tmp_path: Path, *words: str, module: str = "rosbridge_sim") -> tuple[int, str, str]:
+def run(*words: str, module: str = "rosbridge_sim") -> tuple[int, str, str]:
     """The exit code, the output and the log of a program that ends by itself."""
-    with (tmp_path / "log").open("wb") as stderr:
-        program = fork_server.start(module, words, os.environ, stderr)
-    with program.stdout:
-        return program.wait(PATIENCE), program.stdout.read(), (tmp_path / "log").read_text()
+    done = fork_server.run(["-m", module, *words])
+    return done.returncode, done.stdout, done.stderr
 
 
-def test_program_has_its_arguments_and_its_output(tmp_path: Path) -> None:
-    code, out, err = run(tmp_path, "--version")
+def test_program_has_its_arguments_and_its_output() -> None:
+    code, out, err = run("--version")
     assert (code, err) == (0, "")
     assert out.startswith("rosbridge-sim ")
 
 
-def test_program_has_the_exit_code_of_its_mistake(tmp_path: Path) -> None:
-    code, out, err = run(tmp_path, "--prot", "0")
+def test_program_has_the_exit_code_of_its_mistake() -> None:
+    code, out, err = run("--prot", "0")
     assert (code, out) == (2, "")
     assert err.startswith("rosbridge-sim: ")
 
 
-def test_program_that_does_not_exist_fails_alone(tmp_path: Path) -> None:
-    assert run(tmp_path, module="tests.nothing")[0] == 1
-    assert run(tmp_path, "--version")[0] == 0
+def test_program_that_does_not_exist_fails_alone() -> None:
+    assert run(module="tests.nothing")[0] == 1
+    assert run("--version")[0] == 0
 
 
 def test_killed_program_has_the_number_of_its_signal(tmp_path: Path) -> None:
     with (tmp_path / "log").open("wb") as stderr:
         words = ("serve", "--port", "0", "--no-world")
         program, other = (fork_server.start("rosbridge_sim", words, os.environ, stderr) for _ in range(2))
-    with program.stdout, other.stdout:
+    with program, other:
         assert read_line(program)
         assert read_line(other)
         with pytest.raises(subprocess.TimeoutExpired):
@@ -59,7 +57,10 @@ def test_killed_program_has_the_number_of_its_signal(tmp_path: Path) -> None:
 def test_programs_end_with_the_tests_that_started_them(tmp_path: Path) -> None:
     with (tmp_path / "log").open("wb") as stderr:
         server = fork_server.ForkServer()
-        program = server.start("rosbridge_sim", ("serve", "--port", "0", "--no-world"), os.environ, stderr)
+        program = server.start(
+            ["-m", "rosbridge_sim", "serve", "--port", "0", "--no-world"], env=os.environ, stderr=stderr.fileno()
+        )
+    assert program.stdout is not None
     with program.stdout:
         assert read_line(program)
         server.close()
@@ -72,9 +73,27 @@ def test_program_keeps_no_descriptor_of_another(tmp_path: Path) -> None:
         programs = [fork_server.start("rosbridge_sim", words, os.environ, stderr) for _ in range(2)]
     counts = []
     for program in programs:
-        with program.stdout:
+        with program:
             assert read_line(program)
             counts.append(len(os.listdir(f"/proc/{program.pid}/fd")))  # noqa: PTH208 - a count, not paths
             program.kill()
             program.wait(PATIENCE)
     assert counts[0] == counts[1]
+
+
+def test_file_and_code_have_streams_folder_and_variables_of_their_own(tmp_path: Path) -> None:
+    code = "import os, sys\nprint(os.getcwd(), os.environ['OWN'], sys.argv[1:], __name__, file=sys.stderr)\n"
+    code += "for line in sys.stdin:\n    print(line.strip())\nraise SystemExit('the end')"
+    (tmp_path / "program.py").write_text(code)
+    for command in (["-c", code, 1], [tmp_path / "program.py", 1]):
+        with fork_server.popen(command, cwd=tmp_path, env={"OWN": "x"}, stdin=subprocess.PIPE) as program:
+            assert program.stdin is not None
+            program.stdin.write("안녕\n")
+            out, err = program.communicate(PATIENCE)
+        assert (program.returncode, out, err) == (1, "안녕\n", f"{tmp_path} x ['1'] __main__\nthe end\n")
+
+
+def test_traceback_of_a_program_goes_to_its_stderr() -> None:
+    done = fork_server.run(["-c", "1 / 0"])
+    assert (done.returncode, done.stdout) == (1, "")
+    assert done.stderr.endswith("ZeroDivisionError: division by zero\n")

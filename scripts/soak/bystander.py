@@ -1,16 +1,17 @@
 #!/usr/bin/env python3
 """A harmless client in its own process that measures how long the server lets it wait.
 
-    python scripts/soak/bystander.py URL
+    python scripts/soak/bystander.py FD URL
 
-It calls `/rosapi/get_time` a hundred times a second. For each line on stdin it writes the figures since the last one
-as JSON: `num`, and `median` and `longest` in ms. It ends when stdin does.
+It calls `/rosapi/get_time` a hundred times a second. FD is a socket: each line on it is answered with the figures since
+the last one as a line of JSON: `num`, and `median` and `longest` in ms. It ends when the other end is closed.
 """
 
 from __future__ import annotations
 
 import json
 import select
+import socket
 import sys
 import time
 from statistics import median
@@ -28,22 +29,24 @@ _CALL = json.dumps({"op": "call_service", "service": "/rosapi/get_time", "id": "
 
 
 def main() -> int:
-    """Measure until stdin ends.
+    """Measure until the other end of the socket is closed.
 
     Returns:
         The exit code.
     """
     waits: list[float] = []
-    with connect(sys.argv[1], compression=None, ping_interval=None, proxy=None) as socket:
+    channel = socket.socket(fileno=int(sys.argv[1]))
+    with channel, connect(sys.argv[2], compression=None, ping_interval=None, proxy=None) as connection:
         while True:
             begun = time.perf_counter()
-            socket.send(_CALL)
-            socket.recv(PATIENCE)
+            connection.send(_CALL)
+            connection.recv(PATIENCE)
             waits.append((time.perf_counter() - begun) * 1e3)
-            if select.select([sys.stdin], [], [], PAUSE)[0]:
-                if not sys.stdin.readline():
+            if select.select([channel], [], [], PAUSE)[0]:
+                if not channel.recv(1):
                     return 0
-                print(json.dumps({"num": len(waits), "median": median(waits), "longest": max(waits)}), flush=True)
+                figures = {"num": len(waits), "median": median(waits), "longest": max(waits)}
+                channel.sendall(json.dumps(figures).encode() + b"\n")
                 waits.clear()
 
 

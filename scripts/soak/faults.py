@@ -38,6 +38,7 @@ from scripts.soak.harness import (  # noqa: E402
     PATIENCE,
     Client,
     GoneError,
+    Programs,
     RefusedError,
     SoakError,
     WatchedServer,
@@ -145,15 +146,7 @@ def _serve_refused(verdict: Verdict, *flags: str) -> None:
 
 def _run_refused(verdict: Verdict, *words: str, stdout: int = subprocess.PIPE) -> None:
     """Run a command that cannot run; it must give the reason in one line, with code 2."""
-    done = subprocess.run(  # noqa: S603 - our own program
-        [sys.executable, "-m", "rosbridge_sim", *words],
-        cwd=ROOT,
-        stdout=stdout,
-        stderr=subprocess.PIPE,
-        text=True,
-        timeout=PATIENCE,
-        check=False,
-    )
+    done = Programs.run(words, stdout)
     lines = done.stderr.splitlines()
     told = [line for line in lines if line.startswith("rosbridge-sim: ")] or lines[-1:]
     verdict.seen.append(f"rosbridge-sim {words[0]}: code {done.returncode}: {' / '.join(told) or '(nothing)'}")
@@ -545,14 +538,7 @@ async def killed_while_recording(folder: Path, scale: Scale, verdict: Verdict) -
 
 async def _repair(path: Path, verdict: Verdict) -> int:
     """Run `rosbridge-sim bag repair`, and return the number of messages that it found."""
-    done = await asyncio.to_thread(
-        subprocess.run,
-        [sys.executable, "-m", "rosbridge_sim", "bag", "repair", str(path), "--json"],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = await asyncio.to_thread(Programs.run, ["bag", "repair", str(path), "--json"], subprocess.PIPE)
     if done.returncode:
         verdict.faults.append(f"{path.name}: repair ended with {done.returncode}: {done.stderr.strip()}")
         return 0

@@ -15,7 +15,7 @@ import sys
 import threading
 from collections import Counter
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -115,16 +115,17 @@ class Program(Protocol):
         """End it at once."""
 
 
-def _start_program(words: Sequence[str], channel: int, stderr: int | IO[bytes]) -> subprocess.Popen[str]:
-    """Start `counting_tasks.py`.
+def _start_script(name: str, channel: int, words: Sequence[str], stderr: IO[bytes]) -> subprocess.Popen[str]:
+    """Start a script of this folder, with a socket in it.
 
     Args:
-        words: behind the descriptor.
-        channel: the descriptor, a socket.
-        stderr: file for its log, or `PIPE`.
+        name: of the script.
+        channel: descriptor of the socket, its first argument.
+        words: the other arguments.
+        stderr: file for its stderr.
     """
     return subprocess.Popen(  # noqa: S603 - our own program
-        [sys.executable, str(ROOT / "scripts" / "soak" / "counting_tasks.py"), str(channel), *words],
+        [sys.executable, str(ROOT / "scripts" / "soak" / f"{name}.py"), str(channel), *words],
         cwd=ROOT,
         pass_fds=(channel,),
         stdout=subprocess.PIPE,
@@ -133,17 +134,45 @@ def _start_program(words: Sequence[str], channel: int, stderr: int | IO[bytes]) 
     )
 
 
+def _run(words: Sequence[str], stdout: int) -> subprocess.CompletedProcess[str]:
+    """Run a command of `rosbridge-sim` that ends by itself.
+
+    Args:
+        words: the command and its arguments.
+        stdout: descriptor for its output, or `PIPE`.
+    """
+    return subprocess.run(  # noqa: S603 - our own program
+        [sys.executable, "-m", "rosbridge_sim", *words],
+        cwd=ROOT,
+        stdout=stdout,
+        stderr=subprocess.PIPE,
+        text=True,
+        timeout=PATIENCE,
+        check=False,
+    )
+
+
+class Programs:
+    """Ways to start programs; the tests have quicker ones.
+
+    Attributes:
+        start_script: starts a script of this folder: its name, a descriptor, its other arguments and its stderr.
+        run: runs a command of `rosbridge-sim`: its words, and a descriptor for its output, or `PIPE`.
+    """
+
+    run: ClassVar[Callable[[Sequence[str], int], subprocess.CompletedProcess[str]]] = staticmethod(_run)
+
+    start_script: ClassVar[Callable[[str, int, Sequence[str], IO[bytes]], Program]] = staticmethod(_start_script)
+
+
 class WatchedServer:
     """A `rosbridge-sim serve` in its own process, on a free loopback port.
 
     Attributes:
-        start_program: starts those whose log is a file; the tests have a quicker way.
         pid: of the process.
         url, port: its address.
         code: exit code, once it has ended.
     """
-
-    start_program: ClassVar[Callable[[Sequence[str], int, IO[bytes]], Program]] = staticmethod(_start_program)
 
     def __init__(
         self,
@@ -167,15 +196,16 @@ class WatchedServer:
         self._process: Program
         self._stderr: IO[str] | None = None
         self._carrier: threading.Thread | None = None
-        with theirs, log.open("ab") as stderr:
+        with theirs, ExitStack() as stack:
             if is_log_piped:
-                self._process = piped = _start_program(words, theirs.fileno(), subprocess.PIPE)
-                assert piped.stderr is not None
-                self._stderr = piped.stderr
+                reading, writing = os.pipe()
+                stderr = stack.enter_context(os.fdopen(writing, "wb"))
+                self._stderr = os.fdopen(reading)
                 self._carrier = threading.Thread(target=_carry, args=(self._stderr, log), daemon=True)
                 self._carrier.start()
             else:
-                self._process = type(self).start_program(words, theirs.fileno(), stderr)
+                stderr = stack.enter_context(log.open("ab"))
+            self._process = Programs.start_script("counting_tasks", theirs.fileno(), words, stderr)
         self.pid = self._process.pid
         line = _read_line(self._process.stdout)
         if " listening on ws://" not in line:
@@ -357,13 +387,9 @@ class Bystander:
 
     def __init__(self, url: str) -> None:
         """Start it."""
-        self._process = subprocess.Popen(  # noqa: S603 - our own program
-            [sys.executable, str(ROOT / "scripts" / "soak" / "bystander.py"), url],
-            cwd=ROOT,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            text=True,
-        )
+        self._channel, theirs = socket.socketpair()
+        with theirs, Path(os.devnull).open("wb") as stderr:
+            self._process = Programs.start_script("bystander", theirs.fileno(), [url], stderr)
 
     async def waits(self) -> Waits:
         """Return the figures since the last call.
@@ -378,23 +404,22 @@ class Bystander:
 
     def stop(self) -> None:
         """End it."""
-        with self._process as process:
-            if process.stdin is not None:
-                with suppress(BrokenPipeError):
-                    process.stdin.close()
-            try:
-                process.wait(PATIENCE)
-            except subprocess.TimeoutExpired:
-                process.kill()
+        self._channel.close()
+        try:
+            self._process.wait(PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        assert self._process.stdout is not None
+        self._process.stdout.close()
 
     def _ask(self) -> Waits:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        with suppress(BrokenPipeError):
-            self._process.stdin.write("\n")
-            self._process.stdin.flush()
-        is_ready, _, _ = select.select([self._process.stdout], [], [], 2 * PATIENCE)
-        line = self._process.stdout.readline() if is_ready else ""
+        line = b""
+        self._channel.settimeout(2 * PATIENCE)
+        with suppress(OSError):  # no answer, or no other end
+            self._channel.sendall(b"\n")
+            while not line.endswith(b"\n") and (data := self._channel.recv(4096)):
+                line += data
         if not line:
             raise SoakError("the bystander got no answer, or was disconnected")
         return Waits(**json.loads(line))

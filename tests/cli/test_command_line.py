@@ -18,16 +18,15 @@ import pytest
 from websockets.exceptions import ConnectionClosed
 
 from rosbridge_sim import __main__, __version__
+from tests import fork_server
 from tests.conftest import Connect, Serve
 from tests.support import PATIENCE, ROOT, read_line
 
 
 def run(*words: str, code: str | None = None, **environ: str) -> subprocess.CompletedProcess[str]:
     """The whole life of a program that ends by itself."""
-    command = [sys.executable, *(("-c", code) if code else ("-m", "rosbridge_sim")), *words]
-    return subprocess.run(
-        command, cwd=ROOT, env={**os.environ, **environ}, capture_output=True, text=True, timeout=PATIENCE, check=False
-    )
+    command = [*(("-c", code) if code else ("-m", "rosbridge_sim")), *words]
+    return fork_server.run(command, env={**os.environ, **environ}, timeout=PATIENCE)
 
 
 def say(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
 import re
 import signal
 import socket
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from tests import fork_server
+from tests.fork_server import ForkedProgram
 from tests.support import PATIENCE, ROOT
 
 BROKEN_WORLD = (
@@ -23,12 +22,9 @@ BROKEN_WORLD = (
 
 
 @contextmanager
-def start(*words: str, code: str | None = None) -> Iterator[subprocess.Popen[str]]:
+def start(*words: str, code: str | None = None) -> Iterator[ForkedProgram]:
     """Start a program; it is killed where it has not ended by itself."""
-    command = [sys.executable, *(("-c", code) if code else ("-m", "rosbridge_sim")), *words]
-    with subprocess.Popen(
-        command, cwd=ROOT, env=dict(os.environ), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    with fork_server.popen([*(("-c", code) if code else ("-m", "rosbridge_sim")), *words]) as process:
         try:
             yield process
         finally:
@@ -38,24 +34,24 @@ def start(*words: str, code: str | None = None) -> Iterator[subprocess.Popen[str
 def end_of(*words: str, code: str | None = None) -> int:
     with start(*words, code=code) as process:
         process.communicate(timeout=PATIENCE)
-        return process.returncode
+        return process.wait()
 
 
-def served(stop: Callable[[subprocess.Popen[str], int], None]) -> int:
+def served(stop: Callable[[ForkedProgram, int], None]) -> int:
     """Start a server, stop it in some way; its exit code."""
     with start("--port", "0") as process:
         assert process.stdout is not None
         stop(process, int(process.stdout.readline().strip().rpartition(":")[2]))
         process.communicate(timeout=PATIENCE)
-        return process.returncode
+        return process.wait()
 
 
-def one_signal(process: subprocess.Popen[str], _port: int) -> None:
+def one_signal(process: ForkedProgram, _port: int) -> None:
     process.send_signal(signal.SIGTERM)
 
 
-def second_signal(number: signal.Signals) -> Callable[[subprocess.Popen[str], int], None]:
-    def stop(process: subprocess.Popen[str], port: int) -> None:
+def second_signal(number: signal.Signals) -> Callable[[ForkedProgram, int], None]:
+    def stop(process: ForkedProgram, port: int) -> None:
         with socket.create_connection(("127.0.0.1", port)) as client:  # one that does not hear that the server goes
             client.sendall(
                 b"GET / HTTP/1.1\r\nHost: x\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -91,7 +87,7 @@ def ctrl_c(_tmp_path: Path) -> int:
     ):
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=PATIENCE)
-        return process.returncode
+        return process.wait()
 
 
 CASES: dict[str, tuple[int, Callable[[Path], int]]] = {

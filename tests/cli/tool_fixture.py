@@ -7,7 +7,6 @@ import io
 import json
 import os
 import subprocess
-import sys
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from contextlib import asynccontextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
@@ -17,7 +16,9 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.http11 import Request, Response
 
 from rosbridge_sim.cli.command_table import TOOLS
-from tests.support import PATIENCE, ROOT
+from tests import fork_server
+from tests.fork_server import ForkedProgram
+from tests.support import PATIENCE
 
 __all__ = [
     "Frame",
@@ -78,16 +79,10 @@ async def in_the_background(*words: str, url: str) -> Result:
         return await asyncio.to_thread(run, *words, url=url)
 
 
-def start(*words: str, url: str, stdout: int = subprocess.PIPE) -> subprocess.Popen[str]:
+def start(*words: str, url: str, stdout: int = subprocess.PIPE) -> ForkedProgram:
     """A command in a process of its own, with its output in pipes or wherever `stdout` says."""
-    return subprocess.Popen(
-        [sys.executable, "-m", "rosbridge_sim", *words, "--url", url],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONUNBUFFERED": "1"},
-        stdout=stdout,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    command = ["-m", "rosbridge_sim", *words, "--url", url]
+    return fork_server.popen(command, env={**os.environ, "PYTHONUNBUFFERED": "1"}, stdout=stdout)
 
 
 # Servers

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
+from tests import fork_server
+from tests.fork_server import ForkedProgram
 from tests.support import PATIENCE, ROOT, require_node_modules, require_tool
 
 __all__ = ["LIBRARIES", "finish", "is_python", "start"]
@@ -23,7 +24,7 @@ def is_python(library: str) -> bool:
     return library.startswith("roslibpy")
 
 
-def start(library: str, subject: str, port: int, *words: str) -> subprocess.Popen[str]:
+def start(library: str, subject: str, port: int, *words: str) -> subprocess.Popen[str] | ForkedProgram:
     """Start the program on a subject that uses a library.
 
     Args:
@@ -34,16 +35,16 @@ def start(library: str, subject: str, port: int, *words: str) -> subprocess.Pope
     """
     if is_python(library):
         module = f"tests.end_to_end.clients.{subject}"
-        command = [sys.executable, "-m", module, library.partition("-")[2]]
-    else:
-        require_node_modules()
-        package = {"roslib2": "roslib", "lichtblick": "@lichtblick/roslibjs"}.get(library, library)
-        command = [require_tool("node"), str(CLIENTS / f"{subject}.mjs"), package]
+        transport = library.partition("-")[2]
+        return fork_server.popen(["-m", module, transport, port, *words], stdin=subprocess.PIPE)
+    require_node_modules()
+    package = {"roslib2": "roslib", "lichtblick": "@lichtblick/roslibjs"}.get(library, library)
+    command = [require_tool("node"), str(CLIENTS / f"{subject}.mjs"), package]
     pipe = subprocess.PIPE
     return subprocess.Popen([*command, str(port), *words], cwd=ROOT, stdin=pipe, stdout=pipe, stderr=pipe, text=True)
 
 
-def finish(process: subprocess.Popen[str]) -> dict[str, Any]:
+def finish(process: subprocess.Popen[str] | ForkedProgram) -> dict[str, Any]:
     """What a program said last, once it has ended well; its stdin ends, which tells one that serves to go."""
     with process:
         out, err = process.communicate(timeout=3 * PATIENCE)

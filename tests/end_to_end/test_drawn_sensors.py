@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +12,7 @@ import pytest
 from PIL import Image
 
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
+from tests import fork_server
 from tests.conftest import Connect, Serve
 from tests.support import Client
 
@@ -71,8 +70,7 @@ async def test_shot_and_list_of_a_running_server(serve: Serve, tmp_path: Path) -
     server = serve("--scenario", "loop", "--sensors", "teaching")
 
     def run(*words: str) -> str:
-        command = [sys.executable, "-m", "rosbridge_sim", *words, "--url", server.url]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        done = fork_server.run(["-m", "rosbridge_sim", *words, "--url", server.url])
         assert done.returncode == 0, done.stderr
         return done.stdout
 

@@ -12,8 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from tests import fork_server
 from tests.conftest import Connect, Serve, Simulate
 from tests.deployment import Place
+from tests.fork_server import ForkedProgram
 from tests.support import PATIENCE, ROOT, ServerProcess, read_line
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
@@ -60,16 +62,15 @@ def write(points: list[tuple[float, float]], file: Path) -> Path:
     return file
 
 
-def start(place: Place | ServerProcess, *flags: str) -> subprocess.Popen[str]:
-    command = [sys.executable, str(EXAMPLE), "--port", str(place.port), *flags]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+def start(place: Place | ServerProcess, *flags: str) -> ForkedProgram:
+    return fork_server.popen([EXAMPLE, "--port", place.port, *flags])
 
 
 def run(place: Place | ServerProcess, *flags: str) -> tuple[int, str, str]:
     """Exit code, stdout and stderr."""
     with start(place, *flags) as example:
         out, err = example.communicate(timeout=6 * PATIENCE)
-    return example.returncode, out, err
+    return example.wait(), out, err
 
 
 def figure_of(pattern: str, text: str) -> float:

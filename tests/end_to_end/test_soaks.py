@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 
 from scripts.soak import hostile, snapshots
 from scripts.soak.faults import CASES, SHORT, Case, run_case
-from scripts.soak.harness import WatchedServer
+from scripts.soak.harness import Programs
 from scripts.soak.mixed import soak
 from tests import fork_server
 from tests.fork_server import CHANNEL, ForkedProgram
@@ -23,15 +24,24 @@ LONG = {"has_param after 100,000 set_param"}
 """Rows of hostile frames that take 10 s and more; `tests/graph/test_parameters.py` has the limits of parameters."""
 
 
-def fork(words: Sequence[str], channel: int, stderr: IO[bytes]) -> ForkedProgram:
-    """Start a watched server as a fork of a process that has imported everything."""
-    return fork_server.start("scripts.soak.counting_tasks", [str(CHANNEL), *words], os.environ, stderr, channel)
+def fork(name: str, channel: int, words: Sequence[str], stderr: IO[bytes]) -> ForkedProgram:
+    """Start a script of the soaks as a fork of a process that has imported everything."""
+    return fork_server.start(f"scripts.soak.{name}", [str(CHANNEL), *words], os.environ, stderr, channel)
+
+
+def run_fork(words: Sequence[str], stdout: int) -> subprocess.CompletedProcess[str]:
+    """Run a command as such a fork, unless its output goes elsewhere."""
+    return fork_server.run(["-m", "rosbridge_sim", *words]) if stdout == subprocess.PIPE else RUN(words, stdout)
+
+
+RUN = Programs.run
 
 
 @pytest.fixture(autouse=True)
-def forked_servers(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Start servers without a second of imports."""
-    monkeypatch.setattr(WatchedServer, "start_program", staticmethod(fork))
+def forked_programs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Start programs without a second of imports."""
+    monkeypatch.setattr(Programs, "start_script", staticmethod(fork))
+    monkeypatch.setattr(Programs, "run", staticmethod(run_fork))
 
 
 async def test_eight_kinds_of_clients_leave_no_memory_behind(tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,9 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.geometry.planar import nearest_on_polyline
+from tests import fork_server
 from tests.conftest import Connect, Simulate
+from tests.fork_server import ForkedProgram
 from tests.simulator.pages import RELEASES
 from tests.support import PATIENCE, ROOT, Client
 from tests.world.road_factory import built_in
@@ -26,7 +26,7 @@ NAME_OF = {"22.R2": 'STEERING = "steering"', "26.R1": 'STEERING = "front_steer"'
 
 NOSE = 3.58  # from the rear axle to the bumper of the Ioniq [m]
 
-Plan = Callable[..., subprocess.Popen[str]]
+Plan = Callable[..., ForkedProgram]
 """`planner("22.R2", port, path, 40)`: the planner for that release, running."""
 
 LANES = ("L2_00", "L2_01", "L2_02")
@@ -58,15 +58,14 @@ def course(folder: Path, length: float) -> tuple[Path, np.ndarray[Any, np.dtype[
 @pytest.fixture
 def planner(tmp_path: Path) -> Iterator[Plan]:
     """Starts the planner for a release; it is gone when the test is over."""
-    started: list[subprocess.Popen[str]] = []
+    started: list[ForkedProgram] = []
 
-    def start(release: str, *words: object) -> subprocess.Popen[str]:
+    def start(release: str, *words: object) -> ForkedProgram:
         text = PLANNER.read_text()
         assert text.count(NAME_OF["22.R2"]) == 1
         script = tmp_path / "planner.py"
         script.write_text(text.replace(NAME_OF["22.R2"], NAME_OF[release]))
-        command = [sys.executable, str(script), *map(str, words)]
-        started.append(subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True))
+        started.append(fork_server.popen([script, *words]))
         return started[-1]
 
     yield start

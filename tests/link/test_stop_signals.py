@@ -17,7 +17,9 @@ from urllib.request import urlopen
 
 import pytest
 
+from tests import fork_server
 from tests.conftest import Serve
+from tests.fork_server import ForkedProgram
 from tests.shell.bags.bag_reading import read_bag
 from tests.support import PATIENCE, ROOT, ServerProcess, read_line
 
@@ -26,21 +28,13 @@ pytestmark = pytest.mark.slow
 KINDS = pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a"])
 
 MAIN = "import sys; from rosbridge_sim.__main__ import main; sys.exit(main())"
-LOOPS = pytest.mark.parametrize(
-    "code", [MAIN, f"import sys; sys.modules['uvloop'] = None; {MAIN}"], ids=["uvloop", "asyncio"]
-)
+WITHOUT_UVLOOP = f"import sys; sys.modules['uvloop'] = None; {MAIN}"
 
 
 @contextmanager
-def server_process(code: str, *flags: str) -> Iterator[tuple[subprocess.Popen[str], int]]:
+def server_process(code: str, *flags: str) -> Iterator[tuple[ForkedProgram, int]]:
     """A server that records, and its port; a client that never hears that it goes keeps it from ending soon."""
-    process = subprocess.Popen(
-        [sys.executable, "-c", code, "serve", "--port", "0", *flags],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    process = fork_server.popen(["-c", code, "serve", "--port", "0", *flags])
     with process:
         try:
             port = int(read_line(process).strip().rpartition(":")[2])
@@ -55,7 +49,7 @@ def server_process(code: str, *flags: str) -> Iterator[tuple[subprocess.Popen[st
             process.kill()
 
 
-def wait_for(process: subprocess.Popen[str], text: str) -> None:
+def wait_for(process: ForkedProgram, text: str) -> None:
     """Read its log until that comes; a program that does not say it in time is ended."""
     assert process.stderr is not None
     timer = threading.Timer(PATIENCE, process.kill)
@@ -67,8 +61,7 @@ def wait_for(process: subprocess.Popen[str], text: str) -> None:
         timer.cancel()
 
 
-@KINDS
-@LOOPS
+@pytest.mark.parametrize(("name", "code"), [("a.bag", MAIN), ("a.mcap", MAIN), ("a", MAIN), ("a.bag", WITHOUT_UVLOOP)])
 def test_second_signal_closes_the_recording_and_stops_the_server(tmp_path: Path, code: str, name: str) -> None:
     with server_process(code, "--record", str(tmp_path / name)) as (process, _):
         process.send_signal(signal.SIGTERM)
@@ -108,8 +101,7 @@ def test_hangup_under_nohup_is_ignored(tmp_path: Path) -> None:
         assert process.wait(PATIENCE) == 0
 
 
-@KINDS
-@pytest.mark.parametrize("command", ["serve", "record"])
+@pytest.mark.parametrize(("command", "name"), [("serve", "a.bag"), ("serve", "a"), ("record", "a.mcap")])
 def test_closed_terminal_leaves_a_readable_recording(
     tmp_path: Path, server: ServerProcess, command: str, name: str
 ) -> None:

@@ -18,6 +18,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.client import Client
+from tests import fork_server
 from tests.conftest import Serve
 from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
@@ -48,7 +49,7 @@ def run(language: str, program: str, folder: Path, **env: str) -> str:
         words = ["sh", "-e", "-c", program]
         env["PATH"] = f"{bin_folder}{os.pathsep}{os.environ['PATH']}"
     elif language == "python":
-        words = [sys.executable, "-c", program]
+        return output_of(program, fork_server.run(["-c", program], env={**os.environ, **env}))
     else:
         link = folder / "node_modules"
         if not link.exists():
@@ -58,6 +59,10 @@ def run(language: str, program: str, folder: Path, **env: str) -> str:
     done = subprocess.run(
         words, capture_output=True, text=True, timeout=3 * PATIENCE, check=False, cwd=ROOT, env={**os.environ, **env}
     )
+    return output_of(program, done)
+
+
+def output_of(program: str, done: subprocess.CompletedProcess[str]) -> str:
     assert done.returncode == 0, f"{program}\n{done.stdout}\n{done.stderr}"
     return done.stdout
 

@@ -14,7 +14,7 @@ from playwright.async_api import Locator, Page, WebSocketRoute, expect
 from tests.conftest import Connect, Serve
 from tests.far_side.server import FarSide
 from tests.page.conftest import OpenPage, page_url
-from tests.page.test_page import faults_of
+from tests.page.test_page import LOOKS, faults_of
 from tests.support import PATIENCE, Client, Frame, ServerProcess
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
@@ -393,8 +393,7 @@ async def test_log_has_refused_requests_by_level_and_words(serve: Serve, open_pa
     await expect(line).to_have_count(0)
 
 
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("width", [360, 1280])
+@pytest.mark.parametrize(("scheme", "width"), LOOKS)
 async def test_graph_and_log_have_no_serious_fault_of_accessibility(
     serve: Serve, open_page: OpenPage, scheme: str, width: int
 ) -> None:

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import re
-import subprocess
 import sys
 from typing import Literal
 
 import pytest
 
 from rosbridge_sim.shell.monitoring.log_format import formatter_of
+from tests import fork_server
 from tests.conftest import Serve
-from tests.support import PATIENCE, ROOT
 
 NASTY = 'a "b"\n{"level": "INFO"}\r\x1b[31m 한 \ud800 \u2028'
 
@@ -84,10 +82,7 @@ def test_every_line_of_a_server_is_json_and_the_limits_hold(serve: Serve) -> Non
 @pytest.mark.slow
 def test_start_that_fails_is_json_too() -> None:
     words = ["--port", "0", "--log-format", "json", "--scenario", "nothing"]
-    command = [sys.executable, "-m", "rosbridge_sim", *words]
-    done = subprocess.run(
-        command, cwd=ROOT, env=dict(os.environ), capture_output=True, text=True, timeout=PATIENCE, check=False
-    )
+    done = fork_server.run(["-m", "rosbridge_sim", *words])
     lines = [json.loads(line) for line in done.stderr.splitlines()]
     assert (done.returncode, done.stdout, len(lines)) == (2, "", 1)
     assert (lines[0]["level"], lines[0]["message"][:22]) == ("CRITICAL", "no scenario 'nothing';")
