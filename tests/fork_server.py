@@ -119,6 +119,9 @@ class ForkedProgram:
         finally:
             for reader in readers:
                 reader.join()
+            for stream in streams:
+                if stream is not None:
+                    stream.close()
         return texts[0], texts[1]
 
     def poll(self) -> int | None:

@@ -193,7 +193,10 @@ async def open_page(chromiums: Chromiums, tmp_path: Path, request: pytest.Fixtur
             **options: Any,  # noqa: ANN401 - see `OpenPage`
         ) -> Page:
             browser = await chromiums.get(has_webgl=has_webgl)
-            sizes: dict[str, Any] = {"viewport": {"width": 1280, "height": 720}, "device_scale_factor": 0.5 if has_webgl else 1.0}
+            sizes: dict[str, Any] = {
+                "viewport": {"width": 1280, "height": 720},
+                "device_scale_factor": 0.5 if has_webgl else 1.0,
+            }
             context = await browser.new_context(**(sizes | options))
             contexts.push_async_callback(context.close)
             page = await context.new_page()

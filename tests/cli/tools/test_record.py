@@ -123,8 +123,9 @@ async def test_messages_are_on_the_disk_before_each_question_even_without_a_cloc
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["a.bag", "a.mcap", "a"])
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize(
+    ("number", "name"), [(signal.SIGINT, "a.bag"), (signal.SIGTERM, "a.mcap"), (signal.SIGHUP, "a")]
+)
 def test_signal_finishes_the_bag(tmp_path: Path, server: ServerProcess, number: signal.Signals, name: str) -> None:
     path = tmp_path / name
     process = start("record", str(path), url=server.url)

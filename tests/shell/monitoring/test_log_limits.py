@@ -193,7 +193,7 @@ async def test_status_ops_fill_neither_the_log_nor_rosout(connect: Connect, capl
 async def test_debug_log_of_any_client_input_is_bounded(serve: Serve, connect: Connect) -> None:
     server = serve("--log-level", "debug")
     client = await connect(server.url)
-    for i in range(3_000):
+    for i in range(500):  # without a bound the texts alone would take 5 MB
         await client.send("status", level="error", msg="\U000e0001" * 1_000)
         await client.send("advertise", topic=f"/odd_{i}", type=f"nobody_{i}_msgs/Knows")
         await client.send("publish", topic="/InsnControl", type="morai_msgs/IntersectionControl", msg={})
