@@ -50,11 +50,11 @@ def test_everything_beside_the_roads_leaves_them_free(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["town", "track"])
-def test_dressing_follows_from_name_and_seed(name: str) -> None:
+def test_dressing_follows_from_name_and_seed() -> None:
+    name = "track"
     road_map = map_of(name)
     one = static_mesh(road_map, name, 0)
-    assert one.digest == static_mesh(map_of(name), name, 0).digest
+    assert one.digest == static_mesh(DiskLibrary().map(name), name, 0).digest
     assert one.digest != static_mesh(road_map, name, 1).digest
     assert one.digest != static_mesh(road_map, "other", 0).digest
     assert not np.isin(bare(road_map).label, [Label.BUILDING, Label.TREE]).any()
