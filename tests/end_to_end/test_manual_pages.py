@@ -45,8 +45,8 @@ NOT_BY_THE_BOOK = {
 """Rows that send what rosbridge_suite refuses, or look for what it changes or does not promise."""
 
 PLACES = (*(("serve", release) for release in RELEASES), ("attach", "26.R1"))
-"""Behind our own bridge in one release: what lies between knows nothing of it. 22.R2 is behind rosbridge_suite's manners,
-and each row that is not there is in 26.R1, too."""
+"""Behind our own bridge in one release: what lies between knows nothing of it. 22.R2 is behind the far side, with the
+manners of rosbridge_suite, and each row that is not there is in 26.R1, too."""
 
 STAGES = [pytest.param((kind, release), id=f"{kind}-{release}") for kind, release in PLACES]
 BEHIND_THE_SUITE = [pytest.param(("quirks", "22.R2"), id="quirks-22.R2")]
