@@ -50,7 +50,10 @@ _TICK: Final = _calling("/SyncModeWaitForTick")
 _STEP: Final = _calling("/sim/step")
 _SCENE: Final = (*_hearing("/sim/scene/state"), *_calling("/sim/describe"))
 _MARKERS: Final = _hearing("/sim/scene/objects")
-_SEEN: Final = _hearing("/image_jpeg/compressed", "/image_jpeg/boxes", "/lidar3D", "/lidar2D", "/radar")
+_SEEN: Final = _hearing(
+    *("/image_jpeg/compressed", "/image_jpeg/boxes", "/image_jpeg/detections_2d", "/image_jpeg/detections_3d"),
+    *("/lidar3D", "/lidar2D", "/radar"),
+)
 
 _SAME: Final = (
     _publishing("/ctrl_cmd", "/ctrl_cmd_0"),

@@ -76,7 +76,9 @@ def test_denying_one_alias_denies_all(harness: SimHarness, row: tuple[tuple[Use,
 @pytest.mark.parametrize("release", ["22.R2", "26.R1"])
 def test_names_in_the_alias_table_exist_in_the_simulator(release: str) -> None:
     """Of one release or the other."""
-    node = SimHarness(release=release, sensors=PRESETS["all"], worker=AtOnceWorker()).node
+    camera, *others = PRESETS["all"]
+    rig = (camera.model_copy(update={"detections": True}), *others)
+    node = SimHarness(release=release, sensors=rig, worker=AtOnceWorker()).node
     items = {(item.kind, item.default) for item in node.interfaces.listing()}
     items |= {(InterfaceKind.SUBSCRIBER, f"/SyncMode{what}Obj") for what in ("Add", "Remove")}
     items |= {(InterfaceKind.SERVICE, f"/SyncMode{what}Object") for what in ("Add", "Remove")}
