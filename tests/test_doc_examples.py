@@ -268,13 +268,15 @@ def test_simulator_without_pytest_runs(tmp_path: Path) -> None:
     assert re.fullmatch(r"<Simulator ws://\S+ scenario='demo' seed=0 running> has \d+ topics\n", printed)
 
 
-WITHOUT_SERVER = ("worlds",)
+WITHOUT_SERVER = ("worlds", "gymnasium")
 """Programs in Python that need no server."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mark", WITHOUT_SERVER)
 def test_program_without_a_server_prints_what_the_page_says(tmp_path: Path, mark: str) -> None:
+    if mark == "gymnasium":
+        pytest.importorskip("gymnasium", reason="the extra rosbridge-sim[gym]")
     script = tmp_path / "program.py"
     script.write_text(example(mark))
     assert run([sys.executable, "-W", "error", str(script)], tmp_path) == shown(mark)

@@ -102,6 +102,7 @@ shell.bags: * graph schema shell.files simulator.replays
 shell.rendering: scenery world.geometry
 worlds: maps scenarios shell.files simulator.kernel simulator.plain simulator.scene simulator.sim_services
     world.drivers world.geometry world.many_worlds world.roads world.state
+environments: worlds world.state
 cli: * cli.tools cli.watch link
 cli.tools: * client graph link maps morai scenarios schema shell shell.bags shell.config shell.files shell.page
     simulator.scene units world.geometry world.roads world.state
@@ -133,7 +134,9 @@ def _name_of_room(word: str) -> str:
 
 ARROWS = _read_arrows(_TABLE)
 
-OUTSIDE = frozenset({"shell", "cli", "client", "link", "serving", "pytest_plugin", "worlds", "__main__", ""})
+OUTSIDE = frozenset(
+    {"shell", "cli", "client", "link", "serving", "pytest_plugin", "worlds", "environments", "__main__", ""}
+)
 """The rooms that may reach outside, with all that is within them."""
 
 PURE_LIBRARIES: dict[str, set[str]] = {

@@ -38,9 +38,10 @@ PACKAGE_ROOMS: Final = Picture(
     "",
     {
         "cli": ((40, 30), (800, 80), "commands of the command line, and the tools behind them"),
-        "client": ((40, 140), (180, 80), "client for programs"),
-        "worlds": ((240, 140), (180, 80), "worlds without server"),
-        "shell": ((440, 140), (400, 80), "sockets, tasks, clock, disk, signals"),
+        "client": ((40, 140), (120, 80), "client"),
+        "environments": ((860, 30), (200, 80), "for Gymnasium"),
+        "worlds": ((860, 140), (200, 80), "many without server"),
+        "shell": ((180, 140), (660, 80), "sockets, tasks, clock, disk, signals"),
         "link": ((40, 250), (400, 80), "a client's connection; texts for terminals"),
         "simulator": ((250, 390), (590, 96), "kernel, scene, synchronous mode, topics and services"),
         "graph": ((140, 526), (270, 96), "participants, topics, services, actions"),
@@ -51,7 +52,7 @@ PACKAGE_ROOMS: Final = Picture(
         "maps": ((470, 772), (370, 80), "maps without a format, and their readers"),
         "world": ((470, 882), (370, 96), "motion, lanes, lights, traffic: numpy"),
     },
-    (880, 1010),
+    (1100, 1010),
     "Rooms of the package; an arrow leads from a room to a room that it imports",
     floor=360.0,
 )

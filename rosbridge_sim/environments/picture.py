@@ -1,0 +1,58 @@
+"""A picture of a world from above, around its ego."""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image, ImageDraw
+
+from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.worlds.worlds import Worlds
+
+__all__ = ["draw"]
+
+WIDTH, HEIGHT = 600, 400
+PIXELS_PER_METRE: Final = 6.0
+_COLOURS: Final = {
+    Kind.EGO: (20, 120, 60),
+    Kind.VEHICLE: (40, 80, 160),
+    Kind.PEDESTRIAN: (180, 60, 40),
+    Kind.OBSTACLE: (90, 90, 90),
+}
+
+
+def draw(worlds: Worlds, number: int) -> npt.NDArray[Any]:
+    """Return a picture of one world, north up, with the ego in the middle, (400, 600, 3) uint8.
+
+    Args:
+        worlds: the worlds.
+        number: of the world.
+    """
+    world = worlds.world(number)
+    ego = int(world.rows(Kind.EGO)[0])
+    middle = np.array([world.x[ego], world.y[ego]])
+    half = np.array([WIDTH, -HEIGHT]) / 2.0
+
+    def on_picture(places: npt.NDArray[np.float64]) -> list[tuple[float, float]]:
+        pixels = (places - middle) * np.array([PIXELS_PER_METRE, -PIXELS_PER_METRE]) + np.abs(half)
+        return [(float(x), float(y)) for x, y in pixels]
+
+    image = Image.new("RGB", (WIDTH, HEIGHT), (235, 238, 230))
+    pen = ImageDraw.Draw(image)
+    roads, reach = world.roads, np.hypot(WIDTH, HEIGHT) / PIXELS_PER_METRE
+    for lane in range(len(roads)):
+        line = roads.points[roads.first[lane] : roads.first[lane + 1], :2]
+        if np.abs(line - middle).max(axis=1).min() < reach:
+            pen.line(on_picture(line), fill=(200, 202, 205), width=int(roads.width[lane] * PIXELS_PER_METRE))
+    for row in world.alive.nonzero()[0].tolist():
+        yaw, centre = world.yaw[row], world.centre[row]
+        along, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
+        place = np.array([world.x[row], world.y[row]]) + centre * along
+        corners = [
+            place + a * world.half_length[row] * along + b * world.half_width[row] * left
+            for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))
+        ]
+        pen.polygon(on_picture(np.array(corners)), fill=_COLOURS[Kind(int(world.kind[row]))])
+    return np.asarray(image)

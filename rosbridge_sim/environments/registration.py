@@ -1,0 +1,30 @@
+"""Names of the environments in Gymnasium's registry."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Final
+
+import gymnasium
+
+from rosbridge_sim.environments.driving_task import DrivingTask
+
+__all__ = ["TASKS", "register_all"]
+
+TASKS: Final[dict[str, DrivingTask]] = {
+    "rosbridge_sim/LaneKeeping-v0": DrivingTask("loop", observation="Lane", target_speed=15.0),
+    "rosbridge_sim/Highway-v0": DrivingTask("motorway", traffic=20, observation="Kinematics", target_speed=30.0),
+    "rosbridge_sim/Drive-v0": DrivingTask("town", observation="Kinematics", target_speed=12.0),
+}
+
+
+def register_all() -> None:
+    """Register all environments; those that are registered already stay as they are."""
+    for name, task in TASKS.items():
+        if name not in gymnasium.registry:
+            gymnasium.register(
+                name,
+                entry_point="rosbridge_sim.environments.driving_env:DrivingEnv",
+                vector_entry_point="rosbridge_sim.environments.driving_vector_env:DrivingVectorEnv",
+                kwargs=asdict(task),
+            )

@@ -1,0 +1,140 @@
+"""The environments by Gymnasium's rules, one by one and as one set of arrays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium", reason="the extra rosbridge-sim[gym]")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+from gymnasium.vector import AutoresetMode  # noqa: E402
+from gymnasium.wrappers import FlattenObservation, RecordEpisodeStatistics  # noqa: E402
+
+from rosbridge_sim.environments.registration import TASKS, register_all  # noqa: E402
+
+LANE = "rosbridge_sim/LaneKeeping-v0"
+
+
+@pytest.fixture(autouse=True)
+def registered() -> None:
+    register_all()
+
+
+def make_many(num: int, mode: AutoresetMode, **options: Any) -> Any:  # noqa: ANN401 - Gymnasium has no types here
+    return gymnasium.make_vec(
+        LANE, num_envs=num, vectorization_mode="vector_entry_point", autoreset_mode=mode, **options
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TASKS)
+def test_environment_follows_the_rules(name: str) -> None:
+    check_env(gymnasium.make(name).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.slow
+def test_environments_of_arrays_equal_single_ones_of_the_same_seed() -> None:
+    many = make_many(3, AutoresetMode.DISABLED, traffic=3, observation="Kinematics")
+    singles = [gymnasium.make(LANE, traffic=3, observation="Kinematics") for _ in range(3)]
+    seen = many.reset(seed=5)[0]
+    rng = np.random.default_rng(1)
+    for i, one in enumerate(singles):
+        assert one.reset(seed=5 + i)[0].tobytes() == seen[i].tobytes()
+    for _ in range(12):
+        actions = rng.uniform(-1.0, 1.0, (3, 2))
+        seen, rewards, *_ = many.step(actions)
+        for i, one in enumerate(singles):
+            own, reward, *_ = one.step(actions[i])
+            assert own.tobytes() == seen[i].tobytes()
+            assert reward == rewards[i]
+
+
+def leave_the_road(many: Any) -> tuple[int, tuple[Any, ...]]:  # noqa: ANN401 - as above
+    """Steer the first environment off the road; the number of steps and the last result."""
+    actions = np.zeros((2, 2))
+    actions[0] = 1.0, 1.0
+    for num in range(200):
+        result = many.step(actions)
+        if result[2][0]:
+            return num, result
+    raise AssertionError("it stays on the road")
+
+
+def test_ended_environment_begins_again_at_the_next_step() -> None:
+    many = make_many(2, AutoresetMode.NEXT_STEP)
+    many.reset(seed=1)
+    _, (_, rewards, terminated, _, infos) = leave_the_road(many)
+    assert rewards[0] < -5.0
+    assert infos["is_off_road"].tolist() == [True, False]
+    assert terminated.tolist() == [True, False]
+    frames = many.unwrapped.worlds.frames
+    _, rewards, terminated, _, _ = many.step(np.ones((2, 2)))
+    assert many.unwrapped.worlds.frames.tolist() == [0, frames[1] + 5]
+    assert (rewards[0], terminated[0]) == (0.0, False)
+
+
+def test_ended_environment_begins_again_at_the_same_step() -> None:
+    many = make_many(2, AutoresetMode.SAME_STEP)
+    many.reset(seed=1)
+    _, (seen, _, terminated, _, infos) = leave_the_road(many)
+    assert terminated.tolist() == [True, False]
+    assert many.unwrapped.worlds.frames[0] == 0
+    assert infos["_final_obs"].tolist() == [True, False]
+    assert not np.array_equal(infos["final_obs"][0], seen[0])
+    assert infos["final_info"]["is_off_road"][0]
+
+
+def test_environments_are_reset_by_a_mask_alone() -> None:
+    many = make_many(2, AutoresetMode.DISABLED)
+    many.reset(seed=1)
+    leave_the_road(many)
+    frames = many.unwrapped.worlds.frames
+    many.reset(options={"reset_mask": np.array([True, False])})
+    assert many.unwrapped.worlds.frames.tolist() == [0, frames[1]]
+
+
+def test_episode_is_truncated_after_its_duration() -> None:
+    one = gymnasium.make(LANE, duration=0.5)
+    one.reset(seed=0)
+    ends = [one.step(np.zeros(2))[3] for _ in range(5)]
+    assert ends == [False, False, False, False, True]
+
+
+def test_wrappers_of_gymnasium_work() -> None:
+    one = RecordEpisodeStatistics(FlattenObservation(gymnasium.make(LANE, duration=0.3)))
+    one.reset(seed=0)
+    info: dict[str, Any] = {}
+    for _ in range(3):
+        *_, info = one.step(np.zeros(2))
+    assert info["episode"]["l"] == 3
+
+
+def test_picture_shows_the_ego_in_the_middle() -> None:
+    one = gymnasium.make(LANE, render_mode="rgb_array")
+    one.reset(seed=0)
+    picture = one.render()
+    assert picture.shape == (400, 600, 3)
+    assert picture[195:206, 300:310].reshape(-1, 3).tolist().count([20, 120, 60]) > 50
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"observation": "Camera"}, "observation: expected Lane or Kinematics"),
+        ({"weights": {"speeed": 1.0}}, "weights: expected names of"),
+        ({"frame_skip": 0}, "frame_skip: expected a positive number"),
+    ],
+)
+def test_wrong_options_are_refused(options: dict[str, Any], text: str) -> None:
+    with pytest.raises(ValueError, match=text):
+        gymnasium.make(LANE, **options)
+
+
+def test_wrong_actions_are_refused() -> None:
+    many = make_many(2, AutoresetMode.DISABLED)
+    many.reset(seed=0)
+    with pytest.raises(ValueError, match=r"actions: expected shape \(2, 2\), got \(3, 2\)"):
+        many.unwrapped.step(np.zeros((3, 2)))
