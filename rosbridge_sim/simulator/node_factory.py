@@ -56,6 +56,7 @@ from rosbridge_sim.simulator.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 from rosbridge_sim.simulator.sim_services.scenario_services import Scenarios, ScenarioShelf
 from rosbridge_sim.simulator.sim_services.scene_markers import SceneMarkers
+from rosbridge_sim.simulator.sim_services.scene_mesh import SceneMesh
 from rosbridge_sim.simulator.sim_services.scene_state import SceneState
 from rosbridge_sim.simulator.sim_services.score_services import Scores
 from rosbridge_sim.simulator.sim_services.step_service import StepService
@@ -135,6 +136,7 @@ def make_node(
         Population(context),
         road_services,
         SceneState(context, road_services),
+        SceneMesh(context, reader, road_services, is_dressed=chosen.is_dressed),
         Contacts(context),
         Drivers(context),
         Describe(context),

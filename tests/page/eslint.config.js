@@ -8,7 +8,7 @@ const NO_HTML = "Everything enters the page as text: use element() of widgets/do
 
 /** Globals of a browser that the page uses; another one is most likely a spelling mistake. */
 const BROWSER = [
-  "AbortController", "Blob", "CustomEvent", "DOMException", "DOMRect", "Event", "EventTarget", "File", "FileReader",
+  "AbortController", "Blob", "CustomEvent", "DOMException", "DOMRect", "DecompressionStream", "Response", "Event", "EventTarget", "File", "FileReader",
   "HTMLButtonElement", "HTMLCanvasElement", "HTMLElement", "HTMLInputElement", "HTMLSelectElement",
   "HTMLTextAreaElement", "Element", "Image", "ImageBitmap", "ImageData", "IntersectionObserver", "KeyboardEvent",
   "MouseEvent", "Node", "OffscreenCanvas", "Path2D", "PointerEvent", "ResizeObserver", "SVGElement", "TextDecoder",

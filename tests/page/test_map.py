@@ -192,6 +192,20 @@ async def test_camera_behind_the_car_shows_sky_and_the_car(serve: Serve, open_pa
     assert len(ego_pixels(pixels)) > 3000, "the car is large"
 
 
+async def test_camera_behind_the_car_shows_the_scene_that_cameras_see(serve: Serve, open_page: OpenPage) -> None:
+    page = await open_map(open_page, url_of(serve("--scenario", "parking").port))
+    await page.keyboard.press("c")
+
+    def has_meadows(pixels: Pixels) -> bool:
+        red, green, blue = pixels[..., 0], pixels[..., 1], pixels[..., 2]
+        return bool(((green > red + 10) & (green > blue + 30)).mean() > 0.05)
+
+    pixels = await until(page, has_meadows)
+    assert len(places_of(pixels, colour(COLOURS["kinds"]["vehicle"]), within=40.0)) < 50, (
+        "vehicles have colours of cars"
+    )
+
+
 async def test_distance_between_two_clicks_is_measured(serve: Serve, open_page: OpenPage) -> None:
     page = await open_map(open_page, url_of(serve("--scenario", "town").port))
     await page.keyboard.press("f")

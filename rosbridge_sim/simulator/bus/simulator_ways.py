@@ -63,7 +63,7 @@ _SAME: Final = (
     (*_publishing("/SyncModeRemoveObj"), *_calling("/SyncModeRemoveObject")),
     (*_hearing("/sim/score"), *_calling("/sim/score")),
     (*_hearing("/sim/state_hash"), *_calling("/sim/state_hash")),
-    (*_hearing("/sim/scene/map"), *_calling("/sim/map")),
+    (*_hearing("/sim/scene/map"), *_calling("/sim/map", "/sim/scene/mesh")),
     _hearing("/lidar3D", "/velodyne_points"),
 )
 """Each row: default names of one topic or service."""

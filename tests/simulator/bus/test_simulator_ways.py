@@ -97,7 +97,7 @@ def test_every_input_and_service_with_an_effect_is_in_the_log_table(harness: Sim
     known = {way for effect in _EFFECTS for way in (*effect.ways, *effect.also)}
     alone = {"/Service_MoraiVehicleSpec", "/Service_MoraiMapSpec"}
     # They tell what no drive changes.
-    alone |= {"/sim/catalogue", "/sim/map", "/sim/route", "/sim/nearest_lane"}
+    alone |= {"/sim/catalogue", "/sim/map", "/sim/scene/mesh", "/sim/route", "/sim/nearest_lane"}
     alone |= {"/sim/scenarios", "/sim/scenario_picture"}
     alone |= {"/sim/score"}  # no other service tells or resets scores
     alone |= {"/sim/control_lease"}  # it lifts the pedals of its own caller

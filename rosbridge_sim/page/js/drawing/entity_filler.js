@@ -2,12 +2,14 @@
  * Entities of a state as rows of the graphics card's buffers.
  */
 
-import { ENTITY_FLOATS } from "./gl_layers.js";
+import { NUM_CARS } from "./palette.js";
 
 /** @typedef {import("../scene/store.js").SceneState} SceneState */
 /** @typedef {import("./gl_layers.js").EntityLayer} EntityLayer */
 /** @typedef {Record<"car" | "van" | "person" | "box" | "far", EntityLayer>} EntityLayers */
 
+/** Spreads neighbouring numbers of entities over the colours of cars (Knuth's multiplicative hash). */
+const SPREAD = 0x9e3779b1;
 /** Vehicles from this height on are drawn as vans, trucks and buses [m]. */
 const VAN_HEIGHT = 2;
 /** Vehicles below this length are two-wheelers and other small things, which are drawn as boxes [m]. */
@@ -21,9 +23,6 @@ const FARTHEST_ENTITY = 900;
 /** Least length on the screen of vehicles and of people, so that they are found on a large map [pixels]. */
 const LEAST_VEHICLE = 11;
 const LEAST_PERSON = 7;
-/** Posts of traffic lights: kind (a colour) and thickness [m]. */
-const POST_KIND = 4;
-const POST = 0.16;
 
 /**
  * Return the form in which an entity is drawn.
@@ -94,23 +93,7 @@ export function fillEntities(layers, state, poses, origin, view, pixel) {
       values[at + 12] = Math.cos(poses.heading[row]);
       values[at + 13] = Math.sin(poses.heading[row]);
       values[at + 14] = state.pitch[row];
+      values[at + 15] = (Math.imul(state.id[row] + 1, SPREAD) >>> 16) % NUM_CARS;
     }
-  }
-}
-
-/**
- * Add the posts of traffic lights, for the camera behind the car.
- * @param {EntityLayer} layer
- * @param {{x: number, y: number, z: number}[]} lights
- * @param {{x: number, y: number, z: number}} origin
- */
-export function fillPosts(layer, lights, origin) {
-  for (const light of lights) {
-    const at = layer.next();
-    layer.values.fill(0, at, at + ENTITY_FLOATS);
-    layer.values.set([light.x - origin.x, light.y - origin.y, Math.min(light.z, 0) - origin.z, 0, POST, POST], at);
-    layer.values[at + 6] = Math.abs(light.z);
-    layer.values[at + 8] = POST_KIND;
-    layer.values[at + 12] = 1;
   }
 }

@@ -140,7 +140,7 @@ export class LineLayer {
   }
 }
 
-/** Floats of one entity: place and roll, body, looks, direction and pitch, and one that keeps the rows aligned. */
+/** Floats of one entity: place and roll, body, looks, direction and pitch, colour. */
 export const ENTITY_FLOATS = 16;
 
 /** Entities with one mesh, and the rectangles of their shadows. */
@@ -208,7 +208,7 @@ export class EntityLayer {
     this.entities.attribute(1, 4, 0);
     this.entities.attribute(2, 4, 4);
     this.entities.attribute(3, 4, 8);
-    this.entities.attribute(4, 3, 12);
+    this.entities.attribute(4, 4, 12);
     gl.bindVertexArray(null);
     return array;
   }

@@ -235,17 +235,6 @@ export class MapView {
     return tool !== null;
   }
 
-  /** @param {number} step - 1 for the next entity, -1 for the one before */
-  selectNext(step) {
-    const { scene } = this;
-    const num = scene.state?.id.length ?? 0;
-    if (scene.state !== null && num > 0) {
-      const row = scene.selectedRow();
-      const next = row < 0 ? (step > 0 ? 0 : num - 1) : (row + step + num) % num;
-      scene.select(scene.state.id[next], scene.state.kind[next] === 0);
-    }
-  }
-
   // Pictures
 
   /** Draw a picture soon, because something has changed. */
@@ -273,6 +262,12 @@ export class MapView {
     this.poses.update(now);
     const isTurning = this.moveCameras(seconds);
     const fresh = this.contacts.fresh(performance.now());
+    if (this.isChase) {
+      void this.scene.wantMesh((parts) => {
+        this.renderer.setMesh(parts);
+        this.change();
+      });
+    }
     this.makeLines(fresh);
     const { scene, poses, palette, camera } = this;
     this.renderer.draw({ camera, palette, state: poses.last, poses });
@@ -311,7 +306,6 @@ export class MapView {
     return selected >= 0 ? selected : (this.scene.egos()[0]?.row ?? -1);
   }
 
-  /** Pose of the entity that the cameras follow: the selected one, or else the first ego. */
   target() {
     const { poses } = this;
     const row = this.targetRow();
@@ -358,6 +352,7 @@ export class MapView {
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
       this.renderer = new Renderer(this.gl);
+      this.scene.meshDigest = "";
       this.takeMap();
     });
     listenToPointers(this);

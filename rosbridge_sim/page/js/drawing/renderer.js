@@ -7,9 +7,10 @@ import { lightMaterial, makeLightBars } from "../scene/light_bars.js";
 import { LineBuffer } from "../scene/line_buffer.js";
 import { MATERIALS } from "../scene/materials.js";
 import { stampOf } from "../scene/store.js";
-import { fillEntities, fillPosts } from "./entity_filler.js";
+import { fillEntities } from "./entity_filler.js";
 import { EntityLayer, LightLayer, LineLayer, ScreenLayer, SurfaceLayer } from "./gl_layers.js";
 import { GlProgram } from "./gl_program.js";
+import { MESH_SHADERS, MeshLayer } from "./mesh_layer.js";
 import { FAR_ROOF, makeMeshes } from "./meshes.js";
 import {
   ENTITY_SHADERS, FAR_SHADERS, GROUND_SHADERS, HEAD_SHADERS, LINE_SHADERS, SHADOW_SHADERS, SKY_SHADERS, SURFACE_SHADERS,
@@ -27,6 +28,8 @@ import {
 /** Arrows are drawn from this scale on, and lanes as lines below that one [pixels/m]. */
 const ARROW_SCALE = 2.5;
 const SPINE_SCALE = 1;
+/** Light on the scene's mesh in dark colours, as a share of that at noon. */
+const NIGHT_LIGHT = 0.35;
 /** Fog behind the car: half of the colour is gone at about 500 m [1/m]. */
 const FOG_DENSITY = 1 / 500;
 /** Least size of lights of the map for vehicles and for people [pixels]. */
@@ -48,6 +51,7 @@ export class Renderer {
     this.gl = gl;
     this.programs = {
       surface: new GlProgram(gl, SURFACE_SHADERS),
+      mesh: new GlProgram(gl, MESH_SHADERS),
       line: new GlProgram(gl, LINE_SHADERS),
       entity: new GlProgram(gl, ENTITY_SHADERS),
       shadow: new GlProgram(gl, SHADOW_SHADERS),
@@ -64,7 +68,8 @@ export class Renderer {
       box: new EntityLayer(gl, meshes.box, [0.3, 0.6]),
       far: new EntityLayer(gl, meshes.far, [0.3, 1]),
     };
-    this.posts = new EntityLayer(gl, meshes.box, [2, 2]);
+    /** What stands still, for the camera behind the car; null until it is loaded. @type {MeshLayer | null} */
+    this.mesh = null;
     this.heads = new LightLayer(gl);
     this.screen = new ScreenLayer(gl);
     this.bars = new LineLayer(gl);
@@ -113,9 +118,13 @@ export class Renderer {
     this.lights = map.lights;
     this.lightBars = makeLightBars(map, geometry.origin);
     this.shownLights = "";
-    this.posts.clear();
-    fillPosts(this.posts, map.lights, geometry.origin);
-    this.posts.upload();
+    this.setMesh(null);
+  }
+
+  /** @param {import("../scene/mesh_loader.js").MeshPart[] | null} parts - of the map; null: they are not loaded */
+  setMesh(parts) {
+    this.mesh?.delete();
+    this.mesh = parts && new MeshLayer(this.gl, parts);
   }
 
   /**
@@ -151,7 +160,12 @@ export class Renderer {
     gl.disable(gl.BLEND);
     const flat = { ...common, ...fog, palette: palette.materials, opacity: 1 };
     const bodies = { ...common, ...fog, enlarge: camera.isPerspective ? 0 : 1 };
-    if (this.mapLayers !== null) {
+    const mesh = camera.isPerspective ? this.mesh : null;
+    if (mesh !== null) {
+      this.programs.mesh.use();
+      this.programs.mesh.set({ ...common, ...fog, light: palette.isDark ? NIGHT_LIGHT : 1 });
+      mesh.draw(this.programs.mesh, this.origin, common.view);
+    } else if (this.mapLayers !== null) {
       this.programs.surface.use();
       this.programs.surface.set({ ...flat, layer: 1 });
       this.mapLayers.lanes.draw();
@@ -162,7 +176,7 @@ export class Renderer {
       this.drawBackground(/** @type {ChaseCamera} */ (camera), single);
     }
     gl.enable(gl.BLEND);
-    this.drawMarks(scale, flat);
+    this.drawMarks(scale, flat, mesh === null);
     this.programs.shadow.use();
     this.programs.shadow.set({ ...bodies, layer: 6 });
     Object.values(this.entities).forEach((layer) => layer !== this.entities.far && layer.drawShadows());
@@ -179,10 +193,11 @@ export class Renderer {
    * Draw what is painted on the road, and lines that change.
    * @param {number} scale - [pixels/m]
    * @param {Record<string, any>} uniforms
+   * @param {boolean} hasPaint - else the mesh has it
    */
-  drawMarks(scale, uniforms) {
+  drawMarks(scale, uniforms, hasPaint) {
     const { programs, mapLayers } = this;
-    if (mapLayers !== null) {
+    if (mapLayers !== null && hasPaint) {
       programs.surface.use();
       if (scale > 0.5) {
         programs.surface.set({ ...uniforms, layer: 2 });
@@ -196,10 +211,8 @@ export class Renderer {
     programs.line.use();
     programs.line.set({ ...uniforms, layer: 3 });
     if (mapLayers !== null) {
-      if (scale < SPINE_SCALE) {
-        mapLayers.spines.draw();
-      } else {
-        mapLayers.lines.draw();
+      if (hasPaint) {
+        (scale < SPINE_SCALE ? mapLayers.spines : mapLayers.lines).draw();
       }
       if (scale > 0.5) {
         programs.line.set({ layer: 4 });
@@ -221,13 +234,10 @@ export class Renderer {
     gl.enable(gl.CULL_FACE); // bodies are closed
     programs.entity.use();
     const blink = state === null ? 0 : Math.floor(stampOf(state) * BLINKS) % 2;
-    const kinds = new Float32Array(15);
-    kinds.set(palette.kinds);
-    kinds.set(palette.single.horizon.map((part) => 0.45 * part), 12); // posts
-    const looks = { ...uniforms, kinds, contact: palette.single.contact };
+    const looks = { ...uniforms, kinds: palette.kinds, cars: palette.cars, contact: palette.single.contact };
     programs.entity.set({ ...looks, blink });
     const { far, ...near } = this.entities;
-    for (const layer of [...Object.values(near), ...(uniforms.enlarge ? [] : [this.posts])]) {
+    for (const layer of Object.values(near)) {
       programs.entity.set({ lampHeight: layer.lampHeight });
       layer.draw(0);
     }

@@ -4,13 +4,14 @@
  */
 
 import { NUM_MATERIALS } from "../scene/materials.js";
+import { NUM_CARS } from "./palette.js";
 
-const HEAD = `#version 300 es
+export const HEAD = `#version 300 es
 precision highp float;
 `;
 
 /** Distance fades into the colour of the horizon; a density of 0 is none, for the camera above the map. */
-const FOG = `
+export const FOG = `
 uniform vec4 fog; // colour, and density [1/m]
 vec3 fade(vec3 colour) {
   if (fog.w == 0.0) return colour;
@@ -109,10 +110,14 @@ const ENTITY = `
 layout(location = 1) in vec4 pose; // x, y, z, roll
 layout(location = 2) in vec4 body; // length, width, height, middle in front of the reference point
 layout(location = 3) in vec4 looks; // kind, lamps, flags, least pixels
-layout(location = 4) in vec3 way; // cosine and sine of the heading, pitch
+layout(location = 4) in vec4 way; // cosine and sine of the heading, pitch, row of cars
 uniform mat4 view;
 uniform float pixel;
-uniform float enlarge; // 1: a thing that is too small to see is drawn larger
+uniform float enlarge; // 1: a thing that is too small to see is drawn larger, on the map
+uniform vec3 kinds[4], cars[${NUM_CARS}];
+vec3 paintOf() { // on the map by the kind, else as cars are
+  return looks.x == 1.0 && enlarge < 0.5 ? cars[int(way.w)] : kinds[int(looks.x)];
+}
 float sizeOnScreen() {
   float unit = pixel * max((view * vec4(pose.xyz, 1.0)).w, 0.0);
   return mix(1.0, max(1.0, looks.w * unit / max(body.x, 0.05)), enlarge);
@@ -137,7 +142,9 @@ out vec3 local; // along and across from the middle [m], and the share of the he
 flat out vec4 look;
 flat out vec2 size;
 flat out float part;
+flat out vec3 base;
 void main() {
+  base = paintOf();
   float scale = sizeOnScreen();
   vec3 at = vec3(vertex.x * body.x * scale + body.w, vertex.y * max(body.y, 0.05) * scale, vertex.z * body.z);
   local = vec3(vertex.x * body.x * scale, vertex.y * body.y * scale, vertex.z);
@@ -153,23 +160,22 @@ in vec3 local;
 flat in vec4 look;
 flat in vec2 size;
 flat in float part;
-uniform vec3 kinds[5];
+flat in vec3 base;
 uniform vec3 contact;
 uniform vec2 lampHeight; // where lamps are, as shares of the height
 uniform float blink;
 out vec4 result;
 void main() {
   vec3 normal = normalize(cross(dFdx(place), dFdy(place)));
-  vec3 base = kinds[int(look.x)];
   int flags = int(look.z);
-  if ((flags & 1) != 0) base = mix(base, contact, 0.8);
+  vec3 body = (flags & 1) != 0 ? mix(base, contact, 0.8) : base;
   float shade = 0.66 + 0.34 * max(dot(normal, normalize(vec3(0.35, 0.25, 0.9))), 0.0);
-  vec3 colour = base * shade;
+  vec3 colour = body * shade;
   if (part == 0.0 && look.x < 1.5 && local.z < lampHeight.x - 0.12) colour *= 0.6; // bumpers and sills
-  if (part == 1.0) colour = mix(vec3(0.10, 0.13, 0.17), vec3(0.42, 0.52, 0.60), 0.5 * max(normal.z, 0.0)) + 0.08 * base;
+  if (part == 1.0) colour = mix(vec3(0.10, 0.13, 0.17), vec3(0.42, 0.52, 0.60), 0.5 * max(normal.z, 0.0)) + 0.08 * body;
   if (part == 2.0) colour = vec3(0.10) * shade;
-  if (part == 3.0) colour = mix(base, vec3(0.98, 0.80, 0.66), 0.75) * shade;
-  if (part == 4.0) colour = mix(base, vec3(1.0), 0.75);
+  if (part == 3.0) colour = mix(body, vec3(0.98, 0.80, 0.66), 0.75) * shade;
+  if (part == 4.0) colour = mix(body, vec3(1.0), 0.75);
   if (part == 0.0 && look.x < 1.5) {
     float unit = length(vec2(fwidth(local.x), fwidth(local.y)));
     float deep = max(0.3, 1.3 * unit);
@@ -196,7 +202,6 @@ void main() {
 export const FAR_SHADERS = {
   vertex: `${HEAD}${ENTITY}
 layout(location = 0) in vec4 vertex;
-uniform vec3 kinds[5];
 uniform vec3 contact;
 flat out vec3 colour;
 flat out vec3 tail;
@@ -204,7 +209,7 @@ out float along;
 void main() {
   float scale = sizeOnScreen();
   vec3 at = vec3(vertex.x * body.x * scale + body.w, vertex.y * body.y * scale, vertex.z * body.z);
-  vec3 paint = kinds[int(looks.x)];
+  vec3 paint = paintOf();
   if ((int(looks.z) & 1) != 0) paint = mix(paint, contact, 0.8);
   colour = vertex.w == 1.0 ? vec3(0.2, 0.24, 0.29) + 0.1 * paint : paint * (vertex.w == 5.0 ? 0.97 : 0.78);
   tail = (int(looks.y) & 4) != 0 ? vec3(1.0, 0.05, 0.05) : colour;

@@ -132,7 +132,7 @@ export function listenToMapKeys(view, texts) {
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     let act = keys[key] ?? (isOnMap ? arrows[key] : undefined);
     if (key === "o") {
-      act = () => view.selectNext(event.shiftKey ? -1 : 1);
+      act = () => view.scene.selectNext(event.shiftKey ? -1 : 1);
     } else if (key === "Escape") {
       act = () => void (view.endTool() || view.scene.select(null));
     }

@@ -3,6 +3,7 @@
  */
 
 import { loadMap } from "./map_loader.js";
+import { loadMesh } from "./mesh_loader.js";
 
 /** @typedef {import("../wire/connection.js").Connection} Connection */
 /** @typedef {import("./map_types.js").SceneMap} SceneMap */
@@ -27,6 +28,9 @@ const STATE_THROTTLE = 50;
 /** Wait before the page asks again for a map that did not come [ms]. */
 const MAP_RETRY = 3000;
 
+/** The same for the mesh, which a server may not offer [ms]. */
+const MESH_RETRY = 60_000;
+
 /** The scene. */
 export class SceneStore {
   /** @type {SceneMap | null} */
@@ -50,6 +54,8 @@ export class SceneStore {
     /** @type {Set<() => void>} */
     this.selectTakers = new Set();
     this.isLoading = false;
+    /** Digest of the map whose mesh was asked for. */
+    this.meshDigest = "";
     connection.onState((state) => state === "open" && this.takeState(null));
     connection.subscribe("/sim/scene/state", "rosbridge_sim_msgs/SceneState", (state) => this.takeState(state), {
       encoding: "cbor",
@@ -118,6 +124,17 @@ export class SceneStore {
     }
   }
 
+  /** @param {number} step - 1 for the next entity, -1 for the one before */
+  selectNext(step) {
+    const { state } = this;
+    const num = state?.id.length ?? 0;
+    if (state !== null && num > 0) {
+      const row = this.selectedRow();
+      const next = row < 0 ? (step > 0 ? 0 : num - 1) : (row + step + num) % num;
+      this.select(state.id[next], state.kind[next] === 0);
+    }
+  }
+
   /**
    * Be told of each selection.
    * @param {() => void} take
@@ -158,6 +175,26 @@ export class SceneStore {
       void this.loadMap();
     }
     tellAll(this.stateTakers);
+  }
+
+  /**
+   * Load what stands still of the map, once for each map; without it the flat map is drawn.
+   * @param {(parts: import("./mesh_loader.js").MeshPart[]) => void} take
+   */
+  async wantMesh(take) {
+    const digest = this.map?.digest ?? "";
+    if (digest === this.meshDigest) {
+      return;
+    }
+    this.meshDigest = digest;
+    try {
+      const parts = await loadMesh(this.connection, digest);
+      if (this.map?.digest === digest) {
+        take(parts);
+      }
+    } catch {
+      setTimeout(() => void (this.meshDigest = ""), MESH_RETRY); // the reason is in the log
+    }
   }
 
   /** Load the map of the last state; where that fails, again after a while, because a world that stands sends no state. */

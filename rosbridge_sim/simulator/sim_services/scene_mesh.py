@@ -1,0 +1,129 @@
+"""The component of `/sim/scene/mesh`: what stands still of the scene as triangles, for programs that draw it.
+
+It is made in a thread when it is first asked for, and kept as long as map and seed are the same.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
+from rosbridge_sim.graph.participant import explain
+from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.scenery.mesh_pages import MeshPages, mesh_pages
+from rosbridge_sim.scenery.static_mesh import static_mesh
+from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
+from rosbridge_sim.simulator.kernel.component import Component
+from rosbridge_sim.simulator.kernel.context import SimulatorContext
+from rosbridge_sim.simulator.plain.reading import Reader
+from rosbridge_sim.simulator.sim_services.road_services import RoadServices
+
+__all__ = ["SceneMesh"]
+
+MAX_LANES: Final = 10_000
+"""Lanes of a map that is drawn: the 284 lanes of `town` take 4 s of a thread and 0.5 MB, those of a city minutes."""
+
+MAX_WAITING: Final = 64
+"""Calls that may wait for the thread: as many pages as usual tabs ask for at once."""
+
+
+class SceneMesh(Component):
+    """The component of the mesh. It holds no state but what any program would make anew from map and seed."""
+
+    def __init__(
+        self, context: SimulatorContext, reader: Reader, road_services: RoadServices, *, is_dressed: bool
+    ) -> None:
+        """Offer nothing yet.
+
+        Args:
+            context: of the simulator.
+            reader: makes the mesh.
+            road_services: has the digest of the map.
+            is_dressed: with buildings, trees and posts beside the roads.
+        """
+        self._context = context
+        self._reader = reader
+        self._road_services = road_services
+        self._is_dressed = is_dressed
+        self._key: tuple[RoadMap, int] | None = None
+        self._made: MeshPages | None = None
+        self._waiting: list[Call] = []
+
+    def bind(self, bindings: SubscribersServices) -> None:
+        """Offer the service that exists once, not for each ego."""
+        bindings.provide("sim/scene/mesh", "rosbridge_sim_msgs/SceneMesh", self._tell)
+
+    def _tell(self, call: Call, now: float) -> None:
+        scene = self._context.scene
+        key = (scene.road_map, self._context.world.seed)
+        is_same = self._key is not None and self._key[0] is key[0] and self._key[1] == key[1]
+        if is_same and self._made is not None:
+            self._answer(call, self._made)
+        elif len(self._context.world.roads) > MAX_LANES:
+            self._refuse(call, GraphError(f"the map has more than {MAX_LANES:,} lanes", reason=Reason.TOO_MUCH))
+        elif len(self._waiting) >= MAX_WAITING:
+            text = f"{MAX_WAITING} calls wait for the mesh; ask again after one of the answers"
+            self._refuse(call, GraphError(text, reason=Reason.TOO_FAST))
+        else:
+            self._waiting.append(call)
+            if not is_same:
+                self._key, self._made = key, None
+                self._make(key, scene.found_map.name, now)
+
+    def _make(self, key: tuple[RoadMap, int], name: str, now: float) -> None:
+        road_map, seed = key
+
+        def work() -> MeshPages:
+            return mesh_pages(static_mesh(road_map, name, seed, is_dressed=self._is_dressed))
+
+        def then(outcome: MeshPages | DocumentError, _now: float) -> None:
+            if self._key is not key:
+                return  # the map has changed meanwhile: the calls wait for the mesh of the new one
+            waiting, self._waiting = self._waiting, []
+            if isinstance(outcome, DocumentError):
+                self._key = None
+            else:
+                self._made = outcome
+            for call in waiting:
+                if call.is_done:
+                    continue
+                if isinstance(outcome, DocumentError):
+                    self._refuse(call, GraphError(str(outcome)))
+                else:
+                    self._answer(call, outcome)
+
+        self._reader.read(work, then, now)
+
+    def _answer(self, call: Call, mesh: MeshPages) -> None:
+        request: Any = call.request
+        if request.page >= len(mesh.pages):
+            text = f"page: expected 0..{len(mesh.pages) - 1}, got {request.page}" if mesh.pages else "no roads"
+            self._refuse(call, FieldError(text))
+            return
+        page = mesh.pages[request.page]
+        x, y, z = page.middle
+        scale_x, scale_y, scale_z = page.scale
+        call.answer(
+            call.service.type.response.struct_type(
+                result=True,
+                digest=mesh.digest,
+                map_digest=self._road_services.drawing.digest,
+                page=request.page,
+                num_pages=len(mesh.pages),
+                x=x,
+                y=y,
+                z=z,
+                scale_x=scale_x,
+                scale_y=scale_y,
+                scale_z=scale_z,
+                num_vertices=page.num_vertices,
+                num_triangles=page.num_triangles,
+                palette=page.palette,
+                data=page.data,
+            )
+        )
+
+    def _refuse(self, call: Call, error: PeerError) -> None:
+        explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)
+        call.answer(call.service.type.response.struct_type(result=False, message=str(error)))
