@@ -262,6 +262,7 @@ flat out vec2 turn;
 flat out float sharp;
 void main() {
   gl_Position = view * vec4(vertex, 1.0);
+  if (spin > 50.0) gl_Position.z -= 0.8 / max(gl_Position.w, 0.5); // by 1 m, before the housing of the scene's mesh
   float unit = pixel * max(gl_Position.w, 0.01);
   float size = clamp(1.5 / unit, light.z, 26.0);
   gl_PointSize = size * ratio;
