@@ -260,6 +260,7 @@ class Batch(World):
             self._lay_out(self.blocks[0].shape[1], 2 * len(self.worlds))
         slot = self.worlds.index(None)
         self.worlds[slot] = world
+        self.many_signals.forget(slot)  # a step has seen the slot without lights
         world.move_to(self, slot)
 
     def leave(self, slot: int) -> None:

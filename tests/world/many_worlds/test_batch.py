@@ -183,3 +183,20 @@ def test_change_of_one_world_leaves_the_others_as_they_are() -> None:
     worlds[1].spawn(Kind.OBSTACLE, Body(), name="box", x=0.0, y=0.0)
     worlds[1].clear()
     assert [worlds[i].digest() for i in (0, 2)] == before
+
+
+def test_world_that_comes_back_into_a_batch_has_its_lights() -> None:
+    worlds = [OneOfMany(seed=seed) for seed in range(2)]
+    scenes = [open_scene(world, "town", 2) for world in worlds]
+    together, start = WorldSet(worlds), worlds[1].snapshot()
+    together.advance(3)
+    scenes[1].reset(3)
+    together.advance(2)  # its slot is empty
+    worlds[1].restore(start)
+    together.advance(5)
+    batch = worlds[1].batch
+    assert batch is not None
+    assert batch is worlds[0].batch
+    num = len(worlds[1].lights.shown)
+    shown = batch.signals.shown[worlds[1].slot * num : (worlds[1].slot + 1) * num]
+    assert shown.tolist() == worlds[1].signals.shown.tolist()
