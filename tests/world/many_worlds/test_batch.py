@@ -193,6 +193,7 @@ def test_world_that_comes_back_into_a_batch_has_its_lights() -> None:
     scenes[1].reset(3)
     together.advance(2)  # its slot is empty
     worlds[1].restore(start)
+    worlds[1].signals.set_phase(0, 1)
     together.advance(5)
     batch = worlds[1].batch
     assert batch is not None
