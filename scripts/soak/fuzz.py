@@ -461,7 +461,9 @@ async def replay(server: Server, tape: Tape, report: Report) -> None:
             continue
         try:
             await visitor.act(socket, act)
-            if last[client] == i and act.form != "part":
+            if act.form == "part":  # it has left; an answer to a call may stand behind that on the tape
+                closed.add(client)
+            elif last[client] == i:
                 await visitor.leave(socket)
         except (ConnectionClosed, AttributeError):  # as in `visit`
             closed.add(client)

@@ -41,6 +41,7 @@ async def test_replayed_clients_make_their_honest_call_too(tmp_path: Path) -> No
         tape.add(client, Act("text", b'{"op":"nonsense"}'))
     tape.add(2, Act("binary", b"\xff"))
     tape.add(3, Act("part", b"\x81\x85"))
+    tape.add(3, Act("text", b"{}"))
     with serving(configuration, tmp_path) as server:
         await replay(server, tape, report)
     assert report.num["honest calls answered"] == 3, "of 0, 1 and 2; 3 leaves within a frame"
