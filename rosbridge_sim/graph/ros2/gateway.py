@@ -28,7 +28,7 @@ from rosbridge_sim.graph.ros2.ros2_names import dds_type, is_name, type_of
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["MAX_TOPICS", "PERIOD", "Ros2Gateway"]
+__all__ = ["ADVERTISED_PER_TURN", "MAX_TOPICS", "PERIOD", "Ros2Gateway"]
 
 MAX_TOPICS: Final = 1_000
 """Most topics in each direction. DDS tells every program of every endpoint, so more would be a burden to all."""
@@ -47,6 +47,9 @@ MAX_LINES: Final = 200
 
 ENDPOINTS_PER_TURN: Final = 2
 """Writers and readers that one turn opens: the DDS library takes up to 20 ms for a new type."""
+
+ADVERTISED_PER_TURN: Final = 20
+"""Topics of other programs that one turn puts on the bus or takes from it: 5 ms of work at most."""
 
 PERIOD: Final = 0.1
 """Least time between two looks at all topics [s]."""
@@ -108,7 +111,7 @@ class Ros2Gateway:
         self._due: float | None = 0.0
         self._looked_at = -PERIOD
         self._now = 0.0
-        self._num_opened = 0
+        self._num_opened = self._num_advertised = 0
         self.on_change: Callable[[], None] = _do_nothing
         bus.on_topic.append(self._note_topic)
         bus.on_holdings.append(self._note_holdings)
@@ -172,6 +175,7 @@ class Ros2Gateway:
         """
         for key in lost:
             self._endpoints.pop(key, None)
+            self._refused.clear()  # there may be room now
         for endpoint in found:
             if len(self._endpoints) < MAX_ENDPOINTS:
                 self._endpoints[endpoint.key] = endpoint
@@ -217,9 +221,11 @@ class Ros2Gateway:
             return
         self._due = None
         self._looked_at = now
-        self._num_opened = 0
+        self._num_opened = self._num_advertised = 0
+        if len(self._refused) > MAX_ENDPOINTS:
+            self._refused.clear()
         self._look(now)
-        if self._num_opened > ENDPOINTS_PER_TURN:
+        if self._num_opened > ENDPOINTS_PER_TURN or self._num_advertised > ADVERTISED_PER_TURN:
             self._due = now
 
     def end(self, error: Exception) -> None:
@@ -252,21 +258,33 @@ class Ros2Gateway:
             if endpoint.is_writer and self._passes(endpoint.topic):
                 foreign.setdefault(endpoint.topic, endpoint)
         for name in [name for name in self._advertised if name not in foreign]:
+            self._num_advertised += 1
+            if self._num_advertised > ADVERTISED_PER_TURN:
+                return
             self._bus.unadvertise(self, name, now)
             del self._advertised[name]
         for name, endpoint in foreign.items():
-            if name in self._advertised:
+            if name in self._advertised or (name, endpoint.dds_type) in self._refused:
                 continue
-            type_name = type_of(endpoint.dds_type)
-            if type_name is None:
-                self._tell(f"{name}: {endpoint.node} publishes {endpoint.dds_type}, which is no message of ROS 2")
-                continue
-            try:
-                cdr_type = self._types.find(type_name)
-            except PeerError as error:
-                self._tell(f"{name} of {endpoint.node} does not pass: {error}", logging.INFO)
-                continue
-            self._advertise(name, cdr_type, endpoint.node)
+            self._num_advertised += 1
+            if self._num_advertised > ADVERTISED_PER_TURN:
+                return
+            cdr_type = self._foreign_type(endpoint)
+            if cdr_type is None or not self._advertise(name, cdr_type, endpoint.node):
+                self._refused.add((name, endpoint.dds_type))
+
+    def _foreign_type(self, endpoint: Endpoint) -> CdrType | None:
+        """Return the type of an endpoint of another program; None if it is not known here, which is told once."""
+        type_name = type_of(endpoint.dds_type)
+        where = f"{endpoint.topic} of {endpoint.node} does not pass"
+        if type_name is None:
+            self._tell(f"{where}: {endpoint.dds_type} is no message of ROS 2")
+            return None
+        try:
+            return self._types.find(type_name)
+        except PeerError as error:
+            self._tell(f"{where}: {error}", logging.INFO)
+            return None
 
     def _advertise(self, name: str, cdr_type: CdrType, node: str = "a program there") -> bool:
         """Advertise a topic on the bus for a program on the graph; return False if that is refused."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from itertools import pairwise
 
 import pytest
 
@@ -13,7 +14,7 @@ from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
 from rosbridge_sim.graph.ros2.far_graph import Endpoint, Quality
-from rosbridge_sim.graph.ros2.gateway import MAX_TOPICS, PERIOD, Ros2Gateway
+from rosbridge_sim.graph.ros2.gateway import ADVERTISED_PER_TURN, MAX_TOPICS, PERIOD, Ros2Gateway
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import Wire, make_store
@@ -290,6 +291,30 @@ def test_a_thousand_topics_of_nodes_are_enough(graph: GraphInMemory, warned: Cal
     graph.settle()
     assert len(graph.bus.holdings(graph.gateway).published) == MAX_TOPICS
     assert sum("more than 1,000 topics" in line for line in warned()) == 1
+
+
+def test_many_topics_of_nodes_are_taken_a_few_in_each_turn(graph: GraphInMemory) -> None:
+    endpoints = [Endpoint(f"{i}", f"/t{i}", DDS_STRING, True, Quality(), "/many") for i in range(100)]  # noqa: FBT003 - a field
+    graph.gateway.note_endpoints(endpoints, [], graph.now)
+    sizes = []
+    while graph.gateway.next_due(graph.now) is not None:
+        graph.now += PERIOD
+        graph.gateway.advance(graph.now)
+        sizes.append(len(graph.bus.holdings(graph.gateway).published))
+    assert max(after - before for before, after in pairwise([0, *sizes])) == ADVERTISED_PER_TURN
+    assert sizes[-1] == len(endpoints)
+    graph.gateway.note_endpoints([], [one.key for one in endpoints], graph.now)
+    graph.settle()
+    assert not graph.bus.holdings(graph.gateway).published
+
+
+def test_a_refused_topic_of_a_node_holds_up_no_other_one(graph: GraphInMemory) -> None:
+    graph.bus.advertise(Somebody("/sim"), "/clock", STRING, is_exclusive=True)
+    many = [Endpoint(f"{i}", f"/t{i}", "x::msg::dds_::Y_", True, Quality(), "/odd") for i in range(50)]  # noqa: FBT003 - a field
+    graph.gateway.note_endpoints(many, [], graph.now)
+    graph.meet("/clock", is_writer=True)
+    graph.meet("/plan", is_writer=True)
+    assert [topic.name for topic in graph.bus.holdings(graph.gateway).published] == ["/plan"]
 
 
 def test_an_endpoint_that_the_library_refuses_is_told_once_and_holds_up_nothing(
