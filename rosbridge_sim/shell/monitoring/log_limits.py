@@ -24,7 +24,7 @@ LOGGERS: Final = tuple(
     f"rosbridge_sim{name}"
     for name in (
         *("", ".access", ".app", ".attach", ".client", ".graph", ".morai"),
-        *(".page", ".recording", ".replay", ".server", ".storage", ".websockets"),
+        *(".page", ".recording", ".replay", ".ros2", ".server", ".storage", ".websockets"),
     )
 )
 """All loggers of this package; a filter of a logger does not apply to its child loggers."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 from rosbridge_sim.graph.ros2.discovery_info import Distro, discovery_type, node_names, write_discovery
@@ -18,6 +19,10 @@ def read(distro: Distro, raw: bytes) -> Any:  # noqa: ANN401 - made from a defin
     found: Any = {each: ([], fields) for each, fields in types.items()}
     store.register(found)
     return store.deserialize_cdr(raw + bytes(-len(raw) % 4), name)
+
+
+def test_kinds_of_fields_have_the_numbers_of_rosbags() -> None:
+    assert [kind.value for kind in (Nodetype.BASE, Nodetype.NAME, Nodetype.ARRAY, Nodetype.SEQUENCE)] == [1, 2, 3, 4]
 
 
 @pytest.mark.parametrize(("distro", "length"), [("humble", 24), ("jazzy", 16)])

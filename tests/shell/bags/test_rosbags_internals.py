@@ -25,7 +25,8 @@ TRIED = ("0.11.6", "0.11.7", "0.11.8", "0.11.9")
 """Versions with which this contract held. Writers of older ones have no `abort`, or no MCAP of their own."""
 
 DOCUMENTED = {
-    "rosbags.interfaces": {"Connection", "MessageDefinitionFormat"},
+    "rosbags.interfaces": {"Connection", "MessageDefinitionFormat", "Nodetype"},
+    "rosbags.interfaces.typing": {"Fielddefs", "Typesdict"},
     "rosbags.rosbag1": {"Reader", "Writer", "WriterError"},
     "rosbags.rosbag2": {"Reader", "ReaderError", "Writer", "WriterError"},
     "rosbags.typesys": {"Stores", "TypesysError", "get_types_from_msg", "get_typestore"},
