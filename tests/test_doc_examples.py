@@ -326,6 +326,8 @@ def test_sensors_of_a_file_are_read(tmp_path: Path) -> None:
     file.write_text(example("sensors"))
     rig = read_sensors(str(file))
     assert [(spec.frame_id, spec.topic) for spec in rig] == [
+        ("gps_link", "/gps"),
+        ("imu_link", "/imu"),
         ("Camera-1", "/image_jpeg/compressed"),
         ("Camera-2", "/image_jpeg/compressed"),
         ("velodyne", "/lidar3D"),

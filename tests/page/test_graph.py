@@ -322,8 +322,8 @@ async def test_names_and_texts_of_the_wire_never_become_html(
     await expect(view.get_by_role("treeitem").filter(has_text=HTML)).to_be_visible()
     await page.get_by_role("tab", name="Clients").click()
     await expect(page.get_by_role("table", name="Clients")).to_contain_text(f"lost 1 of {HTML}")
-    await client.send("advertise", topic="/bad", type=HTML)
     await page.get_by_role("tab", name="Log").click()
+    await client.send("advertise", topic="/bad", type=HTML)
     await expect(page.locator(".log-line[data-level=error]").filter(has_text=HTML)).to_be_visible()
     await expect(page.locator(".log-line[data-level=warning]").filter(has_text=HTML).first).to_be_visible()
     assert await page.locator("img[src=x], [onerror]").count() == 0

@@ -266,9 +266,9 @@ async def test_actions_are_shown_as_programs(serve: Serve, open_page: OpenPage) 
     await choose_tab(page, "Time")
     await page.get_by_role("button", name="Pause", exact=True).click()
     await choose_tab(page, "Code")
-    await expect(page.get_by_label("Program")).to_contain_text("roslibpy.Service")
+    await expect(page.get_by_label("Program", exact=True)).to_contain_text("roslibpy.Service")
     await page.get_by_role("radio", name="Shell").click()
-    await expect(page.get_by_label("Program")).to_contain_text("rosbridge-sim service call")
+    await expect(page.get_by_label("Program", exact=True)).to_contain_text("rosbridge-sim service call")
 
 
 async def test_each_control_has_a_name_for_screen_readers(serve: Serve, open_page: OpenPage) -> None:
