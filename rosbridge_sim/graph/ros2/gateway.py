@@ -183,12 +183,12 @@ class Ros2Gateway:
                 self._tell(f"more than {MAX_ENDPOINTS:,} endpoints of other programs: the others are not seen")
         self._mark(now)
 
-    def receive(self, name: str, raws: Iterable[bytes], now: float) -> None:
-        """Publish messages of a topic on the bus. One that does not fit is dropped, and its mistake is told.
+    def receive(self, name: str, raw: bytes, now: float) -> None:
+        """Publish a message of a topic on the bus. One that does not fit is dropped, and its mistake is told.
 
         Args:
             name: name of the topic on the bus.
-            raws: the messages as CDR.
+            raw: the message as CDR.
             now: monotonic time [s].
         """
         reader, topic = self._readers.get(name), self._bus.find_topic(name)
@@ -196,13 +196,14 @@ class Ros2Gateway:
             return
         if name not in self._advertised and not self._advertise(name, reader.type):
             return
-        for raw in raws:
-            try:
-                value = reader.type.decode(raw, self._bus.stamp_ns)
-                self.num_received += 1
-                self._bus.publish(self, topic, Message(reader.type.type, value), now)
-            except PeerError as error:
-                self._refuse(name, error)
+        try:
+            value = reader.type.decode(raw, self._bus.stamp_ns)
+            self.num_received += 1
+            self._bus.publish(self, topic, Message(reader.type.type, value), now)
+        except PeerError as error:
+            self._refuse(name, error)
+        except Exception as error:  # noqa: BLE001 - an internal error in work for this gateway
+            self._bus.guard.blame(self, error)
 
     # Looking
 

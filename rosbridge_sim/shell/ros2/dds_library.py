@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib.util
 import platform
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -23,9 +23,6 @@ __all__ = ["FITTING", "DdsDomain", "DdsEndpoint", "DdsReader", "DdsTypes", "DdsW
 
 FITTING: Final = "11.0.1"
 """The version that this module supports, as in `pyproject.toml`."""
-
-_TAKEN_AT_ONCE: Final = 16
-"""Messages that one call takes from a reader."""
 
 
 def check_library() -> None:
@@ -155,6 +152,12 @@ class DdsDomain:
         self.key: bytes = self._participant.get_guid().bytes
         self._topics: dict[str, Any] = {}
         self._entities: dict[int, Any] = {}
+        self._names: dict[int, str] = {}  # of each writer and reader: its topic
+
+    @property
+    def num_topics(self) -> int:
+        """Number of topics with a writer or a reader of ours."""
+        return len(self._topics)
 
     def close(self) -> None:
         """End everything in the domain; no thread of the library stays."""
@@ -184,7 +187,7 @@ class DdsDomain:
             qos = _qos(quality, Policy.Userdata(user_data), Policy.IgnoreLocal.Participant)
             return DataWriter(self._participant, self._topic(topic, data_type), qos)
 
-        return DdsWriter(self, self._keep(make))
+        return DdsWriter(self, self._keep(make, topic))
 
     def open_reader(
         self, topic: str, data_type: type, quality: Quality, user_data: bytes, on_data: Callable[[], None]
@@ -210,7 +213,7 @@ class DdsDomain:
             qos = _qos(quality, Policy.Userdata(user_data), Policy.IgnoreLocal.Participant, consistency)
             return DataReader(self._participant, self._topic(topic, data_type), qos, _listener(on_data))
 
-        return DdsReader(self, self._keep(make))
+        return DdsReader(self, self._keep(make, topic))
 
     def watch(self, on_data: Callable[[], None]) -> tuple[Callable[[], DdsEndpoint | None], ...]:
         """Return a function for the writers and one for the readers in the domain, which gives the next change.
@@ -238,9 +241,13 @@ class DdsDomain:
         )
 
     def forget(self, entity: Any) -> None:  # noqa: ANN401 - of the library
-        """Delete a writer or reader (for `DdsWriter` and `DdsReader`)."""
-        if self._entities.pop(id(entity), None) is not None:
-            _delete(entity)
+        """Delete a writer or reader, and its topic if it was the last one there (for `DdsWriter` and `DdsReader`)."""
+        if self._entities.pop(id(entity), None) is None:
+            return
+        _delete(entity)
+        name = self._names.pop(id(entity))
+        if name not in self._names.values():
+            _delete(self._topics.pop(name))
 
     def _topic(self, name: str, data_type: type) -> Any:  # noqa: ANN401 - of the library
         """Return a topic; one that had another type before is made anew."""
@@ -252,7 +259,7 @@ class DdsDomain:
             known = self._topics[name] = Topic(self._participant, name, data_type, Qos(_plain_cdr()))
         return known
 
-    def _keep(self, make: Callable[[], Any]) -> Any:  # noqa: ANN401 - of the library
+    def _keep(self, make: Callable[[], Any], topic: str = "") -> Any:  # noqa: ANN401 - of the library
         from cyclonedds.core import DDSException  # noqa: PLC0415 - as above
 
         try:
@@ -260,6 +267,7 @@ class DdsDomain:
         except DDSException as error:
             raise GraphError(f"the DDS library refuses it: {_why(error)}") from None
         self._entities[id(entity)] = entity
+        self._names[id(entity)] = topic
         return entity
 
 
@@ -313,12 +321,13 @@ class DdsReader:
         self._take = ddspy_take
         self._any = SampleState.Any | ViewState.Any | InstanceState.Any
 
-    def take(self) -> Sequence[bytes]:
-        """Return the next messages, as CDR; none if none waits."""
-        found = self._take(self._ref, self._any, _TAKEN_AT_ONCE)
-        if isinstance(found, int):  # an error: the entity has ended
-            return ()
-        return [bytes(raw) for raw, info in found if info.valid_data]
+    def take(self) -> bytes | None:
+        """Return the next message as CDR; empty bytes for the news that a publisher left; None if nothing waits."""
+        found = self._take(self._ref, self._any, 1)  # one, because it may be as long as a frame
+        if isinstance(found, int) or not found:  # a number is an error: the entity has ended
+            return None
+        raw, info = found[0]
+        return bytes(raw) if info.valid_data else b""
 
     def close(self) -> None:
         """End it."""

@@ -31,8 +31,11 @@ __all__ = ["NODE_NAME", "Ros2Choices", "Ros2Node"]
 NODE_NAME: Final = "rosbridge_sim"
 """Name of our node."""
 
-BYTES_PER_TURN: Final = 256 * 1024
+BYTES_PER_TURN: Final = 32 * 1024
 """Messages that one turn of the loop takes from the graph [bytes]; the rest waits for the next one."""
+
+LEAST_SIZE: Final = 1024
+"""Bytes that a short message counts as: at most 32 of them are taken in one turn."""
 
 ENDPOINTS_PER_TURN: Final = 50
 """Changes of endpoints that one turn of the loop takes; each costs a tenth of a millisecond."""
@@ -230,11 +233,12 @@ class Ros2Node:
         reader = self._readers.get(topic)
         size = 0
         while reader is not None and self.gateway is not None:
-            raws = reader.take()
-            if not raws:
+            raw = reader.take()
+            if raw is None:
                 break
-            self.gateway.receive(topic, raws, self._loop.time())
-            size += sum(map(len, raws))
+            if raw:
+                self.gateway.receive(topic, raw, self._loop.time())
+            size += max(len(raw), LEAST_SIZE)
             if size > BYTES_PER_TURN:
                 self._loop.call_soon(self._take, topic)
                 break
@@ -242,10 +246,14 @@ class Ros2Node:
 
     def _take_names(self) -> None:
         """Learn the names of other nodes."""
-        for raw in self._others.take():
+        for _ in range(ENDPOINTS_PER_TURN):
+            raw = self._others.take()
+            if raw is None:
+                return
             found = node_names(self._choices.distro, raw)
             if len(self._nodes) + len(found) <= MAX_KEYS:
                 self._nodes.update(found)
+        self._loop.call_soon(self._take_names)
 
     def _take_endpoints(self) -> None:
         """Learn the endpoints of other programs, as many as a turn allows."""

@@ -60,7 +60,7 @@ class GraphInMemory:
 
     def say(self, topic: str, data: str) -> None:
         """Let a node publish a text."""
-        self.gateway.receive(topic, [self.types.find(STRING).encode(text(self.bus, data))], self.now)
+        self.gateway.receive(topic, self.types.find(STRING).encode(text(self.bus, data)), self.now)
 
     def heard(self) -> list[tuple[str, str]]:
         """The texts that nodes got."""
@@ -226,7 +226,8 @@ def test_a_message_that_does_not_fit_is_told_and_the_rest_arrives(graph: GraphIn
     client.says(op="subscribe", topic="/plan", type=STRING)
     graph.meet("/plan", is_writer=True)
     good = graph.types.find(STRING).encode(text(graph.bus, "left"))
-    graph.gateway.receive("/plan", [b"\0\1\0\0\xff\xff", good], graph.now)
+    for raw in (b"\0\1\0\0\xff\xff", good):
+        graph.gateway.receive("/plan", raw, graph.now)
     assert [frame["msg"] for frame in client.hears()] == [{"data": "left"}]
     (refusal,) = graph.refusals
     assert (refusal.client, refusal.subject) == ("ROS 2", "/plan")

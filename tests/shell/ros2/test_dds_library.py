@@ -47,6 +47,19 @@ def test_bytes_that_are_no_message_are_not_sent(domain: DdsDomain) -> None:
     assert len(writer.key) == len(domain.key) == 16
 
 
+def test_a_topic_that_nobody_uses_is_forgotten(domain: DdsDomain) -> None:
+    found = CdrTypes(make_store(), make_store(2)).find("std_msgs/String")
+    data_type = DdsTypes().make(found.name, found.definitions)
+    for i in range(3):
+        writer = domain.open_writer(f"rt/t{i}", data_type, Quality(), b"")
+        reader = domain.open_reader(f"rt/t{i}", data_type, Quality(), b"", lambda: None)
+        assert domain.num_topics == 1
+        writer.close()
+        assert domain.num_topics == 1
+        reader.close()
+        assert domain.num_topics == 0
+
+
 def test_the_messages_about_nodes_of_each_distribution_are_types(domain: DdsDomain) -> None:
     for distro in ("humble", "jazzy"):
         DdsTypes().make(*discovery_type(distro))
