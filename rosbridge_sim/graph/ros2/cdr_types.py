@@ -7,12 +7,14 @@ that of rosbags. What it read is checked like a body of any client.
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from rosbridge_sim.errors import FieldError, PeerError, Reason, TypeNameError
+from rosbridge_sim.graph.ros2.cdr_objects import count_objects
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_spec import MessageSpec, layout_of
@@ -25,11 +27,10 @@ if TYPE_CHECKING:  # an import of a tenth of a second that only a node of ROS 2 
     from rosbags.interfaces.typing import Fielddefs, Typesdict
     from rosbags.typesys.store import Typestore
 
-__all__ = ["MAX_NESTED", "CdrType", "CdrTypes"]
+__all__ = ["MAX_OBJECTS", "CdrType", "CdrTypes"]
 
-MAX_NESTED: Final = 128 * 1024
-"""Longest message with an array of messages or of texts that is read [bytes]: each element is an object of Python, and
-so many bytes take up to 50 ms. Other messages may be as long as frames may be."""
+MAX_OBJECTS: Final = 4_000
+"""Most messages and texts within a message that is read: reading them takes 50 ms."""
 
 
 class CdrType:
@@ -52,7 +53,6 @@ class CdrType:
         self._cdr_type = cdr_type
         self._types = known
         self._is_same = is_same
-        self._has_elements = _has_elements(message_type.spec)
 
     def encode(self, message: Message) -> bytes:
         """Return a message as CDR, with its four bytes of encapsulation; made once for all who want it.
@@ -82,9 +82,13 @@ class CdrType:
         Raises:
             FieldError: the bytes are not a message of the type, or are too many.
         """
-        if self._has_elements and len(raw) > MAX_NESTED:
-            why = f"{self.name}: expected at most {MAX_NESTED:,} bytes, since it has arrays of messages or texts"
-            raise FieldError(f"{why}; got {len(raw):,}", reason=Reason.TOO_MUCH)
+        try:
+            is_large = count_objects(raw, self.name, self.definitions, MAX_OBJECTS) > MAX_OBJECTS
+        except (struct.error, IndexError):
+            is_large = False  # the reader finds the mistake, and words it
+        if is_large:
+            why = f"{self.name}: expected at most {MAX_OBJECTS:,} messages and texts within a message; got more"
+            raise FieldError(why, reason=Reason.TOO_MUCH)
         try:
             value = _plain(self._types.deserialize_cdr(raw, self.name), self.definitions)
         except Exception as error:  # noqa: BLE001 - a library reads foreign bytes: any error means that they are broken
@@ -154,18 +158,6 @@ class CdrTypes:
 
 _MAX_TYPES: Final = 10_000
 """Types that are remembered; a server knows fewer, unless clients name ever new ones."""
-
-
-def _has_elements(spec: MessageSpec) -> bool:
-    """Return True if a type has an array whose elements are messages or texts."""
-    for field_spec in spec.fields.values():
-        if field_spec.definition.array is not None and (
-            field_spec.nested is not None or field_spec.definition.type in {"string", "wstring", "time", "duration"}
-        ):
-            return True
-        if field_spec.nested is not None and _has_elements(field_spec.nested):
-            return True
-    return False
 
 
 def _without_unknown(value: Any, spec: MessageSpec) -> Any:  # noqa: ANN401 - objects of Python

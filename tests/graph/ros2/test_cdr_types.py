@@ -9,7 +9,7 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rosbridge_sim.errors import FieldError, PeerError, Reason, TypeNameError
-from rosbridge_sim.graph.ros2.cdr_types import MAX_NESTED, CdrTypes
+from rosbridge_sim.graph.ros2.cdr_types import MAX_OBJECTS, CdrTypes
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
@@ -98,11 +98,18 @@ def test_bytes_that_do_not_fit_are_refused_in_words(raw: bytes) -> None:
         types.find("std_msgs/String").decode(raw, 0)
 
 
-def test_messages_of_many_small_parts_are_bounded() -> None:
-    _, types = make_types(1)
-    with pytest.raises(FieldError, match="at most") as refusal:
-        types.find("morai_msgs/ObjectStatusList").decode(bytes(MAX_NESTED + 1), 0)
+def test_messages_of_many_small_parts_are_bounded_and_large_clouds_are_not() -> None:
+    store, types = make_types(1)
+    many = types.find("tf2_msgs/TFMessage")
+    one = store.message("geometry_msgs/TransformStamped").struct_type()
+    raw = many.encode(Message(many.type, many.type.struct_type(transforms=[one] * MAX_OBJECTS)))
+    with pytest.raises(FieldError, match="at most 4,000 messages and texts") as refusal:
+        many.decode(raw, 0)
     assert refusal.value.reason is Reason.TOO_MUCH
+    cloud = types.find("sensor_msgs/PointCloud2")
+    field = store.message("sensor_msgs/PointField").struct_type(name="x")
+    value = cloud.type.struct_type(fields=[field] * 6, data=bytes(400_000))
+    assert len(cloud.decode(cloud.encode(Message(cloud.type, value)), 0).data) == 400_000
 
 
 def test_types_that_ros2_does_not_have_are_refused_each_time() -> None:
