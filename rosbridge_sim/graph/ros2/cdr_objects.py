@@ -57,7 +57,8 @@ class _Counter:
             if kind in {_BASE, _NAME}:
                 self._skip(kind, rest, 1)
             else:
-                self._skip(*rest[0], rest[1] if kind == _ARRAY else self._read_length())
+                (inner_kind, inner), length = rest
+                self._skip(inner_kind, inner, length if kind == _ARRAY else self._read_length())
 
     def _skip(self, kind: int, rest: Any, times: int) -> None:  # noqa: ANN401 - of rosbags
         if kind == _BASE and rest[0] not in {"string", "wstring"}:
