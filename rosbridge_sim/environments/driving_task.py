@@ -1,4 +1,4 @@
-"""What an environment asks of the ego: scenario, observation, reward and end."""
+"""The task of an environment: scenario, observation, reward, and the end of an episode."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ AHEAD: Final = (5.0, 10.0, 20.0, 40.0)
 """Distances along the lane of the places that are observed [m]."""
 
 _SPEED, _OFFSET, _EDGE, _STEER = 40.0, 4.0, 8.0, MAX_STEER
-"""What observations are divided by, so that they are within -1..1."""
+"""Divisors of the observations, so that they are within -1..1."""
 
 _OTHER_SCALE: Final = np.array([1.0, 100.0, 100.0, 40.0, 40.0, 1.0, 1.0, 20.0, 5.0])
 
@@ -87,7 +87,7 @@ class DrivingTask:
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """What a step was worth; (num_worlds,) each.
+    """Reward and end of one step; (num_worlds,) each.
 
     Attributes:
         reward: sum of the terms.

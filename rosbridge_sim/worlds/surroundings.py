@@ -1,4 +1,4 @@
-"""What is around egos, as arrays: the nearest entities, and the lane."""
+"""The surroundings of egos as arrays: the nearest entities, and the lane."""
 
 from __future__ import annotations
 

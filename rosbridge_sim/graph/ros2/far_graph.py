@@ -1,4 +1,4 @@
-"""What the gateway knows of the graph of ROS 2, and what it needs of the node there. `shell/` provides the node."""
+"""Endpoints of other programs on the graph of ROS 2, and the interface of our node there, which `shell/` provides."""
 
 from __future__ import annotations
 

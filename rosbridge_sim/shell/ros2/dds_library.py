@@ -271,20 +271,31 @@ class DdsDomain:
         return entity
 
 
-class DdsWriter:
-    """A publisher of one topic.
+class _Entity:
+    """A writer or a reader.
 
     Attributes:
         key: its 16 bytes of identity.
     """
 
     def __init__(self, domain: DdsDomain, entity: Any) -> None:  # noqa: ANN401 - of the library
-        from cyclonedds._clayer import ddspy_write  # noqa: PLC0415 - as above
-
         self.key: bytes = entity.get_guid().bytes
         self._domain = domain
         self._entity = entity
         self._ref = entity._ref  # noqa: SLF001 - see the module's first lines
+
+    def close(self) -> None:
+        """End it."""
+        self._domain.forget(self._entity)
+
+
+class DdsWriter(_Entity):
+    """A publisher of one topic."""
+
+    def __init__(self, domain: DdsDomain, entity: Any) -> None:  # noqa: ANN401 - of the library
+        from cyclonedds._clayer import ddspy_write  # noqa: PLC0415 - as above
+
+        super().__init__(domain, entity)
         self._write = ddspy_write
 
     def write(self, raw: bytes) -> bool:
@@ -294,30 +305,19 @@ class DdsWriter:
             raw: CDR, with its four bytes of encapsulation.
 
         Returns:
-            False if too much waits for a subscriber already.
+            False if too much waits for a subscriber already, or the bytes are not a message of the type.
         """
         return bool(self._write(self._ref, raw + bytes(-len(raw) % 4)) >= 0)
 
-    def close(self) -> None:
-        """End it."""
-        self._domain.forget(self._entity)
 
-
-class DdsReader:
-    """A subscription to one topic.
-
-    Attributes:
-        key: its 16 bytes of identity.
-    """
+class DdsReader(_Entity):
+    """A subscription to one topic."""
 
     def __init__(self, domain: DdsDomain, entity: Any) -> None:  # noqa: ANN401 - of the library
         from cyclonedds._clayer import ddspy_take  # noqa: PLC0415 - as above
         from cyclonedds.core import InstanceState, SampleState, ViewState  # noqa: PLC0415
 
-        self.key: bytes = entity.get_guid().bytes
-        self._domain = domain
-        self._entity = entity
-        self._ref = entity._ref  # noqa: SLF001 - see the module's first lines
+        super().__init__(domain, entity)
         self._take = ddspy_take
         self._any = SampleState.Any | ViewState.Any | InstanceState.Any
 
@@ -328,10 +328,6 @@ class DdsReader:
             return None
         raw, info = found[0]
         return bytes(raw) if info.valid_data else b""
-
-    def close(self) -> None:
-        """End it."""
-        self._domain.forget(self._entity)
 
 
 _PRECONDITION: Final = -4

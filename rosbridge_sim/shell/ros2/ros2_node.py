@@ -69,7 +69,7 @@ _CONFIGS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Ros2Choices:
-    """What the user has chosen.
+    """The settings of the node.
 
     Attributes:
         domain: number of the domain (`ROS_DOMAIN_ID`).

@@ -32,7 +32,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.morai_services.morai_answers import complain, request_of, respond
-from rosbridge_sim.simulator.plain.reading import Reader
+from rosbridge_sim.simulator.plain.reading import Reader, read_while_held
 from rosbridge_sim.simulator.scene.load import FoundMap, Library, Load, LoadOptions, find_map
 from rosbridge_sim.simulator.scene.rehearsal import Rehearsal
 from rosbridge_sim.simulator.scene.scene_commands import LoadScenario, SceneCommand
@@ -195,21 +195,8 @@ class Loads(Component):
             caller.notify("warning", "nothing to load: delete_all and all load_... are false")
         context, name = self._context, request.file_name
         networks = self._networks if request.load_network_connection_data else None
-        is_done = False
-        release: Callable[[float], None] | None = None
-
-        def then(outcome: _Documents | DocumentError, now: float) -> None:
-            nonlocal is_done
-            is_done = True
-            try:
-                finish(outcome, now)
-            finally:
-                if release is not None:
-                    release(now)
-
-        self._reader.read(lambda: _read_documents(context.library, networks, name, base, self._rehearsal), then, now)
-        if not is_done:
-            release = context.sync_driver.hold(caller)
+        work = partial(_read_documents, context.library, networks, name, base, self._rehearsal)
+        read_while_held(self._reader, work, finish, partial(context.sync_driver.hold, caller), now)
 
     def _prepare(
         self,

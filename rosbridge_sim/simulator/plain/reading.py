@@ -11,7 +11,7 @@ from typing import Protocol, TypeVar
 
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["AtOnce", "Reader"]
+__all__ = ["AtOnce", "Reader", "read_while_held"]
 
 T = TypeVar("T")
 
@@ -31,6 +31,39 @@ class Reader(Protocol):
                 frames are being computed.
             now: monotonic time [s].
         """
+
+
+def read_while_held(
+    reader: Reader,
+    work: Callable[[], T],
+    then: Callable[[T | DocumentError, float], None],
+    hold: Callable[[], Callable[[float], None]],
+    now: float,
+) -> None:
+    """Run a function that may take seconds, and hold the client that asked for it until its result has been taken.
+
+    Args:
+        reader: runs it.
+        work: see `Reader.read`.
+        then: see `Reader.read`.
+        hold: holds the client; returns what releases it. It is not called if the result is there at once.
+        now: monotonic time [s].
+    """
+    is_done = False
+    release: Callable[[float], None] | None = None
+
+    def finish(outcome: T | DocumentError, now: float) -> None:
+        nonlocal is_done
+        is_done = True
+        try:
+            then(outcome, now)
+        finally:
+            if release is not None:
+                release(now)
+
+    reader.read(work, finish, now)
+    if not is_done:
+        release = hold()
 
 
 class AtOnce:

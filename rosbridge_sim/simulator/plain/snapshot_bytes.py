@@ -104,7 +104,7 @@ def unpack(data: bytes) -> tuple[SnapshotHead, bytes]:
 
 
 class OwnKey(NamedTuple):
-    """What bytes of this process are known by.
+    """A key by which bytes that this process has made are recognized.
 
     Attributes:
         checksum: the last of the bytes.

@@ -1,4 +1,4 @@
-"""Where ghosts have been of late, and the speeds that follow from it, as arrays for all ghosts at once."""
+"""The last places of ghosts, and their speeds computed from these; arrays for all ghosts at once."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class EgoRig:
 
     @property
     def specs(self) -> Rig:
-        """What was chosen, by number."""
+        """The specs of the sensors, in the order of their numbers."""
         return tuple(mounted.spec for mounted in self.sensors)
 
     def rate_of(self, mounted: MountedSensor) -> float:

@@ -99,7 +99,7 @@ class EgoStatuses(Protocol):
 
 
 class TrafficHost(Protocol):
-    """What traffic is in: a `SimulatorContext`, or a world without a server."""
+    """The surroundings of traffic: a `SimulatorContext`, or a world without a server."""
 
     @property
     def world(self) -> World:

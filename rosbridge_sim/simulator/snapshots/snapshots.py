@@ -33,7 +33,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode
-from rosbridge_sim.simulator.plain.reading import Reader
+from rosbridge_sim.simulator.plain.reading import Reader, read_while_held
 from rosbridge_sim.simulator.plain.snapshot_bytes import OwnBytes, OwnKey, SnapshotHead, pack, unpack
 from rosbridge_sim.simulator.replays.recorded_drive import Recording, digest_of
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Recordings
@@ -213,20 +213,7 @@ class Snapshots(Component):
         if size < LARGE:
             finish(make(), now)
             return
-        is_done, release = False, None
-
-        def then(outcome: T | DocumentError, now: float) -> None:
-            nonlocal is_done
-            is_done = True
-            try:
-                finish(outcome, now)
-            finally:
-                if release is not None:
-                    release(now)
-
-        self._reader.read(make, then, now)
-        if not is_done:
-            release = self._context.sync_driver.hold(caller)
+        read_while_held(self._reader, make, finish, partial(self._context.sync_driver.hold, caller), now)
 
     def _check_may_save(self) -> None:
         """Check that there is a state between two frames.

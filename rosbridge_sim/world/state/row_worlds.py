@@ -1,4 +1,4 @@
-"""What a step asks about the world that a row belongs to.
+"""Frame, chance, lanes and lights of the world that a row belongs to.
 
 A step works on columns, and never asks how many worlds the rows are of. Here they are all of one world, so the answers
 are those of that world. `many_worlds.Batch` has the rows of many worlds, and answers for each row.
