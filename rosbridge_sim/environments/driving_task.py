@@ -75,8 +75,9 @@ class DrivingTask:
         if self.observation not in {"Lane", "Kinematics"}:
             raise ValueError(f"observation: expected Lane or Kinematics, got {self.observation!r}")
         for name in ("target_speed", "duration", "frame_skip", "num_starts", "num_others"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{name}: expected a positive number, got {getattr(self, name)!r}")
+            value = getattr(self, name)
+            if not isinstance(value, int | float) or not value > 0:
+                raise ValueError(f"{name}: expected a positive number, got {value!r}")
 
     @property
     def shape(self) -> tuple[int, ...]:

@@ -92,9 +92,10 @@ class Worlds:
         impacts: bool = False,
         scores: bool = True,
     ) -> None:
+        _check_number("num_worlds", num_worlds)
         names = [scenario] * num_worlds if isinstance(scenario, str | Path) else list(scenario)
         if not names:
-            raise ValueError(f"num_worlds: expected at least 1, got {num_worlds}")
+            raise ValueError("scenario: expected at least one, got none")
         self.num_worlds, self.dt = len(names), DT
         seeds = [seed + i for i in range(self.num_worlds)] if isinstance(seed, int) else list(seed)
         if len(seeds) != self.num_worlds or any(each < 0 for each in seeds):
@@ -134,8 +135,7 @@ class Worlds:
             ValueError: an array has another shape or holds a number that is not finite, there are other names, or n is
                 below 1. Nothing has moved.
         """
-        if n < 1:
-            raise ValueError(f"n: expected at least 1 frame, got {n}")
+        _check_number("n", n)
         self._set.settle()
         if commands is not None:
             self._command(commands)
@@ -189,11 +189,13 @@ class Worlds:
             mask: (num_worlds,) bool, which worlds; None for all.
 
         Raises:
-            ValueError: there are more or fewer copies than worlds. Nothing has changed.
+            ValueError: there are more or fewer copies than worlds, or something else. Nothing has changed.
         """
         which = self._mask(mask).nonzero()[0].tolist()
         if len(which) != len(saved):
             raise ValueError(f"saved: expected {len(which)} copies, got {len(saved)}")
+        if not all(isinstance(each, SavedScene) for each in saved):
+            raise ValueError("saved: expected copies from `save`")
         for i, each in zip(which, saved, strict=True):
             self._scenes[i].load(each)
         self._set.settle()
@@ -244,8 +246,7 @@ class Worlds:
         Raises:
             ValueError: num is below 1, or `out` has another shape.
         """
-        if num < 1:
-            raise ValueError(f"num: expected at least 1, got {num}")
+        _check_number("num", num)
         found = _out(out, (*self._egos.is_there.shape, num, len(OTHER_FIGURES)))
         for part in self._egos:
             if len(part.rows):
@@ -426,6 +427,16 @@ class Worlds:
 
 
 _DYNAMICS: Final = {"single-track": Dynamics.SINGLE_TRACK, "kinematic": Dynamics.KINEMATIC}
+
+
+def _check_number(name: str, value: object) -> None:
+    """Check that an argument is a whole number from 1 on.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if not isinstance(value, int | np.integer) or value < 1:
+        raise ValueError(f"{name}: expected a whole number from 1 on, got {value!r}")
 
 
 def _find_model(library: DiskLibrary, name: str) -> Model:

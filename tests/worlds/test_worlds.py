@@ -157,8 +157,12 @@ def test_wrong_arguments_are_refused() -> None:
         worlds.reset([True])
     with pytest.raises(ValueError, match="seeds: expected 2 numbers"):
         worlds.reset(seeds=[1])
-    with pytest.raises(ValueError, match="n: expected at least 1 frame"):
+    with pytest.raises(ValueError, match="n: expected a whole number from 1 on, got 0"):
         worlds.step(n=0)
+    with pytest.raises(ValueError, match="num_worlds: expected a whole number from 1 on, got '2'"):
+        Worlds("loop", "2")  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="saved: expected copies from `save`"):
+        worlds.load(b"ab")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"world: expected 0\.\.1, got 2"):
         worlds.spawn(2, "2015_Kia_K5")
     with pytest.raises(ValueError, match="the catalogue has no 'no such car'"):
