@@ -313,7 +313,7 @@ class Simulator:
         self._recordings, self._reader = recordings, reader
         self.bus, self.node, self._server, self._scheduler = bus, node, server, scheduler
         self._warn(server, limits)
-        self._open_page()
+        self._finish_start()
         if node is not None:
             self._attach(bus, node, scheduler, stamps)
         scheduler.look()
@@ -367,8 +367,10 @@ class Simulator:
         if settings.world and not is_writable(folder := Path(settings.data_dir)):
             _log.warning("--data-dir %s: clients can save nothing there: %s", folder, why_not_writable(folder))
 
-    def _open_page(self) -> None:
-        """Open the page in a browser, if the settings say so."""
+    def _finish_start(self) -> None:
+        """Show all topics to nodes of ROS 2, and open the page in a browser, if the settings say so."""
+        if self._ros2 is not None:
+            self._ros2.settle()
         if self.settings.open:
             open_browser(self.page_url)
 

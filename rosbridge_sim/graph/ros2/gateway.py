@@ -45,8 +45,8 @@ MAX_ENDPOINTS: Final = 20_000
 MAX_LINES: Final = 200
 """Most lines of the log that are written once each, whatever other programs do."""
 
-ENDPOINTS_PER_TURN: Final = 2
-"""Writers and readers that one turn opens: the DDS library takes up to 20 ms for a new type."""
+ENDPOINTS_PER_TURN: Final = 1
+"""Writers and readers that one turn opens: the DDS library takes up to 40 ms for a new type."""
 
 ADVERTISED_PER_TURN: Final = 20
 """Topics of other programs that one turn puts on the bus or takes from it: 5 ms of work at most."""

@@ -8,7 +8,7 @@ import logging
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.ros2.cdr_types import CdrTypes
-from rosbridge_sim.graph.ros2.gateway import Ros2Gateway
+from rosbridge_sim.graph.ros2.gateway import PERIOD, Ros2Gateway
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.config.settings import Settings
@@ -32,6 +32,11 @@ class JoinedRos2:
     def __init__(self, gateway: Ros2Gateway, node: Ros2Node) -> None:
         self.gateway = gateway
         self.node = node
+
+    def settle(self) -> None:
+        """Open all writers and readers that are wanted now: while the world waits for its first frame."""
+        while self.gateway.next_due(0.0) is not None:
+            self.gateway.advance(asyncio.get_running_loop().time() + PERIOD)
 
     def stop(self) -> None:
         """Leave the graph. A second call does nothing."""
@@ -67,8 +72,6 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
     gateway = Ros2Gateway(bus, CdrTypes(bus.store, store), node, policy, Rule(settings.ros2_topics))
     node.gateway = gateway
     node.on_work = gateway.on_change = scheduler.look
-    while gateway.next_due(0.0) is not None:  # all of them now, because the world is still waiting
-        gateway.advance(asyncio.get_running_loop().time())
     scheduler.add(gateway)
     where = f"ROS_DOMAIN_ID={settings.ros2_domain}"
     if settings.ros2_discovery == "localhost":
