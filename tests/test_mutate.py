@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 
 import pytest
 
-from scripts.mutate import PACKAGE, ROOT, TESTS, mutants_of, mutate
+from scripts.mutate import TESTS, files_of
+from scripts.mutation.mutants import mutants_of, mutate
+from scripts.mutation.warm_tests import PACKAGE, ROOT, Target
 
 SOURCE = """
 WIDTH: float = 2.5
@@ -56,10 +60,35 @@ def test_each_mutant_is_the_file_with_one_change() -> None:
         assert len(changed) == 1
 
 
-@pytest.mark.parametrize("file", TESTS)
-def test_files_and_tests_of_the_mutation_table_exist(file: str) -> None:
-    source = (ROOT / PACKAGE / file).read_text()
-    found = mutants_of(source)
-    assert len(found) > 10
-    compile(mutate(source, found[-1]), file, "exec")
-    assert [test for tests in TESTS[file] for test in tests.split() if not (ROOT / "tests" / test).exists()] == []
+@pytest.mark.parametrize("room", TESTS)
+def test_files_and_tests_of_the_mutation_table_exist(room: str) -> None:
+    files = files_of(room)
+    assert files
+    for file in files:
+        source = (ROOT / PACKAGE / file).read_text()
+        compile(mutate(source, mutants_of(source)[-1]), file, "exec")
+    assert [test for test in TESTS[room].split() if not (ROOT / "tests" / test).exists()] == []
+
+
+def test_only_a_changed_number_of_the_module_reaches_beyond_its_own_statement() -> None:
+    target = Target("world/drivers/driver_model.py")
+    for mutant in target.mutants:
+        lines, names = target.reach(mutant)
+        assert mutant.line in lines
+        assert bool(names) == (min(lines) in _constant_lines(target.source))
+
+
+def _constant_lines(source: str) -> set[int]:
+    return {node.lineno for node in ast.parse(source).body if isinstance(node, (ast.Assign, ast.AnnAssign))}
+
+
+@pytest.mark.slow
+def test_a_fault_that_a_test_notices_is_counted_and_one_that_it_does_not_is_printed() -> None:
+    command = [sys.executable, str(ROOT / "scripts" / "mutate.py"), "graph/guard.py", "--killers"]
+    command += ["--tests", "graph/test_guard.py", "--num", "20"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
+    noticed = [line for line in done.stdout.splitlines() if line.startswith("noticed by tests/graph/test_guard.py::")]
+    survivors = [line for line in done.stdout.splitlines() if "  (reached by" in line]
+    assert any("self.num_unencoded += 1  ->  self.num_unencoded -= 1" in line for line in noticed)
+    assert f"noticed {len(noticed)} of 20 tried" in done.stdout
+    assert len(noticed) + len(survivors) == 20

@@ -1,7 +1,6 @@
 """Drives of the kinematic model: the bits are those of the version before there was another model.
 
-numpy computes sines and cosines with AVX-512 where the processor has it, and their last bit differs then. So the drives
-run in a process of their own with AVX-512 off: the same bits on every x86-64 processor.
+The drives run in a process of their own with AVX-512 off, unless this one is such a process: see `processors.py`.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ import pytest
 
 from rosbridge_sim.world.state.world import Dynamics, World
 from tests.world.kinematic_drives import DRIVES
+from tests.world.processors import WITHOUT_AVX_512, is_without_avx_512
 
 DIGESTS = {
     "pedals": "30ec711d1a6ebcb823da0d6211cc5355",
@@ -24,26 +24,29 @@ DIGESTS = {
     "placed": "aa393684f9a9e3c2751c919b4397f0e8",
 }
 
-AVX_512 = "X86_V4 AVX512_ICL AVX512_SPR AVX512F AVX512CD AVX512_SKX AVX512_CLX AVX512_CNL"
-"""Names of AVX-512 in the releases of numpy; unknown ones are ignored."""
-
 PROGRAM = """
 import json
-from rosbridge_sim.world.state.world import Dynamics, World
-from tests.world.kinematic_drives import DRIVES
+from tests.world.test_kinematic_drives import digests_here
 
-found = {}
-for name, drive in DRIVES.items():
-    world = World(7, Dynamics.KINEMATIC)
-    drive(world)
-    found[name] = world.digest()
-print(json.dumps(found))
+print(json.dumps(digests_here()))
 """
+
+
+def digests_here() -> dict[str, str]:
+    """Return the digest of each drive, computed by this process."""
+    found = {}
+    for name, drive in DRIVES.items():
+        world = World(7, Dynamics.KINEMATIC)
+        drive(world)
+        found[name] = world.digest()
+    return found
 
 
 @pytest.fixture(scope="module")
 def digests() -> dict[str, str]:
-    environment = {**os.environ, "NPY_DISABLE_CPU_FEATURES": AVX_512, "PYTHONPATH": os.pathsep.join(sys.path)}
+    if is_without_avx_512():
+        return digests_here()
+    environment = {**os.environ, **WITHOUT_AVX_512, "PYTHONPATH": os.pathsep.join(sys.path)}
     command = [sys.executable, "-W", "ignore", "-c", PROGRAM]
     done = subprocess.run(command, env=environment, capture_output=True, check=True)
     found: dict[str, str] = json.loads(done.stdout)
