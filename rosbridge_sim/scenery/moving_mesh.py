@@ -60,6 +60,7 @@ class MovingScene:
         *,
         near: float = NEAR,
         has_lenses: bool = True,
+        which: NDArray[np.bool_] | None = None,
     ) -> Mesh:
         """Return what moves at a frame; the triangles of an entity lie together.
 
@@ -70,18 +71,20 @@ class MovingScene:
             reach: what is farther from the eye is left out [m].
             near: vehicles farther from the eye have fewer triangles [m].
             has_lenses: with the lenses of traffic lights.
+            which: (n,) entities that are wanted; None for all.
         """
         away = np.zeros(len(frame)) if eye is None else np.hypot(*(frame.poses[:, :2] - eye[:2]).T)
         is_near = away <= near
+        is_wanted = away <= reach if which is None else which & (away <= reach)
         parts = [self._lenses(frame, origin)] if has_lenses else []
         for shape in Shape:
-            is_there = (frame.shapes == shape) & (away <= reach)
+            is_there = is_wanted & (frame.shapes == shape)
             if shape > Shape.BUS:
                 sets = [(is_there, False)]
             else:
                 sets = [(is_there & is_near, False), (is_there & ~is_near, True)]
-            for which, is_coarse in sets:
-                rows = np.flatnonzero(which)
+            for chosen, is_coarse in sets:
+                rows = np.flatnonzero(chosen)
                 if len(rows):
                     local, template = _stretch(frame, rows, shape, is_coarse=is_coarse)
                     parts.append(_place(frame, rows, shape, origin, local=local, template=template))

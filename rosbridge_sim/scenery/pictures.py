@@ -59,7 +59,7 @@ class Picture:
     """A picture of h rows and w columns, the upper left pixel first. A part that was not asked for is None.
 
     Attributes:
-        rgb: (h, w, 3) uint8, antialiased.
+        rgb: (h, w, 3) uint8, antialiased if it was wanted so.
         depth: (h, w) float32, along the optical axis [m]; inf for the sky. Not antialiased, as the parts below.
         label: (h, w) uint8, see `mesh.Label`; 0 for the sky.
         instance: (h, w) int32, id of the entity plus 1; 0 for what is none.
@@ -101,6 +101,7 @@ class PictureMaker(Protocol):
         *,
         without: int = NOBODY,
         channels: Channel = Channel.ALL,
+        is_smooth: bool = True,
     ) -> Picture:
         """Return the picture of a scene.
 
@@ -112,6 +113,7 @@ class PictureMaker(Protocol):
             weather: light and air.
             without: id of the entity that is left out, the one that carries the camera; `NOBODY` for none.
             channels: the parts of the picture that are wanted.
+            is_smooth: the colours are antialiased.
         """
         ...
 

@@ -1,12 +1,12 @@
 """Pictures by OpenGL, without a window: on a graphics card where there is one, on the processor where there is none.
 
-A picture has two passes. The first one draws colours with four samples a pixel, the second one classes, instances and
-depth with one, so that no pixel mixes two things.
+A picture has two passes. The first one draws colours with four samples a pixel, or one if that is enough, the second
+one classes, instances and depth with one, so that no pixel mixes two things.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from rosbridge_sim.scenery.pictures import EXTINCTION, NOBODY, Channel, Picture,
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
 from rosbridge_sim.shell.rendering import shaders
 from rosbridge_sim.shell.rendering.gl_context import open_context
-from rosbridge_sim.shell.rendering.gl_mesh import REACH, CellMesh, MovingBuffer
+from rosbridge_sim.shell.rendering.gl_mesh import REACH, CellMesh, MovingBuffer, planes_of
 from rosbridge_sim.shell.rendering.lens import Lens
 from rosbridge_sim.shell.rendering.shaders import Coat
 from rosbridge_sim.shell.rendering.targets import Targets
@@ -37,7 +37,7 @@ SAMPLES: Final = 4
 """Samples a pixel of the colours: what every driver has."""
 
 SAME_PLACE: Final = 10.0
-"""Cameras nearer to each other than this share the triangles of what moves [m]."""
+"""Cameras nearer to each other than this may share the triangles of what moves [m]."""
 
 BEAM_REACH: Final = 90.0
 """Vehicles nearer than this light the road at night [m]."""
@@ -62,8 +62,8 @@ class CameraRenderer:
         self._static: tuple[Mesh, CellMesh] | None = None
         self._moving_scene = MovingScene()
         self._moving = MovingBuffer(context, self._shadow)
-        self._frame: tuple[SceneFrame, Mesh, FloatArray] | None = None
-        self._targets: dict[tuple[int, int], Targets] = {}
+        self._frame: tuple[SceneFrame, Mesh, FloatArray, NDArray[np.bool_]] | None = None
+        self._targets: dict[tuple[int, int, int], Targets] = {}
         self._lenses: dict[CameraModel, Lens] = {}
 
     @property
@@ -72,8 +72,8 @@ class CameraRenderer:
         return str(self._context.info["GL_RENDERER"])
 
     @property
-    def sizes(self) -> list[tuple[int, int]]:
-        """Width and height of the pictures that are prepared, the one that was made first at the front."""
+    def sizes(self) -> list[tuple[int, int, int]]:
+        """Width, height and samples of the pictures that are prepared, the one that was made first at the front."""
         return list(self._targets)
 
     def render(
@@ -86,33 +86,25 @@ class CameraRenderer:
         *,
         without: int = NOBODY,
         channels: Channel = Channel.ALL,
+        is_smooth: bool = True,
     ) -> Picture:
         """Return the picture of a scene; see `scenery.pictures.PictureMaker`."""
-        if camera.is_distorted:
-            lens = self._lens(camera)
-            plain = self.render(static, frame, lens.plain, pose, weather, without=without, channels=channels)
-            return lens.bend(plain)
+        wanted = _Wanted(weather, without, channels, SAMPLES if is_smooth else 0)
         with self._context:  # another renderer of this thread may have been used since
-            return self._draw(static, frame, camera, pose, weather, without=without, channels=channels)
+            if not camera.is_distorted:
+                return self._draw(static, frame, camera, pose, wanted)
+            lens = self._lens(camera)
+            return lens.bend(self._draw(static, frame, lens.plain, pose, wanted))
 
-    def _draw(
-        self,
-        static: Mesh,
-        frame: SceneFrame,
-        camera: CameraModel,
-        pose: Pose,
-        weather: Weather,
-        *,
-        without: int,
-        channels: Channel,
-    ) -> Picture:
+    def _draw(self, static: Mesh, frame: SceneFrame, camera: CameraModel, pose: Pose, wanted: _Wanted) -> Picture:
         """Return a picture without distortion."""
+        weather, without, channels, samples = wanted
         look = LOOKS[weather]
         cells = self._take_static(static)
-        self._take_moving(frame, static, np.array(pose[:3]))
         eye = np.array(pose[:3]) - static.origin
         view, back = _matrices(camera, pose, eye)
-        targets = self._target(camera)
+        self._take_moving(frame, static, np.array(pose[:3]), view)
+        targets = self._target(camera, samples)
         parts, movers = cells.visible(view, eye), self._moving.visible(view, eye)
         rgb = depth = label = instance = None
         if Channel.RGB in channels:
@@ -210,27 +202,30 @@ class CameraRenderer:
             self._static = static, CellMesh(self._context, static)
         return self._static[1]
 
-    def _take_moving(self, frame: SceneFrame, static: Mesh, eye: FloatArray) -> None:
-        """Upload what moves, once for all cameras of a vehicle at a frame."""
+    def _take_moving(self, frame: SceneFrame, static: Mesh, eye: FloatArray, view: FloatArray) -> None:
+        """Upload what moves in a picture; cameras at one place that see the same share it."""
+        which = _is_in_view(frame, static.origin, view)
         known = self._frame
         if (
             known is None
             or known[0] is not frame
             or known[1] is not static
             or np.hypot(*(known[2] - eye)[:2]) > SAME_PLACE
+            or (which & ~known[3]).any()
         ):
-            mesh = self._moving_scene.mesh(frame, static.origin, eye, REACH)
+            mesh = self._moving_scene.mesh(frame, static.origin, eye, REACH, which=which)
             self._moving.write(mesh, frame, static.origin)
-            self._frame = frame, static, eye
+            self._frame = frame, static, eye, which
 
-    def _target(self, camera: CameraModel) -> Targets:
+    def _target(self, camera: CameraModel, samples: int) -> Targets:
         size = camera.width, camera.height
-        if size not in self._targets:
+        key = *size, samples
+        if key not in self._targets:
             pixels = camera.width * camera.height
-            while self._targets and sum(w * h for w, h in self._targets) + pixels > MAX_TARGET_PIXELS:
+            while self._targets and sum(w * h for w, h, _ in self._targets) + pixels > MAX_TARGET_PIXELS:
                 self._targets.pop(next(iter(self._targets))).release()
-            self._targets[size] = Targets(self._context, size, SAMPLES)
-        return self._targets[size]
+            self._targets[key] = Targets(self._context, size, samples)
+        return self._targets[key]
 
     def _lens(self, camera: CameraModel) -> Lens:
         if camera not in self._lenses:
@@ -245,6 +240,24 @@ MAX_TARGET_PIXELS: Final = 4_000_000
 
 MAX_LENSES: Final = 8
 """Lenses that are kept prepared."""
+
+
+class _Wanted(NamedTuple):
+    """Choices for a picture: see `scenery.pictures.PictureMaker`; `samples` of a pixel, 0 for plain ones."""
+
+    weather: Weather
+    without: int
+    channels: Channel
+    samples: int
+
+
+def _is_in_view(frame: SceneFrame, origin: FloatArray, view: FloatArray) -> NDArray[np.bool_]:
+    """Return which entities may be in a picture, (n,): those whose sphere is not outside of it."""
+    # A two-wheeler has its axles, and a bent leg is no farther away than the body is high.
+    radius = np.abs(frame.centres) + frame.wheelbases + np.linalg.norm(frame.sizes, axis=1) + 1.0
+    planes = planes_of(view)
+    distances = (frame.poses[:, :3] - origin) @ planes[:, :3].T + planes[:, 3]
+    return np.asarray((distances > -radius[:, None]).all(axis=1))
 
 
 def _matrices(camera: CameraModel, pose: Pose, eye: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -19,7 +19,7 @@ class Targets:
     Args:
         context: of the library.
         size: width and height [pixels].
-        samples: samples a pixel of the colours.
+        samples: samples a pixel of the colours; 0 draws them plain.
 
     Attributes:
         colours: what the colours are drawn into.
@@ -31,7 +31,7 @@ class Targets:
         self.colours = context.framebuffer(
             [context.renderbuffer(size, 4, samples=many)], context.depth_renderbuffer(size, samples=many)
         )
-        self._smooth = context.framebuffer([context.renderbuffer(size, 4)])
+        self._smooth = context.framebuffer([context.renderbuffer(size, 4)]) if many else None
         self._textures = [
             context.texture(size, 1, dtype="u1"),
             context.texture(size, 1, dtype="i4"),
@@ -54,10 +54,12 @@ class Targets:
         self._classes.use()
 
     def read_rgb(self) -> NDArray[np.uint8]:
-        """Return the colours, (h, w, 3): the mean of the samples of each pixel."""
-        self._context.copy_framebuffer(self._smooth, self.colours)
+        """Return the colours, (h, w, 3): the mean of the samples of each pixel, if it has several."""
+        source = self._smooth or self.colours
+        if self._smooth is not None:
+            self._context.copy_framebuffer(self._smooth, self.colours)
         width, height = self._size
-        data = self._smooth.read(components=3, alignment=1)
+        data = source.read(components=3, alignment=1)
         return np.frombuffer(data, dtype=np.uint8).reshape(height, width, 3)
 
     def read_label(self) -> NDArray[np.uint8]:
@@ -77,5 +79,6 @@ class Targets:
 
     def release(self) -> None:
         """Free the memory."""
-        for each in (self.colours, self._smooth, self._classes, *self._single, *self._textures):
+        smooth = () if self._smooth is None else (self._smooth,)
+        for each in (self.colours, *smooth, self._classes, *self._single, *self._textures):
             each.release()

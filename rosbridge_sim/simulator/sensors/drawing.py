@@ -280,7 +280,10 @@ def _shoot(spec: CameraSpec, sight: Sight, static: Mesh, job: DrawingJob, makers
     if sight.is_for_file:
         channels |= Channel.RGB
     picture = makers.pictures().render(
-        static, job.frame, camera, pose, job.weather, without=sight.carrier, channels=channels
+        *(static, job.frame, camera, pose, job.weather),
+        without=sight.carrier,
+        channels=channels,
+        is_smooth=spec.antialiasing,
     )
     if sight.errors is not None and picture.rgb is not None:
         chance = sight.errors.generator(spec.frame_id)

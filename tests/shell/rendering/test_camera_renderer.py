@@ -107,6 +107,38 @@ def test_carrier_of_a_camera_is_not_in_its_picture() -> None:
     assert set(np.unique(picture.instance)) == {0, other + 1}
 
 
+def test_vehicle_whose_nose_alone_is_in_the_picture_is_drawn() -> None:
+    world = World()
+    bus = put(world, "Bus", -4.0, 3.0, yaw=0.0)  # its rear axle is behind the camera
+    bicycle = put(world, "Bicycle", 3.0, -2.8, yaw=-0.5 * math.pi)  # its rear wheel alone is in the picture
+    picture = open_renderer().render(ground_mesh(), take_frame(world), CAMERA, Pose(0, 0, 1.5), channels=CLASSES)
+    assert picture.instance is not None
+    assert set(np.unique(picture.instance)) == {0, bus + 1, bicycle + 1}
+
+
+def test_cameras_of_one_frame_see_each_their_own_side() -> None:
+    world = World()
+    ahead, behind = put(world, "2015_Kia_K5", 12, 0), put(world, "2015_Kia_K5", -12, 0)
+    frame = take_frame(world)
+    for yaw, seen in ((0.0, ahead), (math.pi, behind), (0.0, ahead)):
+        pose = Pose(0, 0, 1.5, yaw=yaw)
+        picture = open_renderer().render(ground_mesh(), frame, CAMERA, pose, channels=CLASSES)
+        assert picture.instance is not None
+        assert set(np.unique(picture.instance)) == {0, seen + 1}
+
+
+def test_plain_picture_has_no_mixed_colours_at_the_edges_of_things() -> None:
+    scene, pose = box_mesh((10, -1, 0), (11, 1, 2)), Pose(0, 0, 1.0, roll=0.2)
+    colours = []
+    for is_smooth in (False, True):
+        picture = open_renderer().render(scene, nothing(), CAMERA, pose, channels=Channel.RGB, is_smooth=is_smooth)
+        assert picture.rgb is not None
+        around = picture.rgb[180:300, 260:380].reshape(-1, 3)
+        colours.append(len(np.unique(around[around[:, 0] > around[:, 2]], axis=0)))  # red, not sky
+    assert colours[0] == 1
+    assert colours[1] > 1
+
+
 def test_parts_that_are_not_wanted_are_not_made() -> None:
     picture = open_renderer().render(ground_mesh(), nothing(), CAMERA, Pose(0, 0, 1.0), channels=Channel.RGB)
     assert picture.depth is None
@@ -132,7 +164,7 @@ def test_sizes_that_were_used_are_not_kept_without_bound() -> None:
     renderer = CameraRenderer()
     for width in range(1_000, 3_000, 100):
         renderer.render(ground_mesh(), nothing(), CameraModel(width, 720), Pose(0, 0, 1.0), channels=CLASSES)
-    assert sum(width * height for width, height in renderer.sizes) <= 4_000_000
+    assert sum(width * height for width, height, _ in renderer.sizes) <= 4_000_000
     renderer.close()
 
 

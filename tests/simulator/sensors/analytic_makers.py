@@ -81,6 +81,7 @@ class _Pictures:
         *,
         without: int = NOBODY,
         channels: Channel = Channel.ALL,
+        is_smooth: bool = True,  # noqa: ARG002
     ) -> Picture:
         rays = camera.rays.astype(np.float64)
         directions = rays @ rotation(*pose[3:]).T
