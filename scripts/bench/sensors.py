@@ -1,26 +1,31 @@
 #!/usr/bin/env python3
 """Cameras and lidars: CPU time of each kind of reading, and what a server with both does for its clients.
 
-    python scripts/bench/sensors.py [--map town] [--rounds 20]
+    python scripts/bench/sensors.py [--map town] [--rounds 20] [--seconds 10]
 
 The first table is CPU time of this process, all threads, so it holds on a busy machine. The floor of a picture is the
 bare renderer: the triangles of the static map in one piece, one colour each, no light, with the same four samples, and
 read back. The floor of a turn is Embree alone, with rays that are ready.
 
-The second table is of a server in a process of its own: ticks a second in synchronous mode with and without a camera at
-30 Hz and a VLP-16 at 10 Hz, the CPU time of the server and of the process that draws per simulated second, and in real
-time how long behind the status of the same frame a picture is there. That depends on what else the machine does.
+The second table is of a server in a process of its own, with smooth pictures and with plain ones: ticks a second in
+synchronous mode with and without a camera at 30 Hz and a VLP-16 at 10 Hz, and the CPU time of the server and of the
+process that draws. Then in real time what roslibpy and roslib hear of both: rate, and how long behind the status of
+the same frame a message is there (p50 / p99), also behind a bridge; and the longest wait of a bystander that calls a
+service a hundred times a second meanwhile. That depends on what else the machine does. roslib needs Node.js.
 """
 
 from __future__ import annotations
 
 import argparse
+import asyncio
+import json
 import math
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -43,7 +48,10 @@ from rosbridge_sim.shell.rendering.jpeg import encode_jpeg
 from rosbridge_sim.shell.rendering.ray_caster import RayCaster
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion, beams_3d, echoes_of, pack_points, sweep
 from rosbridge_sim.world.state.world import World
+from scripts.soak.harness import Bystander
 
+ROOT = Path(__file__).resolve().parents[2]
+IMAGE, POINTS = "/image_jpeg/compressed", "/velodyne_points"
 CAMERA = Pose(1.8, 0.0, 2.0, pitch=math.radians(7.0))
 LIDAR = Pose(2.0, 0.0, 1.28)
 SIZES = ((320, 240), (640, 480), (1280, 720), (1920, 1080))
@@ -172,37 +180,84 @@ def cpu_of(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / 100.0
 
 
-def serving(name: str, ticks: int) -> None:
-    """Print what a server with a camera and a lidar does.
+def family_of(pid: int) -> list[int]:
+    """Return a process and its children."""
+    tasks = Path(f"/proc/{pid}/task").glob("*/children")
+    return [pid, *(int(child) for task in tasks for child in task.read_text().split())]
+
+
+@contextmanager
+def started(*words: str) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
+    """Run a program of ours until the end of the block; yield it, and the port that it listens on (0 for attach)."""
+    with tempfile.TemporaryDirectory() as folder:
+        port_file = Path(folder) / "port"
+        command = [sys.executable, "-m", "rosbridge_sim", *words, "--data-dir", folder, "--log-level", "error"]
+        if words[0] == "serve":
+            command += ["--port", "0", "--port-file", str(port_file)]
+        with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL) as program:  # noqa: S603 - ours
+            try:
+                while words[0] == "serve" and not (port_file.exists() and port_file.read_text().strip()):
+                    time.sleep(0.1)
+                yield program, int(port_file.read_text()) if words[0] == "serve" else 0
+            finally:
+                program.terminate()
+
+
+TOPICS = {IMAGE: "sensor_msgs/CompressedImage", POINTS: "sensor_msgs/PointCloud2"}
+
+PYTHON = (sys.executable, "-m", "tests.end_to_end.clients.rates", "asyncio")
+NODE = ("node", str(ROOT / "tests" / "end_to_end" / "clients" / "rates.mjs"), "roslib")
+
+
+def serving(name: str, ticks: int, seconds: float) -> None:
+    """Print what a server with a camera and a lidar does, with smooth pictures and with plain ones.
 
     Args:
         name: of the scenario.
         ticks: in synchronous mode, of 20 ms.
+        seconds: of each run in real time.
     """
     with tempfile.TemporaryDirectory() as folder:
-        port_file = Path(folder) / "port"
-        command = [sys.executable, "-m", "rosbridge_sim", "serve", "--port", "0", "--port-file", str(port_file)]
-        command += ["--scenario", name, "--sensors", "teaching", "--data-dir", folder, "--log-level", "error"]
-        with subprocess.Popen(command, stdout=subprocess.DEVNULL) as server:  # noqa: S603 - this program
-            try:
-                while not port_file.exists() or not port_file.read_text().strip():
-                    time.sleep(0.1)
-                with Client(f"ws://127.0.0.1:{port_file.read_text().strip()}", timeout=120.0) as client:
+        for is_smooth in (True, False):
+            rig = Path(folder) / "rig.toml"
+            rig.write_text(RIG.format(str(is_smooth).lower()))
+            print(f"\n{'four samples a pixel' if is_smooth else 'plain pictures'}")
+            with started("serve", "--scenario", name, "--sensors", str(rig)) as (server, port):
+                with Client(f"ws://127.0.0.1:{port}", timeout=120.0) as client:
                     _ticks(client, server.pid, ticks)
-                    _latency(client)
-            finally:
-                server.terminate()
+                for command, role, words in (
+                    (PYTHON, "roslibpy, JSON", ()),
+                    (NODE, "roslib, JSON", ("none",)),
+                    (NODE, "roslib, CBOR", ("cbor",)),
+                ):
+                    _carried([*command, str(port), "count", *words], role, server.pid, port, seconds)
+            with started("serve", "--no-world") as (_, port):
+                far = f"ws://127.0.0.1:{port}"
+                with started("attach", far, "--scenario", name, "--sensors", str(rig)) as (simulator, _):
+                    with Client(far, timeout=120.0) as client:
+                        client.wait_for(IMAGE, type_name=TOPICS[IMAGE])
+                    at_bridge = [*PYTHON, str(port), "count"]
+                    _carried(at_bridge, "roslibpy, behind attach", simulator.pid, port, seconds)
+
+
+RIG = """[[camera]]
+x = 1.8
+z = 2
+pitch = 7
+antialiasing = {}
+[[lidar3d]]
+x = 2
+z = 1.28
+"""
 
 
 def _ticks(client: Client, pid: int, ticks: int) -> None:
     client.start_sync()
     for with_sensors in (False, True):
-        topics = []
+        topics = [client.subscribe(topic) for topic in TOPICS] if with_sensors else []
         if with_sensors:
-            topics = [client.subscribe(topic) for topic in ("/image_jpeg/compressed", "/velodyne_points")]
             client.tick(10)  # the first picture of a map takes seconds
-        tasks = Path(f"/proc/{pid}/task").glob("*/children")
-        pids = [pid, *(int(child) for task in tasks for child in task.read_text().split())]
+        pids = family_of(pid)
         before, begun = [cpu_of(each) for each in pids], time.perf_counter()
         for _ in range(ticks):
             client.tick()
@@ -210,28 +265,41 @@ def _ticks(client: Client, pid: int, ticks: int) -> None:
         shares = [100.0 * (cpu_of(each) - was) / (0.02 * ticks) for each, was in zip(pids, before, strict=True)]
         heard = sum(len(topic.take()) for topic in topics)
         print(
-            f"{'with' if with_sensors else 'without'} camera and lidar: {ticks / taken:.0f} ticks a second, server"
-            f" {shares[0]:.0f} %, drawing {shares[-1] if len(shares) > 1 else 0.0:.0f} % of a core in real time;"
-            f" {heard} messages"
+            f"{'with' if with_sensors else 'without'} both: {ticks / taken:.0f} ticks/s; a simulated second costs"
+            f" {shares[0]:.0f} % of a core in the server, {sum(shares[1:]):.0f} % for drawing; {heard} messages"
         )
         for topic in topics:
             topic.close()
     client.stop_sync()
 
 
-def _latency(client: Client, seconds: float = 10.0) -> None:
-    heard: dict[int, float] = {}
-    delays = []
-    status, pictures = client.subscribe("/Ego_topic"), client.subscribe("/image_jpeg/compressed", keep=1000)
-    end = time.perf_counter() + seconds
-    while time.perf_counter() < end:
-        heard[status.next()["header"]["seq"]] = time.perf_counter()
-        for picture in pictures.take():
-            seq = picture["header"]["seq"]
-            if seq in heard:
-                delays.append(time.perf_counter() - heard[seq])
-    ranks = np.percentile(np.array(delays) * 1e3, [50, 99])
-    print(f"real time: {len(delays) / seconds:.0f} pictures a second, {ranks[0]:.0f} ms (p50), {ranks[1]:.0f} ms (p99)")
+def _carried(command: Sequence[str], role: str, pid: int, port: int, seconds: float) -> None:
+    """Print what a client hears in real time, and how long a bystander waits meanwhile."""
+    words = [*command, *(f"{name}={type_name}" for name, type_name in TOPICS.items())]
+    bystander = Bystander(f"ws://127.0.0.1:{port}")
+    try:
+        with subprocess.Popen(  # noqa: S603 - ours
+            words, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        ) as program:
+            assert program.stdout is not None
+            program.stdout.readline()
+            time.sleep(2.0)  # the first pictures
+            asyncio.run(bystander.waits())
+            before, pids = [cpu_of(each) for each in family_of(pid)], family_of(pid)
+            time.sleep(seconds)
+            used = [100.0 * (cpu_of(each) - was) / seconds for each, was in zip(pids, before, strict=True)]
+            waits = asyncio.run(bystander.waits())
+            out, _ = program.communicate()
+    finally:
+        bystander.stop()
+    seen = json.loads(out.splitlines()[-1])
+    parts = [f"{role:24}"]
+    for name in TOPICS:
+        delays = np.array(seen["delays"][name] or [math.nan])
+        rate = seen["counts"][name] / max(seen["seconds"], 1e-9)
+        parts.append(f"{rate:5.1f} Hz, {np.percentile(delays, 50):4.0f} / {np.percentile(delays, 99):4.0f} ms")
+    parts.append(f"server {used[0]:.0f} %, drawing {sum(used[1:]):.0f} %; bystander {waits.longest:.0f} ms")
+    print("  ".join(parts))
 
 
 def main() -> None:
@@ -240,10 +308,11 @@ def main() -> None:
     parser.add_argument("--map", default="town", help="map, and scenario of the server (%(default)s)")
     parser.add_argument("--rounds", type=int, default=20, help="readings of each kind (%(default)s)")
     parser.add_argument("--ticks", type=int, default=200, help="ticks of the server (%(default)s)")
+    parser.add_argument("--seconds", type=float, default=10.0, help="of each client in real time (%(default)s)")
     args = parser.parse_args()
-    readings(args.map, args.rounds)
-    print()
-    serving(args.map, args.ticks)
+    if args.rounds:
+        readings(args.map, args.rounds)
+    serving(args.map, args.ticks, args.seconds)
 
 
 if __name__ == "__main__":
