@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import subprocess
 import time
 from collections.abc import AsyncIterator, Generator, Iterator, Sequence
@@ -125,6 +127,7 @@ def _chromium(profile: Path, flags: Sequence[str]) -> Iterator[str]:
         ],
         stdout=subprocess.DEVNULL,
         stderr=stderr,
+        start_new_session=True,
     ) as process:  # fmt: skip
         found = None
         until = time.monotonic() + PATIENCE
@@ -132,10 +135,12 @@ def _chromium(profile: Path, flags: Sequence[str]) -> Iterator[str]:
             found = re.search(r"DevTools listening on (ws://\S+)", log.read_text(errors="replace"))
             time.sleep(0.02)
         if found is None:
-            process.kill()  # or the next test would find it in its profile
+            os.killpg(process.pid, signal.SIGKILL)  # or the next test would find it in its profile
         assert found is not None, f"Chromium does not start: {log.read_text(errors='replace')[-1_000:]}"
-        yield found[1]
-        process.terminate()
+        try:
+            yield found[1]
+        finally:
+            os.killpg(process.pid, signal.SIGTERM)  # Debian's command is a script, and Chromium its child
 
 
 HAS_FAILED = pytest.StashKey[bool]()
