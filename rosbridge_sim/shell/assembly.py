@@ -174,6 +174,7 @@ def make_simulator_node(
         is_dressed=settings.dressing,
         on_world_failure=settings.on_world_failure,
         standard_topics=settings.standard_topics or settings.ros2_domain is not None,
+        command_deadline=settings.ros2_command_deadline if settings.ros2_wait_for_command else None,
     )
     turn_shares = TurnShares(*map(float, settings.turn_shares.split(","))) if settings.turn_shares else None
     scenario = library.opening_scenario(settings.scenario)
@@ -341,6 +342,8 @@ def check_sense(settings: Settings) -> None:
             "ros2-domain: expected no --token, because DDS lets every program in the domain read and command without"
             " one; --ros2-without-token allows it"
         )
+    if settings.ros2_wait_for_command and (settings.ros2_domain is None or not settings.world):
+        raise DocumentError("ros2-wait-for-command: expected with --ros2-domain and a world, which waits for the nodes")
     if settings.open and not (settings.listen and settings.page):
         raise DocumentError("open: expected a server that listens and has its page; got --no-listen or --no-page")
     if settings.port_file is not None and not settings.listen:

@@ -11,6 +11,7 @@ from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.simulator_participant import SimulatorParticipant
 from rosbridge_sim.simulator.bus.warn_once import WarnOnce
 from rosbridge_sim.simulator.bus.world_failure import WorldFailure
+from rosbridge_sim.simulator.kernel.command_wait import CommandWait
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import CtrlMode
@@ -255,6 +256,7 @@ def _make_context(
         sync_info=sync_info,
         static_tf=static_tf,
         gate=gate,
+        command_wait=CommandWait(settings.command_deadline, bus=bus, egos=egos, hooks=hooks),
         stepper=stepper,
         sync_driver=sync_driver,
         late_work=LateWork(sync_driver, bus.guard),

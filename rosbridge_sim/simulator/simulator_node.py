@@ -71,6 +71,7 @@ class NodeSettings:
         weather: light and air of what cameras and lidars see, at the start.
         is_dressed: they see buildings, trees and posts beside the roads.
         standard_topics: publish and take standard messages of ROS beside MORAI's.
+        command_deadline: in real time each frame waits so long for a command [s]; None for no wait.
         on_world_failure: `exit` raises the exception of a failed step to the caller of `advance`; `serve` stops the
             world and refuses every call.
     """
@@ -96,6 +97,7 @@ class NodeSettings:
     is_dressed: bool = True
     on_world_failure: Literal["exit", "serve"] = "exit"
     standard_topics: bool = False
+    command_deadline: float | None = None
 
 
 class SimulatorNode:

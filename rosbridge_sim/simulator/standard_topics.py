@@ -110,7 +110,7 @@ class StandardTopics(Component):
         _check("geometry_msgs/Twist", {"linear.x": speed, "angular.z": yaw_rate})
         wheelbase = self._context.world.bodies[ego.row].wheelbase
         steer = math.atan(wheelbase * yaw_rate / speed) if abs(speed) >= LEAST_SPEED else 0.0
-        if self._commands.drive(ego, bindings, "cmd_vel", _standstill(steer), sender):
+        if self._commands.drive(ego, bindings, "cmd_vel", _standstill(steer), sender, message=message):
             _set_off(ego, speed, steer)
 
     def _take_ackermann(
@@ -122,7 +122,7 @@ class StandardTopics(Component):
             {"drive.speed": drive.speed, "drive.steering_angle": drive.steering_angle},
         )
         steer = drive.steering_angle
-        if self._commands.drive(ego, bindings, "ackermann_cmd", _standstill(steer), sender):
+        if self._commands.drive(ego, bindings, "ackermann_cmd", _standstill(steer), sender, message=message):
             _set_off(ego, drive.speed, steer)
 
 

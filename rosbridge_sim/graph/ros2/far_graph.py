@@ -6,23 +6,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from rosbridge_sim.graph.ros2.cdr_types import CdrType
+from rosbridge_sim.graph.ros2.quality import Quality
 
-__all__ = ["Endpoint", "FarNode", "Quality"]
-
-
-@dataclass(frozen=True, slots=True)
-class Quality:
-    """Quality of service of an endpoint, as far as two endpoints must agree in it.
-
-    Attributes:
-        is_reliable: lost messages are sent again.
-        is_latched: late subscribers get the last messages (`transient_local`).
-        depth: messages that are kept for a slow or late subscriber.
-    """
-
-    is_reliable: bool = True
-    is_latched: bool = False
-    depth: int = 10
+__all__ = ["Endpoint", "FarNode"]
 
 
 @dataclass(frozen=True, slots=True)

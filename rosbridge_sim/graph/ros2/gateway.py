@@ -13,7 +13,7 @@ from the endpoints there, after a change, at most ten times a second.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -23,7 +23,8 @@ from rosbridge_sim.graph.participant import OfferKind, Participant
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
-from rosbridge_sim.graph.ros2.far_graph import Endpoint, FarNode, Quality
+from rosbridge_sim.graph.ros2.far_graph import Endpoint, FarNode
+from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_type, is_name, type_of
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.schema.message import Message
@@ -86,7 +87,16 @@ class Ros2Gateway:
     name = "/ros2"
     address = "ROS 2"
 
-    def __init__(self, bus: Bus, types: CdrTypes, node: FarNode, policy: Policy, topics: Rule) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        types: CdrTypes,
+        node: FarNode,
+        policy: Policy,
+        topics: Rule,
+        *,
+        qualities: Sequence[tuple[str, Quality]] = (),
+    ) -> None:
         """Start without writers and readers; the first `advance` makes them.
 
         Args:
@@ -95,6 +105,7 @@ class Ros2Gateway:
             node: our node on the graph.
             policy: rights of all clients.
             topics: topics that pass, in both directions.
+            qualities: pattern of topics, and the quality of our publishers there; the first that matches.
         """
         self.num_received = self.num_sent = self.num_dropped = 0
         self._bus = bus
@@ -102,6 +113,7 @@ class Ros2Gateway:
         self._node = node
         self._policy = policy
         self._topics = topics
+        self._qualities = [(Rule((pattern,)), quality) for pattern, quality in qualities]
         self._writers: dict[str, _Writer] = {}
         self._readers: dict[str, _Reader] = {}
         self._endpoints: dict[str, Endpoint] = {}
@@ -328,7 +340,7 @@ class Ros2Gateway:
         if len(self._writers) >= MAX_TOPICS:
             self._tell(f"more than {MAX_TOPICS:,} topics on the bus: the others do not pass")
             return False
-        quality = Quality(is_latched=topic.is_latching, depth=topic.depth or Quality().depth)
+        quality = self._quality_of(topic)
         try:
             self._node.open_writer(topic.name, cdr_type, quality)
         except GraphError as error:
@@ -343,6 +355,13 @@ class Ros2Gateway:
             for message in held.messages():
                 self._send(topic, message, owner, self._now)
         return True
+
+    def _quality_of(self, topic: Topic) -> Quality:
+        """Return what our publisher of a topic offers."""
+        for rule, quality in self._qualities:
+            if rule.admits(topic.name):
+                return quality
+        return Quality(is_latched=topic.is_latching, depth=topic.depth or Quality().depth)
 
     def _set_readers(self, topics: list[Topic]) -> None:
         """Open and close readers, for the subscriptions on the bus."""

@@ -34,6 +34,9 @@ class SimulatorOptions(TypedDict, total=False):
     ros2_namespace: str
     ros2_topics: Sequence[str] | str
     ros2_discovery: Literal["localhost", "multicast"]
+    ros2_qos: Sequence[str] | str
+    ros2_wait_for_command: bool
+    ros2_command_deadline: float
     ros2_without_token: bool
     token: str | None
     allow_origin: Sequence[str] | str

@@ -20,6 +20,7 @@ from rosbridge_sim.shell.config.value_types import (
     NAMESPACE,
     ORIGINS,
     PATTERNS,
+    QUALITIES,
     RATES,
     SECRET,
     SWITCH,
@@ -185,6 +186,27 @@ class Settings:
         _ROS2,
         choice_of("localhost", "multicast"),
         "where nodes are looked for: on this machine alone, so that no packet leaves it, or in the whole network",
+    )
+    ros2_qos: tuple[str, ...] = _flag(
+        (),
+        _ROS2,
+        QUALITIES,
+        "quality of service of this server's publishers whose topics match the pattern, such as"
+        " '/imu=sensor_data'; the first that matches; default is reliable and 10 messages, transient_local for"
+        " latched topics; repeatable",
+    )
+    ros2_wait_for_command: bool = _flag(
+        default=False,
+        group=_ROS2,
+        kind=SWITCH,
+        text="lock step in real time: each frame waits for a command with the header.stamp of its /clock or, without a"
+        " header, for one that came after its topics",
+    )
+    ros2_command_deadline: float = _flag(
+        1.0,
+        _ROS2,
+        period(0.01, 3_600.0),
+        "longest wait for that command; then the last one holds",
     )
     ros2_without_token: bool = _flag(
         default=False,

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
 
+from rosbridge_sim.graph.ros2.quality import PROFILES, read_choice
 from rosbridge_sim.graph.ros2.ros2_names import is_name
 from rosbridge_sim.link.urls import DEFAULT_PORT, check_url
 
@@ -26,6 +27,7 @@ __all__ = [
     "NAMESPACE",
     "ORIGINS",
     "PATTERNS",
+    "QUALITIES",
     "RATES",
     "SECRET",
     "SWITCH",
@@ -340,6 +342,21 @@ def _read_namespace(value: object) -> str:
 
 
 NAMESPACE = ValueType("an absolute name of ROS 2, such as /sim1", _read_namespace, "NAME")
+
+
+def _read_qualities(value: object) -> tuple[str, ...]:
+    texts = _read_patterns(value)
+    for text in texts:
+        read_choice(text)
+    return texts
+
+
+QUALITIES = ValueType(
+    f"PATTERN=PROFILE with the profile {' or '.join(PROFILES)}, such as /camera*=sensor_data",
+    _read_qualities,
+    "PATTERN=PROFILE",
+    ",",
+)
 
 
 def _read_frames(value: object) -> tuple[str, ...]:

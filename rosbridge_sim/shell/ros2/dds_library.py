@@ -16,7 +16,7 @@ from importlib.metadata import version
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError, GraphError
-from rosbridge_sim.graph.ros2.far_graph import Quality
+from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_type
 
 __all__ = ["FITTING", "DdsDomain", "DdsEndpoint", "DdsReader", "DdsTypes", "DdsWriter", "check_library"]

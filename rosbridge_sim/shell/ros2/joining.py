@@ -9,6 +9,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.ros2.cdr_types import CdrTypes
 from rosbridge_sim.graph.ros2.gateway import PERIOD, Ros2Gateway
+from rosbridge_sim.graph.ros2.quality import read_choice
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.config.settings import Settings
@@ -69,7 +70,14 @@ def join_ros2(settings: Settings, bus: Bus, policy: Policy, texts: Texts, schedu
         asyncio.get_running_loop(),
     )
     store = bus.store if bus.store.ros == 2 else Store(texts, leniency=LENIENCY, ros=2)  # noqa: PLR2004 - a generation
-    gateway = Ros2Gateway(bus, CdrTypes(bus.store, store), node, policy, Rule(settings.ros2_topics))
+    gateway = Ros2Gateway(
+        bus,
+        CdrTypes(bus.store, store),
+        node,
+        policy,
+        Rule(settings.ros2_topics),
+        qualities=[read_choice(text) for text in settings.ros2_qos],
+    )
     node.gateway = gateway
     node.on_work = gateway.on_change = scheduler.look
     scheduler.add(gateway)

@@ -21,8 +21,9 @@ from rosbridge_sim.graph.ros2.discovery_info import (
     node_names,
     write_discovery,
 )
-from rosbridge_sim.graph.ros2.far_graph import Endpoint, Quality
+from rosbridge_sim.graph.ros2.far_graph import Endpoint
 from rosbridge_sim.graph.ros2.gateway import Ros2Gateway
+from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_topic, topic_of
 from rosbridge_sim.shell.ros2.dds_library import DdsDomain, DdsEndpoint, DdsReader, DdsTypes, DdsWriter, check_library
 

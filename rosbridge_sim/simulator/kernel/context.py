@@ -16,6 +16,7 @@ from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.simulator_participant import SimulatorParticipant
 from rosbridge_sim.simulator.bus.warn_once import WarnOnce
 from rosbridge_sim.simulator.bus.world_failure import WorldFailure
+from rosbridge_sim.simulator.kernel.command_wait import CommandWait
 from rosbridge_sim.simulator.kernel.ego_interfaces import EgoInterfaces
 from rosbridge_sim.simulator.kernel.egos import EgoRegistry
 from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
@@ -62,6 +63,7 @@ class SimulatorContext:
         sync_info: publishes the mode.
         static_tf: publishes the frames that are fixed to the egos.
         gate: closed while something of the last frame is missing.
+        command_wait: has real time wait for commands, if that is chosen.
         stepper: computes one frame.
         sync_driver: carries out ticks and changes of the mode.
         late_work: what waits for turns of its own.
@@ -88,6 +90,7 @@ class SimulatorContext:
     sync_info: SyncInfo
     static_tf: StaticTf
     gate: FrameGate
+    command_wait: CommandWait
     stepper: FrameStepper
     sync_driver: SyncDriver
     late_work: LateWork

@@ -87,13 +87,14 @@ class FrameStepper:
         self._sync_info = sync_info
         self._info_limit = ShowLimit(pacer)
 
-    def compute(self, now: float, *, is_tick: bool, is_last: bool) -> None:
+    def compute(self, now: float, *, is_tick: bool, is_last: bool, is_complete: bool = False) -> None:
         """Move the world by one frame and publish it.
 
         Args:
             now: monotonic time [s].
             is_tick: a tick asked for the frame, so every topic is published. Otherwise real time did, and rates apply.
             is_last: no other frame of the same tick follows.
+            is_complete: real time asked for it, and every topic is published all the same.
         """
         world, hooks, meter = self._world, self._hooks, self.meter
         if meter is not None:
@@ -108,8 +109,11 @@ class FrameStepper:
             self._sync_info.announce(now, may_tick=is_last)
         else:
             self._pacer.count()
-            self._publishers.show_due(world.frame, self._pacer.shown_at, now)
-            if self._info_limit.is_open(world.frame, now):
+            if is_complete:
+                self._publishers.show_every(world.frame, now)
+            else:
+                self._publishers.show_due(world.frame, self._pacer.shown_at, now)
+            if is_complete or self._info_limit.is_open(world.frame, now):
                 self._sync_info.announce(now, may_tick=is_last)
         while hooks.once_after_frame:
             hooks.once_after_frame.pop(0)(now)

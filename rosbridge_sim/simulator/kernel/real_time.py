@@ -88,10 +88,17 @@ class RealTime:
         driver = self._context.sync_driver
         dues = [driver.due(now), publishers.pause_due(now), now if driver.has_turn else None]
         if sync.is_free:
-            dues += [pacer.due_at if pacer.is_started else now, publishers.repeat_due]
+            dues += [self._frame_due(now) if pacer.is_started else now, publishers.repeat_due]
         if publishers.has_viewer_to_show(is_flowing=sync.is_free):
             return now
         return min((due for due in dues if due is not None), default=None)
+
+    def _frame_due(self, now: float) -> float | None:
+        """Return when the next frame begins [s]; None if it waits for messages of the last one."""
+        pacer, wait = self._context.pacer, self._context.command_wait
+        if not wait.is_on:
+            return pacer.due_at
+        return max(pacer.due_at, wait.until(now)) if self._context.gate.is_open else None
 
     def _advance(self, now: float) -> None:
         context = self._context
@@ -104,10 +111,16 @@ class RealTime:
             return
         if not pacer.is_started:
             pacer.start(now)
+        wait = context.command_wait
+        if wait.is_on:
+            due = self._frame_due(now)
+            if due is None or now < due:
+                publishers.repeat(now)
+                return
         given_up = pacer.forgive(now)
         if given_up:
             publishers.forget_repeats()
-            level = logging.WARNING if pacer.num_stalls == 1 else logging.DEBUG
+            level = logging.WARNING if pacer.num_stalls == 1 and not wait.is_on else logging.DEBUG
             _log.log(level, "stalled for %.2f s: the simulated clock stood meanwhile", given_up)
         stepper.is_moving = True
         read_clock = self.read_clock
@@ -115,10 +128,12 @@ class RealTime:
         most = MAX_FRAMES_AT_ONCE if pacer.factor or until is None else MAX_FAST_FRAMES
         try:
             for _ in range(most):
-                if now < pacer.due_at or not sync.is_free:
+                due = self._frame_due(now)
+                if due is None or now < due or not sync.is_free:
                     break
+                wait.end()
                 publishers.repeat(pacer.due_at)
-                stepper.compute(now, is_tick=False, is_last=True)
+                stepper.compute(now, is_tick=False, is_last=True, is_complete=wait.is_on)
                 if until is not None and read_clock is not None and read_clock() >= until:
                     break
         finally:

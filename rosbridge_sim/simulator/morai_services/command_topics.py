@@ -82,11 +82,20 @@ class CommandTopics(Component):
         self, ego: Ego, bindings: SubscribersServices, name: str, command: Struct, sender: Participant, _now: float
     ) -> None:
         control = self._context.convert.control(command)
-        if self.drive(ego, bindings, name, control, sender):
+        if self.drive(ego, bindings, name, control, sender, message=command):
             steering, warnings = self._context.convert.steering, self._context.warnings
             warn_of_units(control, steering, bindings.topic(name), sender, warnings)
 
-    def drive(self, ego: Ego, bindings: SubscribersServices, name: str, control: Control, sender: Participant) -> bool:
+    def drive(
+        self,
+        ego: Ego,
+        bindings: SubscribersServices,
+        name: str,
+        control: Control,
+        sender: Participant,
+        *,
+        message: Struct,
+    ) -> bool:
         """Apply a command of a client to an ego, if it may move the ego now; else warn it, once.
 
         Args:
@@ -95,6 +104,7 @@ class CommandTopics(Component):
             name: default name of the topic that it came by.
             control: in the world's units.
             sender: the client.
+            message: the command as it came.
 
         Returns:
             True if it was applied.
@@ -104,6 +114,7 @@ class CommandTopics(Component):
             return False
         ego.control(control)
         ego.commander, ego.command_frame = sender, self._context.world.frame
+        self._context.command_wait.note(ego, message)
         return True
 
     def _ghost(
@@ -113,6 +124,7 @@ class CommandTopics(Component):
         if self._is_external(ego):
             ego.place_as_ghost(pose)
             ego.commander = sender
+            self._context.command_wait.note(ego, message)
         else:
             instead = self._context.interfaces.name_of(InterfaceKind.SUBSCRIBER, "/ego_setting")
             self._decline(ego, bindings, "ghost_ctrl_cmd", instead, sender)

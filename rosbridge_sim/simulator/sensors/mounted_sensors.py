@@ -174,7 +174,8 @@ class MountedSensors(Component):
 
     def _read_owed(self, now: float) -> None:
         """Read the sensors that are owed, or have them drawn."""
-        worker, is_tick = self._worker, not self._context.sync.is_free
+        worker = self._worker
+        is_tick = not self._context.sync.is_free or self._context.command_wait.is_on
         is_free = is_tick or (worker is not None and not worker.is_busy)
         # A plan for each ego: a turn of the loop then has the messages of one ego alone.
         plans = [self._plan(ego, rig, is_free, now) for ego, rig in self._egos_with_sensors()]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 
 import pytest
@@ -13,8 +13,9 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.ros2.cdr_types import CdrType, CdrTypes
-from rosbridge_sim.graph.ros2.far_graph import Endpoint, Quality
+from rosbridge_sim.graph.ros2.far_graph import Endpoint
 from rosbridge_sim.graph.ros2.gateway import ADVERTISED_PER_TURN, MAX_TOPICS, PERIOD, Ros2Gateway
+from rosbridge_sim.graph.ros2.quality import PROFILES, Quality
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import Wire, make_store
@@ -26,7 +27,12 @@ DDS_STRING = "std_msgs::msg::dds_::String_"
 class GraphInMemory:
     """A graph that remembers our endpoints, and gives the gateway what a program there does."""
 
-    def __init__(self, policy: Policy | None = None, topics: Rule | None = None) -> None:
+    def __init__(
+        self,
+        policy: Policy | None = None,
+        topics: Rule | None = None,
+        qualities: Sequence[tuple[str, Quality]] = (),
+    ) -> None:
         self.bus = Bus(make_store())
         self.refusals: list[RefusedRequest] = []
         self.bus.on_refusal = self.refusals.append
@@ -37,7 +43,9 @@ class GraphInMemory:
         self.has_room = True
         self.why_not = ""
         self.now = 0.0
-        self.gateway = Ros2Gateway(self.bus, self.types, self, policy or Policy(), topics or Rule())
+        self.gateway = Ros2Gateway(
+            self.bus, self.types, self, policy or Policy(), topics or Rule(), qualities=qualities
+        )
         self.settle()
 
     def settle(self) -> None:
@@ -284,6 +292,17 @@ def test_topics_can_be_chosen() -> None:
         graph.bus.advertise(Somebody(name), name, STRING)
     graph.settle()
     assert set(graph.writers) == {"/a", "/bee"}
+
+
+def test_the_quality_of_our_publishers_can_be_chosen_by_topic() -> None:
+    graph = GraphInMemory(qualities=[("/camera*", PROFILES["sensor_data"]), ("/*", PROFILES["latched"])])
+    for name in ("/camera/image", "/map"):
+        graph.bus.advertise(Somebody(name), name, STRING)
+    graph.settle()
+    assert graph.writers == {
+        "/camera/image": Quality(is_reliable=False, is_latched=False, depth=5),
+        "/map": Quality(is_reliable=True, is_latched=True, depth=1),
+    }
 
 
 def test_a_thousand_topics_of_nodes_are_enough(graph: GraphInMemory, warned: Callable[[], list[str]]) -> None:

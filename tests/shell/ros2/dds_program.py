@@ -45,9 +45,14 @@ async def until(condition: Callable[[], bool]) -> None:
 
 
 class Heard:
-    """The messages of a subscription."""
+    """The messages of a subscription.
+
+    Attributes:
+        offered: policies of the publisher that was there at the start.
+    """
 
     def __init__(self) -> None:
+        self.offered: list[Any] = []
         self.messages: asyncio.Queue[Any] = asyncio.Queue()
 
     async def next(self) -> Any:  # noqa: ANN401 - of any type
@@ -68,7 +73,9 @@ class Program:
         self._parts.append(writer)
         return writer
 
-    async def subscribe(self, topic: str, data_type: Any, *, is_latched: bool = False) -> Heard:  # noqa: ANN401 - as above
+    async def subscribe(
+        self, topic: str, data_type: Any, *, is_latched: bool = False, is_reliable: bool = True
+    ) -> Heard:  # noqa: ANN401 - as above
         """The messages of a topic of ROS 2, from now on: its publisher is known here."""
         loop = asyncio.get_running_loop()
         heard = Heard()
@@ -79,10 +86,12 @@ class Program:
                     heard.messages.put_nowait(message)
 
         listener = Listener(on_data_available=lambda _reader: loop.call_soon_threadsafe(pump))
-        qos = _qos(is_reliable=True, is_latched=is_latched)
+        qos = _qos(is_reliable=is_reliable, is_latched=is_latched)
         reader = DataReader(self._participant, self._topic(topic, data_type), qos, listener)
         self._parts.append(reader)
         await until(lambda: bool(reader.get_matched_publications()))
+        offer = reader.get_matched_publication_data(reader.get_matched_publications()[0])
+        heard.offered = list(offer.qos) if offer is not None else []
         return heard
 
     async def matched(self, writer: DataWriter[Any]) -> None:

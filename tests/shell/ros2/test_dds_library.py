@@ -11,7 +11,7 @@ import pytest
 from rosbridge_sim.errors import GraphError, PeerError
 from rosbridge_sim.graph.ros2.cdr_types import CdrTypes
 from rosbridge_sim.graph.ros2.discovery_info import discovery_type
-from rosbridge_sim.graph.ros2.far_graph import Quality
+from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.ros2.dds_library import FITTING, DdsDomain, DdsTypes, check_library

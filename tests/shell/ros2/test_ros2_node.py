@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from cyclonedds.core import Policy
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.errors import DocumentError
@@ -81,6 +82,41 @@ async def test_what_clients_publish_reaches_nodes(joined: Joined) -> None:
     await joined.heard_by_nodes("/words")
     await joined.client.send("publish", topic="/words", msg={"data": "from a client"})
     assert (await heard.next()).data == "from a client"
+
+
+@pytest.mark.parametrize("joined", [{"ros2_qos": "/words=sensor_data"}], indirect=True)
+async def test_a_publisher_of_a_chosen_quality_offers_it(joined: Joined) -> None:
+    await joined.client.send("advertise", topic="/words", type="std_msgs/String")
+    heard = await joined.program.subscribe("/words", String, is_reliable=False)
+    await joined.heard_by_nodes("/words")
+    await joined.client.send("publish", topic="/words", msg={"data": "from a sensor"})
+    assert (await heard.next()).data == "from a sensor"
+    assert Policy.Reliability.BestEffort in heard.offered
+
+
+async def test_each_frame_waits_for_the_command_of_a_node(tmp_path: Path) -> None:
+    domain = domain_of(4)
+    options: dict[str, Any] = {"ros2_topics": TOPICS, "ros2_wait_for_command": True, "ros2_command_deadline": 3_600.0}
+    async with Simulator(port=0, data_dir=tmp_path, ros2_domain=domain, **options) as sim:
+        node, program = sim.node, Program(domain)
+        assert node is not None
+        clock = await program.subscribe("/clock", Clock)
+        await until(lambda: node.context.bus.topics["/clock"].has_listener)
+        commands = program.publish("/ctrl_cmd", CtrlCmd)
+        await program.matched(commands)
+        for frame in range(1, 21):
+            commands.write(
+                CtrlCmd(longl_cmd_type=1, accel=0.3, brake=0.0, steering=0.0, velocity=0.0, acceleration=0.0)
+            )
+            stamp = (await clock.next()).clock
+            assert (stamp.sec, stamp.nanosec) == (0, frame * 20_000_000)
+            assert node.world.frame == frame
+        program.close()
+
+
+async def test_lock_step_needs_a_domain() -> None:
+    with pytest.raises(DocumentError, match="ros2-wait-for-command: expected with --ros2-domain"):
+        await Simulator(port=0, ros2_wait_for_command=True).start()
 
 
 async def test_a_domain_is_used_once_in_a_process(joined: Joined) -> None:
