@@ -107,7 +107,8 @@ ensure_rclpy() {
     if [[ -f $at/installed || $(uname -sm) != "Linux x86_64" ]] || ! command -v python3.11 >/dev/null; then return; fi
     say "installing rclpy into .venv/rclpy (once)"
     if python3.11 -m venv "$at" && "$at/bin/python" -m pip install --quiet --disable-pip-version-check \
-        ros-jazzy-rclpy ros-jazzy-rmw-fastrtps-cpp ros-jazzy-sensor-msgs ros-jazzy-nav-msgs ros-jazzy-rosgraph-msgs >&2; then
+        ros-jazzy-rclpy ros-jazzy-rmw-fastrtps-cpp ros-jazzy-sensor-msgs ros-jazzy-nav-msgs \
+        ros-jazzy-rosgraph-msgs ros-jazzy-visualization-msgs >&2; then
         touch "$at/installed"
     else
         say "pip could not install it; see its output above"

@@ -80,11 +80,16 @@ def piece_distance(a: tuple[float, float], b: tuple[float, float], x: float, y: 
     return math.dist((x, y), (a[0] + (b[0] - a[0]) * held, a[1] + (b[1] - a[1]) * held))
 
 
+def read_path(file: str) -> list[tuple[float, float]]:
+    """Return the points of a path [m]."""
+    rows = [line.partition("#")[0].split() for line in Path(file).read_text().splitlines()]
+    return [(float(row[0]), float(row[1])) for row in rows if row]
+
+
 def main() -> None:
     """Drive, and print the result."""
-    rows = [line.partition("#")[0].split() for line in Path(sys.argv[1]).read_text().splitlines()]
     rclpy.init()
-    driver = Driver([(float(row[0]), float(row[1])) for row in rows if row])
+    driver = Driver(read_path(sys.argv[1]))
     while not driver.is_done:
         rclpy.spin_once(driver)
     print(f"largest error {driver.error:.2f} m")

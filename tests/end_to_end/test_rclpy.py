@@ -15,15 +15,17 @@ from tests.support import ROOT, ServerProcess, miss
 
 RCLPY = ROOT / ".venv" / "rclpy" / "bin" / "python"
 DOMAIN = "231"
+EXAMPLES = ROOT / "scripts" / "examples"
 
 pytestmark = [pytest.mark.long, pytest.mark.client]
 
 
 @pytest.fixture
-def server(tmp_path: Path) -> Iterator[ServerProcess]:
+def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ServerProcess]:
+    """A server in the domain, with more options of the test."""
     if not RCLPY.exists():
         miss("needs rclpy in .venv/rclpy (./scripts/test --long installs it on x86-64)")
-    program = ServerProcess(tmp_path / "log", ["--ros2-domain", DOMAIN])
+    program = ServerProcess(tmp_path / "log", ["--ros2-domain", DOMAIN, *getattr(request, "param", ())])
     yield program
     program.stop_cleanly()
 
@@ -52,7 +54,19 @@ def test_rclpy_sees_the_node_its_types_and_every_message(server: ServerProcess) 
 
 def test_a_node_drives_along_a_path(server: ServerProcess) -> None:
     assert server.is_alive
-    examples = ROOT / "scripts" / "examples"
-    told = run_node(examples / "drive_ros2.py", examples / "course.txt", seconds=400)
+    told = run_node(EXAMPLES / "drive_ros2.py", EXAMPLES / "course.txt", seconds=400)
     error = float(told.removeprefix("largest error ").removesuffix(" m\n"))
     assert error <= 0.3
+
+
+@pytest.mark.parametrize(
+    "server", [("--ros2-wait-for-command", "--ros2-command-deadline=10", "--real-time-factor=0")], indirect=True
+)
+def test_a_node_drives_in_lock_step_and_sees_every_frame(server: ServerProcess) -> None:
+    assert server.is_alive
+    told = json.loads(
+        run_node(ROOT / "tests" / "end_to_end" / "lock_step_of_ros2.py", EXAMPLES / "course.txt", seconds=300)
+    )
+    assert told["error"] <= 0.3
+    assert len(told["stamps"]) > 100 * 50, "the course takes two minutes"
+    assert {after - before for before, after in pairwise(told["stamps"])} == {20_000_000}, "none is lost"

@@ -74,8 +74,13 @@ class Program:
         return writer
 
     async def subscribe(
-        self, topic: str, data_type: Any, *, is_latched: bool = False, is_reliable: bool = True
-    ) -> Heard:  # noqa: ANN401 - as above
+        self,
+        topic: str,
+        data_type: Any,  # noqa: ANN401 - as above
+        *,
+        is_latched: bool = False,
+        is_reliable: bool = True,
+    ) -> Heard:
         """The messages of a topic of ROS 2, from now on: its publisher is known here."""
         loop = asyncio.get_running_loop()
         heard = Heard()
