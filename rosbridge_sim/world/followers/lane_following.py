@@ -91,6 +91,9 @@ LET_IN_APART: Final = 37
 MAX_LANES_ENTERED: Final = 8
 """Lanes entered within one step, at most: lanes of a centimetre in a map must not slow the step down."""
 
+LONGEST_LEG: Final = 1e9
+"""Beyond every leg of a map, whose coordinates are at most 1e8 [m]."""
+
 MAX_STRETCH: Final = 0.5
 """The line of a bend is longer or shorter than the way beside it by this share of the way, at most: a lane's width
 beside the line of a bend of 7 m."""
@@ -363,7 +366,9 @@ class _LaneFollowers:
         world.z[at] = place[2]
         curve = self.roads.curve.take(world.point[at], axis=0)
         if np.count_nonzero(curve):
-            aside = offset(curve, distance, world.leg_end[at] - world.leg_start[at])
+            # Until the first decision the leg of a self-driving ego has no end.
+            length = np.fmin(world.leg_end[at] - world.leg_start[at], LONGEST_LEG)
+            aside = offset(curve, distance, length)
             world.x[at] -= aside * world.leg_dy[at]
             world.y[at] += aside * world.leg_dx[at]
         yaw = world.yaw[at] + world.yaw_rate[at] * dt
