@@ -38,7 +38,10 @@ from tests.world.processors import WITHOUT_AVX_512, is_without_avx_512  # noqa: 
 
 __all__ = ["TESTS", "files_of", "main"]
 
-_WORLD = "world/drivers world/lane_changes world/followers world/people world/vehicle world/test_step.py"
+_WORLD = (
+    "world/drivers world/lane_changes world/followers world/people world/vehicle world/test_step.py "
+    "simulator/sim_services/test_describe.py simulator/test_drivers.py"
+)
 _DRIVES = "world/test_kinematic_drives.py world/test_single_track_drives.py"
 
 TESTS = {
@@ -63,9 +66,9 @@ TESTS = {
     "graph/guard.py": "graph",
     "world/step.py": f"{_WORLD} world/contacts/test_collisions.py world/state",
     "world/drivers": _WORLD,
-    "world/lane_changes": _WORLD,
-    "world/followers": f"{_WORLD} {_DRIVES}",
-    "world/people": _WORLD,
+    "world/lane_changes": f"{_WORLD} world/many_worlds",
+    "world/followers": f"{_WORLD} {_DRIVES} world/many_worlds",
+    "world/people": f"{_WORLD} world/many_worlds",
     "world/vehicle": f"{_WORLD} {_DRIVES}",
 }
 """The central files and folders, with the tests that should notice their mutants."""

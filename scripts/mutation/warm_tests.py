@@ -24,9 +24,10 @@ import time
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import _lru_cache_wrapper
 from pathlib import Path
 from types import CodeType, FrameType, FunctionType, ModuleType
-from typing import Any
+from typing import Any, TypeGuard
 
 import hypothesis
 import numpy as np
@@ -119,6 +120,7 @@ class Tests:
         self._items = session.items
         self._targets = targets
         self._functions = _functions_of({str(target.path) for target in targets})
+        self._caches = [thing for thing in gc.get_objects() if _is_cache_of_ours(thing)]
         self._readers = _Readers(targets)
         self.took: list[float] = []
         self._lines: list[dict[str, frozenset[int]]] = []
@@ -198,6 +200,8 @@ class Tests:
 
         for i, item in enumerate(self._items):
             ran.clear()
+            for cache in self._caches:  # else only the first test of all would run what is remembered
+                cache.cache_clear()
             began = time.process_time()
             threading.settrace(trace)
             sys.settrace(trace)
@@ -214,6 +218,8 @@ class Tests:
 
     def _run(self, target: Target, mutant: Mutant, chosen: Sequence[int], send: Callable[[object], None]) -> None:
         resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
+        for cache in self._caches:
+            cache.cache_clear()
         try:
             self._put_in(target, mutant)
         except Exception:  # noqa: BLE001 - the file cannot be imported with this change: any test notices that
@@ -328,6 +334,10 @@ def _functions_of(paths: set[str]) -> dict[str, list[FunctionType]]:
         if isinstance(thing, FunctionType) and thing.__code__.co_filename in paths:
             found[thing.__code__.co_filename].append(thing)
     return found
+
+
+def _is_cache_of_ours(thing: object) -> TypeGuard[_lru_cache_wrapper[object]]:
+    return isinstance(thing, _lru_cache_wrapper) and thing.__wrapped__.__module__.startswith(f"{PACKAGE}.")
 
 
 def _parts(code: CodeType) -> Iterator[CodeType]:
