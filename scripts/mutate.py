@@ -42,7 +42,7 @@ _WORLD = (
     "world/drivers world/lane_changes world/followers world/people world/vehicle world/test_step.py "
     "simulator/sim_services/test_describe.py simulator/test_drivers.py"
 )
-_DRIVES = "world/test_kinematic_drives.py world/test_single_track_drives.py"
+_DRIVES = "world/test_kinematic_drives.py world/test_single_track_drives.py world/test_traffic_drives.py"
 
 TESTS = {
     "protocol/outbox.py": "protocol",
@@ -64,11 +64,11 @@ TESTS = {
     "graph/delivery.py": "graph",
     "graph/service_table.py": "graph",
     "graph/guard.py": "graph",
-    "world/step.py": f"{_WORLD} world/contacts/test_collisions.py world/state",
-    "world/drivers": _WORLD,
-    "world/lane_changes": f"{_WORLD} world/many_worlds",
+    "world/step.py": f"{_WORLD} {_DRIVES} world/contacts/test_collisions.py world/state",
+    "world/drivers": f"{_WORLD} {_DRIVES}",
+    "world/lane_changes": f"{_WORLD} {_DRIVES} world/many_worlds",
     "world/followers": f"{_WORLD} {_DRIVES} world/many_worlds",
-    "world/people": f"{_WORLD} world/many_worlds",
+    "world/people": f"{_WORLD} {_DRIVES} world/many_worlds",
     "world/vehicle": f"{_WORLD} {_DRIVES}",
 }
 """The central files and folders, with the tests that should notice their mutants."""
