@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.long_text import LEAST, MARK, MAX_REST, MOST, LongBody, find_long_text
-from rosbridge_sim.protocol import codec
+from rosbridge_sim.protocol import json_decoding
 from rosbridge_sim.schema.message_type import MessageType
 from tests.graph.bus_fixture import Wire, make_bus, make_store
 
@@ -76,7 +76,7 @@ def hear(frame: bytes) -> list[list[bytes]]:
 @pytest.mark.parametrize("name", FRAMES)
 def test_answers_and_messages_are_those_of_the_usual_way(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     quick = hear(FRAMES[name])
-    monkeypatch.setattr(codec, "find_long_text", lambda _frame: None)
+    monkeypatch.setattr(json_decoding, "find_long_text", lambda _frame: None)
     assert hear(FRAMES[name]) == quick
 
 
@@ -84,7 +84,7 @@ def test_image_is_decoded_without_its_text(monkeypatch: pytest.MonkeyPatch) -> N
     def fail(*_: object) -> None:
         raise AssertionError("the usual way")
 
-    monkeypatch.setattr(codec, "_too_heavy", fail)
+    monkeypatch.setattr(json_decoding, "_too_heavy", fail)
     monkeypatch.setattr(MessageType, "_count", fail)
     sent = hear(FRAMES["an image"])[1]
     assert json.loads(sent[0])["msg"]["data"] == DATA

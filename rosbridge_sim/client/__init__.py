@@ -12,11 +12,13 @@ once; a test checks that their signatures are equal. The `websockets` library se
 
 from __future__ import annotations
 
-from rosbridge_sim.client.async_subscription import AsyncSubscription, Status
+from rosbridge_sim.client.async_subscription import AsyncSubscription
 from rosbridge_sim.client.asynchronous import DEFAULT_URL, AsyncClient
 from rosbridge_sim.client.blocking import Client, Subscription
 from rosbridge_sim.client.frames import Frame
-from rosbridge_sim.client.simulator_requests import Command, RealTimeFactor, Snapshot, Steps, StopCondition, Tick
+from rosbridge_sim.client.results import RealTimeFactor, Snapshot, Steps, Tick
+from rosbridge_sim.client.simulator_requests import Command, StopCondition
+from rosbridge_sim.client.statuses import Status
 from rosbridge_sim.errors import (
     AnswerTimeoutError,
     ClientError,

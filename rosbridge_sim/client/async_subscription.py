@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -11,22 +10,7 @@ from rosbridge_sim.client.frames import Frame, Inbox
 if TYPE_CHECKING:  # the client makes its subscriptions
     from rosbridge_sim.client.asynchronous import AsyncClient, Predicate
 
-__all__ = ["AsyncSubscription", "Status"]
-
-
-@dataclass(frozen=True, slots=True)
-class Status:
-    """A status message of the server, from a `status` frame.
-
-    Attributes:
-        level: `info`, `warning` or `error`.
-        text: the message.
-        op_id: id of the op that the message is about; None if the server does not name one.
-    """
-
-    level: str
-    text: str
-    op_id: str | None
+__all__ = ["AsyncSubscription"]
 
 
 class AsyncSubscription:

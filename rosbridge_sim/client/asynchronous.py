@@ -11,7 +11,6 @@ import itertools
 import logging
 import math
 import ssl
-from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from types import TracebackType
@@ -21,9 +20,10 @@ import orjson
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
 
-from rosbridge_sim.client.async_subscription import AsyncSubscription, Status
+from rosbridge_sim.client.async_subscription import AsyncSubscription
 from rosbridge_sim.client.frames import MAX_SIZE, Frame, FrameReader, Inbox, absolute
 from rosbridge_sim.client.simulator_requests import SimulatorRequests
+from rosbridge_sim.client.statuses import Statuses
 from rosbridge_sim.errors import (
     AnswerTimeoutError,
     ClientError,
@@ -51,9 +51,6 @@ DEFAULT_KEEP = 1_000
 
 CLOSE_TIMEOUT = 1.0
 """Longest wait for the other side to confirm that the connection closes [s]."""
-
-MAX_STATUSES = 100
-"""Number of status messages that are kept; the oldest are dropped first. A person reads fewer."""
 
 _FINAL_STATUSES = (401, 403)
 """HTTP statuses after which a new attempt is useless: the token is wrong, or the server rejects this client."""
@@ -111,7 +108,8 @@ class AsyncClient(SimulatorRequests):
         super().__init__()
         self.url = full_url(url)
         self.timeout = timeout
-        self.statuses: deque[Status] = deque(maxlen=MAX_STATUSES)
+        self._statuses = Statuses()
+        self.statuses = self._statuses.latest
         self._token = token
         self._tls = tls
         self._status_level = status_level
@@ -123,8 +121,6 @@ class AsyncClient(SimulatorRequests):
         self._subscriptions: dict[str, list[AsyncSubscription]] = {}
         self._others: Inbox | None = None
         self._advertised: set[tuple[str, str]] = set()
-        self._refusals: dict[str, Status] = {}  # errors not raised yet, by the ids of their ops
-        self._num_statuses = 0
 
     def __repr__(self) -> str:
         """Return the URL without a token, and the state."""
@@ -309,13 +305,7 @@ class AsyncClient(SimulatorRequests):
             self._others.put(frame)
 
     def _note_status(self, frame: Frame) -> None:
-        op_id = frame.get("id")
-        status = Status(str(frame.get("level")), str(frame.get("msg")), None if op_id is None else str(op_id))
-        self.statuses.append(status)
-        self._num_statuses += 1
-        op_name = (status.op_id or "").partition(":")[0]
-        if status.level == "error" and op_name != "call_service" and len(self._refusals) < MAX_STATUSES:
-            self._refusals.setdefault(status.op_id or f"status:{self._num_statuses}", status)
+        status = self._statuses.note(frame)
         if status.level in {"warning", "error"}:
             _log.warning("%s says: %s: %s", shown_url(self.url), safe(status.level), safe(status.text))
 
@@ -441,9 +431,8 @@ class AsyncClient(SimulatorRequests):
             ConnectionLostError: the connection has ended.
         """
         await self._settle(timeout)
-        refusals, self._refusals = self._refusals, {}
-        if refusals:
-            raise OpRefusedError("; ".join(status.text for status in refusals.values()))
+        if refusals := self._statuses.take_refusals():
+            raise OpRefusedError("; ".join(status.text for status in refusals))
 
     async def _settle(self, timeout: float | None) -> None:
         """Make a harmless call. The server handles frames in order, so its answer comes after all earlier ones."""
@@ -488,7 +477,7 @@ class AsyncClient(SimulatorRequests):
         except BaseException:
             self._forget(subscription)
             raise
-        refusal = self._refusals.pop(subscription.op_id, None)
+        refusal = self._statuses.take_refusal(subscription.op_id)
         if refusal is not None:
             self._forget(subscription)
             raise OpRefusedError(refusal.text)
@@ -595,13 +584,12 @@ class AsyncClient(SimulatorRequests):
             ServiceRefusedError: the request was not done. The reason comes from the server's status message, because
                 the response has none.
         """
-        num_before = self._num_statuses
+        num_before = self._statuses.num
         until = self._until(timeout)
         response = await self.ask(service, timeout=timeout, **request)
         if response.get(key) is not True:
             now = asyncio.get_running_loop().time()
             await self._settle(timeout if until is None else max(0.0, until - now))
-            num_new = min(self._num_statuses - num_before, len(self.statuses))
-            reasons = [status.text for status in list(self.statuses)[len(self.statuses) - num_new :]]
-            raise ServiceRefusedError(service, reasons[-1] if reasons else "", response)
+            latest = self._statuses.latest[-1].text if self._statuses.num > num_before else ""
+            raise ServiceRefusedError(service, latest, response)
         return response

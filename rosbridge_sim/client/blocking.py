@@ -12,7 +12,7 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, Self, TypeVar, Unpack
 
-from rosbridge_sim.client.async_subscription import AsyncSubscription, Status
+from rosbridge_sim.client.async_subscription import AsyncSubscription
 from rosbridge_sim.client.asynchronous import (
     DEFAULT_KEEP,
     DEFAULT_TIMEOUT,
@@ -23,16 +23,9 @@ from rosbridge_sim.client.asynchronous import (
 )
 from rosbridge_sim.client.frames import Frame
 from rosbridge_sim.client.objects import ObjectChange, ObjectOptions, RoadPoint
-from rosbridge_sim.client.simulator_requests import (
-    DEFAULT_USER_ID,
-    FRAME_MS,
-    Command,
-    RealTimeFactor,
-    Snapshot,
-    Steps,
-    StopCondition,
-    Tick,
-)
+from rosbridge_sim.client.results import RealTimeFactor, Snapshot, Steps, Tick
+from rosbridge_sim.client.simulator_requests import DEFAULT_USER_ID, FRAME_MS, Command, StopCondition
+from rosbridge_sim.client.statuses import Status
 from rosbridge_sim.errors import ClientError, ConnectionLostError
 from rosbridge_sim.link.loop_thread import LoopStoppedError, LoopThread
 from rosbridge_sim.link.urls import shown_url

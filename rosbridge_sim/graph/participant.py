@@ -10,8 +10,7 @@ from typing import Literal, Protocol, TypeAlias, cast, runtime_checkable
 import msgspec
 
 from rosbridge_sim.errors import FieldError, GraphError, Reason
-from rosbridge_sim.protocol.codec import is_absent
-from rosbridge_sim.protocol.ops import ABSENT, OpBody
+from rosbridge_sim.protocol.ops import ABSENT, OpBody, is_absent
 from rosbridge_sim.schema.json_text import parse_by_position
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.opaque_types import OpaqueType

@@ -19,7 +19,8 @@ from rosbridge_sim.graph.peer_base import CheckRoom, PeerBase, split_id
 from rosbridge_sim.graph.pending_work import PendingWork, find_awaited
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.protocol import ops
-from rosbridge_sim.protocol.codec import call_head, is_absent
+from rosbridge_sim.protocol.json_encoding import call_head
+from rosbridge_sim.protocol.ops import is_absent
 from rosbridge_sim.schema.message import Message
 
 __all__ = ["PeerServices"]

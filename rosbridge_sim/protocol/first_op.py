@@ -1,8 +1,8 @@
 """The first op of a small frame, read without its bodies: all that is decoded for a client without a token.
 
-The normal reader (`codec.py`) joins fragments, decompresses PNG images, reads CBOR and accepts frames of megabytes. A
-client that has not sent its token gets none of that. Only a few kilobytes of plain JSON are decoded, with types, and
-all fields but five are skipped.
+The normal reader (`json_decoding.py`) joins fragments, decompresses PNG images, reads CBOR and accepts frames of
+megabytes. A client that has not sent its token gets none of that. Only a few kilobytes of plain JSON are decoded, with
+types, and all fields but five are skipped.
 """
 
 from __future__ import annotations
@@ -10,7 +10,8 @@ from __future__ import annotations
 import msgspec
 import orjson
 
-from rosbridge_sim.protocol.codec import end_of_value, op_frame, response_frame, status_frame
+from rosbridge_sim.protocol.json_decoding import end_of_value
+from rosbridge_sim.protocol.json_encoding import op_frame, response_frame, status_frame
 from rosbridge_sim.protocol.ops import Id
 
 __all__ = ["MAX_SMALL", "FirstOp", "read_first_op", "refusal_frame"]

@@ -38,6 +38,7 @@ __all__ = [
     "UnadvertiseAction",
     "UnadvertiseService",
     "Unsubscribe",
+    "is_absent",
 ]
 
 Id: TypeAlias = str | int | float | bool | None
@@ -284,3 +285,14 @@ OPS: dict[str, type[Op]] = {
     "status": Status,
     "auth": Auth,
 }
+
+
+def is_absent(body: OpBody) -> bool:
+    """Return True if a body was left out or is null, which means the same.
+
+    Args:
+        body: body of an op.
+    """
+    if isinstance(body, (bytes, msgspec.Raw)):
+        return body is ABSENT or bytes(body) in {b"", b"null"}
+    return body is None

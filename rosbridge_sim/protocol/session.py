@@ -16,17 +16,9 @@ import orjson
 from rosbridge_sim.errors import EncodingError, FrameError
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.cbor_frames import decode_cbor, is_cbor
-from rosbridge_sim.protocol.codec import (
-    LONG,
-    Encoded,
-    decode_frame,
-    decode_quickly,
-    op_frame,
-    op_from_value,
-    response_frame,
-    status_frame,
-)
 from rosbridge_sim.protocol.fragments import Characters, Defragmenter, Pieces
+from rosbridge_sim.protocol.json_decoding import LONG, decode_frame, decode_quickly, op_from_value
+from rosbridge_sim.protocol.json_encoding import Encoded, op_frame, response_frame, status_frame
 from rosbridge_sim.protocol.ops import Fragment, Id, Op, Png
 from rosbridge_sim.protocol.outbox import LateFrames, Outbox
 from rosbridge_sim.protocol.png import decode_png

@@ -24,8 +24,9 @@ from typing import Generic, Protocol, TypeVar
 from rosbridge_sim.errors import EncodingError, FrameError, PeerError
 from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.cbor_frames import cbor_head, cbor_raw_frame
-from rosbridge_sim.protocol.codec import HEAVY, Encoded, publish_head
 from rosbridge_sim.protocol.fragments import Characters
+from rosbridge_sim.protocol.json_decoding import HEAVY
+from rosbridge_sim.protocol.json_encoding import Encoded, publish_head
 from rosbridge_sim.protocol.ops import Id, Subscribe
 from rosbridge_sim.protocol.outbox import BinaryFrame, LateFrames, Outbox
 from rosbridge_sim.protocol.png import Picture, PictureFrames

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FrameError
-from rosbridge_sim.protocol.codec import decode_frame
 from rosbridge_sim.protocol.fragments import MAX_AGE, MAX_OPEN, MAX_PIECES, MIN_SIZE, Characters, Defragmenter, Pieces
+from rosbridge_sim.protocol.json_decoding import decode_frame
 from rosbridge_sim.protocol.ops import Fragment
 
 

@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FrameError
-from rosbridge_sim.protocol import codec
-from rosbridge_sim.protocol.codec import decode_frame
+from rosbridge_sim.protocol import json_decoding
+from rosbridge_sim.protocol.json_decoding import decode_frame
 from rosbridge_sim.protocol.long_lists import LONG_LIST, put_in_lists, take_out_lists
 from rosbridge_sim.protocol.ops import Publish
 from tests.support import finish
@@ -93,8 +93,8 @@ def publish(numbers: bytes, more: bytes = b"") -> bytes:
 
 
 def test_op_with_many_numbers_is_decoded_in_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(codec, "MANY_VALUES", 100_000)
-    monkeypatch.setattr(codec, "LONG_NUMBERS", 100_000)
+    monkeypatch.setattr(json_decoding, "MANY_VALUES", 100_000)
+    monkeypatch.setattr(json_decoding, "LONG_NUMBERS", 100_000)
     steps = list(decode_frame(publish(b"1," * 400_000 + b"5")))
     assert len(steps) > 800_000 // (32 * 1024), "others have their turn after each 32 KiB"
     op = steps[-1]
@@ -118,8 +118,8 @@ def test_op_with_many_numbers_is_decoded_in_parts(monkeypatch: pytest.MonkeyPatc
 def test_frame_of_many_values_that_is_not_light_is_refused(
     monkeypatch: pytest.MonkeyPatch, frame: bytes, why: str
 ) -> None:
-    monkeypatch.setattr(codec, "MANY_VALUES", 100_000)
-    monkeypatch.setattr(codec, "LONG_NUMBERS", 100_000)
+    monkeypatch.setattr(json_decoding, "MANY_VALUES", 100_000)
+    monkeypatch.setattr(json_decoding, "LONG_NUMBERS", 100_000)
     (error,) = (step for step in decode_frame(frame) if step is not None)
     assert isinstance(error, FrameError)
     assert why in str(error)
@@ -127,8 +127,8 @@ def test_frame_of_many_values_that_is_not_light_is_refused(
 
 
 def test_many_commas_in_a_text_are_no_many_values(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(codec, "MANY_VALUES", 100_000)
-    monkeypatch.setattr(codec, "LONG_NUMBERS", 100_000)
+    monkeypatch.setattr(json_decoding, "MANY_VALUES", 100_000)
+    monkeypatch.setattr(json_decoding, "LONG_NUMBERS", 100_000)
     frame = b'{"op":"publish","topic":"/t","msg":{"data":"[' + b"1," * 400_000 + b'1]"}}'
     op = list(decode_frame(frame))[-1]
     assert isinstance(op, Publish)

@@ -6,7 +6,7 @@ import typing
 
 import msgspec
 
-from rosbridge_sim.protocol import codec, ops
+from rosbridge_sim.protocol import json_decoding, ops
 
 
 def test_every_op_is_in_the_table_under_its_tag() -> None:
@@ -16,7 +16,7 @@ def test_every_op_is_in_the_table_under_its_tag() -> None:
 def test_every_field_except_bodies_has_a_type() -> None:
     for op in ops.OPS.values():
         for field in msgspec.structs.fields(op):
-            assert field.name in codec._CLASSES or field.name in op.bodies, (op, field.name)
+            assert field.name in json_decoding._CLASSES or field.name in op.bodies, (op, field.name)
 
 
 def test_ops_cannot_be_changed() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from rosbridge_sim.errors import EncodingError, FieldError, FrameError
 from rosbridge_sim.protocol.account import Account
-from rosbridge_sim.protocol.codec import HEAVY
+from rosbridge_sim.protocol.json_decoding import HEAVY
 from rosbridge_sim.protocol.ops import Advertise, Op, Subscribe
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session

@@ -24,7 +24,7 @@ from rosbridge_sim.graph.attach.diagnostics import is_list_of_topics, names_of, 
 from rosbridge_sim.graph.attach.far_side import FarSide
 from rosbridge_sim.graph.attach.mirror_registry import MirroredItem, MirrorRegistry, depth_of
 from rosbridge_sim.graph.stamps import PARAMETER, says_simulated
-from rosbridge_sim.protocol.codec import publish_head
+from rosbridge_sim.protocol.json_encoding import publish_head
 
 __all__ = ["UNREGISTER_TIME", "Announcer"]
 

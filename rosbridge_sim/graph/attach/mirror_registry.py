@@ -14,7 +14,7 @@ from rosbridge_sim.graph.attach.diagnostics import ItemKey
 from rosbridge_sim.graph.attach.far_side import FarSide
 from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.topics_services import Subscription, Topic
-from rosbridge_sim.protocol.codec import publish_head
+from rosbridge_sim.protocol.json_encoding import publish_head
 from rosbridge_sim.schema.message import Message
 
 __all__ = ["MirrorRegistry", "MirroredItem", "depth_of"]

@@ -16,9 +16,9 @@ import logging
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import Final, NamedTuple, Protocol
+from typing import Final
 
-from rosbridge_sim.errors import GraphError, Reason
+from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.participant import Participant, hold
 from rosbridge_sim.printable import printable
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -27,6 +27,7 @@ from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.hooks import Hooks
 from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
+from rosbridge_sim.simulator.kernel.tick_calls import ModeResult, OneTick, OnTick, Steps, TickResult, WaitingCall
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sync.barrier import Barrier
 from rosbridge_sim.simulator.sync.barrier_table import BARRIER_ID, BarrierOutcome
@@ -34,7 +35,7 @@ from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.simulator.sync.sync_table import SyncOutcome, SyncState
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["ModeResult", "OnTick", "Steps", "SyncDriver", "TickResult"]
+__all__ = ["SyncDriver"]
 
 TURN_TIME: Final = 0.003
 """Longest turn of the ticks that wait, before clients have theirs [s]; a frame that has begun is finished. With a round
@@ -54,121 +55,6 @@ _AFTER_LOSS: Final = {
 _WAS_RESET: Final = "the simulation was reset before the sensors' messages of the tick were made"
 
 _log = logging.getLogger("rosbridge_sim.morai")
-
-
-class ModeResult(NamedTuple):
-    """Answer to a request about the mode.
-
-    Attributes:
-        is_accepted: it is carried out.
-        why: for a refusal, a text for the peer; empty otherwise.
-        reason: the kind of refusal that `why` puts into words.
-    """
-
-    is_accepted: bool
-    why: str
-    reason: Reason
-
-
-class TickResult(NamedTuple):
-    """Result of a tick.
-
-    Attributes:
-        is_accepted: its frames have been computed.
-        is_paused: the simulation was paused at the time of the decision.
-        why: for a refusal, a text for the peer; empty otherwise.
-        reason: the kind of refusal that `why` puts into words.
-    """
-
-    is_accepted: bool
-    is_paused: bool
-    why: str = ""
-    reason: Reason = Reason.NOT_NOW
-
-
-OnTick = Callable[[TickResult], None]
-
-
-class Steps(Protocol):
-    """A call for ticks that may wait.
-
-    Attributes:
-        num_left: ticks that are still to be carried out, with one that has begun.
-        num_at_once: how many of them may be carried out before `after_ticks` and the next `before_tick`, at least 1.
-        is_wanted: false if the caller has left or waits no longer; then the ticks that are left are given up, except
-            one that has begun.
-    """
-
-    num_left: int
-
-    @property
-    def num_at_once(self) -> int:
-        """See above."""
-
-    @property
-    def is_wanted(self) -> bool:
-        """See above."""
-
-    def before_tick(self) -> None:
-        """Prepare the tick that follows, such as by commands that go before its first frame."""
-
-    def after_ticks(self, num: int) -> bool:
-        """Count ticks as done; return whether those that are left are to be given up: a condition to stop is met."""
-
-    def end(self, result: TickResult) -> None:
-        """Answer the caller; called once. It is not accepted if another event has ended the call.
-
-        A tick may have begun and not be done.
-        """
-
-
-class _OneTick:
-    """One tick, which is carried out even if its caller has left: other clients count on it."""
-
-    is_wanted = True
-    num_at_once = 1
-
-    def __init__(self, on_end: OnTick) -> None:
-        self.num_left = 1
-        self.end = on_end
-
-    def before_tick(self) -> None:
-        """Do nothing: its commands wait already."""
-
-    def after_ticks(self, num: int) -> bool:
-        """Count the tick; nothing is left to give up."""
-        self.num_left -= num
-        return False
-
-
-class _Waiting:
-    """A call that waits for its turns.
-
-    Attributes:
-        steps: what is to be done.
-        num_frames: of each tick.
-        release: lets its caller's next op be handled; None while it is not held. It takes monotonic time [s].
-        why: why the ticks that are left are refused, where that has happened within a tick of this call.
-        is_over: it has been answered.
-    """
-
-    __slots__ = ("is_over", "num_frames", "release", "steps", "why")
-
-    def __init__(self, steps: Steps, num_frames: int) -> None:
-        self.steps = steps
-        self.num_frames = num_frames
-        self.release: Callable[[float], None] | None = None
-        self.why: str | None = None
-        self.is_over = False
-
-    def end(self, result: TickResult, now: float) -> None:
-        """Answer the caller, and let it go on."""
-        self.is_over = True
-        try:
-            self.steps.end(result)
-        finally:
-            if self.release is not None:
-                self.release(now)
 
 
 class SyncDriver:
@@ -218,11 +104,11 @@ class SyncDriver:
         self._failure = failure
         self._gate = gate
         # The calls that have ended behind a closed gate, oldest first.
-        self._unanswered: deque[tuple[_Waiting, TickResult]] = deque()
-        self._barrier_call: _Waiting | None = None  # the last tick of a barrier
+        self._unanswered: deque[tuple[WaitingCall, TickResult]] = deque()
+        self._barrier_call: WaitingCall | None = None  # the last tick of a barrier
         # The calls that wait, oldest first; `sync` has the ticks that they have left.
-        self._calls: deque[_Waiting] = deque()
-        self._call_in_hand: _Waiting | None = None
+        self._calls: deque[WaitingCall] = deque()
+        self._call_in_hand: WaitingCall | None = None
         self._behind_tick: deque[tuple[Callable[[float], object], Callable[[float], None]]] = deque()
         self._turn_until: float | None = None
         self._is_turn_over = False
@@ -341,7 +227,7 @@ class SyncDriver:
                 barrier.not_moved(result.why, self._ended_at)
 
         self._ended_at = now
-        named, call = world.frame + sync.num_frames, _Waiting(_OneTick(end), sync.num_frames)
+        named, call = world.frame + sync.num_frames, WaitingCall(OneTick(end), sync.num_frames)
         self._barrier_call = call
         wait = partial(self._calls.append, call)
         try:
@@ -387,7 +273,7 @@ class SyncDriver:
             return
         sync = self._sync
         is_paused = sync.is_paused  # before the frames of this tick, which may bring a pause
-        call = _Waiting(_OneTick(on_end), sync.num_frames)
+        call = WaitingCall(OneTick(on_end), sync.num_frames)
         wait = partial(self._calls.append, call)
         outcome = sync.tick(
             user_id,
@@ -409,7 +295,7 @@ class SyncDriver:
         if not call.is_over:
             call.release = self.hold(caller)
 
-    def _begin(self, call: _Waiting, now: float) -> None:
+    def _begin(self, call: WaitingCall, now: float) -> None:
         """Let a tick that has come have its first turn at once, unless others wait before it."""
         if self._calls and self._calls[0] is call:
             self.take_turns(now)
@@ -435,7 +321,7 @@ class SyncDriver:
             now: monotonic time [s].
         """
         sync = self._sync
-        call = _Waiting(steps, sync.num_frames)
+        call = WaitingCall(steps, sync.num_frames)
         holder: object = caller
         if self._barrier.is_on:
             result = self._result_of_barrier(self._barrier.ask_step(user_id))
@@ -506,7 +392,7 @@ class SyncDriver:
             finally:
                 release(now)
 
-    def _carry_on(self, call: _Waiting, now: float) -> bool:
+    def _carry_on(self, call: WaitingCall, now: float) -> bool:
         """Carry out ticks of a call that has been taken out of the queue; put it back in front if it is not over.
 
         Returns:
@@ -533,14 +419,14 @@ class SyncDriver:
             calls.appendleft(call)
         return num_frames > 0
 
-    def _finish(self, call: _Waiting, now: float) -> None:
+    def _finish(self, call: WaitingCall, now: float) -> None:
         """Answer a call; the ticks that it has left are not wanted."""
         num_left, call.steps.num_left = call.steps.num_left, 0
         if num_left:
             self._sync.give_up(num_left, now)
         self._answer(call, TickResult(is_accepted=True, is_paused=False), now)
 
-    def _answer(self, call: _Waiting, result: TickResult, now: float) -> None:
+    def _answer(self, call: WaitingCall, result: TickResult, now: float) -> None:
         """Answer a call whose frames have been computed: as soon as nothing of them is missing."""
         if self._gate.is_open:
             call.end(result, now)

@@ -30,7 +30,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
-from rosbridge_sim.simulator.kernel.sync_driver import TickResult
+from rosbridge_sim.simulator.kernel.tick_calls import TickResult
 from rosbridge_sim.simulator.morai_services.control_units import warn_of_units
 from rosbridge_sim.simulator.morai_services.morai_answers import request_of, respond
 from rosbridge_sim.simulator.scene.scene_commands import AddObject, ControlEgo, RemoveObject, SceneCommand, ShiftEgo

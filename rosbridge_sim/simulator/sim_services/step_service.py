@@ -33,7 +33,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.kernel.sync_driver import TickResult
+from rosbridge_sim.simulator.kernel.tick_calls import TickResult
 from rosbridge_sim.simulator.scene.scene_commands import ControlEgo, SceneCommand
 from rosbridge_sim.simulator.sim_services.step_events import StopConditions, StopWatch, read_conditions
 from rosbridge_sim.suggestions import hint

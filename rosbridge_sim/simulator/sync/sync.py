@@ -41,7 +41,7 @@ import heapq
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping
 from itertools import islice
-from typing import Final, Generic, Literal
+from typing import Final, Literal
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.simulator.sync.sync_parts import C, SyncHappening, SyncHooks
@@ -60,6 +60,7 @@ from rosbridge_sim.simulator.sync.sync_table import (
     SyncOutcome,
     SyncState,
 )
+from rosbridge_sim.simulator.sync.waiting_commands import WaitingCommands
 
 __all__ = ["Sync"]
 
@@ -74,7 +75,7 @@ _WHY_REFUSED: Final = {SyncEvent.PAUSE: _WAS_PAUSED, SyncEvent.RESET: _WAS_RESET
 """The events that refuse the ticks that wait, and the text for their callers; for all others it is `_HAS_ENDED`."""
 
 
-class Sync(Generic[C]):
+class Sync(WaitingCommands[C]):
     """The mode of one world. The frame count is the world's: it is an argument wherever it matters.
 
     A `holder` is any object that represents a peer. It must be hashable, and so must a command that is not ready.
@@ -104,6 +105,7 @@ class Sync(Generic[C]):
             is_strict: a tick must name the frame that it will end on.
             may_anyone_stop: accept a stop from any client, not only from the master.
         """
+        super().__init__()
         self.state = SyncState.OPEN if is_on else SyncState.FREE
         self.master_id = ""
         self.step_ms = FRAME_MS
@@ -115,9 +117,6 @@ class Sync(Generic[C]):
         self._num_ids = 0
         self._holders: dict[object, None] = {}
         self._heard_at = 0.0
-        self._waiting: list[tuple[int, int, C]] = []  # a heap of (frame, order of arrival, command)
-        self._num_arrived = 0
-        self._unready: dict[C, int] = {}  # commands that wait and are not ready, with their frames
         self._ticks: deque[int] = deque()  # how many frames each tick that waits has left
         self._is_in_tick = False  # some frames of the first of them have been computed
         self._num_moved = 0  # frames that the last MOVE has computed
@@ -374,45 +373,6 @@ class Sync(Generic[C]):
             SyncHappening(SyncEvent.COMMAND, now, command=(command,), due=due, named=named, is_ready=is_ready)
         )
 
-    def enter(self, command: C, frame: int) -> None:
-        """Have a command carried out before the next frame, behind those that wait for it already.
-
-        Call it just before `take_turn` carries out a tick to which the command belongs.
-
-        Args:
-            command: what `due` gives back.
-            frame: the world's.
-        """
-        self._num_arrived += 1
-        heapq.heappush(self._waiting, (frame + 1, self._num_arrived, command))
-
-    def ready(self, command: C) -> None:
-        """Note that a command that was not ready can now be carried out; one that was dropped is no error."""
-        self._unready.pop(command, None)
-
-    def withdraw(self, command: C) -> None:
-        """Forget a command that was not ready; one that was dropped is no error."""
-        if self._unready.pop(command, None) is not None:
-            self._waiting = [entry for entry in self._waiting if entry[2] is not command]
-            heapq.heapify(self._waiting)
-
-    def drop(self, is_void: Callable[[C], bool]) -> int:
-        """Drop some of the waiting commands. Call `take_turn` afterwards, if one of them may have been not ready.
-
-        Args:
-            is_void: returns true for a command to drop.
-
-        Returns:
-            The number of dropped commands.
-        """
-        kept = [entry for entry in self._waiting if not is_void(entry[2])]
-        num_dropped = len(self._waiting) - len(kept)
-        if num_dropped:
-            self._unready = {command: due for command, due in self._unready.items() if not is_void(command)}
-            self._waiting = kept
-            heapq.heapify(self._waiting)
-        return num_dropped
-
     def mute(self, holder: object) -> None:
         """Note that a peer's input is held back; its silence does not count until as many calls of `unmute`."""
         self._mute[holder] += 1
@@ -433,24 +393,6 @@ class Sync(Generic[C]):
         """Return whether a peer's input is held back."""
         return holder in self._mute
 
-    def due(self, frame: int) -> list[C]:
-        """Remove and return the commands to be carried out before a frame.
-
-        Args:
-            frame: the frame to be computed.
-
-        Returns:
-            The commands, in their order.
-        """
-        due: list[C] = []
-        while self._waiting and self._waiting[0][0] <= frame:
-            due.append(heapq.heappop(self._waiting)[2])
-        return due
-
-    def waiting(self) -> list[tuple[int, C]]:
-        """Return the commands that wait with their frames, in the order in which they will be carried out."""
-        return [(frame, command) for frame, _, command in sorted(self._waiting, key=lambda entry: entry[:2])]
-
     def replace_waiting(self, commands: Iterable[tuple[int, C]]) -> None:
         """Have other commands wait, all of them ready; the mode stays as it is. No tick may wait.
 
@@ -462,11 +404,6 @@ class Sync(Generic[C]):
         self._waiting = [(frame, i, command) for i, (frame, command) in enumerate(commands, 1)]
         self._num_arrived = len(self._waiting)
         heapq.heapify(self._waiting)
-
-    @property
-    def has_unready(self) -> bool:
-        """Return whether a command that waits cannot be carried out yet."""
-        return bool(self._unready)
 
     def is_master(self, user_id: str) -> bool:
         """Return whether this id may tick."""
@@ -613,7 +550,3 @@ class Sync(Generic[C]):
         """No tick waits: commands have the frames that they will keep."""
         self._num_settled = 0
         self._delayed.clear()
-
-    def _is_early(self, end: int) -> bool:
-        """Return whether a command of a frame up to this one is not ready."""
-        return bool(self._unready) and min(self._unready.values()) <= end

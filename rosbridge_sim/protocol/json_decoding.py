@@ -1,9 +1,9 @@
-"""Conversion between frames and ops: JSON text, in text and binary frames.
+"""Decoding of frames with JSON text, in text and binary frames, into ops.
 
 Reading has two paths. The fast path decodes the whole frame once, with types, and leaves the bodies unread: half a
 microsecond. If it fails, the slow path takes over. The slow path defines the full behaviour: it finds several JSON
 objects in one frame, accepts the bare `NaN` that Python clients write, treats null as absent, and reports mistakes in
-rosbridge_suite's own words. `tests/protocol/test_codec.py` compares the two paths.
+rosbridge_suite's own words. `tests/protocol/test_json_decoding.py` compares the two paths.
 A long frame is weighed first (`weight.py`), because one call of a decoder can delay all other clients. Several ops in
 one frame are read one by one, when the caller asks for the next.
 One JSON object split over several frames is not joined: each part is a frame without valid JSON and is answered as
@@ -15,37 +15,28 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import suppress
 from itertools import islice
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 import msgspec
-import orjson
 
 from rosbridge_sim.errors import FrameError, Reason
 from rosbridge_sim.long_text import find_long_text
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.printable import printable
 from rosbridge_sim.protocol.long_lists import has_more_values, put_in_lists, take_out_lists
-from rosbridge_sim.protocol.ops import ABSENT, OPS, Id, Op, OpBody
+from rosbridge_sim.protocol.ops import ABSENT, OPS, Op, is_absent
 from rosbridge_sim.suggestions import hint, listing
 from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly, weigh_in_slices
 
 __all__ = [
     "HEAVY",
     "LONG",
-    "Encoded",
-    "call_head",
     "decode_frame",
     "decode_quickly",
     "end_of_value",
-    "is_absent",
-    "op_frame",
     "op_from_value",
-    "publish_head",
-    "response_frame",
-    "status_frame",
 ]
 
 _SHOWN = 200
@@ -120,48 +111,6 @@ _ID_CLASSES: dict[str, tuple[type, ...]] = {
     "action_result": (str,),
 }
 """Ops whose id has fewer allowed classes than usual."""
-
-
-T = TypeVar("T")
-
-
-class Encoded(Protocol):
-    """A message whose encodings are made once and shared by all subscribers."""
-
-    @property
-    def text_length(self) -> int:
-        """Length of the text from which the message was decoded, if that was long [bytes]; else 0."""
-
-    @property
-    def num_bytes(self) -> int:
-        """Estimated memory of the message [bytes]."""
-
-    @property
-    def json(self) -> bytes:
-        """The body as JSON text."""
-
-    @property
-    def cbor(self) -> bytes:
-        """The body as a CBOR map, numeric arrays as typed arrays."""
-
-    @property
-    def raw(self) -> bytes:
-        """The body in ROS's own serialization: ROS 1 bytes, or CDR with its header of four bytes."""
-
-    def framed(self, head: bytes) -> bytes:
-        """Return `head`, the body as JSON text and a closing brace. The last result is kept for the next subscriber.
-
-        Args:
-            head: from `publish_head`.
-        """
-
-    def shared(self, key: object, make: Callable[[], T]) -> T:
-        """Return the result of `make`, which is called only once for each key.
-
-        Args:
-            key: names the result.
-            make: creates the result.
-        """
 
 
 def decode_quickly(frame: bytes | memoryview) -> Op | None:
@@ -558,78 +507,3 @@ def _shorten(text: str) -> str:
 
 def _shorten_bytes(part: memoryview) -> str:
     return _shorten(bytes(part[: 4 * _SHOWN]).decode(errors="ignore"))
-
-
-def is_absent(body: OpBody) -> bool:
-    """Return True if a body was left out or is null, which means the same.
-
-    Args:
-        body: body of an op.
-    """
-    if isinstance(body, (bytes, msgspec.Raw)):
-        return body is ABSENT or bytes(body) in {b"", b"null"}
-    return body is None
-
-
-def publish_head(topic: str) -> bytes:
-    """Return the start of a JSON data message, up to its body.
-
-    Args:
-        topic: name of the topic as the subscriber spells it.
-    """
-    return b'{"op":"publish","topic":' + orjson.dumps(topic) + b',"msg":'
-
-
-def call_head(service: str) -> bytes:
-    """Return the start of a call to a provider, up to its id.
-
-    Args:
-        service: name of the service as the provider spells it.
-    """
-    return b'{"op":"call_service","service":' + orjson.dumps(service) + b',"id":'
-
-
-def response_frame(service: str, values: bytes, *, is_ok: bool, op_id: Id) -> bytes:
-    """Return the answer to a call. It has an `id` only if the call had one.
-
-    Args:
-        service: name of the service as the caller spelt it.
-        values: JSON text of the response, or of the reason for a failure.
-        is_ok: `result` of the answer.
-        op_id: id of the call.
-    """
-    tail = b"}" if op_id is None else b',"id":' + _encode_id(op_id) + b"}"
-    result = b',"result":true' if is_ok else b',"result":false'
-    return b'{"op":"service_response","service":' + orjson.dumps(service) + b',"values":' + values + result + tail
-
-
-def op_frame(op: str, bodies: Mapping[str, bytes], **fields: object) -> bytes:
-    """Return the frame of any op.
-
-    Args:
-        op: name of the op.
-        bodies: message bodies as JSON text, by field name.
-        fields: other fields; those that are None are left out.
-    """
-    parts = [b'{"op":' + orjson.dumps(op)]
-    for name, value in fields.items():
-        if value is not None:
-            parts.append(orjson.dumps(name) + b":" + (_encode_id(value) if name == "id" else orjson.dumps(value)))
-    parts += [orjson.dumps(name) + b":" + body for name, body in bodies.items()]
-    return b",".join(parts) + b"}"
-
-
-def status_frame(level: str, text: str, op_id: object) -> bytes:
-    """Return a status frame. Half surrogate pairs in the text are escaped.
-
-    Args:
-        level: `info`, `warning` or `error`.
-        text: the message.
-        op_id: id of the op that the message is about.
-    """
-    return op_frame("status", {}, level=level, msg=printable(text), id=op_id)
-
-
-def _encode_id(op_id: object) -> bytes:
-    """Return an id as JSON. The standard library is used because it writes integers of any size."""
-    return orjson.dumps(op_id) if isinstance(op_id, str) else json.dumps(op_id).encode()
