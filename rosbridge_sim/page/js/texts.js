@@ -333,6 +333,15 @@ export const TEXTS = {
       max_lateral_accel: "Greatest sideways acceleration",
     },
   },
+  sensors: {
+    title: "Cameras and lidars",
+    hint: "The server draws them only while somebody looks, and that takes it a core.",
+    none: "This ego has neither. Start the server with --sensors teaching, or add some by /sim/sensors.",
+    start: { label: "Show cameras and lidars", title: "Pictures here, with boxes; points of lidars on the map" },
+    stop: { label: "Hide cameras and lidars", title: "Listen to them no longer" },
+    /** @param {string} name */
+    lidar: (name) => `The points of ${name} are on the map.`,
+  },
   time: {
     title: "Time",
     none: "–",

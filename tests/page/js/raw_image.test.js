@@ -17,6 +17,13 @@ test("of two bytes the more significant one is shown", () => {
   assert.equal(rawPixels({ ...image, is_bigendian: 1 }).pixels[0], 1);
 });
 
+test("of distances the nearer one is brighter, and the sky is black", () => {
+  const data = new Uint8Array(new Float32Array([2, 50, Infinity]).buffer);
+  const { pixels } = rawPixels({ width: 3, height: 1, step: 12, encoding: "32FC1", data });
+  assert.ok(pixels[0] > 200 && pixels[4] < 60 && pixels[4] > 0);
+  assert.deepEqual([...pixels.slice(8)], [0, 0, 0, 255]);
+});
+
 test("an image that is not what it says is refused", () => {
   const image = { width: 2, height: 2, step: 2, encoding: "mono8", data: Uint8Array.of(1, 2, 3, 4) };
   assert.equal(rawPixels(image).pixels.length, 16);

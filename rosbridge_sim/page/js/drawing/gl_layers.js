@@ -214,41 +214,6 @@ export class EntityLayer {
   }
 }
 
-/** Floats of one light: place, material, direction and least size. */
-export const LIGHT_FLOATS = 6;
-
-/** Heads of traffic lights as points. */
-export class LightLayer {
-  /** @param {WebGL2RenderingContext} gl */
-  constructor(gl) {
-    this.gl = gl;
-    this.array = gl.createVertexArray();
-    this.buffer = gl.createBuffer();
-    this.count = 0;
-    gl.bindVertexArray(this.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
-    for (const place of [0, 1]) {
-      gl.enableVertexAttribArray(place);
-      gl.vertexAttribPointer(place, 3, gl.FLOAT, false, 4 * LIGHT_FLOATS, 12 * place);
-    }
-    gl.bindVertexArray(null);
-  }
-
-  /** @param {Float32Array} values */
-  fill(values) {
-    this.count = values.length / LIGHT_FLOATS;
-    this.gl.bindBuffer(this.gl.ARRAY_BUFFER, this.buffer);
-    this.gl.bufferData(this.gl.ARRAY_BUFFER, values, this.gl.DYNAMIC_DRAW);
-  }
-
-  draw() {
-    if (this.count > 0) {
-      this.gl.bindVertexArray(this.array);
-      this.gl.drawArrays(this.gl.POINTS, 0, this.count);
-    }
-  }
-}
-
 /** A triangle over the whole screen. */
 export class ScreenLayer {
   /** @param {WebGL2RenderingContext} gl */

@@ -77,6 +77,12 @@ export class MapView {
 
   // What others use
 
+  /** @param {((origin: {x: number, y: number, z: number}) => Float32Array) | null} make - points of a lidar, as of `pointsOfCloud` */
+  showPoints(make) {
+    this.renderer.points.fill(make?.(this.renderer.origin) ?? new Float32Array());
+    this.change();
+  }
+
   /**
    * Let the user choose a place: a click is the place, a drag from it the heading.
    * @param {{hint?: string}} [options]
@@ -373,13 +379,12 @@ export class MapView {
     if (state === null) { // another connection: nothing of the last one is shown
       this.poses = new PoseTrack();
       this.trails = new Trails();
-      this.change();
     } else {
       this.poses.take(state, performance.now());
       this.poses.update(-Infinity); // rows of the new state, for whoever asks before the next picture
       this.trails.take(state, this.scene.selectedRow());
-      this.change();
     }
+    this.change();
   }
 
   resize() {

@@ -8,12 +8,13 @@ import { LineBuffer } from "../scene/line_buffer.js";
 import { MATERIALS } from "../scene/materials.js";
 import { stampOf } from "../scene/store.js";
 import { fillEntities } from "./entity_filler.js";
-import { EntityLayer, LightLayer, LineLayer, ScreenLayer, SurfaceLayer } from "./gl_layers.js";
+import { EntityLayer, LineLayer, ScreenLayer, SurfaceLayer } from "./gl_layers.js";
 import { GlProgram } from "./gl_program.js";
 import { MESH_SHADERS, MeshLayer } from "./mesh_layer.js";
 import { FAR_ROOF, makeMeshes } from "./meshes.js";
+import { HEAD_SHADERS, POINT_SHADERS, PointLayer } from "./point_layer.js";
 import {
-  ENTITY_SHADERS, FAR_SHADERS, GROUND_SHADERS, HEAD_SHADERS, LINE_SHADERS, SHADOW_SHADERS, SKY_SHADERS, SURFACE_SHADERS,
+  ENTITY_SHADERS, FAR_SHADERS, GROUND_SHADERS, LINE_SHADERS, SHADOW_SHADERS, SKY_SHADERS, SURFACE_SHADERS,
 } from "./shaders.js";
 
 /** @typedef {import("./top_camera.js").TopCamera} TopCamera */
@@ -56,6 +57,7 @@ export class Renderer {
       entity: new GlProgram(gl, ENTITY_SHADERS),
       shadow: new GlProgram(gl, SHADOW_SHADERS),
       head: new GlProgram(gl, HEAD_SHADERS),
+      point: new GlProgram(gl, POINT_SHADERS),
       far: new GlProgram(gl, FAR_SHADERS),
       sky: new GlProgram(gl, SKY_SHADERS),
       ground: new GlProgram(gl, GROUND_SHADERS),
@@ -70,7 +72,9 @@ export class Renderer {
     };
     /** What stands still, for the camera behind the car; null until it is loaded. @type {MeshLayer | null} */
     this.mesh = null;
-    this.heads = new LightLayer(gl);
+    this.heads = new PointLayer(gl, 3);
+    /** What a lidar has met. */
+    this.points = new PointLayer(gl, 1);
     this.screen = new ScreenLayer(gl);
     this.bars = new LineLayer(gl);
     /** Trails and other lines that change. */
@@ -182,6 +186,9 @@ export class Renderer {
     Object.values(this.entities).forEach((layer) => layer !== this.entities.far && layer.drawShadows());
     const spin = camera.isPerspective ? 100 : /** @type {TopCamera} */ (camera).rotation;
     const ratio = gl.drawingBufferWidth / camera.width;
+    this.programs.point.use();
+    this.programs.point.set({ ...common, ratio });
+    this.points.draw();
     this.programs.head.use();
     this.programs.head.set({ ...common, ...fog, palette: palette.materials, spin, ratio });
     this.fillHeads(scale);

@@ -12,6 +12,7 @@ import { makeHeaderValues } from "./header.js";
 import { makeLogPanel } from "./log.js";
 import { makeObjectsPanel } from "./objects.js";
 import { makeScorePanel } from "./score.js";
+import { makeSensorsPanel } from "./sensors.js";
 import { ServerFiles } from "./server_files.js";
 import { makeTimePanel } from "./time.js";
 import { makeStartCard } from "./start_card.js";
@@ -44,6 +45,7 @@ export function addPanels(context, layout) {
   layout.stage.append(makeStartCard(context, driving));
   layout.addPanel("ego", driving);
   layout.addPanel("ego", makeEgoPanel(context));
+  layout.addPanel("ego", makeSensorsPanel(context));
   layout.addPanel("ego", makeScorePanel(context));
   layout.addPanel("time", makeTimePanel(context));
   layout.addPanel("objects", makeObjectsPanel(context));

@@ -19,6 +19,7 @@ const IMAGE_ENCODINGS = {
   "8UC1": { channels: 1, bytes: 1, places: [0, 0, 0, -1] },
   mono16: { channels: 1, bytes: 2, places: [0, 0, 0, -1] },
   "16UC1": { channels: 1, bytes: 2, places: [0, 0, 0, -1] },
+  "32FC1": { channels: 1, bytes: 4, places: [0, 0, 0, -1] },
 };
 
 /** Media type for each format, by the first bytes of a file; a format's name is not always right. @type {[string, number[]][]} */
@@ -91,6 +92,9 @@ export function rawPixels(message) {
   if (step < width * pixelSize || bytes.length < step * (height - 1) + width * pixelSize) {
     throw new RangeError(`data: expected ${step} x ${height} bytes; got ${bytes.length}`);
   }
+  if (encoding === "32FC1") {
+    return { width, height, pixels: depthPixels(bytes, step, width, height) };
+  }
   // Of two bytes, the more significant one is shown.
   const skip = form.bytes === 2 && !message.is_bigendian ? 1 : 0;
   const pixels = new Uint8ClampedArray(4 * width * height);
@@ -106,4 +110,23 @@ export function rawPixels(message) {
     }
   }
   return { width, height, pixels };
+}
+
+/** Distance at which a picture of distances is half as bright as at 0 [m]; the sky is black. */
+const HALF_BRIGHT = 12;
+
+/**
+ * @param {Uint8Array} bytes - little-endian distances [m]
+ * @param {number} step - bytes of a row
+ * @param {number} width
+ * @param {number} height
+ */
+function depthPixels(bytes, step, width, height) {
+  const view = new DataView(bytes.buffer, bytes.byteOffset);
+  const pixels = new Uint8ClampedArray(4 * width * height).fill(255);
+  for (let i = 0; i < width * height; i += 1) {
+    const distance = view.getFloat32(step * Math.floor(i / width) + 4 * (i % width), true);
+    pixels.fill((255 * HALF_BRIGHT) / (HALF_BRIGHT + distance), 4 * i, 4 * i + 3);
+  }
+  return pixels;
 }

@@ -1,0 +1,159 @@
+// Cameras and lidars of the chosen ego: pictures with the boxes of what they show, and points on the map. The server reads
+// a sensor only while somebody listens, so the page listens only while this is shown.
+
+import { pointsOfCloud } from "../scene/point_cloud.js";
+import { egoName } from "../wire/requests.js";
+import { ActionButton, Notice } from "../widgets/action_button.js";
+import { element, setText } from "../widgets/dom.js";
+import { whileSeen } from "../widgets/seen.js";
+import { ImageView } from "./graph/image_view.js";
+
+/** @typedef {import("./context.js").PanelContext} PanelContext */
+/** @typedef {import("../scene/point_cloud.js").Place} Place */
+/** @typedef {Place & {kind: string, frame_id: string, topics: string[], settings: string}} SensorInfo */
+
+/** Pictures and turns of a lidar at most so often [ms]; cameras that share a topic have no such bound. */
+const PICTURE_THROTTLE = 100;
+const CLOUD_THROTTLE = 200;
+/** States of the ego that are kept, so that a turn of a lidar is placed where the ego was at its frame. */
+const NUM_PLACES = 20;
+
+/**
+ * @param {PanelContext} context
+ * @returns {{element: HTMLElement, title: string}}
+ */
+export function makeSensorsPanel(context) {
+  const { connection, scene, ego, mapView } = context;
+  const texts = context.texts.sensors;
+  const notice = new Notice();
+  const cards = element("div", { className: "sensor-cards" });
+  let isOn = false;
+  /** @type {(() => void)[]} */
+  let ends = [];
+
+  const stop = () => {
+    ends.forEach((end) => end());
+    ends = [];
+    cards.replaceChildren();
+    mapView?.showPoints(null);
+  };
+  const start = async () => {
+    stop();
+    notice.show("");
+    if (!isOn || connection.state !== "open") {
+      return;
+    }
+    const { number } = ego;
+    const answer = await connection.call("/sim/sensors", { ego: number });
+    if (!isOn || number !== ego.number || ends.length) {
+      return; // another list is on its way, or there
+    }
+    const sensors = /** @type {SensorInfo[]} */ (answer.sensors ?? []);
+    const cameras = sensors.filter(({ kind, topics }) => kind === "camera" && topics.length);
+    const lidars = sensors.filter(({ kind }) => kind === "lidar3d");
+    notice.show(answer.message || (cameras.length + lidars.length ? "" : texts.none));
+    cameras.forEach((camera) => cards.append(makeCard(context, camera, cameras)));
+    lidars.forEach((lidar) => {
+      ends.push(listenToLidar(context, lidar));
+      cards.append(element("p", { className: "hint" }, texts.lidar(lidar.frame_id)));
+    });
+    ends.push(() => {}); // there may be none, and this list is shown
+  };
+  const restart = () => void start().catch((error) => notice.showError(error));
+  ego.onChoice(restart);
+  connection.onState(restart);
+  scene.onMap(() => mapView?.showPoints(null));
+  const toggle = new ActionButton({
+    ...texts.start,
+    notice,
+    act: () => {
+      isOn = !isOn;
+      setText(toggle.element, isOn ? texts.stop.label : texts.start.label);
+      toggle.element.title = toggle.title = isOn ? texts.stop.title : texts.start.title;
+      return start();
+    },
+  });
+  const hint = element("p", { className: "hint" }, texts.hint);
+  return { element: element("div", {}, hint, element("div", { className: "button-row" }, toggle.element), notice.element, cards), title: texts.title };
+}
+
+/**
+ * @param {PanelContext} context
+ * @param {SensorInfo} camera
+ * @param {SensorInfo[]} cameras - of the ego, which may share a topic
+ */
+function makeCard({ connection, texts }, camera, cameras) {
+  const view = new ImageView({ ...texts.graph.image, label: camera.frame_id });
+  const { picture, encoding, width, height } = JSON.parse(camera.settings);
+  const canvas = element("canvas", { className: "sensor-boxes", width, height });
+  const card = element("figure", { className: "sensor-card" }, element("div", { className: "sensor-picture" }, view.element, canvas), element("figcaption", {}, camera.frame_id));
+  const [topic, , boxesTopic] = camera.topics;
+  const type = picture === "rgb" && encoding === "jpeg" ? "sensor_msgs/CompressedImage" : "sensor_msgs/Image";
+  const throttleMs = cameras.some((other) => other !== camera && other.topics[0] === topic) ? 0 : PICTURE_THROTTLE;
+  const options = /** @type {const} */ ({ throttleMs, queueLength: cameras.length, encoding: "cbor" });
+  /** @param {{header: {frame_id: string}}} message */
+  const isOwn = ({ header }) => header.frame_id.split("/").at(-1) === camera.frame_id;
+  whileSeen(card, () => {
+    const subscriptions = [
+      connection.subscribe(topic, type, (message) => isOwn(message) && view.show(type, message), options),
+      connection.subscribe(boxesTopic, "rosbridge_sim_msgs/BoundingBoxes", (message) => isOwn(message) && drawBoxes(canvas, message.boxes), { ...options, encoding: "json" }),
+    ];
+    return () => subscriptions.forEach((subscription) => subscription.close());
+  });
+  return card;
+}
+
+/**
+ * @param {HTMLCanvasElement} canvas - as large as the picture
+ * @param {{unique_id: number, left: number, top: number, right: number, bottom: number}[]} boxes
+ */
+function drawBoxes(canvas, boxes) {
+  const pen = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  pen.clearRect(0, 0, canvas.width, canvas.height);
+  pen.strokeStyle = pen.fillStyle = "#ffd400";
+  pen.lineWidth = canvas.width / 320;
+  pen.font = `${Math.round(canvas.width / 45)}px sans-serif`;
+  for (const { unique_id: id, left, top, right, bottom } of boxes) {
+    pen.strokeRect(left, top, right - left, bottom - top);
+    pen.fillText(String(id), left, top - pen.lineWidth);
+  }
+  canvas.dataset.boxes = String(boxes.length);
+}
+
+/**
+ * @param {PanelContext} context
+ * @param {SensorInfo} lidar
+ * @returns {() => void} ends it
+ */
+function listenToLidar({ connection, scene, ego, mapView }, lidar) {
+  if (mapView === null) {
+    return () => {};
+  }
+  /** @type {{frame: number, place: Place}[]} */
+  let places = [];
+  const keepPlace = () => {
+    const { state } = scene;
+    const row = scene.egos().find(({ number }) => number === ego.number)?.row;
+    if (state !== null && row !== undefined) {
+      const [x, y, z, roll, pitch, yaw] = [state.x, state.y, state.z, state.roll, state.pitch, state.heading].map((column) => column[row]);
+      places = [...places.slice(1 - NUM_PLACES), { frame: state.frame, place: { x, y, z, roll, pitch, yaw } }];
+    }
+  };
+  const end = scene.onState(keepPlace);
+  keepPlace();
+  const angle = Math.PI / 180;
+  const mounting = { ...lidar, roll: lidar.roll * angle, pitch: lidar.pitch * angle, yaw: lidar.yaw * angle };
+  const subscription = connection.subscribe(
+    lidar.topics[0] ?? egoName(ego.number, "/lidar3D"),
+    "sensor_msgs/PointCloud2",
+    (cloud) => {
+      const found = places.filter(({ frame }) => frame <= cloud.header.seq).at(-1) ?? places.at(-1);
+      found && mapView.showPoints((origin) => pointsOfCloud(cloud, found.place, mounting, origin));
+    },
+    { throttleMs: CLOUD_THROTTLE, queueLength: 1, encoding: "cbor" },
+  );
+  return () => {
+    subscription.close();
+    end();
+  };
+}
