@@ -54,7 +54,7 @@ LONGEST = (
     "shell/test_attach.py",
     "end_to_end/test_browser.py",
     "end_to_end/test_stack.py",
-    "scenery/test_static_mesh.py",
+    "scenery/static/test_static_mesh.py",
     "end_to_end/test_bridges.py",
     "end_to_end/test_drive_sync.py",
     "shell/bags/test_bag_recorder.py",

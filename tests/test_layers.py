@@ -58,7 +58,9 @@ documents: * not_json
 maps: * documents units world.geometry world.roads world.state
 scenarios: * documents maps units world.drivers world.geometry world.roads world.state
 # what sensors see
-scenery: maps world.followers world.geometry world.roads world.state
+scenery: world.followers world.geometry world.roads world.state
+scenery.static: maps scenery world.geometry world.roads
+scenery.moving: scenery scenery.static world.followers world.geometry world.state
 # MORAI's names
 morai: schema
 morai.messages: * maps morai scenarios schema units world.followers world.geometry world.roads world.state
@@ -75,9 +77,9 @@ simulator.sensors: * documents graph maps morai.messages scenery schema simulato
     world.geometry world.state world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensors simulator.sync world.contacts world.roads world.state
-simulator.sim_services: * graph maps morai.messages scenarios scenery schema simulator.bus simulator.kernel
-    simulator.plain simulator.scene simulator.sync units world world.contacts world.drivers world.followers
-    world.geometry world.lane_changes world.roads world.state
+simulator.sim_services: * graph maps morai.messages scenarios scenery scenery.static schema simulator.bus
+    simulator.kernel simulator.plain simulator.scene simulator.sync units world world.contacts world.drivers
+    world.followers world.geometry world.lane_changes world.roads world.state
 simulator.replays: * graph morai.messages scenarios simulator.bus simulator.kernel simulator.plain simulator.scene
     units world world.geometry world.state
 simulator.snapshots: * graph maps morai.messages protocol scenarios schema simulator.bus simulator.kernel
@@ -88,10 +90,10 @@ simulator: * graph morai morai.messages scenarios scenery schema simulator.bus s
 # outside
 link: * protocol
 client: * link protocol
-shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery schema shell.bags shell.config
-    shell.files shell.monitoring shell.page shell.rendering shell.ros2 shell.websocket simulator simulator.bus
-    simulator.plain simulator.replays simulator.scene simulator.sensors simulator.sim_services version world.geometry
-    world.roads world.state
+shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery scenery.static schema shell.bags
+    shell.config shell.files shell.monitoring shell.page shell.rendering shell.ros2 shell.websocket simulator
+    simulator.bus simulator.plain simulator.replays simulator.scene simulator.sensors simulator.sim_services version
+    world.geometry world.roads world.state
 shell.page: * schema
 shell.monitoring: * graph protocol schema shell.websocket simulator version
 shell.websocket: * graph link protocol shell shell.page version
@@ -99,7 +101,7 @@ shell.config: * graph.ros2 link simulator.bus
 shell.ros2: * graph graph.ros2 morai schema shell shell.config shell.files
 shell.files: * maps scenarios schema shell.config simulator.bus simulator.sensors world.state
 shell.bags: * graph schema shell.files simulator.replays
-shell.rendering: scenery world.geometry
+shell.rendering: scenery scenery.moving world.geometry
 worlds: maps scenarios shell.files simulator.kernel simulator.plain simulator.scene simulator.sim_services
     world.drivers world.geometry world.many_worlds world.roads world.state
 environments: worlds world.state

@@ -6,7 +6,7 @@ from functools import cache, lru_cache
 
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenery.mesh import Mesh
-from rosbridge_sim.scenery.static_mesh import static_mesh
+from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
 from rosbridge_sim.shell.rendering.jpeg import encode_jpeg
 from rosbridge_sim.shell.rendering.ray_caster import RayCaster

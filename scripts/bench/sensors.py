@@ -40,7 +40,7 @@ from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.pictures import Channel
 from rosbridge_sim.scenery.scene_frame import SceneFrame, take_frame
-from rosbridge_sim.scenery.static_mesh import static_mesh
+from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.rendering.camera_renderer import SAMPLES, CameraRenderer
 from rosbridge_sim.shell.rendering.gl_context import open_context

@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 
 from rosbridge_sim.scenery.mesh_pages import MeshPage, mesh_pages
-from rosbridge_sim.scenery.static_mesh import static_mesh
+from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.shell.files.library import DiskLibrary
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, rotation
 from rosbridge_sim.scenery.mesh import Mesh
-from rosbridge_sim.scenery.moving_mesh import MovingScene
+from rosbridge_sim.scenery.moving.moving_mesh import MovingScene
 from rosbridge_sim.scenery.pictures import EXTINCTION, NOBODY, Channel, Picture, Weather
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
 from rosbridge_sim.shell.rendering import shaders

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rosbridge_sim.scenery.mesh import Mesh
-from rosbridge_sim.scenery.moving_mesh import MovingScene
+from rosbridge_sim.scenery.moving.moving_mesh import MovingScene
 from rosbridge_sim.scenery.pictures import NOBODY, Hits
 from rosbridge_sim.scenery.scene_frame import SceneFrame
 from rosbridge_sim.shell.rendering.unavailable import missing_library

@@ -14,7 +14,7 @@ from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.mesh import Label, Mesh
 from rosbridge_sim.scenery.scene_frame import SceneFrame, take_frame
 from rosbridge_sim.scenery.solids import box
-from rosbridge_sim.scenery.static_mesh import static_mesh
+from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
 from rosbridge_sim.shell.rendering.ray_caster import RayCaster

@@ -12,8 +12,8 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.scenery.moving.template import Template, TemplateBuilder, Tint
 from rosbridge_sim.scenery.solids import Solid, column, prism
-from rosbridge_sim.scenery.template import Template, TemplateBuilder, Tint
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 __all__ = ["Limb", "figure_limbs", "pose_figure", "trunk_template", "walking_angles"]

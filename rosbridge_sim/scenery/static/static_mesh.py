@@ -6,15 +6,15 @@ import numpy as np
 
 from rosbridge_sim.maps.extent import find_far_lanes
 from rosbridge_sim.maps.road_map import RoadMap
-from rosbridge_sim.scenery.dressing import add_dressing
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.scenery.road_cover import RoadCover
-from rosbridge_sim.scenery.road_paint import add_paint
-from rosbridge_sim.scenery.road_signs import add_markings, add_signs
-from rosbridge_sim.scenery.road_surface import add_asphalt, add_edges
-from rosbridge_sim.scenery.terrain import Terrain
-from rosbridge_sim.scenery.traffic_lights import add_lights
+from rosbridge_sim.scenery.static.dressing import add_dressing
+from rosbridge_sim.scenery.static.road_cover import RoadCover
+from rosbridge_sim.scenery.static.road_paint import add_paint
+from rosbridge_sim.scenery.static.road_signs import add_markings, add_signs
+from rosbridge_sim.scenery.static.road_surface import add_asphalt, add_edges
+from rosbridge_sim.scenery.static.terrain import Terrain
+from rosbridge_sim.scenery.static.traffic_lights import add_lights
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Light

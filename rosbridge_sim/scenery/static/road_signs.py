@@ -10,10 +10,10 @@ import numpy as np
 from rosbridge_sim.maps.road_map import Marking, Sign
 from rosbridge_sim.scenery.mesh import Colour, Label
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.scenery.road_cover import RoadCover
-from rosbridge_sim.scenery.road_paint import WHITE
 from rosbridge_sim.scenery.solids import box, column
-from rosbridge_sim.scenery.terrain import Terrain
+from rosbridge_sim.scenery.static.road_cover import RoadCover
+from rosbridge_sim.scenery.static.road_paint import WHITE
+from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 
 __all__ = ["add_markings", "add_signs"]

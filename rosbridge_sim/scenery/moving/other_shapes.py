@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rosbridge_sim.scenery.people_shapes import pose_figure
+from rosbridge_sim.scenery.moving.people_shapes import pose_figure
+from rosbridge_sim.scenery.moving.template import Template, TemplateBuilder, Tint
 from rosbridge_sim.scenery.scene_frame import Shape
 from rosbridge_sim.scenery.solids import box
-from rosbridge_sim.scenery.template import Template, TemplateBuilder, Tint
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 __all__ = ["AXLES", "obstacle_template", "two_wheeler_template"]

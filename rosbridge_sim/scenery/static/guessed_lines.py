@@ -9,7 +9,7 @@ import numpy as np
 
 from rosbridge_sim.maps.road_map import Border
 from rosbridge_sim.scenery.lines import across, take_at
-from rosbridge_sim.scenery.road_cover import RoadCover
+from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 

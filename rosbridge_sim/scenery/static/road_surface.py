@@ -10,8 +10,8 @@ import numpy as np
 from rosbridge_sim.scenery.lines import across, sample_arcs, strip, take_at
 from rosbridge_sim.scenery.mesh import Colour, Label
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.scenery.road_cover import RoadCover
-from rosbridge_sim.scenery.terrain import Terrain
+from rosbridge_sim.scenery.static.road_cover import RoadCover
+from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.scenery.mesh import Colour, Label, Mesh
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.scenery.road_cover import RoadCover
 from rosbridge_sim.scenery.solids import box, column, disc
-from rosbridge_sim.scenery.terrain import Terrain
+from rosbridge_sim.scenery.static.road_cover import RoadCover
+from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.signal_plan import Lamp, Light, SignalPlan
 

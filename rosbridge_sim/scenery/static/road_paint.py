@@ -8,11 +8,11 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.maps.road_map import Border, Crosswalk, RoadMap
-from rosbridge_sim.scenery.guessed_lines import guess_borders
 from rosbridge_sim.scenery.lines import across, cut_dashes, sample_arcs, strip, take_at
 from rosbridge_sim.scenery.mesh import Colour, Label
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.scenery.road_cover import RoadCover
+from rosbridge_sim.scenery.static.guessed_lines import guess_borders
+from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 

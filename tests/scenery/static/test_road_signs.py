@@ -7,8 +7,8 @@ from rosbridge_sim.maps.mgeo import NO_PROJECTION
 from rosbridge_sim.maps.road_map import Marking, RoadMap, Sign
 from rosbridge_sim.scenery.mesh import Label, Mesh
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.scenery.road_signs import add_markings
-from rosbridge_sim.scenery.static_mesh import static_mesh
+from rosbridge_sim.scenery.static.road_signs import add_markings
+from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from tests.world.road_factory import line, make
 
 ARROW = np.array(

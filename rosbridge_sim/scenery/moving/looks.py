@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rosbridge_sim.scenery.mesh import Lit
+from rosbridge_sim.scenery.moving.template import Tint
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
-from rosbridge_sim.scenery.template import Tint
 from rosbridge_sim.world.followers.lamps import BRAKE, LEFT, REVERSE, RIGHT
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.chance import mix

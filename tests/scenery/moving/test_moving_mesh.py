@@ -9,11 +9,11 @@ import pytest
 
 from rosbridge_sim.scenarios.catalogue import CATALOGUE
 from rosbridge_sim.scenery.camera_geometry import box_corners
-from rosbridge_sim.scenery.looks import EGO_PAINT
 from rosbridge_sim.scenery.mesh import Label, Lit, Mesh
-from rosbridge_sim.scenery.moving_mesh import MovingScene, moving_mesh
+from rosbridge_sim.scenery.moving.looks import EGO_PAINT
+from rosbridge_sim.scenery.moving.moving_mesh import MovingScene, moving_mesh
 from rosbridge_sim.scenery.scene_frame import EgoLook, SceneFrame, take_frame
-from rosbridge_sim.scenery.traffic_lights import SignalLamps
+from rosbridge_sim.scenery.static.traffic_lights import SignalLamps
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.followers.lamps import BRAKE, LEFT, RIGHT
 from rosbridge_sim.world.roads.signal_plan import Lamp

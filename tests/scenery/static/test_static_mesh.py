@@ -10,9 +10,9 @@ import pytest
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenery.mesh import Label, Mesh
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
-from rosbridge_sim.scenery.road_cover import RoadCover
-from rosbridge_sim.scenery.road_paint import add_paint
-from rosbridge_sim.scenery.static_mesh import static_mesh
+from rosbridge_sim.scenery.static.road_cover import RoadCover
+from rosbridge_sim.scenery.static.road_paint import add_paint
+from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.roads.surface import Surface
 from tests.world.road_factory import line, make

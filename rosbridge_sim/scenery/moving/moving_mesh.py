@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rosbridge_sim.scenery.camera_geometry import rotation
-from rosbridge_sim.scenery.looks import lit_table, tint_table
 from rosbridge_sim.scenery.mesh import Label, Mesh, join_meshes
-from rosbridge_sim.scenery.other_shapes import AXLES, obstacle_template, two_wheeler_template
-from rosbridge_sim.scenery.people_shapes import pose_figure, walking_angles
+from rosbridge_sim.scenery.moving.looks import lit_table, tint_table
+from rosbridge_sim.scenery.moving.other_shapes import AXLES, obstacle_template, two_wheeler_template
+from rosbridge_sim.scenery.moving.people_shapes import pose_figure, walking_angles
+from rosbridge_sim.scenery.moving.template import Template
+from rosbridge_sim.scenery.moving.vehicle_shapes import TRACK, WHEELS, vehicle_template, wheel_template
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
-from rosbridge_sim.scenery.template import Template
-from rosbridge_sim.scenery.traffic_lights import SignalLamps
-from rosbridge_sim.scenery.vehicle_shapes import TRACK, WHEELS, vehicle_template, wheel_template
+from rosbridge_sim.scenery.static.traffic_lights import SignalLamps
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 
 __all__ = ["MovingScene", "moving_mesh"]

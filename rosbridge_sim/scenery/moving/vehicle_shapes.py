@@ -8,9 +8,9 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.scenery.moving.template import Template, TemplateBuilder, Tint
 from rosbridge_sim.scenery.scene_frame import Shape
 from rosbridge_sim.scenery.solids import join
-from rosbridge_sim.scenery.template import Template, TemplateBuilder, Tint
 
 __all__ = ["TRACK", "WHEELS", "vehicle_template", "wheel_template"]
 
