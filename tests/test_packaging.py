@@ -14,10 +14,12 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from email import message_from_bytes
+from importlib.metadata import Distribution, distribution
 from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
+from packaging.requirements import Requirement
 
 from rosbridge_sim import __version__
 from rosbridge_sim.shell.config.settings import Settings
@@ -132,6 +134,10 @@ class Place:
     def bin(self) -> Path:
         return self.folder / "env" / "bin"
 
+    @property
+    def python(self) -> Path:
+        return self.bin / "python3"
+
     def popen(self, words: Sequence[str], **env: str) -> subprocess.Popen[str]:
         """Start a command there as an ordinary user, with the image's ENV but for what `env` says."""
         variables = {**os.environ, **environment(), "PATH": f"{self.bin}:{os.environ['PATH']}", **env}
@@ -157,33 +163,70 @@ class Place:
 
 @pytest.fixture(scope="module")
 def place() -> Iterator[Place]:
-    """The wheel of this checkout, built and installed."""
+    """The wheel of this checkout, built and installed, with copies of the libraries that it says it needs."""
     folder = Path(tempfile.mkdtemp(prefix="rosbridge-sim-"))
     folder.chmod(0o755)  # pytest's own folders are closed to others
     try:
         place = Place(folder)
-        do(python_for_all(place), "-m", "venv", str(folder / "env"))
-        pip = [str(place.bin / "pip"), "--disable-pip-version-check", "--quiet"]
-        do(*pip, "wheel", "--no-deps", "--wheel-dir", str(folder), str(ROOT))
-        do(*pip, "install", *map(str, folder.glob("*.whl")))
+        do(python_for_all(place), "-m", "venv", "--without-pip", str(folder / "env"))
+        do(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder))
+        (wheel,) = folder.glob("*.whl")
+        pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet", "--python", str(place.python)]
+        do(*pip, "install", "--no-deps", "--no-index", str(wheel))
+        (packages,) = folder.glob("env/lib/python3*/site-packages")
+        for distribution in needed_by(wheel):
+            copy_files(distribution, packages)
         yield place
     finally:
         shutil.rmtree(folder)
 
 
-def do(*words: str) -> None:
-    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=10 * MINUTE, check=False)
+def do(*words: str, cwd: Path = ROOT) -> None:
+    done = subprocess.run(words, cwd=cwd, capture_output=True, text=True, timeout=10 * MINUTE, check=False)
     assert done.returncode == 0, f"{' '.join(words)}:\n{done.stdout}{done.stderr}"
 
 
 def python_for_all(place: Place) -> str:
-    """A Python that an ordinary user may run: not every one lies where others may look."""
+    """A Python of our version that an ordinary user may run: not every one lies where others may look."""
     candidates = [str(Path(sys.executable).resolve()), "/usr/bin/python3", "/usr/local/bin/python3"]
     for python in filter(os.path.exists, candidates):
-        code = "import sys, ensurepip, venv; sys.exit(sys.version_info < (3, 11))"
+        code = f"import sys, venv; sys.exit(sys.version_info[:2] != {sys.version_info[:2]})"
         if place.run(["env", python, "-c", code]).returncode == 0:
             return python
-    return miss("needs a Python 3.11 or newer with its venv module that an ordinary user may run")
+    version = f"{sys.version_info[0]}.{sys.version_info[1]}"
+    return miss(f"needs a Python {version} with its venv module that an ordinary user may run")
+
+
+def needed_by(wheel: Path) -> Iterator[Distribution]:
+    """What is installed here of that which a wheel needs, and of that which this needs in turn."""
+    with ZipFile(wheel) as archive:
+        metadata = message_from_bytes(archive.read(f"rosbridge_sim-{__version__}.dist-info/METADATA"))
+    waiting, seen = list(metadata.get_all("Requires-Dist", [])), set()
+    while waiting:
+        requirement = Requirement(waiting.pop())
+        if requirement.name in seen or (requirement.marker and not requirement.marker.evaluate({"extra": ""})):
+            continue
+        seen.add(requirement.name)
+        found = distribution(requirement.name)
+        assert requirement.specifier.contains(found.version), f"{requirement}; {found.version} is installed"
+        waiting += found.requires or []
+        yield found
+
+
+def copy_files(found: Distribution, packages: Path) -> None:
+    """Copy a library into another folder of packages, without its programs."""
+    for file in found.files or []:
+        if ".." not in file.parts:
+            (packages / file).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(str(file.locate()), packages / file)
+
+
+@pytest.mark.long
+def test_pip_finds_all_that_the_wheel_needs(place: Place, tmp_path: Path) -> None:
+    (wheel,) = place.folder.glob("*.whl")
+    do(sys.executable, "-m", "venv", str(tmp_path))
+    do(str(tmp_path / "bin" / "pip"), "--disable-pip-version-check", "--quiet", "install", str(wheel))
+    do(str(tmp_path / "bin" / "rosbridge-sim"), "serve", "--print-config")
 
 
 def test_wheel_contains_all_data_files(place: Place) -> None:
@@ -233,6 +276,7 @@ def test_sdist_is_complete_and_gives_the_same_wheel(place: Place) -> None:
     do(sys.executable, "-m", "hatchling", "build", "-t", "sdist", "-d", str(target))
     (sdist,) = target.iterdir()
     with tarfile.open(sdist) as archive:
+        archive.extractall(target, filter="data")
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert names == names_in_git() - {".gitignore"} | {"PKG-INFO"}
     assert names > {
@@ -243,7 +287,8 @@ def test_sdist_is_complete_and_gives_the_same_wheel(place: Place) -> None:
         "tests/test_packaging.py",
         "scripts/serve",
     }
-    do(str(place.bin / "pip"), "--disable-pip-version-check", "wheel", "--no-deps", "-w", str(target), str(sdist))
+    (unpacked,) = (path for path in target.iterdir() if path.is_dir())
+    do(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(target), cwd=unpacked)
     (again,) = target.glob("*.whl")
     (wheel,) = place.folder.glob("*.whl")
     with ZipFile(wheel) as first, ZipFile(again) as second:
