@@ -52,6 +52,7 @@ _MODULES = (
     "twisted.internet.ssl",
     "autobahn.websocket.protocol",
     "numpy.ma",  # numpy imports it when it is first used
+    "pytest",  # of tests that users write; a plugin of it that were imported here could not be rewritten
 )
 """What the programs import at their start, but for their `__main__`, which each of them runs itself."""
 

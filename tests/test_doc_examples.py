@@ -12,7 +12,6 @@ import shlex
 import shutil
 import socket
 import subprocess
-import sys
 import threading
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -123,18 +122,25 @@ def run_program(command: list[str], cwd: Path, **variables: str) -> subprocess.C
 
 def run(command: list[str], cwd: Path, **variables: str) -> str:
     """Output of a program; it must write nothing to stderr."""
-    done = run_program(command, cwd, **variables)
+    return output_of(run_program(command, cwd, **variables))
+
+
+def output_of(done: subprocess.CompletedProcess[str]) -> str:
+    """Output of a program that has ended well and said nothing else."""
     assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
     return done.stdout
+
+
+def run_strictly(script: str, folder: Path) -> str:
+    """Output of a Python program in which each warning is an error."""
+    return output_of(fork_server.run(["-c", "import warnings; warnings.simplefilter('error')\n" + script], cwd=folder))
 
 
 def run_python(mark: str, port: int, folder: Path) -> str:
     """What a marked Python program prints when it talks to this port."""
     script = folder / f"{mark}.py"
     script.write_text(at_port(example(mark), port))
-    done = fork_server.run([script], cwd=folder)
-    assert (done.returncode, done.stderr) == (0, ""), done.stdout + done.stderr
-    return done.stdout
+    return output_of(fork_server.run([script], cwd=folder))
 
 
 def node_command(mark: str, port: int, folder: Path) -> list[str]:
@@ -254,17 +260,17 @@ async def test_web_page_drives_the_car_and_shows_its_speed(serve: Serve, tmp_pat
 @pytest.mark.parametrize("mark", TESTS)
 def test_tests_on_the_pages_pass(mark: str, tmp_path: Path) -> None:
     (tmp_path / "test_page.py").write_text(example(mark))
-    words = ["-q", "--strict-markers", "-p", "rosbridge_sim.pytest_plugin", "-p", "pytest_asyncio.plugin"]
-    words += ["-o", "asyncio_mode=auto", "-o", "asyncio_default_fixture_loop_scope=function", "."]
-    printed = run([sys.executable, "-W", "error", "-m", "pytest", *words], tmp_path, PYTEST_DISABLE_PLUGIN_AUTOLOAD="1")
+    words = ["-m", "pytest", "-q", "-W", "error", "--strict-markers", "-p", "rosbridge_sim.pytest_plugin"]
+    words += ["-p", "pytest_asyncio.plugin", "-o", "asyncio_mode=auto"]
+    words += ["-o", "asyncio_default_fixture_loop_scope=function", "."]
+    env = {**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+    printed = output_of(fork_server.run(words, cwd=tmp_path, env=env))
     assert re.search(r"^\d passed in", printed, re.MULTILINE), printed
 
 
 @pytest.mark.slow
 def test_simulator_without_pytest_runs(tmp_path: Path) -> None:
-    script = tmp_path / "simulator.py"
-    script.write_text(example("simulator"))
-    printed = run([sys.executable, "-W", "error", str(script)], tmp_path)
+    printed = run_strictly(example("simulator"), tmp_path)
     assert re.fullmatch(r"<Simulator ws://\S+ scenario='demo' seed=0 running> has \d+ topics\n", printed)
 
 
@@ -277,9 +283,7 @@ WITHOUT_SERVER = ("worlds", "gymnasium")
 def test_program_without_a_server_prints_what_the_page_says(tmp_path: Path, mark: str) -> None:
     if mark == "gymnasium":
         pytest.importorskip("gymnasium", reason="the extra rosbridge-sim[gym]")
-    script = tmp_path / "program.py"
-    script.write_text(example(mark))
-    assert run([sys.executable, "-W", "error", str(script)], tmp_path) == shown(mark)
+    assert run_strictly(example(mark), tmp_path) == shown(mark)
 
 
 # Files and commands

@@ -1,4 +1,4 @@
-"""The pytest plugin, as a user's test run has it: each of these starts pytest in a process of its own."""
+"""The pytest plugin, as a user's test run has it: each of these runs pytest in a process of its own."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from tests import fork_server
 from tests.support import PATIENCE, ROOT
 
 pytestmark = pytest.mark.slow
@@ -46,7 +47,8 @@ class RunTests:
 
     folder: Path
 
-    def __call__(self, source: str, *flags: str) -> Run:
+    def __call__(self, source: str, *flags: str, is_fresh: bool = False) -> Run:
+        """Run it in a fork of a process that has imported the package, or in a fresh one."""
         (self.folder / "pytest.ini").write_text(
             "[pytest]\n"
             "addopts = --strict-markers --strict-config -ra\n"
@@ -56,15 +58,13 @@ class RunTests:
         )
         (self.folder / "test_user.py").write_text(source)
         plugins = [word for plugin in PLUGINS for word in ("-p", plugin)]
-        done = subprocess.run(
-            [sys.executable, "-m", "pytest", *plugins, "--basetemp", str(self.folder / "tmp"), *flags],
-            cwd=self.folder,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"},
-            capture_output=True,
-            text=True,
-            timeout=6 * PATIENCE,
-            check=False,
-        )
+        words = ["-m", "pytest", *plugins, "--basetemp", str(self.folder / "tmp"), *flags]
+        env = {**os.environ, "PYTHONPATH": str(ROOT), "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1"}
+        if is_fresh:
+            command = [sys.executable, *words]
+            done = subprocess.run(command, cwd=self.folder, env=env, capture_output=True, text=True, check=False)
+        else:
+            done = fork_server.run(words, cwd=self.folder, env=env, timeout=6 * PATIENCE)
         counts = {word: int(num) for num, word in re.findall(r"(\d+) (\w+)", done.stdout.splitlines()[-1])}
         return Run(done.returncode, counts, done.stdout + done.stderr)
 
@@ -188,7 +188,7 @@ def test_without():
 """
 
 
-@pytest.mark.parametrize("flags", [(), ("-n", "2")], ids=["alone", "xdist"])
+@pytest.mark.parametrize("flags", [(), ("-n", "1")], ids=["alone", "xdist"])
 def test_failed_test_is_told_messages_picture_and_command(run_tests: RunTests, flags: tuple[str, ...]) -> None:
     run = run_tests(FAILING, *flags)
     assert run.counts | {"in": 0} == {"failed": 4, "passed": 1, "error": 1, "in": 0}, run.out
@@ -269,7 +269,8 @@ def test_wrong_marker_is_a_clear_error(run_tests: RunTests) -> None:
 
 
 def test_nothing_of_the_package_is_imported_before_a_fixture_is_used(run_tests: RunTests) -> None:
-    run = run_tests("""
+    run = run_tests(
+        """
 import sys
 
 def test_nothing(pytestconfig):
@@ -277,7 +278,9 @@ def test_nothing(pytestconfig):
     ours = {name for name in sys.modules if name.partition(".")[0] == "rosbridge_sim"}
     assert ours == {"rosbridge_sim", "rosbridge_sim.version", "rosbridge_sim.pytest_plugin"}
     assert not {"numpy", "websockets", "pydantic", "msgspec", "orjson", "PIL"} & set(sys.modules)
-""")
+""",
+        is_fresh=True,
+    )
     assert (run.code, run.counts.get("passed")) == (0, 1), run.out
 
 
