@@ -18,7 +18,7 @@ __all__ = ["Connect", "Serve", "Simulate", "require_tool"]
 
 # How long an example takes is the machine's, not the code's. `--long` tries more of them.
 hypothesis.settings.register_profile("ours", deadline=None, max_examples=25)
-hypothesis.settings.register_profile("long", deadline=None, max_examples=1_000)
+hypothesis.settings.register_profile("long", deadline=None, max_examples=200)
 hypothesis.settings.load_profile("ours")
 
 

@@ -16,7 +16,7 @@ from playwright.async_api import Page, expect
 from rosbridge_sim.client import AsyncClient
 from tests.conftest import Serve
 from tests.page.conftest import OpenPage
-from tests.support import PATIENCE, ROOT
+from tests.support import PATIENCE, ROOT, ServerProcess
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
@@ -71,32 +71,35 @@ async def coordinates(page: Page, x: float, y: float) -> str:
     return await page.locator(".coordinates").inner_text()
 
 
+async def accelerate(server: ServerProcess, num_ticks: int) -> None:
+    """Drive the ego to the east in synchronous mode: a page that draws in real time would need all processors."""
+    async with AsyncClient(server.url) as client:
+        await client.start_sync(step_ms=100)  # a picture for five frames
+        command = {"longlCmdType": 1, "accel": 1.0}
+        await client.ask("/SyncModeCtrlCmd", frame=client.next_frame, command=command, sensor_capture=False)
+        await client.tick(num_ticks)
+
+
 def url_of(port: int) -> str:
     return f"http://127.0.0.1:{port}/"
 
 
 async def test_ego_moves_on_the_canvas(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--scenario", "town")
+    server = serve("--scenario", "town", "--start", "sync")
     page = await open_map(open_page, url_of(server.port))
     await page.keyboard.press("f")  # the map stands still
     before = ego_pixels(await until(page, lambda pixels: len(ego_pixels(pixels)) > 50)).mean(axis=0)
-    async with AsyncClient(server.url) as client:
-        for _ in range(3):
-            await client.publish("/ctrl_cmd", {"longlCmdType": 1, "accel": 1.0})
-        await client.wait_for("/Ego_topic", lambda ego: ego["velocity"]["x"] > 2.0)
+    await accelerate(server, 30)
     after = await until(page, lambda pixels: ego_pixels(pixels)[:, 0].mean() > before[0] + 20)
     assert abs(ego_pixels(after)[:, 1].mean() - before[1]) < 10, "it drives to the east, which is on the right"
 
 
 async def test_ego_stays_in_the_middle_while_the_map_follows(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--scenario", "town")
+    server = serve("--scenario", "town", "--start", "sync")
     page = await open_map(open_page, url_of(server.port))
     follow = page.get_by_role("button", name="Follow the car")
     await expect(follow).to_have_attribute("aria-pressed", "true")
-    async with AsyncClient(server.url) as client:
-        for _ in range(3):
-            await client.publish("/ctrl_cmd", {"longlCmdType": 1, "accel": 1.0})
-        await client.wait_for("/Ego_topic", lambda ego: ego["position"]["x"] > -80.0)
+    await accelerate(server, 40)
     pixels = await until(page, lambda pixels: len(ego_pixels(pixels)) > 50)
     assert abs(ego_pixels(pixels)[:, 0].mean() / pixels.shape[1] - 0.5) < 0.06
     await page.mouse.move(300, 300)
@@ -107,14 +110,16 @@ async def test_ego_stays_in_the_middle_while_the_map_follows(serve: Serve, open_
 
 
 async def test_light_has_the_colour_that_it_is_set_to(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--scenario", "town")
+    server = serve("--scenario", "town", "--start", "sync")
     page = await open_map(open_page, url_of(server.port))
     async with AsyncClient(server.url) as client:
+        await client.start_sync()
         town = await client.map()
         near = [light["name"] for light in town["lights"] if abs(light["x"] + 110) < 30 and abs(light["y"]) < 30]
         for lamps, name in ((4, "yellow"), (1, "red"), (16, "green")):
             for light in near:
                 await client.publish("/SetTrafficLight", {"trafficLightIndex": light, "trafficLightStatus": lamps})
+            await client.tick()
             others = [colour(COLOURS["signals"][other]) for other in ("yellow", "red", "green") if other != name]
             shown = colour(COLOURS["signals"][name])
 
@@ -129,7 +134,7 @@ async def test_light_has_the_colour_that_it_is_set_to(serve: Serve, open_page: O
 
 
 async def test_zoom_at_the_pointer_keeps_the_place_under_it(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_map(open_page, url_of(serve("--scenario", "town").port))
+    page = await open_map(open_page, url_of(serve("--scenario", "town", "--start", "sync").port))
     await page.keyboard.press("f")
     before = await coordinates(page, 600, 150)
     scale = await page.locator(".scale-bar").inner_text()
@@ -139,11 +144,13 @@ async def test_zoom_at_the_pointer_keeps_the_place_under_it(serve: Serve, open_p
 
 
 async def test_click_selects_the_object_under_it_and_tells_what_it_does(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--scenario", "town")
+    server = serve("--scenario", "town", "--start", "sync")
     page = await open_map(open_page, url_of(server.port))
     async with AsyncClient(server.url) as client:
+        await client.start_sync()
         await client.spawn("2015_Kia_K5", x=-80.0, y=-12.0, behaviour="stand")
         number = await client.spawn("2015_Kia_K5", x=-80.0, y=12.0, behaviour="stand")
+        await client.tick()
     await page.keyboard.press("f")
     box = await page.locator("canvas.map-canvas").bounding_box()
     assert box is not None
@@ -161,7 +168,7 @@ async def test_click_selects_the_object_under_it_and_tells_what_it_does(serve: S
 
 
 async def test_objects_are_selected_by_the_keyboard(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_map(open_page, url_of(serve("--scenario", "town").port))
+    page = await open_map(open_page, url_of(serve("--scenario", "town", "--start", "sync").port))
     heading = page.get_by_role("region", name="Selected object").get_by_role("heading")
     await page.keyboard.press("o")
     await expect(heading).to_have_text("Ego")
@@ -172,10 +179,12 @@ async def test_objects_are_selected_by_the_keyboard(serve: Serve, open_page: Ope
 
 
 async def test_collision_is_told_on_the_map_and_listed_with_both_names(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--scenario", "town")
+    server = serve("--scenario", "town", "--start", "sync")
     page = await open_map(open_page, url_of(server.port))
     async with AsyncClient(server.url) as client:
+        await client.start_sync()
         await client.spawn("2015_Kia_K5", x=-85.0, y=-5.25, behaviour="stand")
+        await client.tick()
     await expect(page.locator(".map-label.contact").first).to_contain_text("Collision: Ego and Vehicle")
     entry = page.locator(".contact-list li")
     await expect(entry.first).to_contain_text("Ego and Vehicle")
@@ -184,7 +193,7 @@ async def test_collision_is_told_on_the_map_and_listed_with_both_names(serve: Se
 
 
 async def test_camera_behind_the_car_shows_sky_and_the_car(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_map(open_page, url_of(serve("--scenario", "town").port))
+    page = await open_map(open_page, url_of(serve("--scenario", "town", "--start", "sync").port))
     await page.keyboard.press("c")
     await expect(page.get_by_role("button", name="Camera behind the car")).to_have_attribute("aria-pressed", "true")
     sky = np.array(colour(COLOURS["sky"]["horizon"]))
@@ -193,7 +202,7 @@ async def test_camera_behind_the_car_shows_sky_and_the_car(serve: Serve, open_pa
 
 
 async def test_camera_behind_the_car_shows_the_scene_that_cameras_see(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_map(open_page, url_of(serve("--scenario", "parking").port))
+    page = await open_map(open_page, url_of(serve("--scenario", "parking", "--start", "sync").port))
     await page.keyboard.press("c")
 
     def has_meadows(pixels: Pixels) -> bool:
@@ -207,7 +216,7 @@ async def test_camera_behind_the_car_shows_the_scene_that_cameras_see(serve: Ser
 
 
 async def test_distance_between_two_clicks_is_measured(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_map(open_page, url_of(serve("--scenario", "town").port))
+    page = await open_map(open_page, url_of(serve("--scenario", "town", "--start", "sync").port))
     await page.keyboard.press("f")
     await page.keyboard.press("m")
     await page.mouse.click(200, 200)
@@ -242,7 +251,7 @@ async def test_page_without_webgl_says_so_and_the_rest_works(serve: Serve, open_
 
 
 async def test_help_lists_keys_and_colours(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_map(open_page, url_of(serve("--scenario", "town").port), color_scheme="dark")
+    page = await open_map(open_page, url_of(serve("--scenario", "town", "--start", "sync").port), color_scheme="dark")
     await page.get_by_role("button", name="Keys and colours").click()
     dialog = page.get_by_role("dialog", name="Map: keys and colours")
     await expect(dialog).to_contain_text("Measure a distance between two clicks")
