@@ -28,18 +28,12 @@ def load(path: Path) -> Any:  # noqa: ANN401 - whatever the file holds
     return YAML(typ="safe").load(path.read_text("utf-8"))
 
 
-def lint(folder: Path = ROOT) -> subprocess.CompletedProcess[str]:
+def lint(folder: Path) -> subprocess.CompletedProcess[str]:
     for program in ("zizmor", "check-jsonschema"):
         if not (BIN / program).exists():
             miss(f"needs {program}: pip install -e '.[lint]' (./scripts/test does it)")
     words = [str(folder / "scripts" / "lint_workflows")]
     return subprocess.run(words, capture_output=True, text=True, timeout=6 * PATIENCE, check=False)
-
-
-@pytest.mark.slow
-def test_linters_find_nothing() -> None:
-    done = lint()
-    assert done.returncode == 0, done.stdout + done.stderr
 
 
 @pytest.mark.slow
