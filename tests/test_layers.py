@@ -195,6 +195,7 @@ PURE_MODULES = frozenset(
         "keyword",
         "logging",
         "math",
+        "mmap",
         "numbers",
         "operator",
         "re",
@@ -354,9 +355,11 @@ def _call_faults(tree: ast.AST, room: str) -> Iterator[tuple[int, str]]:
                 yield node.lineno, f"{room} must not use {name}"
             if name.startswith("numpy.random.") and name.split(".")[2] not in GENERATOR_MAKERS:
                 yield node.lineno, f"{name}: chance must come from a generator that is passed in"
-        elif isinstance(node, ast.Call) and not (node.args or node.keywords):
+        elif isinstance(node, ast.Call):
             name = _dotted(node.func, aliases)
-            if name.rpartition(".")[2] in GENERATOR_MAKERS - {"Generator"}:
+            if name == "mmap.mmap" and ast.unparse(node.args[0]) != "-1":
+                yield node.lineno, f"{room} must not map a file"
+            if not (node.args or node.keywords) and name.rpartition(".")[2] in GENERATOR_MAKERS - {"Generator"}:
                 yield node.lineno, f"{name}() without a seed"
 
 
@@ -504,6 +507,7 @@ def faults_of(tmp_path: Path, file: str, source: str) -> list[str]:
         ("world/a.py", "import numpy as np\ng = np.random.default_rng()", "numpy.random.default_rng() without a seed"),
         ("world/a.py", "from numpy.random import default_rng\ng = default_rng()", "default_rng() without a seed"),
         ("world/a.py", "import numpy as np\nnp.load('x')", "world must not use numpy.load"),
+        ("world/a.py", "import mmap\nm = mmap.mmap(file, 3)", "world must not map a file"),
         ("world/a.py", "import orjson", "world must not import the library orjson"),
         ("graph/a.py", "import requests", "graph must not import the library requests"),
         ("world/a.py", "_seen: dict[str, int] = {}", "a.py:1: world must not hold state in a module"),

@@ -44,6 +44,7 @@ from rosbridge_sim.simulator.bus.simulator_ways import SimulatorWays
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
+from rosbridge_sim.simulator.scene.rehearsal import Rehearsal
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result, SensorWorker
 from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec, Lidar2dSpec, Lidar3dSpec
 from rosbridge_sim.simulator.simulator_node import NodeSettings, SimulatorNode
@@ -206,6 +207,8 @@ def make_simulator_node(
         raise DocumentError("\n".join([*mistakes, str(error)])) from None
     if mistakes:
         raise DocumentError("\n".join(mistakes))
+    # Before any client waits: the crossings of forty people would stop the loop for 60 ms in their first frame.
+    Rehearsal(node.world.dynamics, has_traffic=settings.traffic > 0).rehearse(scenario, node.scene.road_map)
     node.limit_turns(time.perf_counter)
     return node
 

@@ -1,7 +1,8 @@
 """The scheduler of a running simulator: one timer for the next event.
 
 Events are the world's next frame, the bus's next time-out, and the turns of other parts. After each frame from a client
-the next event is computed again, because it may have changed.
+the next event is computed again, because it may have changed. One pass of the loop has one turn with work at most: the
+sockets are looked at between two of them, even where the timer, a client's frame and the last turn ask for one at once.
 An internal error in the world ends the simulator, because a world that stands still and answers is worse than none. The
 error is logged with its traceback, and `failure` gets it.
 """
@@ -84,6 +85,8 @@ class Scheduler:
         self._timer: asyncio.TimerHandle | None = None
         self._armed_for = float("inf")
         self._is_looking = False
+        self._is_resting = False  # a turn with work was in this pass of the loop
+        self._is_wanted = False  # another one was asked for since
         self._is_stopped = False
 
     @property
@@ -101,7 +104,9 @@ class Scheduler:
 
     def look(self) -> None:
         """Compute the next event in the next turn of the loop, once for all changes in this turn."""
-        if not self._is_looking:
+        if self._is_resting:
+            self._is_wanted = True
+        elif not self._is_looking:
             self._is_looking = True
             self._loop.call_soon(self._turn)
 
@@ -125,6 +130,11 @@ class Scheduler:
         try:
             due = self._next_due(now)
             if due is not None and due <= now:
+                if self._is_resting:
+                    self._is_wanted = True
+                    return
+                self._is_resting = True
+                self._loop.call_soon(self._end_rest)
                 self._bus.expire(now)
                 for clock in self._clocks:
                     self._advance(clock, now)
@@ -133,6 +143,13 @@ class Scheduler:
             self._fail(error)
         else:
             self._arm(now, due)
+
+    def _end_rest(self) -> None:
+        """Allow another turn with work, in the pass of the loop after that of the last one."""
+        self._is_resting = False
+        if self._is_wanted:
+            self._is_wanted = False
+            self._turn()
 
     def _advance(self, clock: Clock, now: float) -> None:
         """Give a clock its turn."""
@@ -181,7 +198,7 @@ class Scheduler:
     def _on_timer(self) -> None:
         self._timer = None
         self._armed_for = float("inf")
-        self._turn()
+        self.look()
 
     def _fail(self, error: Exception) -> None:
         self.stop()

@@ -516,7 +516,7 @@ ROWS: tuple[Row, ...] = (
         kept_mb=30.0,  # five maps, and the conflicts of their lanes
     ),
     Row("30 egos in one spawn", lambda: crowds.egos(30), kept_mb=10.0),  # their topics
-    Row("8,000 pedestrians", lambda: crowds.people(8_000), kept_mb=30.0),
+    Row("8,000 pedestrians", lambda: crowds.people(8_000), kept_mb=40.0),  # repeats fill the world: 20,000, 2 kB each
     Row(
         "snapshot of 8,000 cars, and back",
         crowds.snapshots,

@@ -280,3 +280,36 @@ def test_real_time_is_right_where_timers_are_coarse() -> None:
         assert 0 <= 50 * second - room.frame <= 1
     assert room.node.num_stalls == 0
     assert loop.num_turns <= 2 * 30 / loop.STEP, "it waits, and does not spin"
+
+
+class Backlog:
+    """A clock that has a lot of work from a time on."""
+
+    def __init__(self, begin: float) -> None:
+        self.begin = begin
+        self.num_turns = 0
+
+    def next_due(self, now: float) -> float:
+        return max(now, self.begin)
+
+    def advance(self, now: float) -> None:
+        self.num_turns += now >= self.begin
+
+
+def test_one_pass_of_the_loop_has_one_turn_with_work() -> None:
+    loop = Loop()
+    clock = Backlog(loop.now + 1.0)
+    bus = Bus(Store(read_definitions("22.R2"), leniency=LENIENCY))
+    scheduler = Scheduler(cast("asyncio.AbstractEventLoop", loop), bus, [clock], lambda: None)
+    scheduler.turn()
+    loop.now += 1.0
+    (timer,) = loop.timers
+    for num in range(1, 5):
+        if num == 1:
+            timer.call()
+        now, loop.soon = loop.soon, []
+        scheduler.turn()  # after the frames of clients
+        for call in now:
+            call()
+        scheduler.turn()
+        assert clock.num_turns == num

@@ -7,7 +7,8 @@ the arrays and says who may write them.
 
 from __future__ import annotations
 
-from typing import Final
+import mmap
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +34,13 @@ BoolArray = npt.NDArray[np.bool_]
 
 MIN_ROWS: Final = 32
 """Rows that memory is taken for at least: a small world then never grows its blocks."""
+
+LARGE: Final = 1_024
+RESERVED_ROWS: Final = 24_120
+"""From so many rows on, addresses for the second number of them are reserved at once: more than a scene can have. The
+system gives memory page by page as rows come into use. A larger copy at each growth would stop the world: where a
+system must find 27 MB first, that takes 60 ms. The number is no multiple of a page, or columns would share cache
+lines."""
 
 NO_BODY: Final = Body()
 """The body of a free row."""
@@ -473,9 +481,22 @@ class EntityArrays:
 
 def _blocks(capacity: int) -> tuple[FloatArray, IntArray, BoolArray]:
     """Return blocks of zeros for at least `capacity` rows."""
-    capacity = max(MIN_ROWS, capacity)
-    return (
-        np.zeros((len(FLOATS), capacity)),
-        np.zeros((len(INTS), capacity), dtype=np.int64),
-        np.zeros((len(BOOLS), capacity), dtype=bool),
+    make, capacity = (
+        (np.zeros, max(MIN_ROWS, capacity)) if capacity < LARGE else (_reserve, max(RESERVED_ROWS, capacity))
     )
+    return (
+        make((len(FLOATS), capacity), np.float64),
+        make((len(INTS), capacity), np.int64),
+        make((len(BOOLS), capacity), np.bool_),
+    )
+
+
+def _reserve(shape: tuple[int, int], dtype: npt.DTypeLike) -> npt.NDArray[Any]:
+    """Return zeros in memory that the system gives page by page, when it is first written to.
+
+    numpy's own memory of this size comes in huge pages, of which each holds parts of many columns.
+    """
+    # Windows has neither these flags nor processes that would share the memory.
+    private = {"flags": mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS} if hasattr(mmap, "MAP_PRIVATE") else {}
+    memory = mmap.mmap(-1, shape[0] * shape[1] * np.dtype(dtype).itemsize, **private)
+    return np.frombuffer(memory, dtype).reshape(shape)

@@ -11,7 +11,7 @@ import pytest
 
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state.commands import command
-from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, EntityArrays
+from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, LARGE, EntityArrays
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import MAX_UID, Body, Dynamics, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
@@ -183,6 +183,20 @@ def test_growing_keeps_all_values() -> None:
         car(world, x=float(i), name=str(i))
     assert world.x.tolist() == list(range(1000))
     assert world.names == [str(i) for i in range(1000)]
+
+
+def test_growth_of_a_large_world_moves_nothing() -> None:
+    def place_in_memory() -> int:
+        where: int = world.x.__array_interface__["data"][0]
+        return where
+
+    world = World(0)
+    with world.room_for(LARGE):
+        pass
+    before = place_in_memory()
+    with world.room_for(20_000):
+        assert place_in_memory() == before
+        assert not world.x.any()
 
 
 def test_free_row_holds_zeros() -> None:
