@@ -468,8 +468,10 @@ class Batch(World):
             self._told[slot] = pairs
 
     def detector_of(self, slot: int) -> _Poses:
-        """Return the poses of one world as the last step began and as it ended."""
-        return _Poses(self.derived(CollisionDetector).poses[:, :, slot :: len(self.worlds)])
+        """Return the poses of one world as the last step began and as it ended; others may have more rows."""
+        world = self.worlds[slot]
+        assert world is not None
+        return _Poses(self.derived(CollisionDetector).poses[:, :, slot :: len(self.worlds)][..., : world.n])
 
 
 class _Poses:

@@ -476,10 +476,10 @@ class _KnownCrossings:
     def of(self, world: World, uid: int) -> Crossings:
         """Return the crossings of an entity's path."""
         segments = world.paths.of(uid)
-        key = world.signals.plan.digest, blake2b(segments.tobytes(), digest_size=16).digest()
+        key = world.plan.digest, blake2b(segments.tobytes(), digest_size=16).digest()
         found = self._found.get(key)
         if found is None:
             if len(self._found) >= MAX_KNOWN:
                 self._found.clear()
-            found = self._found[key] = find_crossings(segments, world.roads, world.signals.plan, SIDES[1])
+            found = self._found[key] = find_crossings(segments, world.roads, world.plan, SIDES[1])
         return found

@@ -394,8 +394,13 @@ class World(RowWorlds):
         self.seed = seed
         self.frame = 0
         self.is_scoring = False
-        self.signals = Signals(self.signals.plan)
+        self.signals = Signals(self.plan)
         self._next_uid = FIRST_UID
+
+    @property
+    def plan(self) -> SignalPlan:
+        """The plan of the traffic lights."""
+        return self.signals.plan
 
     def lay_roads(self, roads: Roads, plan: SignalPlan | None = None) -> None:
         """Replace the roads. The lights begin their cycles now; lane followers stop where they are.

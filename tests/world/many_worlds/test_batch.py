@@ -185,6 +185,24 @@ def test_change_of_one_world_leaves_the_others_as_they_are() -> None:
     assert [worlds[i].digest() for i in (0, 2)] == before
 
 
+def test_world_with_fewer_rows_than_another_has_its_impacts() -> None:
+    alone, many = ([world(seed=seed, has_impacts=True) for seed in range(2)] for world in (World, OneOfMany))
+    for worlds in (alone, many):
+        for world in worlds:
+            open_scene(world, "loop", 2)
+        x, y = (float(each[worlds[1].rows(Kind.EGO)[0]]) for each in (worlds[1].x, worlds[1].y))
+        worlds[1].spawn(Kind.OBSTACLE, Body(length=2.0, width=2.0), name="box", x=x + 6.0, y=y)
+        for _ in range(3):
+            worlds[0].spawn(Kind.OBSTACLE, Body(length=2.0, width=2.0), name="box", x=x, y=y + 500.0)
+        command(worlds[1], int(worlds[1].rows(Kind.EGO)[0]), mode=Mode.PEDALS, steer=0.0, throttle=1.0)
+    WorldSet(many).advance(60)
+    for world in alone:
+        for _ in range(60):
+            step(world)
+    assert alone[1].speed[alone[1].rows(Kind.EGO)[0]] < 0.5  # it was thrown back
+    assert [world.digest() for world in many] == [world.digest() for world in alone]
+
+
 def test_world_that_comes_back_into_a_batch_has_its_lights() -> None:
     worlds = [OneOfMany(seed=seed) for seed in range(2)]
     scenes = [open_scene(world, "town", 2) for world in worlds]
