@@ -264,7 +264,7 @@ def _judge_lanes(world: World, rows: IntArray, middle: ComplexArray, heading: Co
     roads = world.roads.alone
     x, y = middle.real.copy(), middle.imag.copy()
     z = world.z[rows]
-    places = roads.nearest(x, y, world.yaw[rows], z)
+    places = world.roads.nearest(x, y, world.yaw[rows], z)
     to_left, to_right = roads.beside(places)
     is_on = (to_left >= 0.0) & (to_right >= 0.0) & (places.distance - np.abs(places.lateral) < BESIDE)
     doubtful = (~is_on).nonzero()[0]

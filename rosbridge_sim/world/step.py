@@ -64,9 +64,10 @@ def step(world: World, place: Callable[[], None] | None = None) -> None:
         stand(world, before.poses[0], DT)
     if place is not None:
         place()
-    collisions.find(world, before)
+    found = collisions.find(world, before)
     if world.has_impacts:
         impacts.collide(world, DT)
+        collisions.keep_poses(world, found)
     if unscored is not None:
         score.judge(world, unscored)
     world.frame += 1

@@ -89,7 +89,7 @@ def find_lanes(part: Part, ahead: FloatArray) -> tuple[dict[str, npt.NDArray[np.
     roads = columns.roads.alone
     x, y, yaw, z = columns.x[rows], columns.y[rows], columns.yaw[rows], columns.z[rows]
     points = np.zeros((len(rows), len(ahead), 2))
-    places = roads.nearest(x, y, yaw, z)
+    places = columns.roads.nearest(x, y, yaw, z)
     figures = {name: np.zeros(len(rows)) for name in LANE_FIGURES}
     figures["lane"][:] = places.lane
     if not len(roads):

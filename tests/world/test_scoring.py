@@ -103,6 +103,20 @@ def test_scores_count_from_the_frame_of_the_start_or_of_the_ego() -> None:
     assert scores[1].distance == 0.0
 
 
+def test_frame_of_an_impact_counts_as_any_other() -> None:
+    world = World(has_impacts=True)
+    world.lay_roads(road())
+    row = ego(world, 0.0, 0.1, speed=10.0)
+    world.spawn(Kind.VEHICLE, CAR, name="car", x=20.0, y=0.1, yaw=0.0)
+    drive(world, row, 10.0)
+    world.start_scoring()
+    while not world.has_collided[row]:
+        before = world.score_distance.item(row)
+        step(world)
+    assert world.score_distance[row] - before == pytest.approx(10.0 * DT, rel=0.1)
+    assert world.lane_offset[row] == pytest.approx(0.1, abs=0.02)
+
+
 def test_reset_of_scores_counts_anew_and_reset_of_the_world_ends_scoring() -> None:
     world = scored(road())
     drive(world, ego(world, 0.0, 0.0, speed=10.0), 10.0)

@@ -357,17 +357,33 @@ def remember(world: World) -> CollisionDetector:
     return detector
 
 
-def find(world: World, detector: CollisionDetector) -> None:
+def find(world: World, detector: CollisionDetector) -> CollisionDetector:
     """Set `world.contacts` to the pairs that have touched since `remember`.
 
     Args:
         world: written in place.
         detector: what `remember` returned.
+
+    Returns:
+        The detector that has found them; it has the poses of this step.
     """
     now = world.derived(CollisionDetector)
     if now is not detector:  # an entity has come, gone or stopped within the step
         now.take_over(detector)
     world.contacts = now.find()
+    return now
+
+
+def keep_poses(world: World, detector: CollisionDetector) -> None:
+    """Keep the poses of this step, although an impact has set entities loose since `find`.
+
+    Args:
+        world: the same entities are in its rows.
+        detector: what `find` returned.
+    """
+    now = world.derived(CollisionDetector)
+    if now is not detector:
+        np.copyto(now.poses, detector.poses)
 
 
 def find_touched(world: World, uid: int) -> IntArray:

@@ -195,68 +195,68 @@ class SegmentSearch:
     def _best(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None) -> IntArray:
         """Return the nearest segment for each place, (n,); arguments as for `nearest`."""
         slack = 0.0 if heading is None else 2.0 * TURN_COST
-        if height is not None:
-            return self._best_at(place, heading, height, slack)
-        if len(place) == 1:  # the usual case: one ego, in half of the time
+        if len(place) == 1 and height is None:  # the usual case: one ego, in half of the time
             segment = self._candidates_of_one(place, slack)
-            score = self._segments.project(place, segment)[2]
-            if heading is not None:
-                score += TURN_COST * (1.0 - (heading * self._segments.direction[segment]).sum(axis=1))
-            first = int(score.argmin())
+            first = int(self._score(place, heading, None, segment).argmin())
             return segment[first : first + 1]
-        segment, count = self._candidates(place, slack)
-        owner = np.repeat(np.arange(len(place)), count)
-        score = self._segments.project(place[owner], segment)[2]
-        if heading is not None:
-            towards = (heading[owner] * self._segments.direction[segment]).sum(axis=1)
-            score += TURN_COST * (1.0 - towards)
-        start = np.cumsum(count) - count
-        least = np.minimum.reduceat(score, start)
-        hit = (score == least[owner]).nonzero()[0]
-        return np.asarray(segment[hit[np.searchsorted(hit, start)]])
+        owner, segment = self._candidates(place, height, slack)
+        return self._choose(place, heading, height, owner, segment)
 
-    def _best_at(self, place: FloatArray, heading: FloatArray | None, height: FloatArray, slack: float) -> IntArray:
-        """Return what `_best` returns for places of given heights."""
-        gap = np.maximum(self._low - place[:, None], place[:, None] - self._high)
-        above = np.maximum(np.maximum(self._bottom - height[:, None], height[:, None] - self._top), 0.0)
-        at_best = _length(np.maximum(gap, 0.0)) + height_cost(above)
-        at_most = _length(place[:, None] - self._middle)
-        at_most += height_cost(np.abs(self._middle_height - height[:, None]))
-        owner, block = np.nonzero(at_best <= ((at_most.min(axis=1) + slack) * (1.0 + 1e-9) + 1e-9)[:, None])
-        size = self._size[block]
-        segment, owner = ranges(self._first[block], size), np.repeat(owner, size)
-        segments = self._segments
-        along, _, score = segments.project(place[owner], segment)
-        score += height_cost(np.abs(segments.height[segment] + along * segments.slope[segment] - height[owner]))
-        if heading is not None:
-            score += TURN_COST * (1.0 - (heading[owner] * segments.direction[segment]).sum(axis=1))
+    def _choose(
+        self,
+        place: FloatArray,
+        heading: FloatArray | None,
+        height: FloatArray | None,
+        owner: IntArray,
+        segment: IntArray,
+    ) -> IntArray:
+        """Return the nearest of some segments (m,) for each place (n,), whose indices are `owner`, rising (m,)."""
+        heading = None if heading is None else heading[owner]
+        score = self._score(place[owner], heading, None if height is None else height[owner], segment)
         return segment[first_least(score, owner, len(place))]
 
+    def _score(
+        self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None, segment: IntArray
+    ) -> FloatArray:
+        """Return how far each place is from its segment, with the costs of turn and height, (m,) [m]."""
+        segments = self._segments
+        along, _, score = segments.project(place, segment)
+        if height is not None:
+            score += height_cost(np.abs(segments.height[segment] + along * segments.slope[segment] - height))
+        if heading is not None:
+            score += TURN_COST * (1.0 - (heading * segments.direction[segment]).sum(axis=1))
+        return score
+
     def _candidates_of_one(self, place: FloatArray, slack: float) -> IntArray:
-        """Return what `_candidates` returns for one place, (1, 2)."""
+        """Return the segments that `_candidates` returns for one place, (1, 2)."""
         gap = np.maximum(self._low - place, place - self._high)
         at_most = _length(place - self._middle).min() + slack
         block = (_length(np.maximum(gap, 0.0)) <= at_most * (1.0 + 1e-9) + 1e-9).nonzero()[0]
         return ranges(self._first[block], self._size[block])
 
-    def _candidates(self, place: FloatArray, slack: float) -> tuple[IntArray, IntArray]:
+    def _candidates(self, place: FloatArray, height: FloatArray | None, slack: float) -> tuple[IntArray, IntArray]:
         """Return the segments that can be the nearest for each place, one or more.
 
         Args:
             place: (n, 2) [m].
+            height: (n,) of the places, or None to leave it out [m].
             slack: how much farther than the nearest one a segment may be [m].
 
         Returns:
-            (sum of count,) segments, those of the first place first, and (n,) their count for each place.
+            (m,) int64, index of the place, rising, and (m,) int64, the segments of each in rising order.
         """
         gap = np.maximum(self._low - place[:, None], place[:, None] - self._high)
         at_best = _length(np.maximum(gap, 0.0))
-        at_most = _length(place[:, None] - self._middle).min(axis=1) + slack
+        at_most = _length(place[:, None] - self._middle)
+        if height is not None:
+            at_best += height_cost(
+                np.maximum(np.maximum(self._bottom - height[:, None], height[:, None] - self._top), 0.0)
+            )
+            at_most += height_cost(np.abs(self._middle_height - height[:, None]))
         # A little more, so that rounding cannot lose the block that the bound itself comes from.
-        owner, block = np.nonzero(at_best <= (at_most * (1.0 + 1e-9) + 1e-9)[:, None])
+        owner, block = np.nonzero(at_best <= ((at_most.min(axis=1) + slack) * (1.0 + 1e-9) + 1e-9)[:, None])
         size = self._size[block]
-        count = np.bincount(np.repeat(owner, size), minlength=len(place))
-        return ranges(self._first[block], size), count
+        return owner.repeat(size), ranges(self._first[block], size)
 
 
 def first_least(score: FloatArray, owner: IntArray, num: int) -> IntArray:

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.world.drivers import lane_entries, lane_swing, lane_wander
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.geometry.segment_cells import SegmentCells
 from rosbridge_sim.world.roads.lane_change_map import LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts, Links
 from rosbridge_sim.world.roads.lane_joins import Joins
@@ -58,6 +59,7 @@ class ManyRoads(Roads):
             if name not in {"alone", "_derived"}:
                 setattr(self, name, getattr(roads, name))
         self._derived = {}
+        self._search = roads.derived(_cells_of)
         self.scale_of_lane = np.arange(num).repeat(len(roads))
         for name in ("length", "width", "speed_limit", "turn", "base", "_last_leg", "_legs_per_metre"):
             setattr(self, name, np.tile(getattr(roads, name), num))
@@ -114,6 +116,10 @@ class ManyRoads(Roads):
         elif make in _BY_LANE:
             many = np.tile(value, self.num)
         return cast("T", many)
+
+
+def _cells_of(roads: Roads) -> SegmentCells | None:
+    return SegmentCells(roads.segments, len(roads)) if len(roads) else None
 
 
 def _lanes(lanes: IntArray, roads: ManyRoads) -> IntArray:

@@ -1,0 +1,155 @@
+"""The lanes that can be nearest, known for each small cell of the map: for searches at hundreds of places at once.
+
+A `SegmentSearch` compares each place with the boxes of all blocks, and then with some hundred segments. Of these, only
+about ten can be the nearest for any place of a cell of 2 m and any heading within a sector of 22.5 degrees. They are
+found when the first place comes into the cell, and kept. The nearest of them is chosen by the same equations, so the
+result is that of a `SegmentSearch`, to the bit.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, ranges, wrap_angle
+from rosbridge_sim.world.geometry.segment_search import HEIGHT_COST, TURN_COST, LaneSegments, SegmentSearch, height_cost
+
+__all__ = ["SegmentCells"]
+
+CELL: Final = 2.0
+"""Side of a cell [m], about as long as the segments in bends: smaller cells are found more rarely."""
+
+SECTORS: Final = 16
+"""Sectors of headings."""
+
+LEVEL: Final = 2.0
+"""Height of a cell on a map with hills [m]."""
+
+MAX_CELLS: Final = 1 << 16
+"""Cells that are kept, 10 MB; then all are found anew. A vehicle passes 50 of them on 100 m."""
+
+FULL_TURN: Final = 2.0 * math.pi
+
+MAX_AT_ONCE: Final = 256
+"""Cells that are found at once: some MB of temporary arrays."""
+
+MAX_NUMBER: Final = 1 << 22
+MAX_LEVEL: Final = 1 << 9
+"""Bounds of the numbers of cells east and north (8,000 km), and of levels (1 km), so that a key has 60 bits."""
+
+MORE: Final = 1.0 + 1e-9
+"""Factor of bounds, so that rounding loses no segment."""
+
+
+class SegmentCells(SegmentSearch):
+    """A `SegmentSearch` that keeps for each cell what can be nearest.
+
+    Args:
+        segments: at least one.
+        num_lanes: lanes, each of which has a segment.
+    """
+
+    __slots__ = ("_count", "_found", "_keys", "_start", "_used")
+
+    def __init__(self, segments: LaneSegments, num_lanes: int) -> None:
+        super().__init__(segments, num_lanes)
+        self._forget()
+
+    def nearest(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None = None) -> IntArray:
+        """Return the nearest segment for each place; see `SegmentSearch.nearest`."""
+        is_far = not np.abs(place).max() < CELL * (MAX_NUMBER - 1)
+        if heading is None or is_far or (height is not None and not np.abs(height).max() < LEVEL * (MAX_LEVEL - 1)):
+            return super().nearest(place, heading, height)
+        keys = _keys_of(place, heading, height)
+        cell = self._find(keys)
+        is_new = cell < 0
+        if np.count_nonzero(is_new):
+            if len(self._keys) > MAX_CELLS:
+                self._forget()
+                is_new[:] = True
+            self._add(np.unique(keys[is_new]), has_height=height is not None)
+            cell = self._find(keys)
+        count = self._count[cell]
+        owner = np.arange(len(place)).repeat(count)
+        return self._choose(place, heading, height, owner, self._found[ranges(self._start[cell], count)])
+
+    def _forget(self) -> None:
+        """Empty the table."""
+        self._keys, self._start, self._count, self._found = (np.zeros(0, dtype=np.int64) for _ in range(4))
+        self._used = 0
+
+    def _find(self, keys: IntArray) -> IntArray:
+        """Return the rows of keys in the table, (n,) int64; -1 for those that are not there."""
+        if not len(self._keys):
+            return np.full(len(keys), -1, dtype=np.int64)
+        at = np.minimum(self._keys.searchsorted(keys), len(self._keys) - 1)
+        return np.where(self._keys[at] == keys, at, -1)
+
+    def _add(self, keys: IntArray, *, has_height: bool) -> None:
+        """Take cells into the table, by their keys (k,), which rise and are not in it."""
+        for first in range(0, len(keys), MAX_AT_ONCE):
+            part = keys[first : first + MAX_AT_ONCE]
+            owner, segment = self._look_at(part, has_height=has_height)
+            count = np.bincount(owner, minlength=len(part))
+            used = self._used + len(segment)
+            if used > len(self._found):
+                found = np.zeros(2 * used, dtype=np.int64)
+                found[: self._used] = self._found[: self._used]
+                self._found = found
+            self._found[self._used : used] = segment
+            at = self._keys.searchsorted(part)
+            self._keys = np.insert(self._keys, at, part)
+            self._start = np.insert(self._start, at, self._used + np.cumsum(count) - count)
+            self._count = np.insert(self._count, at, count)
+            self._used = used
+
+    def _look_at(self, keys: IntArray, *, has_height: bool) -> tuple[IntArray, IntArray]:
+        """Return the segments that can be the nearest from somewhere in each cell.
+
+        Args:
+            keys: (k,) int64, of the cells.
+            has_height: the places have heights.
+
+        Returns:
+            (m,) int64, index of the cell, rising, and (m,) int64, the segments of each in rising order.
+        """
+        middle, heading, height = _middles_of(keys)
+        reach = math.sqrt(0.5) * CELL * MORE  # from the middle to a corner
+        slack = 2.0 * (TURN_COST + reach) + (2.0 * HEIGHT_COST * LEVEL if has_height else 0.0)
+        owner, segment = self._candidates(middle, height if has_height else None, slack)
+        segments = self._segments
+        along, _, distance = segments.project(middle[owner], segment)
+        least, most = np.maximum(distance - reach, 0.0), distance + reach
+        turn = np.abs(wrap_angle(segments.angle[segment] - heading[owner]))
+        half = math.pi / SECTORS * MORE
+        least += TURN_COST * (1.0 - np.cos(np.maximum(turn - half, 0.0)))
+        most += TURN_COST * (1.0 - np.cos(np.minimum(turn + half, math.pi)))
+        if has_height:
+            slope = segments.slope[segment]
+            rise = np.abs(segments.height[segment] + along * slope - height[owner])
+            more = (0.5 * LEVEL + np.abs(slope) * reach) * MORE  # the foot moves no farther than the place
+            least += height_cost(rise - more)
+            most += height_cost(rise + more)
+        bound = np.minimum.reduceat(most, owner.searchsorted(np.arange(len(keys))))
+        can_win = least <= bound[owner] * MORE + 1e-9
+        return owner[can_win], segment[can_win]
+
+
+def _keys_of(place: FloatArray, heading: FloatArray, height: FloatArray | None) -> IntArray:
+    """Return the keys of the cells that places are in, (n,) int64; arguments as for `SegmentCells.nearest`."""
+    east, north = np.floor(place / CELL).astype(np.int64).T + MAX_NUMBER
+    angle = np.arctan2(heading[:, 1], heading[:, 0]) + math.pi
+    sector = np.minimum((angle * (SECTORS / FULL_TURN)).astype(np.int64), SECTORS - 1)
+    level = 0 if height is None else np.floor(height / LEVEL).astype(np.int64) + MAX_LEVEL  # never 0
+    return np.asarray(((east * (2 * MAX_NUMBER) + north) * SECTORS + sector) * (2 * MAX_LEVEL) + level)
+
+
+def _middles_of(keys: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the middles of cells: (k, 2) places [m], (k,) headings [rad] and (k,) heights [m]."""
+    rest, level = np.divmod(keys, 2 * MAX_LEVEL)
+    rest, sector = np.divmod(rest, SECTORS)
+    east, north = np.divmod(rest, 2 * MAX_NUMBER)
+    place = CELL * (np.stack([east, north], axis=1) - MAX_NUMBER + 0.5)
+    return place, (sector + 0.5) * (FULL_TURN / SECTORS) - math.pi, LEVEL * (level - MAX_LEVEL + 0.5)

@@ -1,0 +1,69 @@
+"""Cells of segments: the nearest segment is that of a search without cells, to the bit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.world.geometry import segment_cells
+from rosbridge_sim.world.geometry.planar import FloatArray
+from rosbridge_sim.world.geometry.segment_cells import SegmentCells
+from rosbridge_sim.world.geometry.segment_search import SegmentSearch
+from rosbridge_sim.world.roads.roads import Roads
+
+LIBRARY = DiskLibrary()
+
+
+def searches_of(roads: Roads) -> tuple[SegmentSearch, SegmentCells]:
+    return SegmentSearch(roads.segments, len(roads)), SegmentCells(roads.segments, len(roads))
+
+
+def places_near(roads: Roads, num: int, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Places up to some ten metres beside the lanes, any headings, and heights about those of the lanes."""
+    rng = np.random.default_rng(seed)
+    segments = roads.segments
+    which = rng.integers(len(segments.lane), size=num)
+    aside = rng.normal(size=(num, 2)) * rng.choice([0.5, 4.0, 40.0], size=(num, 1))
+    yaw = np.where(rng.random(num) < 0.5, segments.angle[which] + rng.normal(size=num) * 0.1, rng.uniform(-4, 4, num))
+    height = segments.height[which] + rng.normal(size=num) * 2.0
+    return segments.start[which] + aside, np.stack([np.cos(yaw), np.sin(yaw)], axis=1), height
+
+
+@pytest.mark.parametrize("name", ["loop", "town", "hills", "motorway"])
+def test_cells_find_what_a_search_without_them_finds(name: str) -> None:
+    roads = LIBRARY.map(name).roads
+    plain, cells = searches_of(roads)
+    for seed in range(3):
+        place, heading, height = places_near(roads, 400, seed % 2)
+        for each in (None, height):
+            assert np.array_equal(cells.nearest(place, heading, each), plain.nearest(place, heading, each))
+
+
+def test_full_table_is_begun_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(segment_cells, "MAX_CELLS", 50)
+    roads = LIBRARY.map("loop").roads
+    plain, cells = searches_of(roads)
+    for seed in range(6):
+        place, heading, _ = places_near(roads, 40, seed)
+        assert np.array_equal(cells.nearest(place, heading), plain.nearest(place, heading))
+        assert len(cells._keys) <= 90
+
+
+def test_places_beyond_the_numbers_of_cells_are_searched_without_them() -> None:
+    plain, cells = searches_of(LIBRARY.map("hills").roads)
+    place = np.array([[1e9, 0.0], [0.0, 0.0]])
+    heading, height = np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([0.0, 1e6])
+    assert np.array_equal(cells.nearest(place, heading, height), plain.nearest(place, heading, height))
+    assert np.array_equal(
+        cells.nearest(place[1:], heading[1:], height[1:]), plain.nearest(*(place[1:], heading[1:], height[1:]))
+    )
+
+
+def test_places_on_the_edges_of_cells_and_sectors_are_found() -> None:
+    roads = LIBRARY.map("town").roads
+    plain, cells = searches_of(roads)
+    place = np.round(places_near(roads, 300, 7)[0] / segment_cells.CELL) * segment_cells.CELL
+    yaw = np.arange(300) % segment_cells.SECTORS * (2.0 * np.pi / segment_cells.SECTORS) - np.pi
+    heading = np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    assert np.array_equal(cells.nearest(place, heading), plain.nearest(place, heading))
