@@ -333,6 +333,7 @@ class _LaneFollowers:
             duration = time_of_shift(self.parameters.change_time[shifting], speed[shifting])
             plan_shifts(world, self.rows[shifting], duration, distance[shifting], _INTERVAL)
             heading = heading + (world.drift[at] + world.drift_rate[at] * _INTERVAL)
+            self.shifted = find_shifted(world, at)  # without those that have arrived, as if it were made now
         turn = np.where(moves, wrap_angle(heading - world.yaw[at]), 0.0)
         world.yaw_rate[at] = turn / _INTERVAL
         world.lateral_accel[at] = world.yaw_rate[at] * speed
