@@ -27,7 +27,7 @@ from rosbridge_sim.world.state.world import Kind
 from tests import fork_server
 from tests.cli.tool_fixture import run as run_tool
 from tests.conftest import Connect, Serve
-from tests.end_to_end.test_browser import page_at, until
+from tests.end_to_end.test_browser import open_browser, page_at, until
 from tests.support import PATIENCE, ROOT, ServerProcess, require_node_modules, require_tool
 
 PAGES = [ROOT / "README.md", *sorted(set((ROOT / "docs").rglob("*.md")) - set((ROOT / "docs" / "ko").rglob("*.md")))]
@@ -242,7 +242,8 @@ async def test_web_page_drives_the_car_and_shows_its_speed(serve: Serve, tmp_pat
         serving = threading.Thread(target=site.serve_forever, args=(0.01,))
         serving.start()
         try:
-            async with page_at(f"http://127.0.0.1:{site.server_port}/", tmp_path) as page:
+            url = f"http://127.0.0.1:{site.server_port}/"
+            async with open_browser() as browser, page_at(url, tmp_path, browser) as page:
                 await until(page, "at('speed') === '0.0 km/h'")
                 await page.click("#drive")
                 await until(page, "parseFloat(at('speed')) > 10")

@@ -17,13 +17,14 @@ from pathlib import Path
 from urllib.parse import urlencode, urlsplit
 
 import pytest
+import pytest_asyncio
+from playwright.async_api import Browser, Frame, Page, Route, async_playwright
 from playwright.async_api import Error as PlaywrightError
-from playwright.async_api import Frame, Page, Route, async_playwright
 
 from tests.conftest import Serve, Simulate
 from tests.support import PATIENCE, ROOT, ServerProcess, require_chromium, require_node_modules
 
-pytestmark = [pytest.mark.client, pytest.mark.slow]
+pytestmark = [pytest.mark.client, pytest.mark.slow, pytest.mark.asyncio(loop_scope="module")]
 
 FLAGS = (
     "--no-sandbox",  # it has none for root, and the page is ours
@@ -75,29 +76,43 @@ def site() -> Iterator[str]:
         serving.join()
 
 
+@pytest_asyncio.fixture(scope="module", loop_scope="module")
+async def browser() -> AsyncIterator[Browser]:
+    """One for all tests of this file: its start takes longer than a page."""
+    async with open_browser() as browser:
+        yield browser
+
+
 @asynccontextmanager
-async def page_at(url: str, folder: Path) -> AsyncIterator[Page]:
-    """A page in a browser; if something fails, with its text, its console and a picture of it."""
-    said: list[str] = []
+async def open_browser() -> AsyncIterator[Browser]:
     async with async_playwright() as playwright:
         browser = await playwright.chromium.launch(executable_path=require_chromium(), args=FLAGS)
-        page = await browser.new_page()
-        page.set_default_timeout(PATIENCE * 1e3)
-        await page.route(is_website, show_website)
-        page.on("console", lambda message: said.append(message.text))
-        page.on("pageerror", lambda error: said.append(str(error)))
         try:
-            await page.goto(url)
-            yield page
-        except (AssertionError, PlaywrightError) as error:
-            picture = folder / "page.png"
-            await page.screenshot(path=picture)
-            text = await page.inner_text("body")
-            raise AssertionError(
-                f"{error}\nThe page is in {picture} and reads\n{text}\n\nIts console: {said}"
-            ) from error
+            yield browser
         finally:
             await browser.close()
+
+
+@asynccontextmanager
+async def page_at(url: str, folder: Path, browser: Browser) -> AsyncIterator[Page]:
+    """A page in a browser, with nothing of others; if something fails, with its text, its console and a picture."""
+    said: list[str] = []
+    context = await browser.new_context()
+    page = await context.new_page()
+    page.set_default_timeout(PATIENCE * 1e3)
+    await page.route(is_website, show_website)
+    page.on("console", lambda message: said.append(message.text))
+    page.on("pageerror", lambda error: said.append(str(error)))
+    try:
+        await page.goto(url)
+        yield page
+    except (AssertionError, PlaywrightError) as error:
+        picture = folder / "page.png"
+        await page.screenshot(path=picture)
+        text = await page.inner_text("body")
+        raise AssertionError(f"{error}\nThe page is in {picture} and reads\n{text}\n\nIts console: {said}") from error
+    finally:
+        await context.close()
 
 
 DATA = ("/map.json", "/log.json", "/metrics", "/version")
@@ -125,8 +140,10 @@ async def until(page: Page | Frame, test: str) -> None:
     await page.wait_for_function(f"((at) => {test})({at})")
 
 
-async def test_web_page_drives_the_car_and_shows_its_state(simulate: Simulate, site: str, tmp_path: Path) -> None:
-    async with page_at(site + "?" + urlencode({"url": simulate().url}), tmp_path) as page:
+async def test_web_page_drives_the_car_and_shows_its_state(
+    simulate: Simulate, site: str, tmp_path: Path, browser: Browser
+) -> None:
+    async with page_at(site + "?" + urlencode({"url": simulate().url}), tmp_path, browser) as page:
         await until(page, "at('connection') === 'open'")
         await until(page, "at('others') > 0 && at('clock') > 0")
         await page.click("#drive")
@@ -158,28 +175,30 @@ def warning_of(server: ServerProcess) -> str:
 
 
 @pytest.mark.parametrize("listening", ["127.0.0.1", "0.0.0.0"])  # noqa: S104 - as in a container
-async def test_page_of_localhost_drives_the_car(serve: Serve, tmp_path: Path, listening: str) -> None:
+async def test_page_of_localhost_drives_the_car(serve: Serve, tmp_path: Path, browser: Browser, listening: str) -> None:
     port = serve("--host", listening).port
-    async with page_at(at("http://localhost:3000", f"ws://localhost:{port}"), tmp_path) as page:
+    async with page_at(at("http://localhost:3000", f"ws://localhost:{port}"), tmp_path, browser) as page:
         await drive(page)
         await page.goto(at("http://localhost:3000", f"ws://127.0.0.1:{port}"))
         await until(page, "at('connection') === 'open'")
 
 
-async def test_a_page_of_another_site_is_refused_until_the_flag_names_it(serve: Serve, tmp_path: Path) -> None:
+async def test_a_page_of_another_site_is_refused_until_the_flag_names_it(
+    serve: Serve, tmp_path: Path, browser: Browser
+) -> None:
     server = serve()
     page_of = partial(at, "http://website.example")
-    async with page_at(page_of(server.url), tmp_path) as page:
+    async with page_at(page_of(server.url), tmp_path, browser) as page:
         await refuse(page)
         assert "--allow-origin http://website.example " in warning_of(server)
         await page.goto(page_of(serve("--allow-origin", "http://website.example").url))
         await drive(page)
 
 
-async def test_website_with_dns_rebinding_is_refused(serve: Serve, tmp_path: Path) -> None:
+async def test_website_with_dns_rebinding_is_refused(serve: Serve, tmp_path: Path, browser: Browser) -> None:
     server = serve()
     place = f"rebound.example:{server.port}"
-    async with page_at(at(f"http://{place}", f"ws://{place}"), tmp_path) as page:
+    async with page_at(at(f"http://{place}", f"ws://{place}"), tmp_path, browser) as page:
         await refuse(page)
         assert "--allow-host rebound.example " in warning_of(server)
         place = f"rebound.example:{serve('--allow-host', 'rebound.example').port}"
@@ -187,10 +206,12 @@ async def test_website_with_dns_rebinding_is_refused(serve: Serve, tmp_path: Pat
         await drive(page)
 
 
-async def test_website_with_dns_rebinding_reads_no_data_over_http(serve: Serve, tmp_path: Path) -> None:
+async def test_website_with_dns_rebinding_reads_no_data_over_http(
+    serve: Serve, tmp_path: Path, browser: Browser
+) -> None:
     read = "async (path) => { const answer = await fetch(path); return [answer.status, await answer.text()]; }"
     place = f"http://rebound.example:{serve().port}"
-    async with page_at(f"{place}/", tmp_path) as page:
+    async with page_at(f"{place}/", tmp_path, browser) as page:
         for path in DATA:
             status, text = await page.evaluate(read, path)
             assert (status, "--allow-host rebound.example " in text) == (403, True), path
@@ -200,29 +221,31 @@ async def test_website_with_dns_rebinding_reads_no_data_over_http(serve: Serve, 
             assert (await page.evaluate(read, path))[0] == 200, path
 
 
-async def test_page_opened_from_disk_needs_the_origin_flag(serve: Serve, tmp_path: Path) -> None:
+async def test_page_opened_from_disk_needs_the_origin_flag(serve: Serve, tmp_path: Path, browser: Browser) -> None:
     for _, file in files().values():
         shutil.copy(file, tmp_path)
     page_of = partial(at, (tmp_path / "page.html").as_uri(), path="")
     server = serve()
-    async with page_at(page_of(server.url), tmp_path) as page:
+    async with page_at(page_of(server.url), tmp_path, browser) as page:
         await refuse(page)
         assert "--allow-origin null" in warning_of(server)
         await page.goto(page_of(serve("--allow-origin", "null").url))
         await drive(page)
 
 
-async def test_a_sandboxed_frame_of_a_website_is_refused(serve: Serve, tmp_path: Path) -> None:
+async def test_a_sandboxed_frame_of_a_website_is_refused(serve: Serve, tmp_path: Path, browser: Browser) -> None:
     server = serve()
-    async with page_at(at("http://website.example", server.url, "/frame"), tmp_path) as page:
+    async with page_at(at("http://website.example", server.url, "/frame"), tmp_path, browser) as page:
         await refuse(page.frames[1])
     assert "Origin: null" in warning_of(server)
 
 
-async def test_a_page_of_another_site_that_shows_the_token_drives_the_car(serve: Serve, tmp_path: Path) -> None:
+async def test_a_page_of_another_site_that_shows_the_token_drives_the_car(
+    serve: Serve, tmp_path: Path, browser: Browser
+) -> None:
     server = serve(env={"ROSBRIDGE_SIM_TOKEN": "sesame"})
     place = f"rebound.example:{server.port}"
-    async with page_at(at(f"http://{place}", f"ws://{place}/"), tmp_path) as page:
+    async with page_at(at(f"http://{place}", f"ws://{place}/"), tmp_path, browser) as page:
         await refuse(page)
         await page.goto(at(f"http://{place}", f"ws://{place}/?token=sesame"))
         await drive(page)

@@ -29,7 +29,7 @@ MAX_REQUESTS = 12
 
 
 async def test_page_connects_with_few_requests_that_all_succeed(serve: Serve, open_page: OpenPage) -> None:
-    server = serve()
+    server = serve("--start", "sync")
     page = await open_page("about:blank", state=None)
     statuses: dict[str, int] = {}
     sockets: list[str] = []
@@ -43,7 +43,7 @@ async def test_page_connects_with_few_requests_that_all_succeed(serve: Serve, op
 
 
 async def test_page_may_be_called_by_each_own_name_without_a_flag(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--host", "0.0.0.0")  # noqa: S104 - as in a container
+    server = serve("--host", "0.0.0.0", "--start", "sync")  # noqa: S104 - as in a container
     await open_page(f"http://localhost:{server.port}/")
     (line,) = [line for line in server.log.splitlines() if "the page is at " in line]
     urls = [word.rstrip(",") for word in line.split() if word.startswith("http://")]
@@ -53,7 +53,7 @@ async def test_page_may_be_called_by_each_own_name_without_a_flag(serve: Serve, 
 
 
 async def test_page_works_behind_a_proxy_that_strips_a_prefix(serve: Serve, open_page: OpenPage) -> None:
-    async with PrefixProxy(serve().port, "/lab/sim") as proxy:
+    async with PrefixProxy(serve("--start", "sync").port, "/lab/sim") as proxy:
         for url in (proxy.url, proxy.url + "?x=1#y"):
             page = await open_page(url)
             await page.close()  # before the proxy, which it would miss
@@ -151,7 +151,7 @@ async def test_killed_server_is_noticed_and_survived(tmp_path: Path, open_page: 
 async def test_server_that_no_longer_answers_is_told_and_its_answer_ends_that(
     serve: Serve, open_page: OpenPage
 ) -> None:
-    server = serve()
+    server = serve("--start", "sync")
     page = await open_page(server)
     banner = page.get_by_text("does not answer")
     os.kill(server.pid, signal.SIGSTOP)
@@ -165,7 +165,7 @@ async def test_server_that_no_longer_answers_is_told_and_its_answer_ends_that(
 
 
 async def test_reason_of_a_server_that_stops_is_shown_as_text(serve: Serve, open_page: OpenPage) -> None:
-    server = serve()
+    server = serve("--start", "sync")
     page = await open_page(server, allow=LOST)
     server.stop()
     await expect(page.locator(".banner")).to_contain_text("The connection is lost")
@@ -175,7 +175,7 @@ async def test_reason_of_a_server_that_stops_is_shown_as_text(serve: Serve, open
 
 
 async def test_tabs_follow_the_keys_of_their_pattern(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_page(serve())
+    page = await open_page(serve("--start", "sync"))
     ego = page.get_by_role("tab", name="Ego")
     await ego.focus()
     for key, name in (
@@ -194,7 +194,7 @@ async def test_tabs_follow_the_keys_of_their_pattern(serve: Serve, open_page: Op
 
 
 async def test_first_key_leads_past_the_map(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_page(serve())
+    page = await open_page(serve("--start", "sync"))
     await page.keyboard.press("Tab")
     link = page.get_by_role("link", name="Skip to the controls")
     await expect(link).to_be_focused()
@@ -207,7 +207,7 @@ async def test_first_key_leads_past_the_map(serve: Serve, open_page: OpenPage) -
 async def test_page_has_no_serious_fault_of_accessibility(
     serve: Serve, open_page: OpenPage, scheme: str, width: int
 ) -> None:
-    page = await open_page(serve(), color_scheme=scheme, viewport={"width": width, "height": 720})
+    page = await open_page(serve("--start", "sync"), color_scheme=scheme, viewport={"width": width, "height": 720})
     assert await faults_of(page) == []
     assert await page.evaluate("document.documentElement.scrollWidth") <= width
 
