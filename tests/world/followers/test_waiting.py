@@ -10,6 +10,7 @@ import pytest
 
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers.lane_following import view_driver
+from rosbridge_sim.world.followers.waiting import start
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import Body, Kind, Mode, World
@@ -188,3 +189,24 @@ def test_start_distance_of_a_driver_is_checked() -> None:
     for bad in (-1.0, math.nan, math.inf):
         with pytest.raises(ValueError, match="start_within"):
             keep_lane(world, row, 0, 10.0, start_within=bad)
+
+
+@pytest.mark.parametrize(
+    ("away", "starts"),
+    [((29.9, 0.0), True), ((0.0, 29.9), True), ((-21.1, 21.1), True), ((30.1, 0.0), False), ((21.3, -21.3), False)],
+)
+def test_one_that_waits_starts_for_the_nearest_ego_in_any_direction(
+    away: tuple[float, float],
+    starts: bool,  # noqa: FBT001 - a case
+) -> None:
+    world = World()
+    path = np.array([[500.0, 400.0], [500.0, 450.0]])
+    waiting = world.row(
+        world.spawn(Kind.PEDESTRIAN, CAR, name="a", x=500.0, y=400.0, path=path, speed=2.5, start_within=30.0)
+    )
+    ego(world, -500.0, 400.0)
+    ego(world, 500.0 + away[0], 400.0 + away[1])
+    assert (world.speed[waiting], world.start_within[waiting], world.start_speed[waiting]) == (0.0, 30.0, 2.5)
+    start(world)
+    expected = (2.5, 0.0, 0.0) if starts else (0.0, 30.0, 2.5)
+    assert (world.speed[waiting], world.start_within[waiting], world.start_speed[waiting]) == expected

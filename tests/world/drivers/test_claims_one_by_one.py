@@ -1,0 +1,220 @@
+"""The right of way, decided driver by driver in plain Python, as `right_of_way` and `intruders` decide it for all."""
+
+from __future__ import annotations
+
+import copy
+import math
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.world.drivers.intruders import stop_for_intruders
+from rosbridge_sim.world.drivers.right_of_way import give_claims, update_holds
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from tests.world.drivers.random_drivers import Situation, situation
+from tests.world.road_factory import built_in
+
+
+@pytest.fixture(scope="module")
+def town() -> LaneConflicts:
+    return LaneConflicts(built_in("town").roads)
+
+
+def rivals_of(conflicts: LaneConflicts, lane: int) -> list[int]:
+    """Indices of a lane's pairs."""
+    return list(range(conflicts.rivals.first[lane], conflicts.rivals.first[lane + 1]))
+
+
+def tail_on_held(case: Situation, i: int) -> float:
+    """Where the tail of a driver is on the lane that it holds."""
+    drivers, held = case.drivers, int(case.drivers.held[i])
+    tail = float(drivers.arc[i] - drivers.rear[i])
+    return tail if drivers.lanes[0, i] == held else tail + float(case.conflicts.roads.length[held])
+
+
+def update_one_by_one(case: Situation) -> tuple[list[int], list[int]]:
+    """Claims and holds after those at their wait points hold what they claim, and those that are out are free."""
+    conflicts, drivers = case.conflicts, case.drivers
+    claims, holds = drivers.claim.tolist(), drivers.held.tolist()
+    for i, lane in enumerate(drivers.lanes[0].tolist()):
+        if claims[i] >= 0 and claims[i] == lane and drivers.arc[i] + drivers.nose[i] >= conflicts.wait_point[lane]:
+            holds[i], claims[i] = claims[i], -1
+            drivers.held[i] = holds[i]
+        if holds[i] >= 0 and tail_on_held(case, i) > conflicts.clear_point[holds[i]]:
+            holds[i] = -1
+    return claims, holds
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_holds_begin_at_the_wait_point_and_end_where_the_tail_is_out(seed: int, town: LaneConflicts) -> None:
+    case, same = situation(town, seed), situation(town, seed)
+    same.drivers.held[::3] = case.drivers.held[::3] = case.drivers.lanes[0, ::3]
+    claims, holds = update_one_by_one(same)
+    update_holds(town, case.drivers)
+    assert (case.drivers.claim.tolist(), case.drivers.held.tolist()) == (claims, holds)
+
+
+class OneByOne:
+    """What `give_claims` does, for one driver after another."""
+
+    def __init__(self, case: Situation) -> None:
+        self.case, self.drivers, self.requests = case, case.drivers, case.requests
+        self.num = len(case.drivers.arc)
+        self.first_on = self._first_on()
+        self.asks = [i for i in range(self.num) if self._asks(i)]
+        self.shut_out = [i for i in self.asks if not self._has_room(i)]
+        stands = {int(lane) for lane, is_one in zip(case.others.lane, case.others.stands, strict=True) if is_one}
+        self.blocked = {i for i in self.asks if int(self.requests.lane[i]) in stands}
+        candidates = [i for i in self.asks if i not in self.shut_out and i not in self.blocked]
+        order = sorted(candidates, key=self._rank)
+        stands |= {
+            int(self.drivers.held[i])
+            for i in range(self.num)
+            if self.drivers.held[i] >= 0 and self.drivers.speed[i] < 0.1
+        }
+        taken = self._taken()
+        best: dict[int, int] = {}
+        for rank, i in enumerate(order):
+            best.setdefault(int(self.requests.lane[i]), rank)
+        self.given = []
+        for rank, i in enumerate(order):
+            lane, is_free = int(self.requests.lane[i]), True
+            for pair in rivals_of(case.conflicts, lane):
+                rival = int(case.conflicts.rivals.other[pair])
+                if taken.get(rival, math.inf) < case.conflicts.rivals.figure[pair] or best.get(rival, self.num) < rank:
+                    is_free = False
+                if rival in stands:
+                    self.blocked.add(i)
+            if is_free:
+                self.given.append(i)
+
+    def _first_on(self) -> dict[int, tuple[float, float]]:
+        """Tail and speed of the first entity on each lane, by the place of its reference point."""
+        found: dict[int, tuple[float, float, float]] = {}
+        own = self.drivers
+        entries = [
+            *zip(own.lanes[0], own.arc, own.arc - own.rear, own.speed, strict=True),
+            *zip(self.case.others.lane, self.case.others.s, self.case.others.tail, self.case.others.speed, strict=True),
+        ]
+        for lane, s, tail, speed in entries:
+            if int(lane) not in found or s < found[int(lane)][0]:
+                found[int(lane)] = (float(s), float(tail), float(speed))
+        return {lane: (tail, speed) for lane, (_, tail, speed) in found.items()}
+
+    def _asks(self, i: int) -> bool:
+        drivers, lane, distance = self.drivers, int(self.requests.lane[i]), self.requests.distance[i]
+        speed = drivers.speed[i]
+        if lane < 0 or distance >= speed * (speed / 2.5 + drivers.parameters.headway[i]) + 1.0 + 2.5:
+            return False
+        lead = int(self.case.perception.lead[i])
+        if self.case.perception.gap[i] <= distance and not (lead >= 0 and drivers.claim[lead] >= 0):
+            return False
+        return not (drivers.claim[i] >= 0 and drivers.claim[i] in drivers.lanes[:, i])
+
+    def _has_room(self, i: int) -> bool:
+        drivers, exit_lane = self.drivers, int(self.requests.exit_lane[i])
+        if exit_lane < 0 or math.isfinite(self.case.conflicts.wait_point[exit_lane]):
+            return True
+        tail, speed = self.first_on.get(exit_lane, (math.inf, 0.0))
+        coming = [
+            j
+            for j in range(self.num)
+            if (drivers.claim[j] >= 0 or drivers.held[j] >= 0) and drivers.exit_lane[j] == exit_lane
+        ]
+        reserved = sum(drivers.length[j] + 2.5 for j in coming)
+        return bool(tail + 2.0 * speed - reserved >= drivers.length[i] + 2.5)
+
+    def _rank(self, i: int) -> tuple[bool, float, int]:
+        drivers, distance = self.drivers, float(self.requests.distance[i])
+        is_let_in = drivers.is_let_in[i] and drivers.speed[i] < 0.1 and distance < 2.0
+        gives_way = bool(self.case.conflicts.gives_way[self.requests.lane[i]]) and not is_let_in
+        return gives_way, distance, int(drivers.uid[i])
+
+    def _taken(self) -> dict[int, float]:
+        taken: dict[int, float] = {}
+        drivers, others = self.drivers, self.case.others
+        for i in range(self.num):
+            if (held := int(drivers.held[i])) >= 0:
+                taken[held] = min(taken.get(held, math.inf), tail_on_held(self.case, i))
+        for lane, tail in zip(others.lane[: self.case.num_moving], others.tail, strict=False):
+            taken[int(lane)] = min(taken.get(int(lane), math.inf), float(tail))
+        for claim in drivers.claim.tolist():
+            if claim >= 0:
+                taken[claim] = -math.inf
+        return taken
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_claims_are_given_as_one_by_one(seed: int, town: LaneConflicts) -> None:
+    case = situation(town, seed)
+    expected = OneByOne(copy.deepcopy(situation(town, seed)))
+    drivers, perception, requests = case.drivers, case.perception, case.requests
+    claims, exits, stops = drivers.claim.copy(), drivers.exit_lane.copy(), perception.stop_distance.copy()
+    give_claims(town, drivers, perception, requests, case.queue, others=case.others, num_moving=case.num_moving)
+    given = expected.given
+    claims[given], exits[given] = requests.lane[given], requests.exit_lane[given]
+    assert drivers.claim.tolist() == claims.tolist()
+    assert drivers.exit_lane.tolist() == exits.tolist()
+    assert perception.is_shut_out.nonzero()[0].tolist() == sorted(expected.shut_out)
+    assert set(perception.is_blocked.nonzero()[0].tolist()) == expected.blocked
+    for i in range(expected.num):
+        if requests.lane[i] >= 0 and claims[i] != requests.lane[i]:
+            stops[i] = min(stops[i], requests.distance[i])
+    assert perception.stop_distance.tolist() == stops.tolist()
+
+
+def intruders_of(case: Situation) -> list[tuple[int, int, float, float, float]]:
+    """Intruders: entry, lane, tail and nose there, speed; also on the lanes that they cannot stop before."""
+    conflicts, others, found = case.conflicts, case.others, []
+    for i in range(len(others.lane)):
+        lane, tail, speed = int(others.lane[i]), float(others.tail[i]), float(others.speed[i])
+        if speed <= 0.5:
+            continue
+        nose, length = 2.0 * float(others.s[i]) - tail, float(conflicts.roads.length[lane])
+        found.append((i, lane, tail, nose, speed))
+        if speed**2 > 2.0 * 4.0 * max(length - nose, 0.0):
+            first, last = conflicts.onward.first[lane : lane + 2]
+            found += [
+                (i, int(other), tail - length, nose - length, speed) for other in conflicts.onward.other[first:last]
+            ]
+    return found
+
+
+def distance_to(case: Situation, i: int, lane: int, *, is_held: bool) -> float:
+    """From the bumper to the start of a lane; negative behind it, and without end for a lane that is not on the way."""
+    drivers, length = case.drivers, case.conflicts.roads.length
+    ahead = -float(drivers.arc[i] + drivers.nose[i])
+    if is_held and drivers.lanes[0, i] != lane:
+        return ahead - float(length[lane])
+    for here in drivers.lanes[:, i].tolist():
+        if here == lane:
+            return ahead
+        ahead += float(length[here]) if here >= 0 else 0.0
+    return -math.inf
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_drivers_stop_for_intruders_as_one_by_one(seed: int, town: LaneConflicts) -> None:
+    case = situation(town, seed, num=150)
+    drivers, conflicts = case.drivers, case.conflicts
+    stops, seen = case.perception.stop_distance.copy(), [set[int]() for _ in drivers.arc]
+    for entry, lane, tail, nose, speed in intruders_of(case):
+        for pair in rivals_of(conflicts, lane):
+            rival, back = int(conflicts.rivals.other[pair]), int(conflicts.rival_back[pair])
+            for i in range(len(drivers.arc)):
+                for is_held, mine in [(False, drivers.claim[i]), (True, drivers.held[i])]:
+                    if mine != rival:
+                        continue
+                    ahead = distance_to(case, i, rival, is_held=is_held)
+                    enter, leave = ahead + conflicts.rival_from[back], ahead + conflicts.rivals.figure[pair]
+                    own = max(float(drivers.speed[i]), 2.0)
+                    comes = (conflicts.rival_from[pair] - nose) / speed
+                    goes = (conflicts.rivals.figure[back] - tail) / speed
+                    is_near = goes > 0.0 and enter / own < goes + 1.5
+                    is_near = is_near and comes < (leave + drivers.length[i]) / own + 1.5
+                    if is_near and drivers.speed[i] ** 2 < 2.0 * 7.0 * enter:
+                        stops[i] = min(stops[i], enter)
+                        seen[i].add(entry)
+    found = stop_for_intruders(conflicts, drivers, case.perception, case.others)
+    assert case.perception.stop_distance == pytest.approx(stops, rel=1e-12)
+    assert [entry in seen[i] if seen[i] else entry == -1 for i, entry in enumerate(found.tolist())] == [True] * 150
