@@ -10,6 +10,7 @@ from rosbridge_sim.world.drivers.driver_model import Perception
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue
 from rosbridge_sim.world.drivers.right_of_way import Requests
+from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 
 NUM_LANES = 6
@@ -38,19 +39,25 @@ class Situation:
         return EntryQueue(self.conflicts.roads, Entries.join(entries, self.others))
 
 
-def situation(conflicts: LaneConflicts, seed: int, num: int = 60) -> Situation:
-    """A random situation: some drivers stand, ask for lanes, have or hold one; others stand or drive on lanes."""
+def situation(conflicts: LaneConflicts, seed: int, num: int = 12, few: float = 0.1) -> Situation:
+    """A random situation at one intersection.
+
+    Some drivers stand, ask for lanes, have or hold one, each with the probability `few`; others stand or drive on lanes
+    before, within and behind it.
+    """
     rng = np.random.default_rng(seed)
     roads = conflicts.roads
-    with_rivals = np.isfinite(conflicts.wait_point).nonzero()[0]
+    with_rivals = _around(conflicts, int(rng.choice(np.isfinite(conflicts.wait_point).nonzero()[0])))
 
     def onward(lane: int) -> int:
         first, last = conflicts.onward.first[lane : lane + 2]
         return int(rng.choice(conflicts.onward.other[first:last])) if last > first else -1
 
-    before = [lane for lane in range(len(roads)) if any(onward(lane) in with_rivals for _ in range(4))]
+    focus = set(with_rivals.tolist())
+    before = [lane for lane in range(len(roads)) if focus & set(_after(conflicts, lane))]
+    behind = [after for lane in focus for after in _after(conflicts, lane)]
     lanes = np.full((NUM_LANES, num), -1, dtype=np.int64)
-    lanes[0] = rng.choice(np.array([*before, *with_rivals.tolist()]), num)
+    lanes[0] = rng.choice(np.array([*before, *before, *with_rivals.tolist()]), num)
     for i in range(1, NUM_LANES):
         lanes[i] = [onward(lane) if lane >= 0 else -1 for lane in lanes[i - 1].tolist()]
     length = rng.choice([4.5, 11.0], num)
@@ -58,9 +65,9 @@ def situation(conflicts: LaneConflicts, seed: int, num: int = 60) -> Situation:
     arc = roads.length[lanes[0]] - rng.choice([3.0, 30.0], num) * rng.uniform(0.0, 1.0, num)
     arc = np.fmax(arc, 0.0)
     ahead = lanes[rng.integers(0, 3, num), np.arange(num)]
-    claim = np.where((rng.random(num) < 0.25) & (ahead >= 0), ahead, -1)
-    held = np.where(rng.random(num) < 0.2, rng.choice(with_rivals, num), -1)
-    exit_lane = np.where((claim >= 0) | (held >= 0), np.where(rng.random(num) < 0.8, lanes[2], -1), -1)
+    claim = np.where((rng.random(num) < few) & (ahead >= 0), ahead, -1)
+    held = np.where(rng.random(num) < few, rng.choice(with_rivals, num), -1)
+    exit_lane = np.where(rng.random(num) < 0.6, rng.choice(np.array([*behind, -1]), num), -1)
     figures = {each.name: rng.uniform(0.8, 2.0, num) for each in fields(DriverParameters)}
     speed = rng.choice([0.0, 0.05, 1.0], num) * rng.uniform(0.5, 15.0, num)
     drivers = Drivers(
@@ -77,13 +84,29 @@ def situation(conflicts: LaneConflicts, seed: int, num: int = 60) -> Situation:
     wanted = np.where(has, lanes[1], -1)
     distance = np.where(has, rng.choice([1.5, 12.0, 60.0], num) * rng.uniform(0.2, 1.0, num), np.inf)
     requests = Requests(wanted, np.where(has, lanes[2], -1), distance)
-    num_moving, num_others = 8, 12
-    lane = rng.choice(with_rivals, num_others)
-    s = rng.uniform(0.0, 1.0, num_others) * roads.length[lane]
+    num_moving, num_others = int(rng.integers(1, 6)), 9
+    lane = np.where(np.arange(num_others) < 3, rng.choice(with_rivals, num_others), rng.choice(before, num_others))
+    lane[6:] = rng.choice(behind, 3)
+    share = np.where(np.arange(num_others) < 6, rng.choice([0.3, 1.0], num_others), 0.0)
+    s = (1.0 - share * rng.uniform(0.0, 1.0, num_others)) * roads.length[lane]
+    s[6:] = rng.uniform(0.0, 25.0, 3)
     moves = np.arange(num_others) < num_moving
     others = Entries(
         *(lane, s, s - rng.uniform(1.0, 6.0, num_others)),
-        *(np.where(moves, rng.choice([0.5, 6.0, 14.0], num_others), 0.0), np.zeros(num_others)),
+        *(np.where(moves, rng.choice([0.4, 0.6, 3.0, 6.0, 14.0], num_others), 0.0), np.zeros(num_others)),
         *(np.full(num_others, -1, dtype=np.int64), ~moves),
     )
     return Situation(conflicts, drivers, perception, requests, others, num_moving)
+
+
+def _after(conflicts: LaneConflicts, lane: int) -> list[int]:
+    return conflicts.onward.other[conflicts.onward.first[lane] : conflicts.onward.first[lane + 1]].tolist()
+
+
+def _around(conflicts: LaneConflicts, lane: int) -> IntArray:
+    """A lane, its rivals, and theirs."""
+    found = {lane}
+    for _ in range(2):
+        _, link = conflicts.rivals.of(np.array(sorted(found)))
+        found |= set(conflicts.rivals.other[link].tolist())
+    return np.array(sorted(found))

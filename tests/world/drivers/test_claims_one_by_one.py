@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import math
 
-import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.intruders import stop_for_intruders
@@ -45,7 +44,7 @@ def update_one_by_one(case: Situation) -> tuple[list[int], list[int]]:
     return claims, holds
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", range(30))
 def test_holds_begin_at_the_wait_point_and_end_where_the_tail_is_out(seed: int, town: LaneConflicts) -> None:
     case, same = situation(town, seed), situation(town, seed)
     same.drivers.held[::3] = case.drivers.held[::3] = case.drivers.lanes[0, ::3]
@@ -144,7 +143,7 @@ class OneByOne:
         return taken
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(150))
 def test_claims_are_given_as_one_by_one(seed: int, town: LaneConflicts) -> None:
     case = situation(town, seed)
     expected = OneByOne(copy.deepcopy(situation(town, seed)))
@@ -193,9 +192,9 @@ def distance_to(case: Situation, i: int, lane: int, *, is_held: bool) -> float:
     return -math.inf
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(60))
 def test_drivers_stop_for_intruders_as_one_by_one(seed: int, town: LaneConflicts) -> None:
-    case = situation(town, seed, num=150)
+    case = situation(town, seed, num=40, few=0.7)
     drivers, conflicts = case.drivers, case.conflicts
     stops, seen = case.perception.stop_distance.copy(), [set[int]() for _ in drivers.arc]
     for entry, lane, tail, nose, speed in intruders_of(case):
@@ -217,4 +216,4 @@ def test_drivers_stop_for_intruders_as_one_by_one(seed: int, town: LaneConflicts
                         seen[i].add(entry)
     found = stop_for_intruders(conflicts, drivers, case.perception, case.others)
     assert case.perception.stop_distance == pytest.approx(stops, rel=1e-12)
-    assert [entry in seen[i] if seen[i] else entry == -1 for i, entry in enumerate(found.tolist())] == [True] * 150
+    assert [entry in seen[i] if seen[i] else entry == -1 for i, entry in enumerate(found.tolist())] == [True] * 40
