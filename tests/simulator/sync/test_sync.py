@@ -656,3 +656,114 @@ def test_command_that_enters_at_a_tick_is_carried_out_before_its_first_frame() -
     sync.submit("first", FRAME + 1, FRAME, YOU, 0.0)
     sync.enter("second", FRAME)
     assert (sync.due(FRAME), sync.due(FRAME + 1)) == ([], ["first", "second"])
+
+
+def led(step_ms: int = 40) -> Sync[str]:
+    """Synchronous mode at frame 10 with the master `me`."""
+    sync: Sync[str] = Sync()
+    sync.start("me", step_ms, ME, 0.0)
+    return sync
+
+
+@pytest.mark.parametrize(
+    ("named", "num_given_up", "due"),
+    [
+        (0, 1, 15),  # three ticks of two frames would have been computed before it, now two are
+        (0, 2, 13),
+        (0, 3, 11),
+        (16, 2, 16),  # never before the frame that it names
+        (40, 2, 40),
+    ],
+)
+@pytest.mark.parametrize("is_ready", [True, False])
+def test_command_behind_ticks_that_are_given_up_moves_forward(
+    named: int, num_given_up: int, due: int, *, is_ready: bool
+) -> None:
+    sync = led()
+    sync.step("me", 3, ME, 0.0, on_wait=lambda: None)
+    sync.submit("before", 11, 10, ME, 0.0)
+    sync.submit("behind", named, 10, ME, 0.0, is_ready=is_ready)
+    sync.give_up(num_given_up, 1.0)
+    assert {command: frame for frame, command in sync.waiting()}["behind"] == due
+    assert sync.num_ticks == 3 - num_given_up
+    assert sync.state is (SyncState.LED if num_given_up == 3 else SyncState.WAITING)
+    if not is_ready and num_given_up < 3:
+        assert sync.has_turn(due - 3)
+        assert not sync.has_turn(due - 2)
+
+
+def test_command_that_came_between_ticks_moves_by_the_frames_before_it_alone() -> None:
+    sync = led()
+    sync.step("me", 1, ME, 0.0, on_wait=lambda: None)
+    sync.submit("first", 0, 10, ME, 0.0)  # behind one tick
+    sync.step("me", 2, ME, 0.0, on_wait=lambda: None)
+    sync.submit("second", 0, 10, ME, 0.0)  # behind three
+    assert sync.waiting() == [(13, "first"), (17, "second")]
+    sync.give_up(2, 1.0)
+    assert sync.waiting() == [(11, "first"), (13, "second")]
+    assert sync.take_turn(10, 2.0) == 2
+    sync.submit("third", 0, 12, ME, 2.0)
+    assert sync.waiting()[-1] == (13, "third")
+
+
+def test_ticks_that_wait_leave_in_the_order_in_which_they_came_each_with_its_own_step() -> None:
+    sync = led()
+    sync.step("me", 1, ME, 0.0, on_wait=lambda: None)
+    sync.start("me", 100, ME, 0.0)
+    sync.step("me", 1, ME, 0.0, on_wait=lambda: None)
+    assert [sync.take_turn(10, 1.0), sync.take_turn(12, 1.0), sync.take_turn(17, 1.0)] == [2, 5, 0]
+
+
+def test_a_turn_carries_out_one_tick_unless_more_are_allowed() -> None:
+    for most, moved in [(None, 2), (2, 4), (3, 6)]:
+        sync = led()
+        sync.step("me", 3, ME, 0.0, on_wait=lambda: None)
+        found = sync.take_turn(10, 1.0) if most is None else sync.take_turn(10, 1.0, most_ticks=most)
+        assert (found, sync.num_ticks) == (moved, 3 - moved // 2)
+
+
+def test_entered_commands_go_behind_those_that_came_before_in_their_order() -> None:
+    sync = led()
+    for command in ("a", "b"):
+        sync.submit(command, 11, 10, ME, 0.0)
+    for command in ("c", "d"):
+        sync.enter(command, 10)
+    sync.submit("e", 11, 10, ME, 0.0)
+    assert sync.due(11) == ["a", "b", "c", "d", "e"]
+
+
+def test_replaced_commands_come_in_the_order_of_their_frames_and_all_are_ready() -> None:
+    sync = led()
+    sync.submit("gone", 11, 10, ME, 0.0, is_ready=False)
+    sync.replace_waiting([(19, "a"), (14, "b"), (12, "c"), (14, "d"), (11, "e")])
+    assert not sync.has_unready
+    sync.submit("f", 14, 10, ME, 0.0)
+    assert [sync.due(frame) for frame in (11, 12, 14, 19)] == [["e"], ["c"], ["b", "d", "f"], ["a"]]
+
+
+def test_only_the_id_of_the_master_is_the_masters() -> None:
+    sync: Sync[str] = Sync()
+    assert not sync.is_master("")
+    sync.start("me", 40, ME, 0.0)
+    assert [sync.is_master(one) for one in ("me", "you", "")] == [True, False, False]
+
+
+@pytest.mark.parametrize(("length", "is_accepted"), [(MAX_USER_ID, True), (MAX_USER_ID + 1, False)])
+def test_id_of_a_master_is_bounded(length: int, *, is_accepted: bool) -> None:
+    assert Sync[str]().start("x" * length, 40, ME, 0.0).is_accepted == is_accepted
+
+
+def test_there_is_no_turn_without_a_tick_that_waits() -> None:
+    sync = led()
+    assert not sync.has_turn(10)
+    sync.step("me", 1, ME, 0.0, on_wait=lambda: None)
+    assert sync.has_turn(10)
+
+
+def test_a_refusal_ends_the_tick_that_has_begun() -> None:
+    sync = led()
+    sync.hooks.move.append(lambda _num, _now: 1)  # a turn that ends after one frame
+    sync.step("me", 2, ME, 0.0, on_wait=lambda: None)
+    assert (sync.take_turn(10, 1.0), sync.is_in_tick, sync.num_ticks) == (1, True, 2)
+    sync.pause(1.0)
+    assert (sync.is_in_tick, sync.num_ticks) == (False, 0)

@@ -100,7 +100,8 @@ def situation(conflicts: LaneConflicts, seed: int, num: int = 12, few: float = 0
 
 
 def _after(conflicts: LaneConflicts, lane: int) -> list[int]:
-    return conflicts.onward.other[conflicts.onward.first[lane] : conflicts.onward.first[lane + 1]].tolist()
+    first, last = conflicts.onward.first[lane : lane + 2]
+    return [int(other) for other in conflicts.onward.other[first:last]]
 
 
 def _around(conflicts: LaneConflicts, lane: int) -> IntArray:
