@@ -88,7 +88,9 @@ async def shoot(folder: Path, *, has_more: bool) -> None:
         AsyncClient(sim.url) as client,
         async_playwright() as playwright,
     ):
-        browser = await playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        browser = await playwright.chromium.launch(
+            executable_path=shutil.which("chromium-headless-shell") or shutil.which("chromium"), args=FLAGS
+        )
         await _fill_town(client)
         await client.set_object(0, ctrl_mode=6)  # it drives itself
         page = await _open(browser, sim.port)
@@ -96,6 +98,7 @@ async def shoot(folder: Path, *, has_more: bool) -> None:
         await page.emulate_media(color_scheme="dark")
         await page.locator("#map canvas").focus()
         await page.keyboard.press("c")
+        await page.wait_for_selector("#map canvas[data-mesh]", state="attached")  # ground, buildings and trees
         await _step_to(page, CHASE_STEPS)
         await _save(page, folder / "page_chase.png", WIDE)
 

@@ -88,7 +88,9 @@ async def main() -> int:
         os.sched_setaffinity(0, range(os.cpu_count() or 1))  # the browser draws on all cores
         await spawn(program.port, arguments.objects)
         async with async_playwright() as playwright:
-            browser = await playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+            browser = await playwright.chromium.launch(
+                executable_path=shutil.which("chromium-headless-shell") or shutil.which("chromium"), args=FLAGS
+            )
             for view, key in (("above", ""), ("whole map", "0"), ("behind the car", "c")):
                 page = await browser.new_page(viewport={"width": 1280, "height": 720})
                 await page.add_init_script(PROBE)

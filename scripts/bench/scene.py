@@ -132,7 +132,7 @@ def _measure_browser(rounds: int, seconds: float) -> None:
     with ExitStack() as stack:
         servers = {name: stack.enter_context(running((*SERVER, "--scenario", "town"))) for name in ("plain", "page")}
         browser = stack.enter_context(sync_playwright()).chromium.launch(
-            executable_path=shutil.which("chromium"), args=FLAGS
+            executable_path=shutil.which("chromium-headless-shell") or shutil.which("chromium"), args=FLAGS
         )
         stack.callback(browser.close)
         page = browser.new_page()

@@ -7,6 +7,7 @@ import { addPanels, makePanelContext } from "./panels/all_panels.js";
 import { showConnectionState } from "./panels/connection_state.js";
 import { listenToMapKeys } from "./panels/map_controls.js";
 import { makeMapStage } from "./panels/map_stage.js";
+import { DrawnTopics } from "./scene/drawn_topics.js";
 import { SceneStore } from "./scene/store.js";
 import { TEXTS } from "./texts.js";
 import { Connection, socketUrl } from "./wire/connection.js";
@@ -16,8 +17,9 @@ const layout = new Layout(TEXTS);
 document.body.replaceChildren(...layout.elements);
 
 const scene = new SceneStore(connection);
-const mapView = makeMapStage({ connection, scene, texts: TEXTS }, layout.stage);
-const context = makePanelContext({ connection, scene, mapView, showTab: (id) => layout.tabs.show(id), texts: TEXTS });
+const drawn = new DrawnTopics(connection, scene);
+const mapView = makeMapStage({ connection, scene, drawn, texts: TEXTS }, layout.stage);
+const context = makePanelContext({ connection, scene, drawn, mapView, showTab: (id) => layout.tabs.show(id), texts: TEXTS });
 addPanels(context, layout);
 showConnectionState(context, layout);
 if (mapView !== null) {

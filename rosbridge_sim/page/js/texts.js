@@ -573,6 +573,27 @@ export const TEXTS = {
      */
     lightTitle: (light, state) => `Light ${light}: ${state}`,
   },
+  drawn: {
+    title: "What programs publish",
+    hint: "The map draws Path, Marker, MarkerArray, PoseStamped, Odometry, PointCloud2 and LaserScan, in the frame map or any frame of /tf.",
+    empty: "No program publishes one of these types.",
+    noMap: "This browser draws no map.",
+    /** @param {string} name */
+    colour: (name) => `Colour of ${name}`,
+    /** @param {string} name */
+    keep: (name) => `How long ${name} is drawn`,
+    keeps: { 0: "until the next message", 1: "for 1 s", 10: "for 10 s" },
+    waiting: "no message yet",
+    /** @param {string} seconds */
+    age: (seconds) => `${seconds} s old`,
+    notes: {
+      refused: "The server does not let this page subscribe to it.",
+      bytes: "Switched off: it brought more than 4 MB in a second.",
+      /** @param {string} frame */
+      frame: (frame) => `The frame ${frame} has no transform to map. Publish it on /tf.`,
+      cut: "A part is not drawn: it is more than the limits, or of a kind that the map has not.",
+    },
+  },
   code: {
     title: "Copy as code",
     hint: "What you do on this page, as a program. Choose an action below.",

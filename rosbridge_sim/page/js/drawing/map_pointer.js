@@ -75,7 +75,7 @@ function drawWithTool(view, start, now, isDone) {
 function tap(view, point) {
   const { scene, camera, tool } = view;
   if (tool instanceof MeasureTool) {
-    const place = camera.placeAt(point.x, point.y);
+    const place = view.camera.placeAt(point.x, point.y);
     if (place !== null) {
       tool.tap(place);
       view.change();
@@ -108,4 +108,27 @@ function entityAt(view, { x, y }) {
   }
   const smallest = view.isChase ? SMALLEST_BOX : ENTITY_REACH * view.top.pixelSize;
   return pickEntity(poses.last, poses, camera.rayAt(x, y), smallest);
+}
+
+/**
+ * Take things that are dropped on the map.
+ * @param {import("./map_view.js").MapView} view
+ * @param {string} kind - of `DataTransfer`
+ * @param {(place: import("./gestures.js").Point) => void} take
+ */
+export function listenToDrops(view, kind, take) {
+  const { canvas } = view;
+  canvas.addEventListener("dragover", (event) => {
+    if (event.dataTransfer?.types.includes(kind)) {
+      event.preventDefault();
+    }
+  });
+  canvas.addEventListener("drop", (event) => {
+    const { left, top } = canvas.getBoundingClientRect();
+    const place = view.camera.placeAt(event.clientX - left, event.clientY - top);
+    if (event.dataTransfer?.types.includes(kind) && place !== null) {
+      event.preventDefault();
+      take(place);
+    }
+  });
 }

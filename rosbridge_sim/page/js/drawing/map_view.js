@@ -9,7 +9,7 @@ import { element } from "../widgets/dom.js";
 import { addContacts, addFrame, addMeasure, addTrails } from "./changing_lines.js";
 import { ChaseCamera } from "./chase_camera.js";
 import { LabelLayer } from "./labels.js";
-import { listenToPointers } from "./map_pointer.js";
+import { listenToDrops, listenToPointers } from "./map_pointer.js";
 import { MeasureTool, measuredPlaces, PlaceTool, toolLabels } from "./map_tools.js";
 import { makePalette } from "./palette.js";
 import { Renderer } from "./renderer.js";
@@ -30,13 +30,15 @@ export class MapView {
    * @param {object} parts
    * @param {SceneStore} parts.scene
    * @param {import("../scene/contacts.js").ContactList} parts.contacts
+   * @param {import("../scene/drawn_topics.js").DrawnTopics} parts.drawn
    * @param {import("../layout.js").Texts} parts.texts
    * @param {WebGL2RenderingContext} parts.gl - of the canvas
    * @param {HTMLCanvasElement} parts.canvas
    */
-  constructor({ scene, contacts, texts, gl, canvas }) {
+  constructor({ scene, contacts, drawn, texts, gl, canvas }) {
     this.scene = scene;
     this.contacts = contacts;
+    this.drawn = drawn;
     this.texts = texts.mapView;
     this.gl = gl;
     this.canvas = canvas;
@@ -107,20 +109,7 @@ export class MapView {
    * @param {(place: Point) => void} take
    */
   onDrop(kind, take) {
-    const { canvas } = this;
-    canvas.addEventListener("dragover", (event) => {
-      if (event.dataTransfer?.types.includes(kind)) {
-        event.preventDefault();
-      }
-    });
-    canvas.addEventListener("drop", (event) => {
-      const { left, top } = canvas.getBoundingClientRect();
-      const place = this.camera.placeAt(event.clientX - left, event.clientY - top);
-      if (event.dataTransfer?.types.includes(kind) && place !== null) {
-        event.preventDefault();
-        take(place);
-      }
-    });
+    listenToDrops(this, kind, take);
   }
 
   /**
@@ -271,13 +260,15 @@ export class MapView {
     if (this.isChase) {
       void this.scene.wantMesh((parts) => {
         this.renderer.setMesh(parts);
+        this.canvas.dataset.mesh = this.scene.meshDigest; // scripts that take pictures wait for it
         this.change();
       });
     }
     this.makeLines(fresh);
-    const { scene, poses, palette, camera } = this;
-    this.renderer.draw({ camera, palette, state: poses.last, poses });
-    this.labels.show([...makeSceneLabels({ scene, poses, camera, leading: this.isChase ? this.targetRow() : -1, contacts: fresh }, this.texts), ...toolLabels(this)]);
+    const { scene, poses, palette, camera, drawn } = this;
+    this.renderer.draw({ camera, palette, state: poses.last, poses, drawn });
+    const marks = { leading: this.isChase ? this.targetRow() : -1, contacts: fresh, texts: drawn.texts };
+    this.labels.show([...makeSceneLabels({ scene, poses, camera, ...marks }, this.texts), ...toolLabels(this)]);
     this.viewTakers.forEach((take) => take());
     if (isTurning || fresh.length > 0 || this.poses.isMoving(now)) {
       this.schedule();
@@ -350,6 +341,7 @@ export class MapView {
     scene.onMap(() => this.takeMap());
     scene.onState(() => this.takeState());
     scene.onSelect(() => this.change());
+    this.drawn.onChange(() => this.schedule());
     this.dark.addEventListener("change", () => {
       this.palette = makePalette(this.dark.matches);
       this.change();

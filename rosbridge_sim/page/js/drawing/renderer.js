@@ -13,6 +13,7 @@ import { GlProgram } from "./gl_program.js";
 import { MESH_SHADERS, MeshLayer } from "./mesh_layer.js";
 import { FAR_ROOF, makeMeshes } from "./meshes.js";
 import { HEAD_SHADERS, POINT_SHADERS, PointLayer } from "./point_layer.js";
+import { PlanLayer } from "./plan_layer.js";
 import {
   ENTITY_SHADERS, FAR_SHADERS, GROUND_SHADERS, LINE_SHADERS, SHADOW_SHADERS, SKY_SHADERS, SURFACE_SHADERS,
 } from "./shaders.js";
@@ -23,7 +24,8 @@ import {
 /**
  * What is drawn.
  * @typedef {{camera: TopCamera | ChaseCamera, palette: import("./palette.js").Palette,
- *   state: import("../scene/store.js").SceneState | null, poses: import("./picking.js").Poses}} Picture
+ *   state: import("../scene/store.js").SceneState | null, poses: import("./picking.js").Poses,
+ *   drawn: import("../scene/drawn_topics.js").DrawnTopics}} Picture
  */
 
 /** Arrows are drawn from this scale on, and lanes as lines below that one [pixels/m]. */
@@ -79,6 +81,8 @@ export class Renderer {
     this.bars = new LineLayer(gl);
     /** Trails and other lines that change. */
     this.drawn = new LineLayer(gl);
+    /** What programs publish. */
+    this.plans = new PlanLayer(gl);
     /** @type {{geometry: import("../scene/map_geometry.js").MapGeometry, lanes: SurfaceLayer, stripes: SurfaceLayer,
         arrows: SurfaceLayer, lines: LineLayer, spines: LineLayer} | null} */
     this.mapLayers = null;
@@ -189,6 +193,8 @@ export class Renderer {
     this.programs.point.use();
     this.programs.point.set({ ...common, ratio });
     this.points.draw();
+    this.plans.fill(picture.drawn, this.origin);
+    this.plans.draw(this.programs.line, { ...flat, ratio });
     this.programs.head.use();
     this.programs.head.set({ ...common, ...fog, palette: palette.materials, spin, ratio });
     this.fillHeads(scale);

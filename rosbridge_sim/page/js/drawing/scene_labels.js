@@ -22,10 +22,11 @@ const APART = 24;
  * @param {import("./top_camera.js").TopCamera | import("./chase_camera.js").ChaseCamera} view.camera
  * @param {number} view.leading - row of the entity before the camera, which needs no name; -1: none
  * @param {import("../scene/contacts.js").Contact[]} view.contacts - that are marked now
+ * @param {{x: number, y: number, z: number, text: string}[]} view.texts - of programs
  * @param {import("../layout.js").Texts["mapView"]} texts
  * @returns {Label[]}
  */
-export function makeSceneLabels({ scene, poses, camera, leading, contacts }, texts) {
+export function makeSceneLabels({ scene, poses, camera, leading, contacts, texts: marks }, texts) {
   const { state } = scene;
   if (state === null) {
     return [];
@@ -56,6 +57,12 @@ export function makeSceneLabels({ scene, poses, camera, leading, contacts }, tex
     if (point !== null && isWithin(point, camera)) {
       const text = texts.collision(contactName(contact, 0, texts), contactName(contact, 1, texts));
       labels.push({ x: point.x, y: point.y - 2 * ABOVE, text, className: "map-label contact" });
+    }
+  }
+  for (const mark of marks) {
+    const point = camera.project(mark);
+    if (point !== null && isWithin(point, camera)) {
+      labels.push({ x: point.x, y: point.y, text: mark.text, className: "map-label" });
     }
   }
   labels.push(...lightLabels(scene, camera, texts));

@@ -24,12 +24,22 @@ vec3 fade(vec3 colour) {
  * Flat things lie in one plane; a small shift for each layer keeps their order. Near a camera in perspective, `lift` makes
  * it larger than the error of 24 bits for places far from the map's origin; it is below 2 mm there.
  */
-const LAYER = `
+export const LAYER = `
 uniform float layer;
 uniform float lift;
 vec4 lifted(vec4 place) {
   place.z -= layer * (4e-6 * place.w + lift);
   return place;
+}
+`;
+
+/** Colour of a number: an index of the palette, or below 0 a colour of its own, see `packedColour`. */
+export const COLOUR = `
+uniform vec3 palette[${NUM_MATERIALS}];
+vec4 colourOf(float number) {
+  if (number >= 0.0) return vec4(palette[int(number)], 1.0);
+  int bits = int(-1.0 - number);
+  return vec4(vec3(bits >> 17, (bits >> 11) & 63, (bits >> 5) & 63) / 63.0, float(bits & 31) / 31.0);
 }
 `;
 
@@ -53,7 +63,7 @@ void main() { result = vec4(fade(colour), opacity); }`,
 
 /** Lines: each piece is a rectangle with a width on the ground and a least width on the screen. */
 export const LINE_SHADERS = {
-  vertex: `${HEAD}${LAYER}
+  vertex: `${HEAD}${LAYER}${COLOUR}
 layout(location = 0) in vec2 corner;
 layout(location = 1) in vec3 from;
 layout(location = 2) in vec3 to;
@@ -61,8 +71,7 @@ layout(location = 3) in vec4 style; // width, least pixels, distance along, mate
 layout(location = 4) in vec2 dashes;
 uniform mat4 view;
 uniform float pixel;
-uniform vec3 palette[${NUM_MATERIALS}];
-flat out vec3 colour;
+flat out vec4 colour;
 flat out vec2 dash;
 out float along;
 out float side;
@@ -80,11 +89,11 @@ void main() {
   dash = dashes;
   side = corner.y;
   thin = clamp(style.x / max(style.y * unit, 1e-6), 0.55, 1.0); // a line that is too thin to see becomes fainter
-  colour = palette[int(style.w)];
+  colour = colourOf(style.w);
   gl_Position = lifted(view * vec4(place, 1.0));
 }`,
   fragment: `${HEAD}${FOG}
-flat in vec3 colour;
+flat in vec4 colour;
 flat in vec2 dash;
 in float along;
 in float side;
@@ -92,7 +101,7 @@ flat in float thin;
 uniform float opacity;
 out vec4 result;
 void main() {
-  float alpha = opacity * thin;
+  float alpha = opacity * thin * colour.a;
   if (dash.y > 0.0) {
     float blur = fwidth(along);
     float at = mod(along, dash.y);
@@ -101,7 +110,7 @@ void main() {
   }
   float edge = fwidth(side);
   alpha *= 1.0 - smoothstep(1.0 - min(edge, 1.0), 1.0, abs(side)) * 0.5;
-  result = vec4(fade(colour), alpha);
+  result = vec4(fade(colour.rgb), alpha);
 }`,
 };
 

@@ -4,6 +4,7 @@ import { Actions } from "./actions.js";
 import { makeCodePanel } from "./code.js";
 import { makeUserId } from "./context.js";
 import { DriversWatch } from "./drivers_watch.js";
+import { makeDrawnPanel } from "./drawn.js";
 import { Driving } from "./driving.js";
 import { makeEgoPanel } from "./ego.js";
 import { EgoWatch } from "./ego_watch.js";
@@ -23,7 +24,7 @@ import { TimeWatch } from "./time_watch.js";
 
 /**
  * Complete the context of the panels.
- * @param {Pick<PanelContext, "connection" | "scene" | "mapView" | "showTab" | "texts">} base
+ * @param {Pick<PanelContext, "connection" | "scene" | "drawn" | "mapView" | "showTab" | "texts">} base
  * @returns {PanelContext}
  */
 export function makePanelContext(base) {
@@ -49,6 +50,7 @@ export function addPanels(context, layout) {
   layout.addPanel("ego", makeScorePanel(context));
   layout.addPanel("time", makeTimePanel(context));
   layout.addPanel("objects", makeObjectsPanel(context));
+  layout.addPanel("objects", makeDrawnPanel(context));
   layout.addPanel("graph", makeGraphPanel(context));
   layout.addPanel("log", makeLogPanel(context, layout));
   layout.addPanel("code", makeCodePanel(context));

@@ -4,6 +4,7 @@
  * @typedef {{
  *   connection: import("../wire/connection.js").Connection,
  *   scene: import("../scene/store.js").SceneStore,
+ *   drawn: import("../scene/drawn_topics.js").DrawnTopics,
  *   actions: import("./actions.js").Actions,
  *   time: import("./time_watch.js").TimeWatch,
  *   timeControls: import("./time_controls.js").TimeControls,

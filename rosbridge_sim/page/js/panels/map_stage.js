@@ -12,18 +12,19 @@ import { makeObjectCard } from "./object_card.js";
 /**
  * Put the map on the stage.
  * @param {{connection: import("../wire/connection.js").Connection, scene: import("../scene/store.js").SceneStore,
+ *   drawn: import("../scene/drawn_topics.js").DrawnTopics,
  *   texts: import("../layout.js").Texts}} context
  * @param {HTMLElement} stage
  * @returns {MapView | null} null without WebGL 2
  */
 export function makeMapStage(context, stage) {
-  const { scene, texts } = context;
+  const { texts } = context;
   const contacts = new ContactList();
   /** @type {MapView | null} */
   let view = null;
   let reason = texts.mapView.noWebGl;
   try {
-    view = makeView(scene, contacts, texts);
+    view = makeView(context, contacts);
   } catch (error) {
     reason = texts.mapView.failed(error instanceof Error ? error.message : String(error)); // a driver's mistake
   }
@@ -38,15 +39,14 @@ export function makeMapStage(context, stage) {
 }
 
 /**
- * @param {import("../scene/store.js").SceneStore} scene
+ * @param {Parameters<typeof makeMapStage>[0]} context
  * @param {ContactList} contacts
- * @param {import("../layout.js").Texts} texts
  */
-function makeView(scene, contacts, texts) {
+function makeView({ scene, drawn, texts }, contacts) {
   const canvas = element("canvas", { className: "map-canvas", tabIndex: 0, role: "img", "aria-label": texts.mapView.canvas });
   const antialias = !isSoftwareRenderer();
   const gl = canvas.getContext("webgl2", { alpha: false, antialias, powerPreference: "high-performance" });
-  return gl === null ? null : new MapView({ scene, contacts, texts, gl, canvas });
+  return gl === null ? null : new MapView({ scene, contacts, drawn, texts, gl, canvas });
 }
 
 /** Tell whether a processor does the work of a graphics card: smooth edges of bodies would cost a third of its frames. */

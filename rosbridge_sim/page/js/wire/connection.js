@@ -359,7 +359,7 @@ export class Connection {
     const frame = typeof data === "string" ? JSON.parse(data) : decodeCbor(data);
     switch (frame.op) {
       case "publish":
-        this.topics.get(frame.topic)?.deliver(frame.msg);
+        this.topics.get(frame.topic)?.deliver(frame.msg, typeof data === "string" ? data.length : data.byteLength);
         break;
       case "service_response":
         this.takeAnswer(frame);

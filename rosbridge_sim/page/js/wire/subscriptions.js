@@ -81,6 +81,8 @@ export class TopicSubscription {
     this.sent = "";
     /** The last message in a list of its own, so that any value can be one. @type {any[]} */
     this.last = [];
+    /** Bytes of all messages so far, as they are on the wire. */
+    this.bytes = 0;
   }
 
   get isEmpty() {
@@ -117,8 +119,12 @@ export class TopicSubscription {
     return this.takers.delete(taker);
   }
 
-  /** @param {any} message */
-  deliver(message) {
+  /**
+   * @param {any} message
+   * @param {number} bytes - of its frame
+   */
+  deliver(message, bytes) {
+    this.bytes += bytes;
     this.last = [message];
     const { throttleMs } = this.merged();
     for (const taker of [...this.takers]) {
