@@ -197,6 +197,8 @@ def started(*words: str) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
         with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL) as program:  # noqa: S603 - ours
             try:
                 while words[0] == "serve" and not (port_file.exists() and port_file.read_text().strip()):
+                    if program.poll() is not None:
+                        raise SystemExit(f"{' '.join(command)}: it has ended with {program.returncode}")
                     time.sleep(0.1)
                 yield program, int(port_file.read_text()) if words[0] == "serve" else 0
             finally:

@@ -290,6 +290,17 @@ def cbor_floats() -> bytes:
 
 ZZZ = b'{"op":"zzz"}'
 TIME = b'{"op":"call_service","service":"/rosapi/get_time"}'
+SENSOR_LISTENERS = [
+    {"op": "subscribe", "topic": "/image_jpeg/compressed", "type": "sensor_msgs/CompressedImage"},
+    {"op": "subscribe", "topic": "/velodyne_points", "type": "sensor_msgs/PointCloud2"},
+]
+LARGE_SENSORS = orjson.dumps(
+    {
+        "camera": [{"topic": "/large", "encoding": "raw", "width": 2000, "height": 600, "rate": 50}],
+        "lidar3d": [{"frame_id": "many", "topic": "/many", "model": "OS1-128", "columns": 2_600, "rate": 50}],
+    }
+).decode()
+"""As many bytes of a frame as an ego may have: 3.6 MB of pixels, 7.3 MB of points, and the lidar of the preset."""
 STRING = {"op": "advertise", "topic": "/s", "type": "std_msgs/String"}
 LISTEN = {"op": "subscribe", "topic": "/s", "type": "std_msgs/String"}
 
@@ -535,6 +546,29 @@ ROWS: tuple[Row, ...] = (
         ],
         listeners=[{"op": "subscribe", "topic": topic} for topic in ("/Object_topic", "/Ego_topic", "/tf")],
         flags=("--scenario", "town"),
+    ),
+    Row(
+        "the largest camera and the largest lidar, both heard",
+        lambda: [calls("/sim/sensors", 1, {"add": LARGE_SENSORS})],
+        listeners=[
+            {"op": "subscribe", "topic": "/large", "type": "sensor_msgs/Image"},
+            {"op": "subscribe", "topic": "/many", "type": "sensor_msgs/PointCloud2"},
+        ],
+        flags=("--sensors", "lidar"),
+        kept_mb=40.0,  # a message of 12 MB as bytes, base64 and frame
+    ),
+    Row(
+        "2,000 glued moves of sensors that are heard",
+        lambda: [calls("/sim/sensors", 2_000, {"move": ['{"frame_id": "velodyne", "z": 1.5}']})],
+        listeners=SENSOR_LISTENERS,
+        flags=("--sensors", "teaching"),
+    ),
+    Row(
+        "20 egos with a camera and a lidar, all heard",
+        lambda: crowds.egos(20),
+        listeners=[{**each, "topic": f"/Ego-{i}{each['topic']}"} for i in range(2, 22) for each in SENSOR_LISTENERS],
+        flags=("--sensors", "teaching"),
+        kept_mb=40.0,  # their topics, and a cloud of 0.4 MB of each
     ),
     Row("an honest image of 16 MB to a listener", lambda: [image()],
         before=[{"op": "advertise", "topic": "/s", "type": "sensor_msgs/Image"}],

@@ -75,10 +75,10 @@ async def test_cameras_of_one_topic_are_shown_apart_with_boxes_and_only_while_th
         cards = page.locator(".sensor-card")
         await expect(cards).to_have_count(2)
         for _ in range(2):  # each keeps its own
-            for name, size in (("Camera", "320 \u00d7 240 pixels"), ("Left", "160 \u00d7 120 pixels")):
+            for name, size in (("Camera", "320 . 240 pixels"), ("Left", "160 . 120 pixels")):
                 card = cards.filter(has=page.get_by_text(name, exact=True))
                 await card.scroll_into_view_if_needed()
-                await expect(card.get_by_text(size)).to_be_visible()
+                await expect(card.get_by_text(re.compile(size))).to_be_visible()
         ahead = cards.first.locator("canvas.sensor-boxes")
         await cards.first.scroll_into_view_if_needed()
         await expect(ahead).to_have_attribute("data-boxes", re.compile("[1-9]"))

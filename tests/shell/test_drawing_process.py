@@ -79,6 +79,23 @@ def test_process_that_is_killed_is_started_again(shared_process: DrawingProcess)
     assert cloud_of(shared_process, job()).data == before.data
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="needs a bound on another process's memory")
+def test_process_without_memory_is_told_and_draws_again_when_there_is_some(shared_process: DrawingProcess) -> None:
+    import resource  # noqa: PLC0415 - not on Windows
+
+    before = cloud_of(shared_process, job())
+    assert shared_process.pid is not None
+    resource.prlimit(shared_process.pid, resource.RLIMIT_AS, (1, resource.RLIM_INFINITY))
+    large = job()
+    rays = Lidar3dSpec(model="own", elevations=tuple(range(-60, 60)), columns=4_000)
+    many = DrawingJob(NO_ROADS, "none", 0, large.frame, [Sight(rays, large.sights[0].motion, -1)])
+    with pytest.raises(DrawingError):
+        shared_process.draw(many)
+    if shared_process.pid is not None:  # it told the error, and lives
+        resource.prlimit(shared_process.pid, resource.RLIMIT_AS, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
+    assert cloud_of(shared_process, job()).data == before.data
+
+
 def test_process_that_keeps_ending_is_not_started_for_each_job(monkeypatch: pytest.MonkeyPatch) -> None:
     process = DrawingProcess()
     monkeypatch.setattr(sys, "executable", "/bin/false")

@@ -574,6 +574,41 @@ def test_raw_pictures_of_many_egos_are_drawn_and_published_in_several_jobs() -> 
     assert len(answers) == 1
 
 
+def test_cameras_of_twenty_egos_are_out_before_the_answer_in_a_turn_each() -> None:
+    worker = ManualWorker()
+    harness, client = in_sync(CAMERA, worker=worker)
+    numbers = [0, *range(2, 21)]
+    client.send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(*numbers))
+    topics = [IMAGE if number == 0 else f"/Ego-{number}{IMAGE}" for number in numbers]
+    client.listen(*topics)
+    client.tick()  # no picture is due in the first frame
+    answers = begin_tick(harness, client)
+    assert len(worker.jobs) == len(numbers)
+    for _ in numbers:
+        assert not answers
+        worker.finish()
+    assert len(answers) == 1
+    assert [len(client.messages(topic)) for topic in topics] == [1] * len(numbers)
+
+
+def test_sensors_that_move_and_change_in_each_frame_leave_nothing_behind() -> None:
+    harness, client = in_sync(CAMERA, LIDAR)
+    client.listen(IMAGE, POINTS)
+    before = {topic.name for topic in harness.bus.topics.values() if topic.publishers}
+    for i in range(60):
+        place = _places(0.1 * i, 0.0, 2.0)
+        client.send("/SensorPosControl", "morai_msgs/SensorPosControl", sensor_index=[2], **place)
+        added = {"frame_id": f"c{i}", "topic": f"/extra{i}", "width": 8, "height": 8}
+        changes = {"remove": [f"c{i - 1}"] if i else [], "add": json.dumps({"camera": [added]})}
+        assert sensors(client, move=[json.dumps({"frame_id": "velodyne", "z": 1.0 + 0.01 * i})], **changes)["result"]
+        client.tick()
+    assert sensors(client, remove=["c59"])["result"]
+    camera, lidar = sensors(client)["mounted"]
+    assert (camera["x"], lidar["z"]) == pytest.approx((5.9, 1.59))
+    assert len(client.messages(IMAGE)) == 36
+    assert {topic.name for topic in harness.bus.topics.values() if topic.publishers} == before
+
+
 # Weather and dressing
 
 
