@@ -21,6 +21,9 @@ TOPICS: Final = {
 }
 """Default name and type of the topics in a layout, whose names the network settings may change."""
 
+CAMERA_TYPE, LIDAR_TYPE = "sensor_msgs/CompressedImage", "sensor_msgs/PointCloud2"
+"""Types of the sensors in a layout: one camera and one lidar, if the server has them."""
+
 _Json = dict[str, Any]  # a JSON object
 
 Names = Mapping[str, str]
@@ -47,7 +50,7 @@ async def seen_names(bridge: Bridge) -> tuple[dict[str, str], int]:
 
 
 def choose_names(types: Mapping[str, str]) -> dict[str, str]:
-    """Return default name -> name of the topics in a layout.
+    """Return default name -> name of the topics in a layout; of a camera and a lidar the type stands for the default.
 
     A topic with another name is found by its type, and by the end of its name where several have that type.
 
@@ -60,6 +63,10 @@ def choose_names(types: Mapping[str, str]) -> dict[str, str]:
         alike = [name for name in alike if name.endswith(default.rpartition("/")[2])] or alike
         is_known = default in types or len(alike) != 1
         names[default] = default if is_known else alike[0]
+    for sensor_type in (CAMERA_TYPE, LIDAR_TYPE):
+        topics = [name for name, one in types.items() if one.replace("/msg/", "/") == sensor_type]
+        if topics:
+            names[sensor_type] = min(topics, key=lambda name: (name.count("/"), name))  # the first ego has no prefix
     return names
 
 
@@ -106,13 +113,17 @@ def lichtblick(names: Names, ros: int) -> str:
         "Publish!drive": _publish("Drive 30 km/h", control, ros, longlCmdType=2, velocity=30.0),
         "Publish!stop": _publish("Brake", control, ros, longlCmdType=1, brake=1.0),
     }
+    scene: object = "3D!scene"
+    if CAMERA_TYPE in names:
+        panels["Image!camera"] = {"imageMode": {"imageTopic": names[CAMERA_TYPE]}}
+        scene = _column("3D!scene", "Image!camera", 60)
     layout = {
         "configById": panels,
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
         "layout": _row(
-            "3D!scene",
+            scene,
             _column(
                 _column("Plot!speed", "Plot!steering", 50),
                 _column("RawMessages!sync", _row("Publish!drive", "Publish!stop", 50), 60),
@@ -133,7 +144,10 @@ def _column(first: object, second: object, percentage: int) -> _Json:
 
 
 def _scene(names: Names) -> _Json:
-    topics = {names[topic]: {"visible": True} for topic in ("/sim/scene/map", "/sim/scene/objects")}
+    topics: _Json = {names[topic]: {"visible": True} for topic in ("/sim/scene/map", "/sim/scene/objects")}
+    if LIDAR_TYPE in names:
+        colours = {"colorMode": "colormap", "colorMap": "turbo", "colorField": "intensity"}
+        topics[names[LIDAR_TYPE]] = {"visible": True, "pointSize": 2, **colours}
     return {
         "cameraState": {
             "perspective": True,
@@ -202,13 +216,23 @@ def rviz(names: Names, ros: int) -> str:
         ros: 1 or 2.
     """
     package = "rviz" if ros == 1 else "rviz_default_plugins"
-    marker_topic = _marker_topic_1 if ros == 1 else _marker_topic_2
+    marker_topic = _marker_topic_1 if ros == 1 else _topic_2
     displays = [
         _GRID.format(package=package),
         _MARKERS.format(package=package, name="Map", topic=marker_topic(names["/sim/scene/map"], is_latched=True)),
         _MARKERS.format(package=package, name="Objects", topic=marker_topic(names["/sim/scene/objects"])),
         _TF.format(package=package),
     ]
+    if CAMERA_TYPE in names:
+        name = names[CAMERA_TYPE]
+        if ros == 1:  # its display takes the topic without the transport
+            topic = f"      Image Topic: {_yaml(name.removesuffix('/compressed'))}\n      Transport Hint: compressed\n"
+        else:
+            topic = _topic_2(name)
+        displays.append(_IMAGE.format(package=package, topic=topic))
+    if LIDAR_TYPE in names:
+        name = names[LIDAR_TYPE]
+        displays.append(_POINTS.format(package=package, topic=_topic_1(name) if ros == 1 else _topic_2(name)))
     common = "rviz" if ros == 1 else "rviz_common"
     return _RVIZ.format(
         package=package, common=common, displays="".join(displays), views=_VIEWS.format(package=package)
@@ -220,7 +244,11 @@ def _marker_topic_1(name: str, *, is_latched: bool = False) -> str:
     return f"      Marker Topic: {_yaml(name)}\n      Queue Size: 100\n"
 
 
-def _marker_topic_2(name: str, *, is_latched: bool = False) -> str:
+def _topic_1(name: str) -> str:
+    return f"      Topic: {_yaml(name)}\n      Queue Size: 2\n"
+
+
+def _topic_2(name: str, *, is_latched: bool = False) -> str:
     durability = "Transient Local" if is_latched else "Volatile"
     return f"""\
       Topic:
@@ -256,6 +284,27 @@ _MARKERS: Final = """\
       Enabled: true
       Value: true
 {topic}      Namespaces: {{}}
+"""
+
+_IMAGE: Final = """\
+    - Class: {package}/Image
+      Name: Camera
+      Enabled: true
+      Value: true
+{topic}"""
+
+_POINTS: Final = """\
+    - Class: {package}/PointCloud2
+      Name: Lidar
+      Enabled: true
+      Value: true
+{topic}      Style: Points
+      Size (Pixels): 2
+      Color Transformer: Intensity
+      Channel Name: intensity
+      Autocompute Intensity Bounds: false
+      Min Intensity: 0
+      Max Intensity: 160
 """
 
 _TF: Final = """\

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import pytest
 from ruamel.yaml import YAML
 
-from rosbridge_sim.cli.tools.layout import choose_names
+from rosbridge_sim.cli.tools.layout import VIEWERS, choose_names
 from rosbridge_sim.shell.app import Simulator
 from tests.cli.tool_fixture import in_the_background, run
 
@@ -90,6 +90,33 @@ async def test_names_and_generation_of_a_running_server_are_taken(ros: Literal[1
     assert set(panels["3D!scene"]["topics"]) == {"/sim/scene/map", "/view/objects"}
     assert prefix + "MarkerArray" in configuration.out
     assert "/view/objects" in configuration.out
+
+
+@pytest.mark.parametrize(("ros", "package"), [(1, "rviz"), (2, "rviz_default_plugins")])
+def test_camera_and_lidar_of_a_server_have_a_display_each(ros: int, package: str) -> None:
+    kind = "/msg/" if ros == 2 else "/"
+    types = {
+        "/Ego-2/image_jpeg/compressed": f"sensor_msgs{kind}CompressedImage",
+        "/image_jpeg/compressed": f"sensor_msgs{kind}CompressedImage",
+        "/lidar3D": f"sensor_msgs{kind}PointCloud2",
+        "/velodyne_points": f"sensor_msgs{kind}PointCloud2",
+    }
+    names = choose_names(types)
+    manager = YAML(typ="safe", pure=True).load(VIEWERS["rviz"](names, ros))["Visualization Manager"]
+    displays = {display["Name"]: display for display in manager["Displays"]}
+    camera, lidar = displays["Camera"], displays["Lidar"]
+    assert (camera["Class"], lidar["Class"]) == (f"{package}/Image", f"{package}/PointCloud2")
+    assert lidar["Channel Name"] == "intensity"
+    if ros == 1:
+        assert (camera["Image Topic"], camera["Transport Hint"]) == ("/image_jpeg", "compressed")
+        assert lidar["Topic"] == "/lidar3D"
+    else:
+        assert camera["Topic"]["Value"] == "/image_jpeg/compressed"
+        assert lidar["Topic"]["Value"] == "/lidar3D"
+    layout = json.loads(VIEWERS["lichtblick"](names, ros))
+    assert sorted(panels_of(layout["layout"])) == sorted(layout["configById"])
+    assert layout["configById"]["Image!camera"]["imageMode"]["imageTopic"] == "/image_jpeg/compressed"
+    assert layout["configById"]["3D!scene"]["topics"]["/lidar3D"]["colorField"] == "intensity"
 
 
 def test_ambiguous_names_stay_the_default_ones() -> None:
