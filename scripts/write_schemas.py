@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
-"""Write the JSON Schemas of the files that we read: schemas/*.schema.json, for scenarios, sensors and their noise.
+"""Write the JSON Schemas of the files that we read, and the bodies of entities that the web page draws.
 
     python scripts/write_schemas.py
 
-They are generated from the models that read the files; a test fails if one is out of date.
+schemas/*.schema.json (scenarios, sensors and their noise) come from the models that read the files, page/bodies.json
+from the shapes that cameras see. A test fails if one is out of date.
 """
 
 from __future__ import annotations
@@ -17,21 +18,25 @@ if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
 from rosbridge_sim.scenarios.scenario_model import scenario_schema  # noqa: E402
+from rosbridge_sim.scenery.moving.body_forms import body_forms  # noqa: E402
 from rosbridge_sim.simulator.sensors.sensor_noise import noise_schema  # noqa: E402
 from rosbridge_sim.simulator.sensors.sensor_presets import rig_schema  # noqa: E402
 
 
 def schema_files() -> dict[Path, str]:
-    """Return the generated schemas.
+    """Return the generated files.
 
     Returns:
         Path -> text.
     """
     schemas = {"scenario": scenario_schema(), "sensor_noise": noise_schema(), "sensors": rig_schema()}
-    return {
+    files = {
         ROOT / "schemas" / f"{name}.schema.json": json.dumps(schema, indent=2) + "\n"
         for name, schema in schemas.items()
     }
+    bodies = ",\n".join(f'"{name}":{json.dumps(form, separators=(",", ":"))}' for name, form in body_forms().items())
+    files[ROOT / "rosbridge_sim" / "page" / "bodies.json"] = f"{{{bodies}}}\n"
+    return files
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from rosbridge_sim.world.state.entity_types import Body
 from rosbridge_sim.world.state.labels import usual_wheelbase
 from rosbridge_sim.world.state.world import Kind, World
 
-__all__ = ["EgoLook", "SceneFrame", "Shape", "shape_of", "take_frame"]
+__all__ = ["EgoLook", "SceneFrame", "SceneLayout", "Shape", "shape_of", "take_frame"]
 
 
 class Shape(IntEnum):
@@ -97,8 +97,8 @@ class SceneFrame:
         return len(self.ids)
 
 
-class _Layout:
-    """Columns that stay the same until an entity is added, removed, stopped, started or placed."""
+class SceneLayout:
+    """Columns that stay the same until an entity is added, removed, stopped, started or placed; see `SceneFrame`."""
 
     __slots__ = ("centres", "ids", "is_ego", "looks", "rows", "shapes", "sizes", "wheelbases")
 
@@ -125,7 +125,7 @@ def take_frame(world: World, egos: Sequence[EgoLook] = ()) -> SceneFrame:
         egos: numbers and lamps of egos; without them an ego has its id in the world, and lamps that follow from its
             motion.
     """
-    layout = world.derived(_Layout)
+    layout = world.derived(SceneLayout)
     rows = layout.rows
     ids, lamps = layout.ids, find_lamps(world, rows)
     if egos:

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.scenery.mesh import Lit
 from rosbridge_sim.scenery.moving.template import Tint
-from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
+from rosbridge_sim.scenery.scene_frame import SceneFrame, SceneLayout, Shape
 from rosbridge_sim.world.followers.lamps import BRAKE, LEFT, REVERSE, RIGHT
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.chance import mix
 from rosbridge_sim.world.state.world import DT
 
-__all__ = ["EGO_PAINT", "lit_table", "tint_table"]
+__all__ = ["EGO_PAINT", "lit_table", "paints", "tint_table"]
 
 _CARS: Final = np.array(
     [
@@ -93,6 +93,15 @@ def tint_table(frame: SceneFrame, rows: IntArray, shape: Shape) -> NDArray[np.ui
         rows: (k,) of entities of one shape.
         shape: of these.
     """
+    table = _paint_table(frame, rows, shape)
+    lit = lit_table(frame, rows)
+    for tint, (_, colour) in _LIT.items():
+        table[lit[:, tint] == Lit.NOW, tint] = colour
+    return table
+
+
+def _paint_table(frame: SceneFrame | SceneLayout, rows: IntArray, shape: Shape) -> NDArray[np.uint8]:
+    """Return the colours of the parts of entities while no lamp is lit, (k, tints, 3); see `tint_table`."""
     table = np.zeros((len(rows), _NUM, 3), dtype=np.uint8)
     for tint, colour in _FIXED.items():
         table[:, tint] = colour
@@ -110,10 +119,21 @@ def tint_table(frame: SceneFrame, rows: IntArray, shape: Shape) -> NDArray[np.ui
     else:
         table[:, Tint.PAINT] = pick(_BUSES if shape == Shape.BUS else _CARS, 0)
     table[frame.is_ego[rows], Tint.PAINT] = EGO_PAINT
-    lit = lit_table(frame, rows)
-    for tint, (_, colour) in _LIT.items():
-        table[lit[:, tint] == Lit.NOW, tint] = colour
     return table
+
+
+def paints(entities: SceneFrame | SceneLayout) -> NDArray[np.uint32]:
+    """Return the main colour of each entity as 65,536 red + 256 green + blue, (n,): that of `tint_table`.
+
+    Args:
+        entities: the entities.
+    """
+    found = np.zeros((len(entities.shapes), 3), dtype=np.uint32)
+    for shape in Shape:
+        rows = np.flatnonzero(entities.shapes == shape)
+        if len(rows):
+            found[rows] = _paint_table(entities, rows, shape)[:, Tint.PAINT]
+    return np.asarray(found[:, 0] << 16 | found[:, 1] << 8 | found[:, 2], dtype=np.uint32)
 
 
 def lit_table(frame: SceneFrame, rows: IntArray) -> NDArray[np.uint8]:

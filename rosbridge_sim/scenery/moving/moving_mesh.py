@@ -22,7 +22,7 @@ from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
 from rosbridge_sim.scenery.static.traffic_lights import SignalLamps
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 
-__all__ = ["MovingScene", "moving_mesh"]
+__all__ = ["MovingScene", "moving_mesh", "stretch"]
 
 _LABELS: Final = {
     Shape.MOTORCYCLE: Label.MOTORCYCLE,
@@ -86,7 +86,7 @@ class MovingScene:
             for chosen, is_coarse in sets:
                 rows = np.flatnonzero(chosen)
                 if len(rows):
-                    local, template = _stretch(frame, rows, shape, is_coarse=is_coarse)
+                    local, template = stretch(frame, rows, shape, is_coarse=is_coarse)
                     parts.append(_place(frame, rows, shape, origin, local=local, template=template))
         return join_meshes(parts or [Mesh.empty(origin)])
 
@@ -107,7 +107,7 @@ def moving_mesh(frame: SceneFrame, origin: FloatArray) -> Mesh:
     return MovingScene().mesh(frame, origin)
 
 
-def _stretch(frame: SceneFrame, rows: IntArray, shape: Shape, *, is_coarse: bool) -> tuple[FloatArray, Template]:
+def stretch(frame: SceneFrame, rows: IntArray, shape: Shape, *, is_coarse: bool) -> tuple[FloatArray, Template]:
     """Return the vertices of entities of one shape in their own axes, (k, n, 3) [m], and their triangles."""
     sizes = frame.sizes[rows]
     if shape <= Shape.BUS:

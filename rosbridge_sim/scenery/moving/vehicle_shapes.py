@@ -91,7 +91,7 @@ def _car(b: TemplateBuilder) -> None:
     # The sides are fuller than the ends.
     b.extrude(
         [
-            (-0.36, 0.13, 0.49, _D),
+            (-0.36, 0.13, 0.49, _P),
             (-0.42, 0.42, 0.5, _P),
             (-0.34, 0.62, 0.475, _P),
             (0.24, 0.61, 0.475, _P),

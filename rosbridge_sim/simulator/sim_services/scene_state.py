@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.scenery.moving.looks import paints
+from rosbridge_sim.scenery.scene_frame import SceneLayout
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -56,7 +58,19 @@ class SceneState(Component):
             context.bus.store,
             "rosbridge_sim_msgs/SceneState",
             *("header", "frame", "map_digest", "scenario", "id", "kind", "x", "y", "z", "roll", "pitch", "heading"),
-            *("speed", "length", "width", "height", "center_x", "lamps", "flags", "light_state", "light_time_left"),
+            *(
+                "speed",
+                "length",
+                "width",
+                "height",
+                "center_x",
+                "shape",
+                "paint",
+                "lamps",
+                "flags",
+                "light_state",
+                "light_time_left",
+            ),
         )
         # What the lights show changes rarely: their columns are kept with the array that they were made from.
         self._shown: IntArray | None = None
@@ -110,6 +124,8 @@ class SceneState(Component):
             yaw,
             speed,
             *layout.box,
+            layout.shapes,
+            layout.paints,
             self._lamps(layout, ego_lamps),
             self._flags(layout),
             *self._lights(),
@@ -177,11 +193,13 @@ class _Layout:
         ids: (n,) uint32, numbers of the entities on the wire.
         kinds: a byte for each.
         box: length, width, height and `center_x` of each, (n,) float32 [m].
+        shapes: a byte for each, see `scenery.scene_frame.Shape`.
+        paints: (n,) uint32, see `scenery.moving.looks.paints`.
         egos: those of the simulator, each with its place in `rows`.
         no_flags: the flags while nothing touches anything.
     """
 
-    __slots__ = ("box", "egos", "ids", "kinds", "no_flags", "rows")
+    __slots__ = ("box", "egos", "ids", "kinds", "no_flags", "paints", "rows", "shapes")
 
     def __init__(self, world: World, egos: Sequence[Ego]) -> None:
         rows = self.rows = np.fromiter(world.placed(), dtype=np.int64, count=len(world))
@@ -194,4 +212,7 @@ class _Layout:
         self.kinds = kinds.tobytes()
         sizes = (2.0 * world.half_length, 2.0 * world.half_width, world.height, world.centre)
         self.box = tuple([size[rows].astype(np.float32) for size in sizes])
+        looks = world.derived(SceneLayout)
+        self.shapes = looks.shapes.tobytes()
+        self.paints = paints(looks)
         self.no_flags = bytes(len(rows))

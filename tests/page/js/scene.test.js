@@ -2,9 +2,9 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { setImmediate } from "node:timers/promises";
 
-import { fillEntities, meshOf } from "../../../rosbridge_sim/page/js/drawing/entity_filler.js";
+import { FORMS, makeBody } from "../../../rosbridge_sim/page/js/drawing/bodies.js";
+import { fillEntities } from "../../../rosbridge_sim/page/js/drawing/entity_filler.js";
 import { MeasureTool, PlaceTool } from "../../../rosbridge_sim/page/js/drawing/map_tools.js";
-import { makeMeshes } from "../../../rosbridge_sim/page/js/drawing/meshes.js";
 import { makePalette } from "../../../rosbridge_sim/page/js/drawing/palette.js";
 import { TopCamera } from "../../../rosbridge_sim/page/js/drawing/top_camera.js";
 import { ContactList } from "../../../rosbridge_sim/page/js/scene/contacts.js";
@@ -28,7 +28,7 @@ function state(frame, rows, others = {}) {
     header: { stamp: { secs: 0, nsecs: 0 } }, frame, map_digest: "d", scenario: "s", id: new Uint32Array(column(0)),
     kind: new Uint8Array(column(1)), x: new Float64Array(column(2)), y: new Float64Array(rows.length), z: zeros, roll: zeros,
     pitch: zeros, heading: zeros, speed: new Float32Array(column(3)), length: zeros.map(() => 4.5), width: zeros.map(() => 2),
-    height: zeros.map(() => 1.5), center_x: zeros, lamps: new Uint8Array(rows.length), flags: new Uint8Array(rows.length),
+    height: zeros.map(() => 1.5), center_x: zeros, shape: new Uint8Array(column(1).map((kind) => (kind === 2 ? 6 : 0))), paint: new Uint32Array(rows.length), lamps: new Uint8Array(rows.length), flags: new Uint8Array(rows.length),
     light_state: new Int16Array(0), light_time_left: new Float32Array(0), ...others,
   }; // prettier-ignore
 }
@@ -179,31 +179,27 @@ test("only entities on the screen are drawn, and distant ones in a simple form",
   const rows = /** @type {[number, number, number, number][]} */ ([[1, 1, 0, 0], [2, 1, 1000, 0], [3, 2, 41, 0]]); // prettier-ignore
   const scene = state(0, rows);
   /** @type {any} */
-  const layers = Object.fromEntries(
-    ["car", "van", "person", "box", "far"].map((name) => [name, { count: 0, values: new Float32Array(1000), next() { return 16 * this.count++; } }]),
-  ); // prettier-ignore
-  const count = () => Object.entries(layers).filter(([, layer]) => layer.count > 0).map(([name, layer]) => `${name} ${layer.count}`);
+  const layers = FORMS.map(() => ({ count: 0, values: new Float32Array(1000), next() { return 16 * this.count++; } })); // prettier-ignore
+  const count = () => FORMS.map((name, i) => `${name} ${layers[i].count}`).filter((text) => !text.endsWith(" 0"));
   camera.scale = 10;
   fillEntities(layers, scene, scene, { x: 0, y: 0, z: 0 }, camera.matrix({ x: 0, y: 0, z: 0 }), camera.pixelSize);
   assert.deepEqual(count(), ["car 1", "person 1"]);
   camera.scale = 0.3;
   fillEntities(layers, scene, scene, { x: 0, y: 0, z: 0 }, camera.matrix({ x: 0, y: 0, z: 0 }), camera.pixelSize);
   assert.deepEqual(count(), ["car 1", "person 2", "far 2"]);
-  assert.equal(meshOf(1, 12, 3, false), "van");
-  assert.equal(meshOf(3, 1, 1, false), "box");
 });
 
-test("bodies stay within the box of their entity, and their faces look outwards", () => {
-  for (const [name, mesh] of Object.entries(makeMeshes())) {
-    let volume = 0;
-    for (let i = 0; i < mesh.length; i += 12) {
-      const [a, b, c] = [0, 4, 8].map((at) => mesh.subarray(i + at, i + at + 3));
-      for (const [u, v, h] of [a, b, c]) {
-        assert.ok(Math.abs(u) <= 0.5 && Math.abs(v) < 0.52 && h >= 0 && h < 1.01, `${name}: ${[u, v, h].join(" ")}`);
-      }
-      volume += a[0] * (b[1] * c[2] - b[2] * c[1]) - a[1] * (b[0] * c[2] - b[2] * c[0]) + a[2] * (b[0] * c[1] - b[1] * c[0]);
+test("bodies stay within the box of their entity, and fill its length", () => {
+  for (const name of FORMS) {
+    const body = makeBody(name);
+    assert.equal(body.length % 12, 0);
+    const along = [];
+    for (let i = 0; i < body.length; i += 4) {
+      const [u, v, h, part] = body.subarray(i, i + 4);
+      assert.ok(Math.abs(u) <= 0.5 && Math.abs(v) <= 0.5 && h >= 0 && h <= 1 && part <= 10, `${name}: ${[u, v, h, part].join(" ")}`);
+      along.push(u);
     }
-    assert.ok(volume > 0, name);
+    assert.ok(Math.max(...along) - Math.min(...along) > 0.35, name);
   }
 });
 

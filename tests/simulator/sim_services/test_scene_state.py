@@ -13,6 +13,8 @@ import pytest
 
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
+from rosbridge_sim.scenery.moving.moving_mesh import moving_mesh
+from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.state import placement
 from tests.simulator.sim_harness import ALL, Client, SimHarness, put_egos
@@ -67,6 +69,20 @@ def test_message_has_every_entity_of_the_frame_in_columns() -> None:
     assert state["length"] == pytest.approx([world.bodies[row].length for row in rows])
     assert state["width"] == pytest.approx([world.bodies[row].width for row in rows])
     assert octets(state["flags"]) == [0] * 6
+
+
+def test_bodies_have_the_shapes_and_colours_that_cameras_see() -> None:
+    harness, client = in_sync()
+    client.listen(STATE)
+    client.tick()
+    state, frame = last(client), take_frame(harness.world)
+    assert octets(state["shape"]) == frame.shapes.tolist() == [0, 0, 0, 6, 7, 7]
+    seen = moving_mesh(frame, np.zeros(3))
+    for row, paint in enumerate(state["paint"]):
+        colour = (paint >> 16, paint >> 8 & 255, paint & 255)
+        own = seen.colour[seen.instance == frame.ids[row] + 1]
+        assert (own == colour).all(axis=1).any(), f"row {row} has no {colour}"
+    assert state["paint"][0] == 24 << 16 | 78 << 8 | 160  # the ego's blue
 
 
 def test_cbor_has_typed_arrays_of_the_same_numbers() -> None:

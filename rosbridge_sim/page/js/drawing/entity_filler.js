@@ -2,18 +2,10 @@
  * Entities of a state as rows of the graphics card's buffers.
  */
 
-import { NUM_CARS } from "./palette.js";
+import { FAR_FORM, LAST_VEHICLE } from "./bodies.js";
 
 /** @typedef {import("../scene/store.js").SceneState} SceneState */
 /** @typedef {import("./gl_layers.js").EntityLayer} EntityLayer */
-/** @typedef {Record<"car" | "van" | "person" | "box" | "far", EntityLayer>} EntityLayers */
-
-/** Spreads neighbouring numbers of entities over the colours of cars (Knuth's multiplicative hash). */
-const SPREAD = 0x9e3779b1;
-/** Vehicles from this height on are drawn as vans, trucks and buses [m]. */
-const VAN_HEIGHT = 2;
-/** Vehicles below this length are two-wheelers and other small things, which are drawn as boxes [m]. */
-const CAR_LENGTH = 2.6;
 /** Vehicles that are shorter on the screen have the simplest form, without a shadow [pixels]. */
 const FAR_PIXELS = 22;
 /** The same behind the car, where a length is seen foreshortened: about 110 m away [pixels]. */
@@ -25,28 +17,8 @@ const LEAST_VEHICLE = 11;
 const LEAST_PERSON = 7;
 
 /**
- * Return the form in which an entity is drawn.
- * @param {number} kind
- * @param {number} length - [m]
- * @param {number} height - [m]
- * @param {boolean} isFar - details would not be seen
- */
-export function meshOf(kind, length, height, isFar) {
-  if (kind === 2) {
-    return "person";
-  }
-  if (kind > 2 || length < CAR_LENGTH) {
-    return "box";
-  }
-  if (isFar) {
-    return "far";
-  }
-  return height >= VAN_HEIGHT ? "van" : "car";
-}
-
-/**
  * Fill the layers with all entities on the screen.
- * @param {EntityLayers} layers
+ * @param {EntityLayer[]} layers - one for each of `FORMS`
  * @param {SceneState | null} state
  * @param {import("./picking.js").Poses} poses - as drawn
  * @param {{x: number, y: number, z: number}} origin
@@ -75,7 +47,7 @@ export function fillEntities(layers, state, poses, origin, view, pixel) {
       Math.abs(view[0] * x + view[4] * y + view[8] * z + view[12]) <= w + reach * across &&
       Math.abs(view[1] * x + view[5] * y + view[9] * z + view[13]) <= w + reach * upwards;
     if (isSeen) {
-      const layer = layers[meshOf(kind, state.length[row], state.height[row], pixels < farPixels)];
+      const layer = layers[state.shape[row] <= LAST_VEHICLE && pixels < farPixels ? FAR_FORM : state.shape[row]];
       const at = layer.next();
       const { values } = layer;
       values[at] = x;
@@ -93,7 +65,7 @@ export function fillEntities(layers, state, poses, origin, view, pixel) {
       values[at + 12] = Math.cos(poses.heading[row]);
       values[at + 13] = Math.sin(poses.heading[row]);
       values[at + 14] = state.pitch[row];
-      values[at + 15] = (Math.imul(state.id[row] + 1, SPREAD) >>> 16) % NUM_CARS;
+      values[at + 15] = state.paint[row];
     }
   }
 }

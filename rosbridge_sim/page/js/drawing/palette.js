@@ -10,7 +10,6 @@ import { KINDS } from "../scene/store.js";
  * @typedef {object} Palette
  * @property {Float32Array} materials - red, green and blue of each material
  * @property {Float32Array} kinds - the same of each kind of entity
- * @property {Float32Array} cars - the same of vehicles behind the car
  * @property {Record<"paper" | "zenith" | "horizon" | "ground" | "grid" | "contact" | "selected", number[]>} single
  * @property {boolean} isDark
  */
@@ -22,9 +21,6 @@ import { KINDS } from "../scene/store.js";
 export function colourOf(hex) {
   return [1, 3, 5].map((at) => Number.parseInt(hex.slice(at, at + 2), 16) / 255);
 }
-
-/** Number of colours of vehicles. */
-export const NUM_CARS = colours.cars.length;
 
 /**
  * Make the palette.
@@ -65,7 +61,6 @@ export function makePalette(isDark) {
   return {
     isDark,
     materials,
-    cars: new Float32Array(colours.cars.flatMap(colourOf)),
     kinds: new Float32Array(KINDS.flatMap((kind) => colourOf(kinds[kind]))),
     single: {
       paper: colourOf(map.paper),

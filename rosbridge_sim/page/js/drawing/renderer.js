@@ -7,11 +7,11 @@ import { lightMaterial, makeLightBars } from "../scene/light_bars.js";
 import { LineBuffer } from "../scene/line_buffer.js";
 import { MATERIALS } from "../scene/materials.js";
 import { stampOf } from "../scene/store.js";
+import { FAR_FORM, FAR_ROOF, FORMS, lampHeight, makeBody } from "./bodies.js";
 import { fillEntities } from "./entity_filler.js";
 import { EntityLayer, LineLayer, ScreenLayer, SurfaceLayer } from "./gl_layers.js";
 import { GlProgram } from "./gl_program.js";
 import { MESH_SHADERS, MeshLayer } from "./mesh_layer.js";
-import { FAR_ROOF, makeMeshes } from "./meshes.js";
 import { HEAD_SHADERS, POINT_SHADERS, PointLayer } from "./point_layer.js";
 import { PlanLayer } from "./plan_layer.js";
 import {
@@ -64,14 +64,8 @@ export class Renderer {
       sky: new GlProgram(gl, SKY_SHADERS),
       ground: new GlProgram(gl, GROUND_SHADERS),
     };
-    const meshes = makeMeshes();
-    this.entities = {
-      car: new EntityLayer(gl, meshes.car, [0.4, 0.66]),
-      van: new EntityLayer(gl, meshes.van, [0.25, 0.38]),
-      person: new EntityLayer(gl, meshes.person, [2, 2]),
-      box: new EntityLayer(gl, meshes.box, [0.3, 0.6]),
-      far: new EntityLayer(gl, meshes.far, [0.3, 1]),
-    };
+    /** Entities by their form. */
+    this.entities = FORMS.map((name, shape) => new EntityLayer(gl, makeBody(name), lampHeight(shape)));
     /** What stands still, for the camera behind the car; null until it is loaded. @type {MeshLayer | null} */
     this.mesh = null;
     this.heads = new PointLayer(gl, 3);
@@ -151,7 +145,7 @@ export class Renderer {
     const { gl } = this;
     const { camera, palette } = picture;
     this.showLights(picture.state?.light_state ?? null);
-    for (const layer of Object.values(this.entities)) {
+    for (const layer of this.entities) {
       layer.clear();
     }
     const scale = camera.isPerspective ? Infinity : 1 / camera.pixelSize;
@@ -187,7 +181,7 @@ export class Renderer {
     this.drawMarks(scale, flat, mesh === null);
     this.programs.shadow.use();
     this.programs.shadow.set({ ...bodies, layer: 6 });
-    Object.values(this.entities).forEach((layer) => layer !== this.entities.far && layer.drawShadows());
+    this.entities.forEach((layer, shape) => shape !== FAR_FORM && layer.drawShadows());
     const spin = camera.isPerspective ? 100 : /** @type {TopCamera} */ (camera).rotation;
     const ratio = gl.drawingBufferWidth / camera.width;
     this.programs.point.use();
@@ -242,21 +236,19 @@ export class Renderer {
    */
   drawEntities(uniforms, { palette, state }) {
     const { gl, programs } = this;
-    const layers = Object.values(this.entities);
-    layers.forEach((layer) => layer.upload());
-    gl.enable(gl.CULL_FACE); // bodies are closed
+    this.entities.forEach((layer) => layer.upload());
     programs.entity.use();
     const blink = state === null ? 0 : Math.floor(stampOf(state) * BLINKS) % 2;
-    const looks = { ...uniforms, kinds: palette.kinds, cars: palette.cars, contact: palette.single.contact };
-    programs.entity.set({ ...looks, blink });
-    const { far, ...near } = this.entities;
-    for (const layer of Object.values(near)) {
+    const looks = { ...uniforms, kinds: palette.kinds, contact: palette.single.contact };
+    programs.entity.set({ ...looks, blink, isMarked: uniforms.enlarge });
+    for (const layer of this.entities.slice(0, FAR_FORM)) {
       programs.entity.set({ lampHeight: layer.lampHeight });
       layer.draw(0);
     }
+    gl.enable(gl.CULL_FACE); // it is closed
     programs.far.use();
     programs.far.set(looks);
-    far.draw(uniforms.enlarge ? FAR_ROOF : 0);
+    this.entities[FAR_FORM].draw(uniforms.enlarge ? FAR_ROOF : 0);
     gl.disable(gl.CULL_FACE);
   }
 

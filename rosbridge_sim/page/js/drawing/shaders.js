@@ -4,7 +4,6 @@
  */
 
 import { NUM_MATERIALS } from "../scene/materials.js";
-import { NUM_CARS } from "./palette.js";
 
 export const HEAD = `#version 300 es
 precision highp float;
@@ -119,13 +118,14 @@ const ENTITY = `
 layout(location = 1) in vec4 pose; // x, y, z, roll
 layout(location = 2) in vec4 body; // length, width, height, middle in front of the reference point
 layout(location = 3) in vec4 looks; // kind, lamps, flags, least pixels
-layout(location = 4) in vec4 way; // cosine and sine of the heading, pitch, row of cars
+layout(location = 4) in vec4 way; // cosine and sine of the heading, pitch, paint
 uniform mat4 view;
 uniform float pixel;
 uniform float enlarge; // 1: a thing that is too small to see is drawn larger, on the map
-uniform vec3 kinds[4], cars[${NUM_CARS}];
-vec3 paintOf() { // on the map by the kind, else as cars are
-  return looks.x == 1.0 && enlarge < 0.5 ? cars[int(way.w)] : kinds[int(looks.x)];
+uniform vec3 kinds[4];
+vec3 paintOf() { // on the map, and of egos, by the kind; else as cameras see it
+  int paint = int(way.w);
+  return looks.x > 0.0 && enlarge < 0.5 ? vec3(paint >> 16, paint >> 8 & 255, paint & 255) / 255.0 : kinds[int(looks.x)];
 }
 float sizeOnScreen() {
   float unit = pixel * max((view * vec4(pose.xyz, 1.0)).w, 0.0);
@@ -173,6 +173,7 @@ flat in vec3 base;
 uniform vec3 contact;
 uniform vec2 lampHeight; // where lamps are, as shares of the height
 uniform float blink;
+uniform float isMarked;
 out vec4 result;
 void main() {
   vec3 normal = normalize(cross(dFdx(place), dFdy(place)));
@@ -185,7 +186,14 @@ void main() {
   if (part == 2.0) colour = vec3(0.10) * shade;
   if (part == 3.0) colour = mix(body, vec3(0.98, 0.80, 0.66), 0.75) * shade;
   if (part == 4.0) colour = mix(body, vec3(1.0), 0.75);
-  if (part == 0.0 && look.x < 1.5) {
+  if (part > 5.0) {
+    int lamps = int(look.y);
+    bool isOn = part == 7.0 ? (lamps & 4) != 0 : part == 10.0 ? (lamps & 8) != 0 : part != 6.0 && blink > 0.5 && (lamps & (part == 8.0 ? 1 : 2)) != 0;
+    vec3 glass = part == 7.0 ? vec3(0.44, 0.07, 0.07) : part == 6.0 || part == 10.0 ? vec3(0.84) : vec3(0.62, 0.36, 0.1);
+    vec3 light = part == 7.0 ? vec3(1.0, 0.14, 0.1) : part == 10.0 ? vec3(1.0) : vec3(1.0, 0.63, 0.08);
+    colour = isOn ? light : glass * shade;
+  }
+  if (isMarked > 0.5 && part == 0.0 && look.x < 1.5) { // on the map, where real lamps would not be seen
     float unit = length(vec2(fwidth(local.x), fwidth(local.y)));
     float deep = max(0.3, 1.3 * unit);
     float wide = min(max(0.34, 2.0 * unit), 0.45 * size.y);

@@ -13,7 +13,7 @@ import { loadMesh } from "./mesh_loader.js";
  * @typedef {{header: {stamp: {secs?: number, nsecs?: number, sec?: number, nanosec?: number}}, frame: number,
  *   map_digest: string, scenario: string, id: Uint32Array, kind: Uint8Array, x: Float64Array, y: Float64Array,
  *   z: Float32Array, roll: Float32Array, pitch: Float32Array, heading: Float32Array, speed: Float32Array,
- *   length: Float32Array, width: Float32Array, height: Float32Array, center_x: Float32Array, lamps: Uint8Array,
+ *   length: Float32Array, width: Float32Array, height: Float32Array, center_x: Float32Array, shape: Uint8Array, paint: Uint32Array, lamps: Uint8Array,
  *   flags: Uint8Array, light_state: Int16Array, light_time_left: Float32Array}} SceneState
  */
 
