@@ -13,6 +13,7 @@ from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.graph.actions import Goal, GoalOutcome, GoalStatus
 from rosbridge_sim.graph.attach.mirror import Mirror
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.peer import Peer
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
@@ -630,3 +631,33 @@ def test_encoding_failure_is_logged_with_a_traceback_once_per_topic(
         bus.guard.note_encoding(where, error)
     assert tracebacks(caplog) == ["/a: a message is dropped: no", "/b: a message is dropped: no"]
     assert bus.guard.num_unencoded == 5
+
+
+def test_encoding_failures_are_all_counted_and_each_is_logged_once_up_to_a_thousand(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    guard = Guard()
+    for _ in range(2):
+        for i in range(1_003):
+            guard.note_encoding(f"/t{i}", EncodingError("no"))
+    assert (guard.num_unencoded, guard.num_faults) == (2_006, 2_006)
+    assert [record.getMessage().partition(":")[0] for record in caplog.records] == [f"/t{i}" for i in range(1_000)]
+
+
+def test_owner_that_cannot_end_alone_has_its_own_failure_raised() -> None:
+    guard, fault = Guard(), Fault()
+    with pytest.raises(Fault) as raised:
+        guard.blame(object(), fault)
+    assert raised.value is fault
+    assert guard.num_faults == 0
+
+
+def test_owner_that_ends_by_raising_the_same_failure_is_not_counted_twice() -> None:
+    class Reraising:
+        def fail(self, error: Exception) -> None:
+            raise error
+
+    guard, fault = Guard(), Fault()
+    with pytest.raises(Fault):
+        guard.blame(Reraising(), fault)
+    assert guard.num_faults == 0
