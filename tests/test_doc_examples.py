@@ -22,7 +22,7 @@ import pytest
 
 from rosbridge_sim.client import Client
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
-from rosbridge_sim.shell.files.sensors_file import read_sensors
+from rosbridge_sim.shell.files.rig_file import read_sensors
 from rosbridge_sim.world.state.world import Kind
 from tests import fork_server
 from tests.cli.tool_fixture import run as run_tool

@@ -28,8 +28,8 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.network_files import DiskNetworks
 from rosbridge_sim.shell.files.noise_file import read_sensor_noise
 from rosbridge_sim.shell.files.quota import DataQuota
+from rosbridge_sim.shell.files.rig_file import read_sensors
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
-from rosbridge_sim.shell.files.sensors_file import read_sensors
 from rosbridge_sim.shell.monitoring.server_topics import TOPICS, WHO_IS_CONNECTED
 from rosbridge_sim.shell.scenario_shelf import DiskShelf
 from rosbridge_sim.shell.sensor_thread import SensorThread

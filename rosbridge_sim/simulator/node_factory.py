@@ -42,10 +42,10 @@ from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sensors.drawing import SensorWorker
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
+from rosbridge_sim.simulator.sensors.sensor_commands import Sensors
 from rosbridge_sim.simulator.sensors.sensor_files import SensorDataStore
 from rosbridge_sim.simulator.sensors.sensor_service import SensorService
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
-from rosbridge_sim.simulator.sensors.sensors import Sensors
 from rosbridge_sim.simulator.sensors.weather import WeatherControl
 from rosbridge_sim.simulator.sim_services.barrier_services import BarrierServices
 from rosbridge_sim.simulator.sim_services.contacts import Contacts

@@ -27,10 +27,10 @@ from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueu
 from rosbridge_sim.world.drivers.lane_position import find_ahead, headings, set_legs
 from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
-from rosbridge_sim.world.lane_changes.lane_change_clearance import Shifts, is_clear
-from rosbridge_sim.world.lane_changes.lane_change_look import BLOCKED_WAY, LaneLook
+from rosbridge_sim.world.lane_changes.lane_change_decision import BLOCKED_WAY, LaneLook
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange, follow
 from rosbridge_sim.world.lane_changes.lane_change_motion import TIGHT_BEND, length_of_tight_shift, time_of_shift
+from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, is_clear
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.state.world import Kind, World

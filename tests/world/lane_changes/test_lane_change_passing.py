@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.lane_changes.lane_change_clearance import Shifts, is_clear
+from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, is_clear
 from rosbridge_sim.world.roads.lane_change_map import RIGHT
 from tests.world.lane_drives import world_of
 from tests.world.road_factory import car, ego

@@ -11,9 +11,9 @@ from rosbridge_sim.world.drivers.driver_model import HARDEST, Perception
 from rosbridge_sim.world.drivers.lane_entries import Drivers, EntryQueue
 from rosbridge_sim.world.drivers.route_choice import RouteChoice
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
-from rosbridge_sim.world.lane_changes.lane_change_clearance import STANDS, Shifts, is_clear
 from rosbridge_sim.world.lane_changes.lane_change_model import KEEP_RIGHT_BIAS, THRESHOLD, LaneChange, find_safe, follow
 from rosbridge_sim.world.lane_changes.lane_change_motion import CAR_LENGTH, LANE, time_of_shift
+from rosbridge_sim.world.lane_changes.lane_change_passing import STANDS, Shifts, is_clear
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, RIGHT, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.state.world import DT, World
