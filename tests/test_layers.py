@@ -77,7 +77,7 @@ simulator.sensors: * documents graph maps morai.messages scenery schema simulato
     world.geometry world.state world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensors simulator.sync world.contacts world.roads world.state
-simulator.sim_services: * graph maps morai.messages scenarios scenery scenery.static schema simulator.bus
+simulator.sim_services: * graph maps morai.messages scenarios scenery scenery.moving scenery.static schema simulator.bus
     simulator.kernel simulator.plain simulator.scene simulator.sync units world world.contacts world.drivers
     world.followers world.geometry world.lane_changes world.roads world.state
 simulator.replays: * graph morai.messages scenarios simulator.bus simulator.kernel simulator.plain simulator.scene

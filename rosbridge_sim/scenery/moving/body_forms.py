@@ -6,15 +6,15 @@ stretches it to the box of an entity. People stand still there.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
 from rosbridge_sim.scenery.moving.moving_mesh import stretch
 from rosbridge_sim.scenery.moving.template import Template, Tint
-from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
-from rosbridge_sim.world.roads.roads import Roads
-from rosbridge_sim.world.roads.signal_plan import SignalPlan
+from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape, take_frame
+from rosbridge_sim.world.state.world import World
 
 __all__ = ["BODY_PARTS", "body_forms"]
 
@@ -92,8 +92,8 @@ def _one(shape: Shape) -> SceneFrame:
     """Return a frame with one entity of a shape that stands at the origin."""
     length, width, height, wheelbase = SIZES[shape]
     zero = np.zeros(1)
-    return SceneFrame(
-        frame=0,
+    return replace(
+        take_frame(World()),
         ids=np.zeros(1, dtype=np.int64),
         shapes=np.array([shape], dtype=np.uint8),
         is_ego=np.zeros(1, dtype=bool),
@@ -106,8 +106,6 @@ def _one(shape: Shape) -> SceneFrame:
         steers=zero,
         lamps=np.zeros(1, dtype=np.uint8),
         strides=zero,
-        signals=np.zeros(0, dtype=np.int64),
-        plan=SignalPlan(Roads()),
     )
 
 
