@@ -391,7 +391,7 @@ def test_sensors_compute_nothing_without_subscribers(monkeypatch: pytest.MonkeyP
     def fail(*_args: object) -> None:
         raise AssertionError("made for nobody")
 
-    for name in ("gps.locate", "imu.feel", "sensors.find_boxes"):
+    for name in ("gps.locate", "imu.feel", "sensor_commands.find_boxes"):
         monkeypatch.setattr(f"rosbridge_sim.simulator.sensors.{name}", fail)
     client.listen("/Ego_topic")
     client.tick()
