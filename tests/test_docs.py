@@ -105,6 +105,8 @@ DENIALS = (
     ("README.md", "What it is not"),
     ("docs/modelling.md", "What is not simulated"),
     ("docs/security.md", "What is not promised"),
+    ("docs/guides/page.md", "What it does not do"),
+    ("docs/guides/ros2.md", "What does not"),
 )
 """Pages and sections whose lists say what is not there."""
 

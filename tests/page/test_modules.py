@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from pathlib import Path
 
@@ -23,3 +24,10 @@ def run(*words: str) -> None:
 def test_pure_parts_of_the_page_pass_their_tests(path: Path) -> None:
     require_tool("node")
     run("node", "--disable-warning=ExperimentalWarning", "--test", str(path))
+
+
+def test_page_sends_no_goals_of_actions() -> None:
+    sources = "".join(path.read_text("utf-8") for path in (ROOT / "rosbridge_sim" / "page" / "js").rglob("*.js"))
+    assert sorted(set(re.findall(r'op: "(\w+)"', sources))) == [
+        *("advertise", "auth", "call_service", "publish", "subscribe", "unadvertise", "unsubscribe")
+    ]

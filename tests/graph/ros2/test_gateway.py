@@ -137,6 +137,17 @@ def test_a_topic_without_publisher_leaves_the_graph(graph: GraphInMemory) -> Non
     assert not graph.bus.holdings(graph.gateway).subscriptions
 
 
+def test_services_and_parameters_are_not_announced(graph: GraphInMemory) -> None:
+    client = Wire(graph.bus)
+    client.says(op="advertise_service", service="/add", type="std_srvs/Empty")
+    client.says(op="call_service", service="/rosapi/set_param", args={"name": "/speed", "value": "3"})
+    client.says(op="advertise", topic="/state", type=STRING)
+    graph.settle()
+    assert "/add" in graph.bus.services
+    assert list(graph.writers) == ["/state"]
+    assert not graph.readers
+
+
 def test_encoding_stops_when_the_last_reader_leaves(graph: GraphInMemory) -> None:
     topic = graph.bus.advertise(Somebody("/car"), "/state", STRING)
     key = graph.meet("/state", is_writer=False)
