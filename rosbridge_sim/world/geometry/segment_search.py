@@ -105,7 +105,7 @@ class SegmentSearch:
 
     __slots__ = (
         *("_bottom", "_first", "_grid", "_high", "_low", "_middle", "_middle_height", "_num_lanes", "_segments"),
-        *("_size", "_top"),
+        *("_sides", "_size", "_top"),
     )
 
     def __init__(self, segments: LaneSegments, num_lanes: int) -> None:
@@ -124,6 +124,7 @@ class SegmentSearch:
         self._top = np.maximum.reduceat(np.maximum(segments.height, end_height), self._first)
         self._low = np.minimum.reduceat(np.minimum(segments.start, segments.end), self._first)
         self._high = np.maximum.reduceat(np.maximum(segments.start, segments.end), self._first)
+        self._sides = np.array([self._low.T, self._high.T])
         self._grid: BlockGrid | None = None
 
     def nearest(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None = None) -> IntArray:
@@ -188,9 +189,21 @@ class SegmentSearch:
             block = np.concatenate([block[is_near], np.tile(np.arange(num), len(far))])
             order = np.lexsort((block, owner))
             owner, block = owner[order], block[order]
-        gap = np.maximum(self._low[block] - place[owner], place[owner] - self._high[block])
-        is_within = _length(np.maximum(gap, 0.0)) <= radius[owner]
+        for axis in (0, 1):  # most are too far away in one direction alone
+            near = (self._gap(place, owner, block, axis) <= radius.take(owner)).nonzero()[0]
+            owner, block = owner.take(near), block.take(near)
+        gap = np.stack([self._gap(place, owner, block, axis) for axis in (0, 1)], axis=1)
+        is_within = _length(gap) <= radius[owner]
         return owner[is_within], block[is_within]
+
+    def _gap(self, place: FloatArray, owner: IntArray, block: IntArray, axis: int) -> FloatArray:
+        """Return (m,) how far blocks' boxes are from places along an axis, at least 0 [m]."""
+        where = np.ascontiguousarray(place[:, axis]).take(owner)
+        gap, beyond = self._sides[0, axis].take(block), self._sides[1, axis].take(block)
+        gap -= where
+        np.subtract(where, beyond, out=beyond)
+        np.maximum(gap, beyond, out=gap)
+        return np.maximum(gap, 0.0, out=gap)
 
     def _best(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None) -> IntArray:
         """Return the nearest segment for each place, (n,); arguments as for `nearest`."""
