@@ -199,11 +199,12 @@ class SegmentSearch:
     def _gap(self, place: FloatArray, owner: IntArray, block: IntArray, axis: int) -> FloatArray:
         """Return (m,) how far blocks' boxes are from places along an axis, at least 0 [m]."""
         where = np.ascontiguousarray(place[:, axis]).take(owner)
-        gap, beyond = self._sides[0, axis].take(block), self._sides[1, axis].take(block)
-        gap -= where
+        gap: FloatArray = self._sides[0, axis].take(block) - where
+        beyond = self._sides[1, axis].take(block)
         np.subtract(where, beyond, out=beyond)
         np.maximum(gap, beyond, out=gap)
-        return np.maximum(gap, 0.0, out=gap)
+        np.maximum(gap, 0.0, out=gap)
+        return gap
 
     def _best(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None) -> IntArray:
         """Return the nearest segment for each place, (n,); arguments as for `nearest`."""

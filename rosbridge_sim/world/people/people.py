@@ -126,8 +126,9 @@ SIGHT: Final = 70.0
 ASIDE: Final = 2.0
 """A vehicle that will pass the ends of a crossing by more than this does not come onto it [m]."""
 
-MAX_KNOWN: Final = 4_096
-"""Paths whose crossings are kept: more than the pedestrians of a full scene."""
+MAX_KNOWN: Final = 24_000
+"""Paths whose crossings are kept: more than a full scene has entities, so those in use stay. A path takes 1 kB, and 0.2
+to 1 ms to look at."""
 
 SLOW: Final = 0.5
 """Least speed at which drivers expect a pedestrian to go on in a crossing [m/s]."""
@@ -468,7 +469,7 @@ class _People:
 
 
 class _KnownCrossings:
-    """The crossings of paths that were looked at, on some roads: they stay the same while actors come and go."""
+    """The crossings of the paths that were looked at last, on some roads: they stay while actors come and go."""
 
     def __init__(self, _roads: Roads) -> None:
         self._found: dict[tuple[bytes, bytes], Crossings] = {}
@@ -477,9 +478,11 @@ class _KnownCrossings:
         """Return the crossings of an entity's path."""
         segments = world.paths.of(uid)
         key = world.plan.digest, blake2b(segments.tobytes(), digest_size=16).digest()
-        found = self._found.get(key)
+        found = self._found.pop(key, None)
         if found is None:
+            found = find_crossings(segments, world.roads, world.plan, SIDES[1])
             if len(self._found) >= MAX_KNOWN:
-                self._found.clear()
-            found = self._found[key] = find_crossings(segments, world.roads, world.plan, SIDES[1])
+                for old in list(self._found)[: MAX_KNOWN // 8]:  # a rehearsal in another thread may do the same now
+                    self._found.pop(old, None)
+        self._found[key] = found  # the last one now
         return found
