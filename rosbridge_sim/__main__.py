@@ -98,6 +98,7 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
             "scenario",
             "map",
             "record",
+            "ros2",
             "docs",
         )
     },

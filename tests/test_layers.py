@@ -106,8 +106,8 @@ worlds: maps scenarios shell.files simulator.kernel simulator.plain simulator.sc
     world.drivers world.geometry world.many_worlds world.roads world.state
 environments: worlds world.state
 cli: * cli.tools cli.watch link
-cli.tools: * client graph link maps morai scenarios schema shell shell.bags shell.config shell.files shell.page
-    simulator.scene units world.geometry world.roads world.state
+cli.tools: * client graph graph.ros2 link maps morai scenarios schema shell shell.bags shell.config shell.files
+    shell.page shell.ros2 simulator.scene units world.geometry world.roads world.state
 cli.watch: * cli.tools client link units world.geometry world.roads
 pytest_plugin: package client shell
 serving: * package link shell shell.config shell.monitoring shell.websocket

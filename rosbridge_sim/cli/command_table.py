@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 from rosbridge_sim.cli.bridge_commands import run_layout, run_record, run_service, run_topic, run_wait, run_watch
 from rosbridge_sim.cli.file_commands import run_bag, run_docs, run_map, run_scenario, run_schema
+from rosbridge_sim.cli.ros2_commands import run_ros2
 from rosbridge_sim.cli.simulator_commands import (
     run_restore,
     run_score,
@@ -29,6 +30,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "map": run_map,
     "docs": run_docs,
     "record": run_record,
+    "ros2": run_ros2,
     "sync": run_sync,
     "tick": run_tick,
     "step": run_step,

@@ -22,6 +22,7 @@ class Endpoint:
         is_writer: it publishes.
         quality: what it offers or asks for.
         node: name of its node, or of its program if the node has not told its name.
+        is_named: false if its node may still tell its name; then the endpoint will be noted again.
     """
 
     key: str
@@ -30,6 +31,7 @@ class Endpoint:
     is_writer: bool
     quality: Quality
     node: str
+    is_named: bool = True
 
 
 class FarNode(Protocol):

@@ -46,6 +46,9 @@ MAX_ENDPOINTS: Final = 20_000
 MAX_LINES: Final = 200
 """Most lines of the log that are written once each, whatever other programs do."""
 
+NODE: Final = "{node}"
+"""Stands for the name of a node in a line of the log that waits for it."""
+
 ENDPOINTS_PER_TURN: Final = 1
 """Writers and readers that one turn opens: the DDS library takes up to 40 ms for a new type."""
 
@@ -119,6 +122,7 @@ class Ros2Gateway:
         self._endpoints: dict[str, Endpoint] = {}
         self._advertised: dict[str, str] = {}
         self._told: set[str] = set()
+        self._untold: dict[str, tuple[str, int]] = {}  # what waits for the name of an endpoint's node, by its key
         self._refused: set[tuple[str, str]] = set()
         self._due: float | None = 0.0
         self._looked_at = -PERIOD
@@ -186,11 +190,15 @@ class Ros2Gateway:
             now: monotonic time [s].
         """
         for key in lost:
-            self._endpoints.pop(key, None)
+            gone = self._endpoints.pop(key, None)
+            if gone is not None:
+                self._tell_untold(gone)
             self._refused.clear()  # there may be room now
         for endpoint in found:
             if len(self._endpoints) < MAX_ENDPOINTS:
                 self._endpoints[endpoint.key] = endpoint
+                if endpoint.is_named:
+                    self._tell_untold(endpoint)
             else:
                 self._tell(f"more than {MAX_ENDPOINTS:,} endpoints of other programs: the others are not seen")
         self._mark(now)
@@ -283,23 +291,23 @@ class Ros2Gateway:
             if self._num_advertised > ADVERTISED_PER_TURN:
                 return
             cdr_type = self._foreign_type(endpoint)
-            if cdr_type is None or not self._advertise(name, cdr_type, endpoint.node):
+            if cdr_type is None or not self._advertise(name, cdr_type, endpoint):
                 self._refused.add((name, endpoint.dds_type))
 
     def _foreign_type(self, endpoint: Endpoint) -> CdrType | None:
         """Return the type of an endpoint of another program; None if it is not known here, which is told once."""
         type_name = type_of(endpoint.dds_type)
-        where = f"{endpoint.topic} of {endpoint.node} does not pass"
+        where = f"{endpoint.topic} of {NODE} does not pass"
         if type_name is None:
-            self._tell(f"{where}: {endpoint.dds_type} is no message of ROS 2")
+            self._tell_of(endpoint, f"{where}: {endpoint.dds_type} is no message of ROS 2")
             return None
         try:
             return self._types.find(type_name)
         except PeerError as error:
-            self._tell(f"{where}: {error}", logging.INFO)
+            self._tell_of(endpoint, f"{where}: {error}", logging.INFO)
             return None
 
-    def _advertise(self, name: str, cdr_type: CdrType, node: str = "a program there") -> bool:
+    def _advertise(self, name: str, cdr_type: CdrType, endpoint: Endpoint | None = None) -> bool:
         """Advertise a topic on the bus for a program on the graph; return False if that is refused."""
         if len(self._advertised) >= MAX_TOPICS:
             self._tell(f"more than {MAX_TOPICS:,} topics of other programs: the others do not pass")
@@ -308,7 +316,7 @@ class Ros2Gateway:
             self._policy.check_publish(name, cdr_type.type.name)
             self._bus.advertise(self, name, cdr_type.type.name, is_on_demand=True)
         except PeerError as error:
-            self._tell(f"{node} publishes {name}, and its messages do not pass: {error}")
+            self._tell_of(endpoint, f"{NODE} publishes {name}, and its messages do not pass: {error}")
             return False
         self._advertised[name] = cdr_type.name
         return True
@@ -405,8 +413,8 @@ class Ros2Gateway:
             if endpoint.is_writer and endpoint.topic in wanted:
                 if endpoint.dds_type != dds_type(wanted[endpoint.topic].name):
                     expected = wanted[endpoint.topic].name
-                    text = f"{endpoint.node} publishes {endpoint.topic} as {endpoint.dds_type}, not as {expected}"
-                    self._tell(f"{text}: its messages do not pass")
+                    text = f"{NODE} publishes {endpoint.topic} as {endpoint.dds_type}, not as {expected}"
+                    self._tell_of(endpoint, f"{text}: its messages do not pass")
                     continue
                 found.setdefault(endpoint.topic, []).append(endpoint.quality)
         return {
@@ -471,6 +479,20 @@ class Ros2Gateway:
         reason = error.reason if isinstance(error, (FieldError, GraphError)) else Reason.REFUSED
         refusal = RefusedRequest(self.address, reason, "publish", name, text)
         self._bus.guard.attempt("the account of a refusal", self._bus.on_refusal, refusal)
+
+    def _tell_of(self, endpoint: Endpoint | None, text: str, level: int = logging.WARNING) -> None:
+        """Log a line about an endpoint once, when the name of its node is known, which stands for `NODE`."""
+        if endpoint is None:
+            self._tell(text.replace(NODE, "a program there", 1), level)
+        elif endpoint.is_named:
+            self._tell(text.replace(NODE, endpoint.node, 1), level)
+        elif len(self._untold) < MAX_LINES:
+            self._untold[endpoint.key] = text, level
+
+    def _tell_untold(self, endpoint: Endpoint) -> None:
+        text, level = self._untold.pop(endpoint.key, ("", 0))
+        if text:
+            self._tell(text.replace(NODE, endpoint.node, 1), level)
 
     def _tell(self, text: str, level: int = logging.WARNING) -> None:
         """Log a line once."""

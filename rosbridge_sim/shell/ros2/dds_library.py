@@ -112,6 +112,7 @@ class DdsEndpoint:
         topic, type: names for DDS; empty if it is gone.
         is_alive: False if it is gone.
         quality: what it offers or asks for.
+        user_data: what its program tells of it, such as the hash of its type.
     """
 
     key: bytes
@@ -120,6 +121,7 @@ class DdsEndpoint:
     type: str
     is_alive: bool
     quality: Quality
+    user_data: bytes
 
 
 class DdsDomain:
@@ -381,4 +383,5 @@ def _endpoint(sample: Any) -> DdsEndpoint:  # noqa: ANN401 - of the library
         sample.type_name or "",
         is_alive,
         quality,
+        next((bytes(one.data) for one in qos if isinstance(one, Policy.Userdata)), b""),
     )

@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Final, Literal
+from dataclasses import dataclass, replace
+from typing import Final
 
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.ros2.cdr_types import CdrType
@@ -23,11 +23,12 @@ from rosbridge_sim.graph.ros2.discovery_info import (
 )
 from rosbridge_sim.graph.ros2.far_graph import Endpoint
 from rosbridge_sim.graph.ros2.gateway import Ros2Gateway
+from rosbridge_sim.graph.ros2.network_check import Discovery
 from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_topic, topic_of
 from rosbridge_sim.shell.ros2.dds_library import DdsDomain, DdsEndpoint, DdsReader, DdsTypes, DdsWriter, check_library
 
-__all__ = ["NODE_NAME", "Ros2Choices", "Ros2Node"]
+__all__ = ["NAMES", "NAME_PATIENCE", "NODE_NAME", "Ros2Choices", "Ros2Node", "config_of"]
 
 NODE_NAME: Final = "rosbridge_sim"
 """Name of our node."""
@@ -40,6 +41,12 @@ LEAST_SIZE: Final = 1024
 
 ENDPOINTS_PER_TURN: Final = 10
 """Changes of endpoints that one turn of the loop takes, of writers and of readers each: one costs up to 0.7 ms."""
+
+NAMES: Final = Quality(is_latched=True, depth=1_000)
+"""Of the subscription to the names of nodes: each program there sends one message, which must not replace another's."""
+
+NAME_PATIENCE: Final = 4.0
+"""Longest wait for the name of an endpoint's node [s]: Fast DDS sends a lost message again after 3 s."""
 
 MAX_KEYS: Final = 20_000
 """Most endpoints of other programs whose nodes are remembered by name."""
@@ -68,6 +75,17 @@ _CONFIGS: Final = {
 """Configurations of Cyclone DDS. With `localhost` no packet leaves loopback."""
 
 
+def config_of(discovery: Discovery, max_message_size: int) -> str:
+    """Return the configuration of the DDS library.
+
+    Args:
+        discovery: where other programs are looked for.
+        max_message_size: longest message from the graph [bytes].
+    """
+    config = _CONFIGS[discovery] + _INTERNAL.format(max_size=max_message_size)
+    return f'<CycloneDDS><Domain Id="any">{config}</Domain></CycloneDDS>'
+
+
 @dataclass(frozen=True, slots=True)
 class Ros2Choices:
     """The settings of the node.
@@ -83,7 +101,7 @@ class Ros2Choices:
     domain: int
     distro: Distro = "jazzy"
     namespace: str = ""
-    discovery: Literal["localhost", "multicast"] = "localhost"
+    discovery: Discovery = "localhost"
     max_message_size: int = 16 * 2**20
 
 
@@ -101,25 +119,25 @@ class Ros2Node:
             DocumentError: the library is missing or refuses the domain.
         """
         check_library()
-        config = _CONFIGS[choices.discovery] + _INTERNAL.format(max_size=choices.max_message_size)
         self.gateway: Ros2Gateway | None = None
         self.on_work: Callable[[], None] = _do_nothing
         self._choices = choices
         self._loop = loop
-        self._domain = DdsDomain(
-            choices.domain, f'<CycloneDDS><Domain Id="any">{config}</Domain></CycloneDDS>', b"enclave=/;"
-        )
+        config = config_of(choices.discovery, choices.max_message_size)
+        self._domain = DdsDomain(choices.domain, config, b"enclave=/;")
         self._types = DdsTypes()
         self._writers: dict[str, DdsWriter] = {}
         self._readers: dict[str, DdsReader] = {}
         self._waiting: set[str] = set()
         self._is_stopped = False
         self._nodes: dict[bytes, str] = {}
-        quality = Quality(is_latched=True, depth=1)
+        self._unnamed: dict[bytes, Endpoint] = {}  # those whose node has not told its name yet
         self._discovery_type = self._types.make(*discovery_type(choices.distro))
-        self._discovery = self._domain.open_writer(DISCOVERY_TOPIC, self._discovery_type, quality, b"")
+        self._discovery = self._domain.open_writer(
+            DISCOVERY_TOPIC, self._discovery_type, Quality(is_latched=True, depth=1), b""
+        )
         self._others = self._domain.open_reader(
-            DISCOVERY_TOPIC, self._discovery_type, quality, b"", self._report(self._take_names, DISCOVERY_TOPIC)
+            DISCOVERY_TOPIC, self._discovery_type, NAMES, b"", self._report(self._take_names, DISCOVERY_TOPIC)
         )
         self._endpoints = self._domain.watch(self._report(self._take_endpoints, ""))
         self._is_changed = False
@@ -254,6 +272,8 @@ class Ros2Node:
             found = node_names(self._choices.distro, raw)
             if len(self._nodes) + len(found) <= MAX_KEYS:
                 self._nodes.update(found)
+                named = [key for key in found if key in self._unnamed] if self._unnamed else []
+                self._note([replace(self._unnamed.pop(key), node=found[key], is_named=True) for key in named], [])
         self._loop.call_soon(self._take_names)
 
     def _take_endpoints(self) -> None:
@@ -273,21 +293,38 @@ class Ros2Node:
                 if not one.is_alive:
                     lost.append(one.key.hex())
                     self._nodes.pop(one.key, None)
+                    self._unnamed.pop(one.key, None)
                 elif one.participant != self._domain.key:
                     endpoint = self._endpoint(one, is_writer=is_writer)
                     if endpoint is not None:
                         found.append(endpoint)
+                        self._wait_for_name(one.key, endpoint)
             else:
                 self._loop.call_soon(self._take_endpoints)
-        if self.gateway is not None and (found or lost):
+        self._note(found, lost)
+
+    def _wait_for_name(self, key: bytes, endpoint: Endpoint) -> None:
+        if not endpoint.is_named and len(self._unnamed) < MAX_KEYS:
+            if not self._unnamed:
+                self._loop.call_later(NAME_PATIENCE, self._note_unnamed)
+            self._unnamed[key] = endpoint
+
+    def _note_unnamed(self) -> None:
+        """Give the gateway the endpoints of programs that have told no name of a node."""
+        unnamed, self._unnamed = list(self._unnamed.values()), {}
+        self._note([replace(one, is_named=True) for one in unnamed], [])
+
+    def _note(self, found: Sequence[Endpoint], lost: Sequence[str]) -> None:
+        if self.gateway is not None and not self._is_stopped and (found or lost):
             self.gateway.note_endpoints(found, lost, self._loop.time())
 
     def _endpoint(self, one: DdsEndpoint, *, is_writer: bool) -> Endpoint | None:
         topic = topic_of(one.topic, self._choices.namespace)
         if topic is None:
             return None
-        node = self._nodes.get(one.key, f"program {one.participant.hex()[:12]}")
-        return Endpoint(one.key.hex(), topic, one.type[:300], is_writer, one.quality, node)
+        node = self._nodes.get(one.key)
+        name = node or f"program {one.participant.hex()[:12]}"
+        return Endpoint(one.key.hex(), topic, one.type[:300], is_writer, one.quality, name, node is not None)
 
 
 def _user_data(cdr_type: CdrType) -> bytes:

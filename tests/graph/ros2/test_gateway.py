@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -261,6 +262,31 @@ def test_another_type_under_one_name_is_told_with_the_node(
         graph.part(graph.meet("/plan", is_writer=True, dds_type="std_msgs::msg::dds_::Int32_"))
     lines = [line for line in warned() if "/planner publishes /plan as std_msgs::msg::dds_::Int32_" in line]
     assert len(lines) == 1
+
+
+def test_a_line_about_an_endpoint_waits_for_the_name_of_its_node(
+    graph: GraphInMemory, warned: Callable[[], list[str]]
+) -> None:
+    graph.bus.advertise(Somebody("/sim"), "/clock", STRING, is_exclusive=True)
+    endpoint = Endpoint("1", "/clock", DDS_STRING, True, Quality(), "program 17", is_named=False)  # noqa: FBT003 - a field
+    graph.gateway.note_endpoints([endpoint], [], graph.now)
+    graph.settle()
+    assert not warned()
+    graph.gateway.note_endpoints([replace(endpoint, node="/gazebo", is_named=True)], [], graph.now)
+    graph.settle()
+    (line,) = warned()
+    assert line.startswith("/gazebo publishes /clock, and its messages do not pass")
+
+
+def test_a_line_about_an_endpoint_that_goes_before_its_node_has_a_name_is_told(
+    graph: GraphInMemory, warned: Callable[[], list[str]]
+) -> None:
+    graph.bus.advertise(Somebody("/sim"), "/clock", STRING, is_exclusive=True)
+    endpoint = Endpoint("1", "/clock", DDS_STRING, True, Quality(), "program 17", is_named=False)  # noqa: FBT003 - a field
+    graph.gateway.note_endpoints([endpoint], [], graph.now)
+    graph.settle()
+    graph.gateway.note_endpoints([], ["1"], graph.now)
+    assert [line.partition(" publishes")[0] for line in warned()] == ["program 17"]
 
 
 def test_a_topic_that_the_simulator_publishes_alone_is_not_taken_from_nodes(
