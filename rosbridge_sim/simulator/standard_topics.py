@@ -4,6 +4,8 @@
     /fix             sensor_msgs/NavSatFix                  out   what /gps tells
     /cmd_vel         geometry_msgs/Twist                    in    speed and yaw rate
     /ackermann_cmd   ackermann_msgs/AckermannDriveStamped   in    speed and angle of the front wheels
+    /sim/pause       std_msgs/Bool                          in    stops the world, or lets it go on
+    /sim/reset       std_msgs/Empty                         in    returns to the opening scene, as the service does
 
 `/clock`, `/tf`, `/tf_static` and `/imu` are standard messages anyway. The commands follow the rules of `/ctrl_cmd`: the
 last one holds, and synchronous mode ignores them. A negative speed is a drive backwards: the ego brakes to a stand
@@ -12,6 +14,7 @@ first, and changes its gear at the next command.
 
 from __future__ import annotations
 
+import logging
 import math
 from functools import partial
 from typing import Final
@@ -34,6 +37,8 @@ from rosbridge_sim.world.geometry.planar import quaternion
 from rosbridge_sim.world.state.world import Dynamics, Gear, Mode
 
 __all__ = ["StandardTopics"]
+
+_log = logging.getLogger("rosbridge_sim.morai")
 
 LEAST_SPEED: Final = 0.1
 """Below this speed a yaw rate asks for no angle of the wheels [m/s]: standing, a car cannot turn."""
@@ -71,6 +76,19 @@ class StandardTopics(Component):
         self._odometry = make("nav_msgs/Odometry", "header", "child_frame_id", "pose", "twist")
         self._status = make("sensor_msgs/NavSatStatus", "status", "service")
         self._fix = make("sensor_msgs/NavSatFix", "header", "status", "latitude", "longitude", "altitude")
+
+    def bind(self, bindings: SubscribersServices) -> None:
+        """Subscribe to what services do for other clients: nodes of ROS 2 cannot call them."""
+        bindings.listen("sim/pause", "std_msgs/Bool", self._take_pause)
+        bindings.listen("sim/reset", "std_msgs/Empty", self._take_reset)
+
+    def _take_pause(self, message: Struct, _sender: Participant, now: float) -> None:
+        driver = self._context.sync_driver
+        (driver.pause if message.data else driver.resume)(now)
+
+    def _take_reset(self, _message: Struct, sender: Participant, now: float) -> None:
+        self._context.scene_changes.reset(None, now)
+        _log.info("reset by %s, seed %d", sender.name, self._context.world.seed)
 
     def publish_ego(self, ego: Ego, prefix: str, publishers: Publishers) -> None:
         """Publish where an ego is."""

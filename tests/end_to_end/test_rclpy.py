@@ -10,6 +10,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from rosbags.highlevel import AnyReader
 
 from tests.support import ROOT, ServerProcess, miss
 
@@ -20,11 +21,15 @@ EXAMPLES = ROOT / "scripts" / "examples"
 pytestmark = [pytest.mark.long, pytest.mark.client]
 
 
+def require_rclpy() -> None:
+    if not RCLPY.exists():
+        miss("needs rclpy in .venv/rclpy (./scripts/test --long installs it on x86-64)")
+
+
 @pytest.fixture
 def server(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[ServerProcess]:
     """A server in the domain, with more options of the test."""
-    if not RCLPY.exists():
-        miss("needs rclpy in .venv/rclpy (./scripts/test --long installs it on x86-64)")
+    require_rclpy()
     program = ServerProcess(tmp_path / "log", ["--ros2-domain", DOMAIN, *getattr(request, "param", ())])
     yield program
     program.stop_cleanly()
@@ -57,6 +62,26 @@ def test_a_node_drives_along_a_path(server: ServerProcess) -> None:
     told = run_node(EXAMPLES / "drive_ros2.py", EXAMPLES / "course.txt", seconds=400)
     error = float(told.removeprefix("largest error ").removesuffix(" m\n"))
     assert error <= 0.3
+
+
+def test_a_node_sees_markers_and_cameras_and_the_bytes_that_are_recorded(tmp_path: Path) -> None:
+    require_rclpy()
+    file = tmp_path / "run.mcap"
+    options = ["--ros2-domain", DOMAIN, "--ros", "2", "--record", str(file), "--sensors", "camera"]
+    program = ServerProcess(tmp_path / "log", options)
+    told = json.loads(run_node(ROOT / "tests" / "end_to_end" / "witness_of_ros2.py", seconds=150))
+    program.stop_cleanly()
+    assert told["counts"]["/sim/scene/map"] == 1, "it is latched, and comes once"
+    assert told["seen"]["/sim/scene/map"] > 0
+    assert told["seen"]["/sim/scene/objects"] > 0
+    assert told["seen"]["/odom"] == "base_link"
+    assert told["seen"]["/image_jpeg/camera_info"] == [640, 480]
+    assert told["seen"]["/image_jpeg/compressed"] == "ffd8ff"
+    with AnyReader([file]) as bag:
+        connections = [one for one in bag.connections if one.topic == "/imu"]
+        recorded = [bytes(raw) for _, _, raw in bag.messages(connections)]
+    seen = [bytes.fromhex(raw) for raw in told["imu"]]
+    assert [raw for raw in recorded if raw in set(seen)] == seen, "each is recorded, in this order"
 
 
 @pytest.mark.parametrize(

@@ -106,3 +106,20 @@ def test_without_the_setting_there_are_none() -> None:
     sim = SimHarness("crowd")
     assert "/odom" not in sim.bus.topics
     assert "/cmd_vel" not in sim.bus.topics
+
+
+def test_a_topic_stops_the_world_and_lets_it_go_on(sim: SimHarness, client: Client) -> None:
+    client.now = sim.now
+    client.send("/sim/pause", "std_msgs/Bool", data=True)
+    sim.run(1.0)
+    assert sim.world.frame == 0
+    client.now = sim.now
+    client.send("/sim/pause", "std_msgs/Bool", data=False)
+    sim.run(0.1)
+    assert sim.world.frame == 5
+
+
+def test_a_topic_resets_the_world(sim: SimHarness, client: Client) -> None:
+    sim.run(1.0)
+    client.send("/sim/reset", "std_msgs/Empty")
+    assert sim.world.frame == 0

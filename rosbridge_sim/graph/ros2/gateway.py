@@ -338,8 +338,17 @@ class Ros2Gateway:
         for name, (topic, cdr_type) in wanted.items():
             if name not in self._writers and not self._open_writer(topic, cdr_type):
                 continue
-            writer = self._writers[name]
-            writer.subscription.is_idle = name not in read and not writer.quality.is_latched
+            self._follow_readers(self._writers[name], is_read=name in read, now=now)
+
+    def _follow_readers(self, writer: _Writer, *, is_read: bool, now: float) -> None:
+        """Have a topic encoded, and made if it is made for subscribers alone, while somebody there subscribes to it."""
+        old = writer.subscription
+        old.is_idle = not is_read and not writer.quality.is_latched
+        if old.is_general is is_read:
+            writer.subscription = self._bus.subscribe(
+                self, old.topic.name, self._send, is_idle=old.is_idle, is_general=not is_read
+            )
+            self._bus.unsubscribe(old, now)
 
     def _open_writer(self, topic: Topic, cdr_type: CdrType) -> bool:
         self._num_opened += 1

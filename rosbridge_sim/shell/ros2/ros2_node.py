@@ -63,6 +63,9 @@ _INTERNAL: Final = (
 )
 """No wait for slow subscribers at the end; and more room for them than a large picture takes."""
 
+_LOG: Final = "<Tracing><Verbosity>severe</Verbosity><OutputFile>stderr</OutputFile></Tracing>"
+"""By default the library writes a line for each malformed packet to the error output, however many come."""
+
 _CONFIGS: Final = {
     "localhost": (
         '<General><Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>'
@@ -83,7 +86,7 @@ def config_of(discovery: Discovery, max_message_size: int) -> str:
         max_message_size: longest message from the graph [bytes].
     """
     config = _CONFIGS[discovery] + _INTERNAL.format(max_size=max_message_size)
-    return f'<CycloneDDS><Domain Id="any">{config}</Domain></CycloneDDS>'
+    return f'<CycloneDDS><Domain Id="any">{config}{_LOG}</Domain></CycloneDDS>'
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +131,7 @@ class Ros2Node:
         self._types = DdsTypes()
         self._writers: dict[str, DdsWriter] = {}
         self._readers: dict[str, DdsReader] = {}
+        self._report_data: dict[str, Callable[[], None]] = {}  # of each topic with a reader
         self._waiting: set[str] = set()
         self._is_stopped = False
         self._nodes: dict[bytes, str] = {}
@@ -136,10 +140,10 @@ class Ros2Node:
         self._discovery = self._domain.open_writer(
             DISCOVERY_TOPIC, self._discovery_type, Quality(is_latched=True, depth=1), b""
         )
-        self._others = self._domain.open_reader(
-            DISCOVERY_TOPIC, self._discovery_type, NAMES, b"", self._report(self._take_names, DISCOVERY_TOPIC)
-        )
-        self._endpoints = self._domain.watch(self._report(self._take_endpoints, ""))
+        self._report_names = self._report(self._take_names, DISCOVERY_TOPIC)
+        self._others = self._domain.open_reader(DISCOVERY_TOPIC, self._discovery_type, NAMES, b"", self._report_names)
+        self._report_endpoints = self._report(self._take_endpoints, "")
+        self._endpoints = self._domain.watch(self._report_endpoints)
         self._is_changed = False
         self._announce()
 
@@ -173,12 +177,13 @@ class Ros2Node:
         Raises:
             GraphError: the library refuses it.
         """
+        report = self._report_data[topic] = self._report(lambda: self._take(topic), topic)
         self._readers[topic] = self._domain.open_reader(
             dds_topic(topic, self._choices.namespace),
             self._data_type(cdr_type),
             quality,
             _user_data(cdr_type),
-            self._report(lambda: self._take(topic), topic),
+            report,
         )
         self._change()
 
@@ -259,7 +264,7 @@ class Ros2Node:
                 self.gateway.receive(topic, raw, self._loop.time())
             size += max(len(raw), LEAST_SIZE)
             if size > BYTES_PER_TURN:
-                self._loop.call_soon(self._take, topic)
+                self._report_data[topic]()
                 break
         self.on_work()
 
@@ -274,7 +279,7 @@ class Ros2Node:
                 self._nodes.update(found)
                 named = [key for key in found if key in self._unnamed] if self._unnamed else []
                 self._note([replace(self._unnamed.pop(key), node=found[key], is_named=True) for key in named], [])
-        self._loop.call_soon(self._take_names)
+        self._report_names()
 
     def _take_endpoints(self) -> None:
         """Learn the endpoints of other programs, as many as a turn allows."""
@@ -300,7 +305,7 @@ class Ros2Node:
                         found.append(endpoint)
                         self._wait_for_name(one.key, endpoint)
             else:
-                self._loop.call_soon(self._take_endpoints)
+                self._report_endpoints()  # once for both kinds: each turn takes as many as the last one
         self._note(found, lost)
 
     def _wait_for_name(self, key: bytes, endpoint: Endpoint) -> None:

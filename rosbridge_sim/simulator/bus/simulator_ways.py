@@ -39,7 +39,7 @@ def _calling(*names: str) -> tuple[Way, ...]:
 
 _LOADS: Final = (*_publishing("/ScenarioLoad"), *_calling("/Service_MoraiSL", "/SyncModeScenarioLoad"))
 _REPLAYS: Final = (*_publishing("/ReplayInfo_topic"), *_calling("/Morai_SimProc"))
-_RESET: Final = _calling("/sim/reset")
+_RESET: Final = (*_publishing("/sim/reset"), *_calling("/sim/reset"))
 _RESTORE: Final = _calling("/sim/restore")
 _EVENT: Final = _calling("/Service_MoraiEventCmd")
 _PLACE: Final = _publishing("/ego_setting")
@@ -61,6 +61,7 @@ _SAME: Final = (
     _LOADS,
     (*_publishing("/SyncModeAddObj"), *_calling("/SyncModeAddObject")),
     (*_publishing("/SyncModeRemoveObj"), *_calling("/SyncModeRemoveObject")),
+    _RESET,
     (*_hearing("/sim/score"), *_calling("/sim/score")),
     (*_hearing("/sim/state_hash"), *_calling("/sim/state_hash")),
     (*_hearing("/sim/scene/map"), *_calling("/sim/map", "/sim/scene/mesh")),
@@ -74,7 +75,7 @@ _EFFECTS: Final = (
     PolicyEffect(
         "move an ego",
         (
-            *_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd"),
+            *_publishing("/ctrl_cmd", "/ctrl_cmd_0", "/ghost_ctrl_cmd", "/cmd_vel", "/ackermann_cmd"),
             *_PLACE,
             *_calling("/SyncModeCtrlCmd"),
             *_STEP,
@@ -100,7 +101,15 @@ _EFFECTS: Final = (
     PolicyEffect("set traffic lights", _publishing("/SetTrafficLight", "/InsnControl"), (*_LOADS, *_RESET, *_RESTORE)),
     PolicyEffect(
         "stop time or let it go on",
-        (*_EVENT, *_calling("/SyncModeCmd"), *_TICK, *_STEP, *_calling("/sim/real_time_factor"), *_BARRIER),
+        (
+            *_EVENT,
+            *_publishing("/sim/pause"),
+            *_calling("/SyncModeCmd"),
+            *_TICK,
+            *_STEP,
+            *_calling("/sim/real_time_factor"),
+            *_BARRIER,
+        ),
         (*_LOADS, *_calling("/Morai_SimProc")),
     ),
     PolicyEffect("keep or remove snapshots", _calling("/sim/snapshot", "/sim/snapshots")),
@@ -111,7 +120,7 @@ _EFFECTS: Final = (
     PolicyEffect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
     PolicyEffect(
         "learn where an ego is",
-        _hearing("/Ego_topic", "/tf", "/gps", "/imu"),
+        _hearing("/Ego_topic", "/tf", "/gps", "/imu", "/odom", "/fix"),
         (
             *_MARKERS,
             *_SCENE,

@@ -264,6 +264,18 @@ def test_another_type_under_one_name_is_told_with_the_node(
     assert len(lines) == 1
 
 
+def test_a_topic_that_a_node_names_is_subscribed_to_as_such(graph: GraphInMemory) -> None:
+    graph.bus.advertise(Somebody("/car"), "/map", STRING)
+    graph.settle()
+    topic = graph.bus.find_topic("/map")
+    assert topic is not None
+    assert [one.is_general for one in topic.subscriptions] == [True], "nothing is made for it alone"
+    key = graph.meet("/map", is_writer=False)
+    assert [one.is_general for one in topic.subscriptions] == [False]
+    graph.part(key)
+    assert [one.is_general for one in topic.subscriptions] == [True]
+
+
 def test_a_line_about_an_endpoint_waits_for_the_name_of_its_node(
     graph: GraphInMemory, warned: Callable[[], list[str]]
 ) -> None:

@@ -73,6 +73,10 @@ class Program:
         self._parts.append(writer)
         return writer
 
+    def listen(self, topic: str, data_type: Any) -> None:  # noqa: ANN401 - as above
+        """Subscribe to a topic of ROS 2, and do nothing with its messages."""
+        self._parts.append(DataReader(self._participant, self._topic(topic, data_type), _qos(is_reliable=True)))
+
     async def subscribe(
         self,
         topic: str,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -11,6 +12,8 @@ from cyclonedds.core import Policy
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.graph.ros2.far_graph import Endpoint
+from rosbridge_sim.shell.ros2.ros2_node import ENDPOINTS_PER_TURN, Ros2Choices, Ros2Node
 from tests.shell.ros2.dds_program import Clock, CtrlCmd, Program, String, domain_of, until
 from tests.support import Client
 
@@ -112,6 +115,35 @@ async def test_each_frame_waits_for_the_command_of_a_node(tmp_path: Path) -> Non
             assert (stamp.sec, stamp.nanosec) == (0, frame * 20_000_000)
             assert node.world.frame == frame
         program.close()
+
+
+class NotesOfTurns:
+    """Counts what a node notes in each turn of the loop; it stands where the gateway does."""
+
+    def __init__(self) -> None:
+        self.sizes: list[int] = [0]
+
+    def note_endpoints(self, found: list[Endpoint], _lost: list[str], _now: float) -> None:
+        self.sizes[-1] += sum(one.topic.startswith("/many") and not one.is_named for one in found)
+
+    def turn(self) -> None:
+        self.sizes.append(0)
+        asyncio.get_running_loop().call_soon(self.turn)
+
+
+async def test_each_turn_of_the_loop_takes_a_few_endpoints_however_many_have_come() -> None:
+    domain, notes = domain_of(7), NotesOfTurns()
+    node = Ros2Node(Ros2Choices(domain), asyncio.get_running_loop())
+    node.gateway = notes  # type: ignore[assignment] # it has all that is called
+    program = Program(domain)
+    for i in range(100):
+        program.publish(f"/many{i}", String)
+        program.listen(f"/many{i}", String)
+    notes.turn()
+    await until(lambda: sum(notes.sizes) == 200)
+    assert max(notes.sizes) <= 2 * ENDPOINTS_PER_TURN, "of writers and of readers each"
+    program.close()
+    node.stop()
 
 
 async def test_lock_step_needs_a_domain() -> None:
