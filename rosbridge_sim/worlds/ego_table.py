@@ -62,16 +62,11 @@ class EgoTable:
         self.parts = [
             Part(columns, *np.array(places, dtype=np.int64).reshape(-1, 3).T) for columns, places in found.values()
         ]
-        self._seen = [self._state_of(world) for world in worlds]
+        self._seen = [world.num_changes for world in worlds]
 
     def is_true(self, worlds: Sequence[OneOfMany]) -> bool:
         """Return whether the rows are still where they were."""
-        return self._seen == [self._state_of(world) for world in worlds]
-
-    @staticmethod
-    def _state_of(world: OneOfMany) -> tuple[int, int, int, int]:
-        batch = world.batch
-        return (id(batch), world.slot, 0 if batch is None else len(batch.worlds), world.num_changes)
+        return self._seen == [world.num_changes for world in worlds]
 
     def __iter__(self) -> Iterator[Part]:
         return iter(self.parts)

@@ -76,7 +76,7 @@ class OneScene:
     @property
     def has_traffic(self) -> bool:
         """Whether vehicles come and go."""
-        return self._traffic.save_state() is not None
+        return self._traffic.is_active
 
     @property
     def road_map(self) -> RoadMap:

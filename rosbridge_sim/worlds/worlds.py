@@ -145,7 +145,8 @@ class Worlds:
             self._set.advance(part)
             n -= part
             for one in busy:
-                one.after_frame()
+                if one.world.frame % TRAFFIC_INTERVAL == 0:
+                    one.after_frame()
         if busy:
             self._set.settle()
 

@@ -1,15 +1,21 @@
 """Measure many worlds: env steps a second at 1 to 1,024 worlds, in CPU time, in one run.
 
-An env step is 5 frames with commands for the egos, and an observation of the ego and its 14 nearest neighbours.
+An env step is 5 frames with commands for the egos, and an observation of the ego and its 14 nearest neighbours. Each
+world has the map and the ego of a scenario, and the `--traffic`; with `--whole` also what else the scenario has.
 
     python scripts/bench/worlds.py town --worlds 1 16 64 256 1024
+    python scripts/bench/worlds.py motorway --worlds 256 --profile
 """
 
 from __future__ import annotations
 
 import argparse
+import cProfile
+import json
+import pstats
 import resource
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,6 +25,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim import Worlds
+from rosbridge_sim.shell.files.library import DiskLibrary
 
 FRAMES = 5
 OTHERS = 14
@@ -35,7 +42,46 @@ def measure(work: Callable[[], object]) -> float:
     return (time.process_time() - start) / num
 
 
-def of_worlds(scenario: str, num: int, traffic: int, *, scores: bool) -> tuple[float, float, float, float]:
+def ego_alone(scenario: str, folder: Path) -> str:
+    """Return the path of a scenario with the map and the ego of a built-in one, and nothing else."""
+    whole = json.loads(DiskLibrary().scenario_path(scenario).read_text(encoding="utf-8"))
+    path = folder / f"{scenario}_ego.json"
+    path.write_text(json.dumps({name: whole[name] for name in ("mapInfo", "egoVehicle")}), encoding="utf-8")
+    return str(path)
+
+
+PARTS = {
+    "drivers": ("lane_following.py", {"drive_lanes"}),
+    "people": ("people.py", {"walk"}),
+    "ego's motion": ("dynamics.py", {"drive"}),
+    "contacts": ("collisions.py", {"remember", "find"}),
+    "scores": ("scoring.py", {"remember", "judge"}),
+    "traffic that comes and goes": ("one_scene.py", {"after_frame"}),
+    "observation": ("worlds.py", {"egos", "others"}),
+    "everything": ("worlds.py", {"step", "egos", "others"}),
+}
+"""Parts of a step by the functions that do them."""
+
+
+def print_parts(work: Callable[[], object], num: int) -> None:
+    """Print the share of each of `PARTS` in `num` calls."""
+    work()
+    profile = cProfile.Profile(time.process_time)
+    profile.enable()
+    for _ in range(num):
+        work()
+    profile.disable()
+    times: dict[str, float] = {}
+    for (file, _, function), figures in pstats.Stats(profile).stats.items():  # type: ignore[attr-defined]
+        for part, (name, functions) in PARTS.items():
+            if Path(file).name == name and function in functions and "rosbridge_sim" in Path(file).parts:
+                times[part] = times.get(part, 0.0) + figures[3]
+    print(", ".join(f"{part} {100 * each / times['everything']:.0f} %" for part, each in times.items()))
+
+
+def of_worlds(
+    scenario: str, num: int, traffic: int, *, scores: bool, profile: bool
+) -> tuple[float, float, float, float]:
     """Return CPU time of a step, of its observation and of a reset of one world [s], and memory a world [bytes]."""
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     worlds = Worlds(scenario, num, traffic=traffic, scores=scores)
@@ -48,6 +94,8 @@ def of_worlds(scenario: str, num: int, traffic: int, *, scores: bool) -> tuple[f
         worlds.egos()
         worlds.others(OTHERS)
 
+    if profile:
+        print_parts(step, max(10, 2_000 // num))
     costs = measure(step), measure(lambda: (worlds.egos(), worlds.others(OTHERS))), measure(lambda: worlds.reset(one))
     memory = 1024.0 * (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / num
     return *costs, memory
@@ -60,10 +108,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--worlds", type=int, nargs="+", default=[1, 16, 64, 256])
     parser.add_argument("--traffic", type=int, default=20)
     parser.add_argument("--no-scores", action="store_true", help="keep no scores")
+    parser.add_argument("--whole", action="store_true", help="with all vehicles and people of the scenario")
+    parser.add_argument("--profile", action="store_true", help="print where the time goes, too")
     chosen = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        scenario = chosen.scenario if chosen.whole else ego_alone(chosen.scenario, Path(folder))
+        run(scenario, chosen)
+
+
+def run(scenario: str, chosen: argparse.Namespace) -> None:
+    """Print a line for each number of worlds."""
     print("worlds | env steps a CPU second | ms a step | observation | reset of one world ms | memory a world MB")
     for num in chosen.worlds:
-        step, look, reset, memory = of_worlds(chosen.scenario, num, chosen.traffic, scores=not chosen.no_scores)
+        step, look, reset, memory = of_worlds(
+            scenario, num, chosen.traffic, scores=not chosen.no_scores, profile=chosen.profile
+        )
         print(
             f"{num:6} | {num / step:12,.0f} | {1e3 * step:8.2f} | {look / step:6.1%} | {1e3 * reset:6.2f} |"
             f" {memory / 1e6:6.2f}",

@@ -147,9 +147,14 @@ class Traffic(Component):
 
     # State
 
+    @property
+    def is_active(self) -> bool:
+        """Whether vehicles come and go."""
+        return bool(self._points or self._target)
+
     def save_state(self) -> PlainData:
         """Return when each point is due, what it has made, and which vehicles are whose."""
-        if not self._points and not self._target:
+        if not self.is_active:
             return None
         return (
             np.array(self._due, dtype=np.int64),
@@ -225,16 +230,22 @@ class Traffic(Component):
             self._owner = {uid: owner for uid, owner in self._owner.items() if uid in world}
         num = len(world)
         self._remove_arrived()
-        due = [i for i in range(len(self._points)) if world.frame >= self._due[i]]
+        if self._points:
+            self._serve_due()
+        if self._target:
+            self._replace_missing()
+        if len(world) != num:
+            self._context.egos.forget_statuses()
+
+    def _serve_due(self) -> None:
+        """Add the vehicles of the spawn points that are due."""
+        frame = self._context.world.frame
+        due = [i for i in range(len(self._points)) if frame >= self._due[i]]
         if len(due) > MAX_DUE:  # those that have waited longest come first, so all have their turn
             due = sorted(sorted(due, key=self._due.__getitem__)[:MAX_DUE])
         there = Counter(self._owner.values()) if due else Counter[int]()
         for i in due:
             self._serve(i, self._points[i], there[i])
-        if self._target:
-            self._replace_missing()
-        if len(world) != num:
-            self._context.egos.forget_statuses()
 
     def _first_wait(self, number: int, point: SpawnPoint) -> int:
         """Return the frames until the first vehicle of a point."""
@@ -302,10 +313,12 @@ class Traffic(Component):
         if not self._owner:
             return
         is_end = world.alive & world.has_lane & (world.ahead_1 < 0) & (world.speed == 0.0)
-        rows = np.flatnonzero(is_end)
+        rows = is_end.nonzero()[0]
+        if not points and not len(rows):
+            return
         rows = rows[world.arc[rows] + world.half_length[rows] + world.centre[rows] > self._length(rows) - AT_END]
         gone = [uid for uid in world.uid[rows].tolist() if uid in self._owner]
-        for uid, number in self._owner.items():
+        for uid, number in self._owner.items() if points else ():
             if number < 0 or points[number].goal_lane < 0 or uid not in world:
                 continue
             row, point = world.row(uid), points[number]
