@@ -8,7 +8,7 @@ import orjson
 
 from scripts.soak.harness import masked
 
-__all__ = ["egos", "ghosts", "load_flood", "loads", "people", "snapshots"]
+__all__ = ["egos", "egos_at_once", "ghosts", "load_flood", "loads", "people", "snapshots"]
 
 PARTS = {
     f"load_{part}_data": True for part in ("network_connection", "ego_vehicle", "surrounding_vehicle", "pedestrian")
@@ -74,6 +74,19 @@ def egos(num: int) -> list[bytes]:
         The frames.
     """
     return [*_spawns(num, 10.0, {"is_ego": True}), call("/sim/reset")]
+
+
+def egos_at_once(num: int) -> dict[str, Any]:
+    """Return a call that adds egos.
+
+    Args:
+        num: of egos, at most `AT_ONCE`.
+
+    Returns:
+        Its op.
+    """
+    objects = [{"is_ego": True, "place": {"x": 10.0 * i, "y": 8.0}} for i in range(num)]
+    return {"op": "call_service", "service": "/sim/spawn", "args": {"objects": objects}}
 
 
 def people(num: int) -> list[bytes]:

@@ -564,9 +564,17 @@ ROWS: tuple[Row, ...] = (
         flags=("--sensors", "teaching"),
     ),
     Row(
-        "20 egos with a camera and a lidar, all heard",
-        lambda: crowds.egos(20),
-        listeners=[{**each, "topic": f"/Ego-{i}{each['topic']}"} for i in range(2, 22) for each in SENSOR_LISTENERS],
+        "ten ticks of 20 egos with a camera and a lidar, all heard",
+        lambda: [calls("/SyncModeWaitForTick", 10, {"request": {"user_id": "m"}})],
+        before=[
+            crowds.egos_at_once(20),
+            {
+                "op": "call_service",
+                "service": "/SyncModeCmd",
+                "args": {"request": {"user_id": "m", "start_sync_mode": True, "time_step": 20}},
+            },
+        ],
+        listeners=[{**each, "topic": f"/Ego-{i}{each['topic']}"} for i in range(2, 60) for each in SENSOR_LISTENERS],
         flags=("--sensors", "teaching"),
         kept_mb=40.0,  # their topics, and a cloud of 0.4 MB of each
     ),
