@@ -6,10 +6,12 @@ when it is loaded. `tests/shell/ros2/test_dds_library.py` is the contract.
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
 import platform
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -19,7 +21,16 @@ from rosbridge_sim.errors import DocumentError, GraphError
 from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_type
 
-__all__ = ["FITTING", "DdsDomain", "DdsEndpoint", "DdsReader", "DdsTypes", "DdsWriter", "check_library"]
+__all__ = [
+    "FITTING",
+    "DdsDomain",
+    "DdsEndpoint",
+    "DdsReader",
+    "DdsTypes",
+    "DdsWriter",
+    "check_library",
+    "quiet_library",
+]
 
 FITTING: Final = "11.0.1"
 """The version that this module supports, as in `pyproject.toml`."""
@@ -47,6 +58,21 @@ def check_library() -> None:
     missing = [name for name in ("ddspy_write", "ddspy_take") if not hasattr(_clayer, name)]
     if missing:
         raise DocumentError(f"ros2-domain: this cyclonedds lacks {', '.join(missing)}; install it anew")
+
+
+# Its log
+
+
+def quiet_library() -> None:
+    """Have the library write errors alone to the error output: it writes a warning for each malformed message."""
+    from cyclonedds.__library__ import library_path  # noqa: PLC0415 - as above
+
+    with suppress(OSError, AttributeError):  # a build of the library elsewhere: more lines, and nothing else
+        ctypes.CDLL(str(library_path)).dds_set_log_mask(ctypes.c_uint32(_FATAL | _ERROR))
+
+
+_FATAL, _ERROR = 1, 2
+"""`DDS_LC_FATAL`, `DDS_LC_ERROR` (dds/ddsrt/log.h)."""
 
 
 # Types
@@ -145,6 +171,7 @@ class DdsDomain:
         from cyclonedds.core import DDSException, Policy, Qos  # noqa: PLC0415 - as above
         from cyclonedds.domain import Domain, DomainParticipant  # noqa: PLC0415
 
+        quiet_library()
         try:
             self._domain = Domain(domain, config)
             self._participant = DomainParticipant(domain, Qos(Policy.Userdata(user_data)))

@@ -63,9 +63,6 @@ _INTERNAL: Final = (
 )
 """No wait for slow subscribers at the end; and more room for them than a large picture takes."""
 
-_LOG: Final = "<Tracing><Verbosity>severe</Verbosity><OutputFile>stderr</OutputFile></Tracing>"
-"""By default the library writes a line for each malformed packet to the error output, however many come."""
-
 _CONFIGS: Final = {
     "localhost": (
         '<General><Interfaces><NetworkInterface name="lo" multicast="false"/></Interfaces>'
@@ -86,7 +83,7 @@ def config_of(discovery: Discovery, max_message_size: int) -> str:
         max_message_size: longest message from the graph [bytes].
     """
     config = _CONFIGS[discovery] + _INTERNAL.format(max_size=max_message_size)
-    return f'<CycloneDDS><Domain Id="any">{config}{_LOG}</Domain></CycloneDDS>'
+    return f'<CycloneDDS><Domain Id="any">{config}</Domain></CycloneDDS>'
 
 
 @dataclass(frozen=True, slots=True)

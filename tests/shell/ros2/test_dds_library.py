@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ctypes
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from cyclonedds.__library__ import library_path
 
 from rosbridge_sim.errors import GraphError, PeerError
 from rosbridge_sim.graph.ros2.cdr_types import CdrTypes
@@ -36,6 +38,12 @@ def test_the_pinned_version_is_the_one_that_is_checked() -> None:
     extras = tomllib.loads((Path(__file__).parents[3] / "pyproject.toml").read_text())["project"]
     (pinned,) = extras["optional-dependencies"]["ros2"]
     assert pinned.startswith(f"cyclonedds=={FITTING};")
+
+
+@pytest.mark.usefixtures("domain")
+def test_warnings_of_the_library_about_messages_of_others_are_not_written() -> None:
+    errors_alone = 3
+    assert ctypes.CDLL(str(library_path)).dds_get_log_mask() == errors_alone
 
 
 def test_bytes_that_are_no_message_are_not_sent(domain: DdsDomain) -> None:
