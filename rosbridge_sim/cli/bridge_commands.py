@@ -345,7 +345,8 @@ def run_layout(argv: Sequence[str]) -> int:
         description="Print settings for a viewer that show the simulator there: a layout for Lichtblick, or a"
         " configuration for RViz.",
         epilog="rosbridge-sim layout lichtblick > sim.json, then import it in Lichtblick; or rosbridge-sim layout rviz"
-        " > sim.rviz, then rviz -d sim.rviz. RViz needs a bridge in ROS: rosbridge-sim attach URL --scene.",
+        " > sim.rviz, then rviz -d sim.rviz. RViz 2 needs a server"
+        " with --ros2-domain; RViz a bridge in ROS: rosbridge-sim attach URL --scene.",
         allow_abbrev=False,
         formatter_class=layout,
     )
