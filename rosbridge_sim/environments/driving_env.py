@@ -53,4 +53,8 @@ class DrivingEnv(Env[Array, Array]):
 
 def _first(infos: dict[str, Any]) -> dict[str, Any]:
     """Return the infos of one environment as plain numbers."""
-    return {name: values[0].item() for name, values in infos.items() if not name.startswith("_")}
+    return {
+        name: _first(values) if isinstance(values, dict) else values[0].item()
+        for name, values in infos.items()
+        if not name.startswith("_")
+    }

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy.typing as npt
 from rosbridge_sim.worlds.surroundings import OTHER_FIGURES
 from rosbridge_sim.worlds.worlds import Worlds
 
-__all__ = ["AHEAD", "MAX_ACCEL", "MAX_STEER", "DrivingTask", "Judgement", "judge", "observe"]
+__all__ = ["AHEAD", "CLEAR", "MAX_ACCEL", "MAX_STEER", "DrivingTask", "Judgement", "judge", "observe"]
 
 FloatArray = npt.NDArray[np.float32]
 BoolArray = npt.NDArray[np.bool_]
@@ -22,6 +23,9 @@ MAX_STEER: Final = 0.5
 
 MAX_ACCEL: Final = 4.0
 """Acceleration at the action 1 [m/s^2]."""
+
+CLEAR: Final = 25.0
+"""Nothing else is within this distance of an ego that begins on `start_lane` [m]."""
 
 AHEAD: Final = (5.0, 10.0, 20.0, 40.0)
 """Distances along the lane of the places that are observed [m]."""
@@ -55,6 +59,12 @@ class DrivingTask:
         num_starts: episodes begin with so many seeds of the world; fewer need less memory.
         max_offset: an episode ends this far from the line of the lane [m]; inf for at the edge of the road alone.
         weights: of the terms of the reward, see `judge`.
+        reward: the user's function in place of these terms: `reward(worlds, judgement, actions)` returns the rewards of
+            a step, (num_worlds,), with `judgement.reward` as that of the terms.
+        start_lane: name of the lane on which episodes begin; "" for where the scenario has the ego. What is within
+            `CLEAR` of it then is taken away.
+        start_s: arc length on that lane [m].
+        start_speed: speed there [m/s].
     """
 
     scenario: str
@@ -67,6 +77,10 @@ class DrivingTask:
     num_starts: int = 64
     max_offset: float = math.inf
     weights: dict[str, float] = field(default_factory=lambda: dict(WEIGHTS))
+    reward: Callable[[Worlds, Judgement, npt.NDArray[np.float64]], npt.ArrayLike] | None = None
+    start_lane: str = ""
+    start_s: float = 0.0
+    start_speed: float = 0.0
 
     def __post_init__(self) -> None:
         unknown = set(self.weights) - set(WEIGHTS)
@@ -78,6 +92,12 @@ class DrivingTask:
             value = getattr(self, name)
             if not isinstance(value, int | float) or not value > 0:
                 raise ValueError(f"{name}: expected a positive number, got {value!r}")
+        for name in ("start_s", "start_speed"):
+            value = getattr(self, name)
+            if not isinstance(value, int | float) or not 0.0 <= value < math.inf:
+                raise ValueError(f"{name}: expected a number from 0 on, got {value!r}")
+        if self.reward is not None and not callable(self.reward):
+            raise ValueError(f"reward: expected a function, got {self.reward!r}")
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -96,6 +116,7 @@ class Judgement:
         has_collided, is_off_road: bool, the failure.
         speed: [m/s].
         offset: from the line of the lane, left positive [m].
+        scores: those of `Worlds.scores`.
     """
 
     reward: npt.NDArray[np.float64]
@@ -104,6 +125,7 @@ class Judgement:
     is_off_road: BoolArray
     speed: npt.NDArray[np.float64]
     offset: npt.NDArray[np.float64]
+    scores: dict[str, npt.NDArray[np.float64]]
 
 
 def observe(worlds: Worlds, task: DrivingTask) -> FloatArray:
@@ -137,16 +159,25 @@ def judge(worlds: Worlds, task: DrivingTask, actions: npt.NDArray[np.float64]) -
         worlds: after the step.
         task: the options.
         actions: (num_worlds, 2) of the step.
+
+    Raises:
+        ValueError: the user's function has returned another shape.
     """
-    lanes, scores = worlds.lanes(), worlds.scores()
+    lanes, scores = worlds.lanes(), {name: values[:, 0] for name, values in worlds.scores().items()}
     speed, offset = worlds.egos()["speed"][:, 0], lanes["offset"][:, 0]
     along = speed * np.cos(lanes["heading"][:, 0]) / task.target_speed
-    has_collided = scores["num_collisions"][:, 0] > 0.0
-    is_off_road = (scores["is_off_road"][:, 0] > 0.0) | (np.abs(offset) > task.max_offset)
+    has_collided = scores["num_collisions"] > 0.0
+    is_off_road = (scores["is_off_road"] > 0.0) | (np.abs(offset) > task.max_offset)
     is_over = has_collided | is_off_road
     weights = {**WEIGHTS, **task.weights}
     reward = weights["speed"] * np.maximum(0.0, 1.0 - np.abs(along - 1.0))
     reward -= weights["offset"] * np.minimum(np.abs(offset) / 2.0, 1.0)
     reward -= weights["steering"] * np.square(actions[:, 0])
     reward -= weights["failure"] * is_over
-    return Judgement(reward, is_over, has_collided, is_off_road, speed, offset)
+    result = Judgement(reward, is_over, has_collided, is_off_road, speed, offset, scores)
+    if task.reward is None:
+        return result
+    own = np.asarray(task.reward(worlds, result, actions), dtype=np.float64)
+    if own.shape != reward.shape:
+        raise ValueError(f"reward: expected an array of shape {reward.shape} from the function, got {own.shape}")
+    return replace(result, reward=own)

@@ -11,8 +11,9 @@ from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from rosbridge_sim.environments.driving_task import MAX_ACCEL, MAX_STEER, DrivingTask, Judgement, judge, observe
+from rosbridge_sim.environments.driving_task import CLEAR, MAX_ACCEL, MAX_STEER, DrivingTask, Judgement, judge, observe
 from rosbridge_sim.environments.picture import draw
+from rosbridge_sim.world.state.world import Kind
 from rosbridge_sim.worlds.worlds import Worlds
 
 __all__ = ["DrivingVectorEnv"]
@@ -57,6 +58,7 @@ class DrivingVectorEnv(VectorEnv[Array, Array, Array]):
         self.worlds = Worlds(self.task.scenario, num_envs, seed=[0] * num_envs, traffic=self.task.traffic)
         if not self.worlds.has_ego[:, :1].all():
             raise ValueError(f"scenario: expected one with an ego, got {self.task.scenario!r}")
+        self._start = self._find_start()
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
         self._is_done = np.zeros(num_envs, dtype=bool)
 
@@ -134,14 +136,36 @@ class DrivingVectorEnv(VectorEnv[Array, Array, Array]):
         for i in mask.nonzero()[0].tolist():
             seeds[i] = int(self._rngs[i].integers(self.task.num_starts))
         self.worlds.reset(mask, seeds)
+        if self._start is not None:
+            for i in mask.nonzero()[0].tolist():
+                self._place(i, self._start)
         self._is_done[mask] = False
+
+    def _find_start(self) -> tuple[float, float, float, float] | None:
+        """Return x, y, z and yaw of `start_lane`; None without one."""
+        task, roads = self.task, self.worlds.world(0).roads.alone
+        if not task.start_lane:
+            return None
+        if task.start_lane not in roads.ids:
+            raise ValueError(f"start_lane: expected a lane of the map of {task.scenario!r}, got {task.start_lane!r}")
+        place, yaw = roads.at([roads.row(task.start_lane)], [task.start_s])
+        return *place[0].tolist(), float(yaw[0])
+
+    def _place(self, number: int, start: tuple[float, float, float, float]) -> None:
+        """Place the ego of a world, and take away what is near it."""
+        world, (x, y, z, yaw) = self.worlds.world(number), start
+        is_near = world.alive & (world.kind != Kind.EGO) & (np.hypot(world.x - x, world.y - y) < CLEAR)
+        for uid in world.uid[is_near].tolist():
+            self.worlds.remove(number, uid)
+        self.worlds.place(number, x=x, y=y, z=z, yaw=yaw, speed=self.task.start_speed)
 
     def _judge_nothing(self) -> Judgement:
         return judge(self.worlds, self.task, np.zeros((self.num_envs, 2)))
 
     def _infos(self, result: Judgement) -> dict[str, Any]:
-        """Return speed, offset and the kinds of failure, with Gymnasium's masks."""
+        """Return speed, offset, the kinds of failure and the score, with Gymnasium's masks."""
         every = np.ones(self.num_envs, dtype=bool)
         figures = {name: getattr(result, name) for name in ("speed", "offset", "has_collided", "is_off_road")}
-        figures["distance"] = self.worlds.scores()["score_distance"][:, 0]
-        return {**figures, **{f"_{name}": every for name in figures}}
+        figures["distance"] = result.scores["score_distance"]
+        score = {**result.scores, **{f"_{name}": every for name in result.scores}}
+        return {**figures, "score": score, **{f"_{name}": every for name in (*figures, "score")}}

@@ -14,6 +14,16 @@ __all__ = ["TASKS", "register_all"]
 TASKS: Final[dict[str, DrivingTask]] = {
     "rosbridge_sim/LaneKeeping-v0": DrivingTask("loop", observation="Lane", target_speed=15.0),
     "rosbridge_sim/Highway-v0": DrivingTask("motorway", traffic=20, observation="Kinematics", target_speed=30.0),
+    "rosbridge_sim/Merge-v0": DrivingTask(
+        "motorway",
+        traffic=20,
+        observation="Kinematics",
+        target_speed=25.0,
+        start_lane="E0",
+        start_s=20.0,
+        start_speed=15.0,
+    ),
+    "rosbridge_sim/Roundabout-v0": DrivingTask("roundabout", traffic=8, observation="Kinematics", target_speed=8.0),
     "rosbridge_sim/Drive-v0": DrivingTask("town", observation="Kinematics", target_speed=12.0),
 }
 

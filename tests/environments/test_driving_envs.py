@@ -112,6 +112,42 @@ def test_wrappers_of_gymnasium_work() -> None:
     assert info["episode"]["l"] == 3
 
 
+def test_infos_have_the_score() -> None:
+    one = gymnasium.make(LANE)
+    assert one.reset(seed=0)[1]["score"]["num_collisions"] == 0.0
+    for _ in range(5):
+        info = one.step(np.array([0.0, 1.0]))[4]
+    assert info["score"]["score_distance"] == info["distance"] > 0.0
+
+
+def test_function_of_the_user_replaces_the_reward() -> None:
+    def reward(worlds: Any, judgement: Any, actions: Any) -> Any:  # noqa: ANN401 - the user's
+        return 2.0 * judgement.reward + actions[:, 0] + worlds.frames
+
+    plain, own = (make_many(2, AutoresetMode.DISABLED, **options) for options in ({}, {"reward": reward}))
+    rewards = []
+    for each in (plain, own):
+        each.reset(seed=3)
+        rewards.append(each.step(np.array([[0.5, 1.0], [0.0, 1.0]]))[1])
+    assert rewards[1] == pytest.approx(2.0 * rewards[0] + [0.5, 0.0] + 5.0)
+
+
+def test_reward_of_another_shape_is_refused() -> None:
+    many = make_many(2, AutoresetMode.DISABLED, reward=lambda *_: 1.0)
+    with pytest.raises(ValueError, match=r"reward: expected an array of shape \(2,\) from the function, got \(\)"):
+        many.reset(seed=0)
+
+
+def test_episode_begins_on_its_lane_with_nothing_near() -> None:
+    one = gymnasium.make("rosbridge_sim/Merge-v0")
+    for seed in range(3):
+        seen, info = one.reset(seed=seed)
+        assert info["speed"] == 15.0
+        assert abs(info["offset"]) < 0.01
+        others = seen[15:].reshape(-1, 9)
+        assert (np.hypot(others[:, 1], others[:, 2])[others[:, 0] > 0.0] > 0.2).all()
+
+
 def test_picture_shows_the_ego_in_the_middle() -> None:
     one = gymnasium.make(LANE, render_mode="rgb_array")
     one.reset(seed=0)
@@ -126,6 +162,9 @@ def test_picture_shows_the_ego_in_the_middle() -> None:
         ({"observation": "Camera"}, "observation: expected Lane or Kinematics"),
         ({"weights": {"speeed": 1.0}}, "weights: expected names of"),
         ({"frame_skip": 0}, "frame_skip: expected a positive number"),
+        ({"reward": 1.0}, "reward: expected a function"),
+        ({"start_lane": "none"}, "start_lane: expected a lane of the map of 'loop', got 'none'"),
+        ({"start_speed": -1.0}, "start_speed: expected a number from 0 on"),
     ],
 )
 def test_wrong_options_are_refused(options: dict[str, Any], text: str) -> None:
