@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import base64
 import io
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
+from rosbags.highlevel import AnyReader
 
+from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
 from tests import fork_server
 from tests.conftest import Connect, Serve
@@ -81,3 +84,24 @@ async def test_shot_and_list_of_a_running_server(serve: Serve, tmp_path: Path) -
     assert "640 x 480" in run("shot", "--camera", "0", "-o", str(path), "--timeout", "100")
     with Image.open(path) as picture:
         assert picture.size == (640, 480)
+
+
+@pytest.mark.parametrize("name", ["drive.bag", "drive.mcap"])
+async def test_recording_has_the_pictures_and_points_that_a_client_hears(
+    tmp_path: Path, connect: Connect, name: str
+) -> None:
+    path = tmp_path / name
+    async with Simulator(port=0, start="sync", scenario="loop", sensors="teaching", record=path) as sim:
+        heard = await drive(await connect(sim.url), 5)
+    recorded = [(topic, message) for topic, message in read_recording(path) if topic in (IMAGE, POINTS)]
+    assert [topic for topic, _ in recorded] == [topic for topic, _ in heard]
+    for (_, message), (_, sent) in zip(recorded, heard, strict=True):
+        assert bytes(message.data) == base64.b64decode(sent["data"])
+        assert message.header.frame_id == sent["header"]["frame_id"]
+
+
+def read_recording(path: Path) -> Iterator[tuple[str, Any]]:
+    """Topic and message of all that was recorded, by a library of others."""
+    with AnyReader([path]) as reader:
+        for connection, _, data in reader.messages():
+            yield connection.topic, reader.deserialize(data, connection.msgtype)
