@@ -149,6 +149,11 @@ class CdrTypes:
         cdr_type.encode_raw(cdr_type.default())  # raises now if ROS 2 cannot write the type
         types = types_in(cdr_type.spec)
         is_same = layout_of(message_type.spec) == layout_of(cdr_type.spec)
+        if not is_same:
+            try:
+                cdr_type.decode_json(Message(message_type, message_type.default()).json, 0)
+            except FieldError as error:
+                raise FieldError(f"{name} has other fields in ROS 2; it passes with --ros 2: {error}") from None
         try:
             self._known.register(types)
             return CdrType(message_type, cdr_type, types, self._known, is_same=is_same)

@@ -32,8 +32,18 @@ def test_types_go_there_and_back_to_the_byte() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("ros", [1, 2])
 def test_every_type_goes_there_and_back_to_the_byte(ros: Generation) -> None:
-    (reason,) = check_round_trip(ros, ())
-    assert "wstring" in reason
+    reasons = check_round_trip(ros, ())
+    assert sum("wstring" in reason for reason in reasons) == 1
+    others = [reason for reason in reasons if "wstring" not in reason]
+    assert all(reason.startswith("vision_msgs/") and "passes with --ros 2" in reason for reason in others)
+    assert bool(others) is (ros == 1)
+
+
+def test_a_type_with_other_fields_in_ros2_is_refused_before_a_message_is() -> None:
+    _, types = make_types(1)
+    with pytest.raises(FieldError, match="vision_msgs/BoundingBox2D has other fields in ROS 2; it passes with --ros 2"):
+        types.find("vision_msgs/BoundingBox2D")
+    make_types(2)[1].find("vision_msgs/BoundingBox2D")
 
 
 def check_round_trip(ros: Generation, packages: tuple[str, ...]) -> list[str]:
