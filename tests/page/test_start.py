@@ -71,7 +71,7 @@ async def test_instruments_show_nothing_of_a_server_before_the_restart(tmp_path:
         first.kill()
         await expect(page.locator(".speed-value")).to_have_text(DASH)
         await expect(page.locator(".instruments dd").nth(3)).to_have_text(DASH)
-        flags = ("--scenario", "loop", "--start", "sync", "--deny-subscribe", "/sim/scene/state")
+        flags = ("--scenario", "loop", "--start", "sync", "--deny-subscribe", "/sim/scene/*")
         second = ServerProcess(tmp_path / "second.txt", flags, port=first.port)
         try:
             await expect(page.locator(".header-frame")).to_have_text("frame 0")

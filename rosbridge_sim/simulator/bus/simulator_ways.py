@@ -48,7 +48,7 @@ _SET: Final = _calling("/sim/set")
 _COME_AND_GO: Final = _calling("/sim/spawn", "/sim/remove")
 _TICK: Final = _calling("/SyncModeWaitForTick")
 _STEP: Final = _calling("/sim/step")
-_SCENE: Final = (*_hearing("/sim/scene/state"), *_calling("/sim/describe"))
+_SCENE: Final = (*_hearing("/sim/scene/state", "/sim/scene/view"), *_calling("/sim/describe"))
 _MARKERS: Final = _hearing("/sim/scene/objects")
 _SEEN: Final = _hearing(
     *("/image_jpeg/compressed", "/image_jpeg/boxes", "/image_jpeg/detections_2d", "/image_jpeg/detections_3d"),

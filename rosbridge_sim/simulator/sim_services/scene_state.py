@@ -1,8 +1,10 @@
-"""The component of `/sim/scene/state`: all entities and lights of a frame in one message, for viewers.
+"""The component of `/sim/scene/state` and `/sim/scene/view`: all entities and lights of a frame, for viewers.
 
 The message has columns, not a struct for each entity: columns are copied from the world's arrays by a few calls of
 numpy, and in CBOR they are typed arrays. What changes only when an entity comes, goes or is placed anew (numbers,
 kinds, sizes) is kept from message to message.
+
+The view has the same in a third of the bytes: the page and other programs that draw need no more.
 
 While no frame moves the world (a pause, or the wait for a tick), a new subscriber gets the present scene at once, and
 all subscribers get it after each change. So a viewer is never blank, and sees what was spawned.
@@ -11,7 +13,7 @@ all subscribers get it after each change. So a viewer is never blank, and sees w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,19 +29,33 @@ from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.ego_lamps import lamps_of
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 from rosbridge_sim.world.followers.lamps import find_lamps
-from rosbridge_sim.world.geometry.planar import BoolArray, IntArray
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.signals import NEVER_FRAME
 from rosbridge_sim.world.state.world import DT, World
 
-__all__ = ["SCENE_STATE", "SceneState"]
+__all__ = ["SCENE_STATE", "SCENE_VIEW", "SceneState"]
 
 SCENE_STATE: Final = "/sim/scene/state"
+SCENE_VIEW: Final = "/sim/scene/view"
+
+Number = TypeVar("Number", np.int16, np.float32)
 
 TOUCHES: Final = 1
 """Bit of `flags`."""
 
 UNKNOWN_TIME: Final = -1.0
 """Time that is left to a light of which no change is known [s]."""
+
+VIEW_ANGLE: Final = 1e-4
+VIEW_SPEED: Final = 0.01
+VIEW_TIME: Final = 0.1
+"""Units of the view [rad, m/s, s]."""
+
+MOST_LOOKS: Final = 65_536
+"""Sizes times paints in a view: a look is a number of 16 bits."""
+
+UNKNOWN_VIEW_TIME: Final = 65_535
+"""`UNKNOWN_TIME` in the view."""
 
 
 class SceneState(Component):
@@ -72,6 +88,13 @@ class SceneState(Component):
                 "light_time_left",
             ),
         )
+        self._make_view = maker(
+            context.bus.store,
+            "rosbridge_sim_msgs/SceneView",
+            *("header", "frame", "map_digest", "scenario", "origin_x", "origin_y", "origin_z", "id", "kind", "x", "y"),
+            *("z", "roll", "pitch", "heading", "speed", "look", "sizes", "shapes", "paints", "lamps", "flags"),
+            *("light_state", "light_time_left"),
+        )
         # What the lights show changes rarely: their columns are kept with the array that they were made from.
         self._shown: IntArray | None = None
         self._light_state: NDArray[np.int16] = np.empty(0, dtype=np.int16)
@@ -79,8 +102,9 @@ class SceneState(Component):
         self._is_endless: BoolArray = np.empty(0, dtype=bool)
 
     def publish(self, publishers: Publishers) -> None:
-        """Publish the topic that exists once, not for each ego."""
+        """Publish the topics that exist once, not for each ego."""
         publishers.add(SCENE_STATE, "rosbridge_sim_msgs/SceneState", self._message, version=self._version)
+        publishers.add(SCENE_VIEW, "rosbridge_sim_msgs/SceneView", self._view, version=self._version)
 
     def _version(self) -> _Version:
         """Return what is the same as long as the message is."""
@@ -129,6 +153,39 @@ class SceneState(Component):
             self._lamps(layout, ego_lamps),
             self._flags(layout),
             *self._lights(),
+        )
+
+    def _view(self) -> Struct:
+        context = self._context
+        world = context.world
+        layout = world.derived(self._lay_out)
+        rows = layout.rows
+        x, y, yaw, speed, z = world.block("x", "z").take(rows, axis=1)
+        pitch, roll = world.block("pitch", "roll").take(rows, axis=1)
+        origin = (float(x[0]), float(y[0]), float(z[0])) if len(rows) else (0.0, 0.0, 0.0)
+        light_state, left = self._lights()
+        tenths = np.where(left < 0.0, UNKNOWN_VIEW_TIME, np.minimum(np.ceil(left / VIEW_TIME), UNKNOWN_VIEW_TIME - 1))
+        lamps, flags = self._lamps(layout, self._ego_lamps()), self._flags(layout)
+        return self._make_view(
+            context.convert.header(world.frame, "map"),
+            world.frame,
+            self._road_services.drawing.digest,
+            context.scene.loaded.name,
+            *origin,
+            layout.ids,
+            layout.kinds,
+            (x - origin[0]).astype(np.float32),
+            (y - origin[1]).astype(np.float32),
+            _unless_zero((z - origin[2]).astype(np.float32)),
+            _unless_zero(_rounded(_wrapped(roll), VIEW_ANGLE)),
+            _unless_zero(_rounded(_wrapped(pitch), VIEW_ANGLE)),
+            _rounded(_wrapped(yaw), VIEW_ANGLE),
+            _rounded(speed, VIEW_SPEED),
+            *layout.looks,
+            lamps if any(lamps) else b"",
+            flags if any(flags) else b"",
+            light_state,
+            tenths.astype(np.uint16),
         )
 
     def _lamps(self, layout: _Layout, ego_lamps: list[int]) -> bytes:
@@ -197,9 +254,10 @@ class _Layout:
         paints: (n,) uint32, see `scenery.moving.looks.paints`.
         egos: those of the simulator, each with its place in `rows`.
         no_flags: the flags while nothing touches anything.
+        looks: the parts `look`, `sizes`, `shapes` and `paints` of the view.
     """
 
-    __slots__ = ("box", "egos", "ids", "kinds", "no_flags", "paints", "rows", "shapes")
+    __slots__ = ("box", "egos", "ids", "kinds", "looks", "no_flags", "paints", "rows", "shapes")
 
     def __init__(self, world: World, egos: Sequence[Ego]) -> None:
         rows = self.rows = np.fromiter(world.placed(), dtype=np.int64, count=len(world))
@@ -216,3 +274,40 @@ class _Layout:
         self.shapes = looks.shapes.tobytes()
         self.paints = paints(looks)
         self.no_flags = bytes(len(rows))
+        self.looks = _looks_of(self.box, looks.shapes, self.paints)
+
+
+def _looks_of(
+    box: Sequence[NDArray[np.float32]], shapes: NDArray[np.uint8], paints: NDArray[np.uint32]
+) -> tuple[NDArray[np.uint16], NDArray[np.float32], bytes, NDArray[np.uint32]]:
+    """Return the look of each entity, (n,), the sizes (4 k,), the shapes, a byte for each size, and the paints (p,).
+
+    Look i is size i // p with paint i % p. If there are too many for 16 bits, all entities have the first paint.
+
+    Args:
+        box: length, width, height and `center_x` of each entity [m].
+        shapes: of each entity.
+        paints: of each entity.
+    """
+    table, which = np.unique(np.column_stack([*box, shapes.astype(np.float32)]), axis=0, return_inverse=True)
+    hues, hue = np.unique(paints, return_inverse=True)
+    if len(table) * len(hues) > MOST_LOOKS:
+        hues, hue = hues[:1], np.zeros(len(paints), dtype=np.int64)
+    look = which.reshape(-1) * len(hues) + hue
+    shape_bytes = table[:, 4].astype(np.uint8).tobytes()
+    return look.astype(np.uint16), table[:, :4].reshape(-1).astype(np.float32), shape_bytes, hues.astype(np.uint32)
+
+
+def _rounded(values: FloatArray, unit: float) -> NDArray[np.int16]:
+    """Return values in whole units, at most as large as 16 bits hold."""
+    return np.clip(np.rint(values / unit), -32_767, 32_767).astype(np.int16)
+
+
+def _wrapped(angles: FloatArray) -> FloatArray:
+    """Return angles from -pi to pi [rad]."""
+    return np.remainder(angles + np.pi, 2.0 * np.pi) - np.pi
+
+
+def _unless_zero(values: NDArray[Number]) -> NDArray[Number]:
+    """Return no values if all are 0."""
+    return values if values.any() else values[:0]

@@ -9,6 +9,7 @@ import { makePalette } from "../../../rosbridge_sim/page/js/drawing/palette.js";
 import { TopCamera } from "../../../rosbridge_sim/page/js/drawing/top_camera.js";
 import { ContactList } from "../../../rosbridge_sim/page/js/scene/contacts.js";
 import { PoseTrack, turnBetween } from "../../../rosbridge_sim/page/js/scene/interpolation.js";
+import { stateOfView } from "../../../rosbridge_sim/page/js/scene/scene_view.js";
 import { SceneStore } from "../../../rosbridge_sim/page/js/scene/store.js";
 import { Trails } from "../../../rosbridge_sim/page/js/scene/trails.js";
 
@@ -231,4 +232,19 @@ test("a click is a place without a heading, a drag one with it, and the sky is n
   tool.drag({ x: 1, y: 2 }, null, 50, true);
   tool.cancel();
   assert.deepEqual(found, [{ x: 1, y: 2, heading: null }, { x: 1, y: 2, heading: Math.PI / 2 }, { x: 1, y: 2, heading: null }, null]); // prettier-ignore
+});
+
+test("a view gives the state that it was made from", () => {
+  const none = { roll: new Int16Array(0), pitch: new Int16Array(0), flags: new Uint8Array(0), lamps: new Uint8Array(0), z: new Float32Array(0) };
+  const found = stateOfView({
+    ...state(3, [[0, 0, 0, 0], [7, 1, 0, 0]]), ...none, origin_x: 1e6, origin_y: -2, origin_z: 5, x: Float32Array.of(0, 1.5), y: Float32Array.of(0, 2),
+    heading: Int16Array.of(-31416, 15708), speed: Int16Array.of(-50, 1234), look: Uint16Array.of(2, 1), shapes: Uint8Array.of(3, 4), paints: Uint32Array.of(0xff0000, 0xff), sizes: Float32Array.of(4, 2, 1.5, 1.25, 8, 3, 2.5, 2),
+    light_time_left: Uint16Array.of(65535, 31), light_state: Int16Array.of(-1, 16),
+  }); // prettier-ignore
+  assert.deepEqual([[...found.x], [...found.y], [...found.z]], [[1e6, 1e6 + 1.5], [-2, 0], [5, 5]]);
+  assert.deepEqual([[...found.length], [...found.width], [...found.height], [...found.center_x]], [[8, 4], [3, 2], [2.5, 1.5], [2, 1.25]]);
+  assert.ok(Math.abs(found.heading[0] + Math.PI) < 1e-4 && Math.abs(found.speed[1] - 12.34) < 1e-3);
+  assert.deepEqual([[...found.flags], [...found.lamps], [...found.roll]], [[0, 0], [0, 0], [0, 0]]);
+  assert.deepEqual([[...found.shape], [...found.paint]], [[4, 3], [0xff0000, 0xff]]);
+  assert.ok(found.light_time_left[0] === -1 && Math.abs(found.light_time_left[1] - 3.1) < 1e-6);
 });

@@ -272,7 +272,7 @@ LINES: tuple[tuple[Mapping[str, Any], dict[str, str], str], ...] = (
         (
             "--deny-service /Morai_TLSrv leaves these ways open to learn what traffic lights show:"
             " listening to /GetTrafficLightStatus, /InsnStatus, /sim/scene/objects, /sim/scene/state,"
-            " calling /sim/describe"
+            " /sim/scene/view, calling /sim/describe"
         ),
     ),
 )

@@ -16,10 +16,12 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.scenery.moving.moving_mesh import moving_mesh
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.simulator.sim_services.scene_state import _looks_of
 from rosbridge_sim.world.state import placement
 from tests.simulator.sim_harness import ALL, Client, SimHarness, put_egos
 
-STATE = "/sim/scene/state"
+STATE, VIEW = "/sim/scene/state", "/sim/scene/view"
+SIZES = ("length", "width", "height", "center_x")
 
 
 def in_sync(scenario: str = "crowd", **settings: Any) -> tuple[SimHarness, Client]:  # noqa: ANN401 - NodeSettings'
@@ -258,3 +260,55 @@ def test_viewer_steps_a_paused_world_frame_by_frame_and_sees_each() -> None:
         assert viewer.call("/sim/step", {"user_id": "viewer", "n": 1}).is_ok
         harness.run(1.0)
     assert [message["frame"] for message in viewer.messages(STATE)] == [6, 7]
+
+
+def test_view_is_the_state_rounded() -> None:
+    harness, client = in_sync("crossing")
+    world = harness.world
+    world.speed[1] = -3.456
+    client.listen(STATE)
+    client.listen(VIEW)
+    client.tick()
+    state, view = last(client), client.messages(VIEW)[-1]
+    for name in ("header", "frame", "map_digest", "scenario", "id", "kind", "light_state"):
+        assert view[name] == state[name], name
+    places = [view["origin_x"] + x for x in view["x"]], [view["origin_y"] + y for y in view["y"]]
+    assert places[0] == pytest.approx(state["x"], abs=1e-4)
+    assert places[1] == pytest.approx(state["y"], abs=1e-4)
+    turns = [(a * 1e-4 - b) / (2 * math.pi) for a, b in zip(view["heading"], state["heading"], strict=True)]
+    assert turns == pytest.approx([round(turn) for turn in turns], abs=1e-5)
+    assert [0.01 * speed for speed in view["speed"]] == pytest.approx(state["speed"], abs=0.006)
+    size, paint = np.divmod(view["look"], len(view["paints"]))
+    sizes = np.reshape(view["sizes"], (-1, 4))[size]
+    assert np.array(octets(view["shapes"]))[size].tolist() == octets(state["shape"])
+    assert np.array(view["paints"])[paint].tolist() == state["paint"]
+    assert sizes.tolist() == np.column_stack([state[name] for name in SIZES]).tolist()
+    assert len(view["sizes"]) < 4 * len(view["id"]) + 1
+    left = [-1.0 if tenths == 65_535 else 0.1 * tenths for tenths in view["light_time_left"]]
+    assert left == pytest.approx(state["light_time_left"], abs=0.1)
+    assert (view["z"], view["roll"], view["flags"]) == ([], [], "")
+
+
+def test_view_takes_less_than_half_of_the_bytes() -> None:
+    harness, client = in_sync("crossing")
+    cars: list[dict[str, object]] = [
+        {"model": "2015_Kia_K5", "place": {"x": 50.0 + 8.0 * i, "y": 90.0}} for i in range(100)
+    ]
+    spawn(client, *cars)
+    found: dict[str, Message] = {}
+
+    def hear(topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
+        found[topic.name] = message
+
+    for name in (STATE, VIEW):
+        harness.bus.subscribe(client, name, hear)
+    client.tick()
+    assert len(found[VIEW].cbor) < 0.5 * len(found[STATE].cbor)
+
+
+def test_entities_with_too_many_looks_share_a_paint() -> None:
+    count = 300
+    sizes = [np.arange(count, dtype=np.float32)] * 4
+    looks = _looks_of(sizes, np.zeros(count, np.uint8), np.arange(count, dtype=np.uint32))
+    assert looks[0].tolist() == list(range(count))
+    assert looks[3].tolist() == [0]

@@ -7,7 +7,7 @@ import { LaneIndex } from "./lane_offset.js";
 /** @typedef {import("./ego_values.js").EgoValues} EgoValues */
 
 /** Messages of the ego at most so often [ms]: as fast as an eye reads a moving instrument. */
-const EGO_THROTTLE = 50;
+const EGO_THROTTLE = 100;
 
 export class EgoWatch {
   /**

@@ -95,7 +95,7 @@ export function makeReplayControls({ connection, files, time, timeControls: cont
     }
     show();
   };
-  connection.subscribe("/sim/replay", "rosbridge_sim_msgs/Replay", take, { throttleMs: 100, queueLength: 1 });
+  connection.subscribe("/sim/replay", "rosbridge_sim_msgs/Replay", take, { throttleMs: 200, queueLength: 1 });
   connection.onState((state) => state !== "open" && take(NO_REPLAY));
   file.addEventListener("change", show);
   files.onChange(showFiles);

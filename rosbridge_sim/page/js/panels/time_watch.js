@@ -13,7 +13,7 @@ export const FRAME_S = 0.02;
 const RATE_WINDOW = 2000;
 
 /** Messages about time at most so often [ms]: a person reads no faster, and a single step is seen at once. */
-const TIME_THROTTLE = 100;
+const TIME_THROTTLE = 200;
 
 export class TimeWatch {
   /**

@@ -6,7 +6,7 @@
 /** @typedef {import("./store.js").SceneState} SceneState */
 
 /** States that come farther apart than this are shown at once [ms]: it was a pause or a step. */
-const LONGEST_GAP = 160;
+const LONGEST_GAP = 400;
 /** More simulated frames than this between two states are a jump: 2 s of 50 frames a second. */
 const MOST_FRAMES = 100;
 /** Farther than this beside what its speed explains, an entity was placed elsewhere [m]. */

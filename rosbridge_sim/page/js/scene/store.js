@@ -3,6 +3,7 @@
  */
 
 import { loadMap } from "./map_loader.js";
+import { stateOfView } from "./scene_view.js";
 import { loadMesh } from "./mesh_loader.js";
 
 /** @typedef {import("../wire/connection.js").Connection} Connection */
@@ -22,8 +23,13 @@ import { loadMesh } from "./mesh_loader.js";
 /** Values of `kind`. */
 export const KINDS = /** @type {const} */ (["ego", "vehicle", "pedestrian", "obstacle"]);
 
-/** Shortest time between two states [ms]: 20 a second look smooth with the steps between that the page draws. */
-const STATE_THROTTLE = 50;
+/**
+ * Shortest time between two states [ms]: the page draws steps between them, so seven a second look smooth; with very many
+ * entities, of which each is small on the screen, five do.
+ */
+const STATE_THROTTLE = 150;
+const CROWD_THROTTLE = 200;
+const CROWD = 400;
 
 /** Wait before the page asks again for a map that did not come [ms]. */
 const MAP_RETRY = 3000;
@@ -57,10 +63,25 @@ export class SceneStore {
     /** Digest of the map whose mesh was asked for. */
     this.meshDigest = "";
     connection.onState((state) => state === "open" && this.takeState(null));
-    connection.subscribe("/sim/scene/state", "rosbridge_sim_msgs/SceneState", (state) => this.takeState(state), {
-      encoding: "cbor",
-      throttleMs: STATE_THROTTLE,
-    });
+    this.throttle = STATE_THROTTLE;
+    this.subscription = this.subscribe();
+  }
+
+  subscribe() {
+    const options = /** @type {const} */ ({ encoding: "cbor", throttleMs: this.throttle });
+    return this.connection.subscribe("/sim/scene/view", "rosbridge_sim_msgs/SceneView", (view) => this.takeView(view), options);
+  }
+
+  /** @param {import("./scene_view.js").SceneView} view */
+  takeView(view) {
+    const throttle = view.id.length > CROWD ? CROWD_THROTTLE : STATE_THROTTLE;
+    if (throttle !== this.throttle) {
+      this.throttle = throttle;
+      const old = this.subscription;
+      this.subscription = this.subscribe();
+      old.close();
+    }
+    this.takeState(stateOfView(view));
   }
 
   /**
