@@ -100,6 +100,7 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
             "record",
             "ros2",
             "docs",
+            "campaign",
         )
     },
 }

@@ -3,8 +3,8 @@
 
     python scripts/write_schemas.py
 
-schemas/*.schema.json (scenarios, sensors and their noise) come from the models that read the files, page/bodies.json
-from the shapes that cameras see. A test fails if one is out of date.
+schemas/*.schema.json (campaigns, scenarios, sensors and their noise) come from the models that read the files,
+page/bodies.json from the shapes that cameras see. A test fails if one is out of date.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parent.parent
 if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
+from rosbridge_sim.campaigns.campaign_model import campaign_schema  # noqa: E402
 from rosbridge_sim.scenarios.scenario_model import scenario_schema  # noqa: E402
 from rosbridge_sim.scenery.moving.body_forms import body_forms  # noqa: E402
 from rosbridge_sim.simulator.sensors.sensor_noise import noise_schema  # noqa: E402
@@ -29,7 +30,12 @@ def schema_files() -> dict[Path, str]:
     Returns:
         Path -> text.
     """
-    schemas = {"scenario": scenario_schema(), "sensor_noise": noise_schema(), "sensors": rig_schema()}
+    schemas = {
+        "campaign": campaign_schema(),
+        "scenario": scenario_schema(),
+        "sensor_noise": noise_schema(),
+        "sensors": rig_schema(),
+    }
     files = {
         ROOT / "schemas" / f"{name}.schema.json": json.dumps(schema, indent=2) + "\n"
         for name, schema in schemas.items()

@@ -27,6 +27,7 @@ _TABLE = """
 errors:
 printable:
 suggestions: printable
+expressions: errors printable suggestions
 loose_types:
 long_text:
 weight:
@@ -87,6 +88,8 @@ simulator.snapshots: * graph maps morai.messages protocol scenarios schema simul
 simulator: * graph morai morai.messages scenarios scenery schema simulator.bus simulator.kernel
     simulator.morai_services simulator.plain simulator.replays simulator.scene simulator.sensors simulator.sim_services
     simulator.snapshots simulator.sync world world.geometry world.state
+# campaigns, without processes and files
+campaigns: * documents expressions world.state
 # outside
 link: * protocol
 client: * link protocol
@@ -105,9 +108,11 @@ shell.rendering: scenery scenery.moving world.geometry
 worlds: maps scenarios shell.files simulator.kernel simulator.plain simulator.scene simulator.sim_services
     world.drivers world.geometry world.many_worlds world.roads world.state
 environments: worlds world.state
+campaign_runs: * campaigns environments expressions scenarios shell shell.config shell.files version world.followers
+    world.geometry world.roads world.state worlds
 cli: * cli.tools cli.watch link
-cli.tools: * client graph graph.ros2 link maps morai scenarios schema shell shell.bags shell.config shell.files
-    shell.page shell.ros2 simulator.scene units world.geometry world.roads world.state
+cli.tools: * campaign_runs campaigns client graph graph.ros2 link maps morai scenarios schema shell shell.bags
+    shell.config shell.files shell.page shell.ros2 simulator.scene units world.geometry world.roads world.state
 cli.watch: * cli.tools client link units world.geometry world.roads
 pytest_plugin: package client shell
 serving: * package link shell shell.config shell.monitoring shell.websocket
@@ -137,7 +142,10 @@ def _name_of_room(word: str) -> str:
 ARROWS = _read_arrows(_TABLE)
 
 OUTSIDE = frozenset(
-    {"shell", "cli", "client", "link", "serving", "pytest_plugin", "worlds", "environments", "__main__", ""}
+    {
+        *("shell", "cli", "client", "link", "serving", "pytest_plugin", "worlds", "environments", "campaign_runs"),
+        *("__main__", ""),
+    }
 )
 """The rooms that may reach outside, with all that is within them."""
 
@@ -157,6 +165,8 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "loose_types": set(),
     "printable": set(),
     "suggestions": set(),
+    "expressions": set(),
+    "campaigns": {"numpy", "pydantic", "pydantic_core"},
     "not_json": set(),
     "units": set(),
     "long_text": {"pybase64"},
@@ -178,6 +188,7 @@ PURE_MODULES = frozenset(
         "collections",
         "contextlib",
         "copy",
+        "csv",
         "dataclasses",
         "decimal",
         "difflib",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from rosbridge_sim.cli.bridge_commands import run_layout, run_record, run_service, run_topic, run_wait, run_watch
+from rosbridge_sim.cli.campaign_commands import run_campaign
 from rosbridge_sim.cli.file_commands import run_bag, run_docs, run_map, run_scenario, run_schema
 from rosbridge_sim.cli.ros2_commands import run_ros2
 from rosbridge_sim.cli.simulator_commands import (
@@ -29,6 +30,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "scenario": run_scenario,
     "map": run_map,
     "docs": run_docs,
+    "campaign": run_campaign,
     "record": run_record,
     "ros2": run_ros2,
     "sync": run_sync,

@@ -46,6 +46,7 @@ from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.access_rights import is_writable, why_not_writable
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
+from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.quota import DataQuota, in_thread
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
 from rosbridge_sim.shell.map_page import MapPage
@@ -96,9 +97,10 @@ class Simulator:
     `settings` may be read anywhere.
 
     Attributes:
-        settings: the settings that it was made with.
-        bus: the topics and services that all participants share; None before the start.
-        node: the simulator's node; None before the start, and without a world.
+        settings: the settings that it was made with. bus: the topics and services that all participants share; None
+        before the start. node: the simulator's node; None before the start, and without a world. library: scenarios
+        and maps; one that is kept saves the next simulators reading them. Set it before the start, if
+            at all, and only with the settings' own folders, map and catalogue.
         attachments: the bridges that it connects to; empty before the start.
         descriptors: logs a line when no file descriptor is left; None before the start.
     """
@@ -118,6 +120,7 @@ class Simulator:
         self.settings = check_options(options, mistakes_of_items) if settings is None else settings
         self.bus: Bus | None = None
         self.node: SimulatorNode | None = None
+        self.library: DiskLibrary | None = None
         self.attachments: tuple[Attachment, ...] = ()
         self._server: Server | None = None
         self._scheduler: Scheduler | None = None
@@ -331,7 +334,9 @@ class Simulator:
             settings.data_dir, settings.data_quota, settings.data_quota_files, aside=in_thread(loop)
         )
         self._worker = start_worker(settings, loop, self._look)
-        return make_simulator_node(bus, settings, recordings, reader, self._quota, worker=self._worker)
+        return make_simulator_node(
+            bus, settings, recordings, reader, self._quota, worker=self._worker, library=self.library
+        )
 
     def _look(self) -> None:
         """Compute the next event anew, because the world may go on."""

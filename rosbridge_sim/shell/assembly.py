@@ -129,6 +129,7 @@ def make_simulator_node(
     quota: DataQuota | None = None,
     *,
     worker: SensorWorker | None = None,
+    library: DiskLibrary | None = None,
 ) -> SimulatorNode:
     """Return the node of a simulator, in its opening scene.
 
@@ -139,11 +140,13 @@ def make_simulator_node(
         reader: reads files in a thread; None to read at once.
         quota: limits the files that are written for clients; None for no limit.
         worker: draws what cameras and lidars see; None where nothing can.
+        library: scenarios and maps; None for that of the settings.
 
     Raises:
         DocumentError: a file, a map or a setting cannot be used.
     """
-    library = DiskLibrary(settings.scenario_path, settings.map, settings.catalogue)
+    if library is None:
+        library = DiskLibrary(settings.scenario_path, settings.map, settings.catalogue)
     profile = choose_profile(
         settings.profile,
         settings.release,

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.scenarios.catalogue import Model
+from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
@@ -65,8 +66,8 @@ class Worlds:
         dt: length of a frame [s]: 0.02.
 
     Args:
-        scenario: name of a built-in scenario or path of a file, as for `rosbridge-sim --scenario`; or one for each
-            world.
+        scenario: name of a built-in scenario or path of a file, as for `rosbridge-sim --scenario`, or a scenario that
+            was read; or one for each world.
         num_worlds: number of worlds; with a list of scenarios it is the list's length.
         seed: of all chance: one number s for the seeds s, s + 1, ..., or one for each world; not negative.
         traffic: vehicles on the lanes of each world besides those of the scenario: as many as fit, and kept there.
@@ -74,6 +75,8 @@ class Worlds:
         dynamics: model that moves the egos; see `--dynamics`.
         impacts: collisions change motion; see `--impacts`.
         scores: keep the scores of all egos.
+        library: has scenarios, maps and models; one that is kept saves reading them again for the next worlds. None for
+            a new one.
 
     Raises:
         ValueError: an argument is out of range; the text names it.
@@ -82,7 +85,7 @@ class Worlds:
 
     def __init__(
         self,
-        scenario: str | Path | Sequence[str | Path],
+        scenario: str | Path | Scenario | Sequence[str | Path | Scenario],
         num_worlds: int = 1,
         *,
         seed: int | Sequence[int] = 0,
@@ -91,27 +94,33 @@ class Worlds:
         dynamics: Literal["single-track", "kinematic"] = "single-track",
         impacts: bool = False,
         scores: bool = True,
+        library: DiskLibrary | None = None,
     ) -> None:
         _check_number("num_worlds", num_worlds)
-        names = [scenario] * num_worlds if isinstance(scenario, str | Path) else list(scenario)
+        names = [scenario] * num_worlds if isinstance(scenario, str | Path | Scenario) else list(scenario)
         if not names:
             raise ValueError("scenario: expected at least one, got none")
         self.num_worlds, self.dt = len(names), DT
         seeds = [seed + i for i in range(self.num_worlds)] if isinstance(seed, int) else list(seed)
         if len(seeds) != self.num_worlds or any(each < 0 for each in seeds):
             raise ValueError(f"seed: expected {self.num_worlds} numbers that are not negative, got {seeds[:8]}")
-        library = DiskLibrary()
-        opened = {str(name): library.opening_scenario(str(name)) for name in dict.fromkeys(names)}
+        if library is None:
+            library = DiskLibrary()
+        opened: dict[str, Scenario] = {}
+        keys = [f"#{i}" if isinstance(name, Scenario) else f"{name}" for i, name in enumerate(names)]
+        for key, name in zip(keys, names, strict=True):
+            if key not in opened:
+                opened[key] = name if isinstance(name, Scenario) else library.opening_scenario(key)
         model = None if vehicle is None else _find_model(library, vehicle)
         self._scenes = []
-        for name, number in zip(names, seeds, strict=True):
+        for key, number in zip(keys, seeds, strict=True):
             world = OneOfMany(number, Dynamics(_DYNAMICS[dynamics]), has_impacts=impacts)
-            one = OneScene(world, library, opened[str(name)], traffic, model)
+            one = OneScene(world, library, opened[key], traffic, model)
             if scores:
                 world.start_scoring()
             self._scenes.append(one)
         self._library = library
-        self._names = [str(name) for name in names]
+        self._names = keys
         self._begins: dict[tuple[str, int], SavedScene] = {}
         self._worlds = [one.world for one in self._scenes]
         self._set = WorldSet(self._worlds)

@@ -41,6 +41,8 @@ PACKAGE_ROOMS: Final = Picture(
         "client": ((40, 140), (120, 80), "client"),
         "environments": ((860, 30), (200, 80), "for Gymnasium"),
         "worlds": ((860, 140), (200, 80), "many without server"),
+        "campaign_runs": ((860, 250), (200, 80), "workers, programs"),
+        "campaigns": ((860, 390), (200, 96), "plan, judge, report"),
         "shell": ((180, 140), (660, 80), "sockets, tasks, clock, disk, signals"),
         "link": ((40, 250), (400, 80), "a client's connection; texts for terminals"),
         "simulator": ((250, 390), (590, 96), "kernel, scene, synchronous mode, topics and services"),

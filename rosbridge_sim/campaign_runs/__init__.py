@@ -1,0 +1,1 @@
+"""Campaigns with processes and files: workers, programs, folders of results."""

@@ -1,0 +1,54 @@
+"""Checks of a campaign before it is driven: files, functions, scenarios and settings that are not there."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from rosbridge_sim.campaign_runs.job import Job, LoadedJob, open_job
+from rosbridge_sim.campaign_runs.python_drives import PYTHON_SETTINGS
+from rosbridge_sim.campaigns.campaign import Campaign, check_search, plan_runs
+from rosbridge_sim.errors import DocumentError
+
+__all__ = ["check_job"]
+
+
+def check_job(job: Job) -> Campaign:
+    """Return a campaign that can be driven, as far as that can be told before.
+
+    A scenario that cannot be read is no mistake here: its runs become rows with the reason, beside those of others.
+
+    Args:
+        job: the campaign.
+
+    Raises:
+        DocumentError: parameters, functions, programs or settings cannot be used.
+    """
+    loaded = open_job(job)
+    campaign = loaded.campaign
+    if campaign.document.search is not None:
+        check_search(campaign)
+    else:
+        plan_runs(campaign)
+    _check_drivers(loaded)
+    _ = loaded.checks
+    return campaign
+
+
+def _check_drivers(loaded: LoadedJob) -> None:
+    campaign, source = loaded.campaign, loaded.campaign.source
+    settings = [str(each.path[0]) for each in campaign.assignments if each.room == "setting"]
+    for name, driver in campaign.drivers.items():
+        if driver.command is None:
+            for key in settings:
+                if key not in PYTHON_SETTINGS:
+                    raise DocumentError(
+                        f"{source}: set.'setting.{key}': the driver {name!r} has no server; drivers in Python know"
+                        f" {', '.join(PYTHON_SETTINGS)}"
+                    )
+        if driver.python is not None or driver.policy is not None:
+            loaded.drivers_function(driver)
+        elif driver.command is not None:
+            word = driver.command[0]
+            if "{" not in word and shutil.which(word) is None and not (Path(loaded.job.base) / word).is_file():
+                raise DocumentError(f"{source}: drivers.{name}.command: there is no program {word!r}")

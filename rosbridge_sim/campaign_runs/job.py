@@ -1,0 +1,182 @@
+"""A campaign as the workers get it: the text of its file, and where files are found. It can be sent to another process.
+
+What it takes long to read is read once in each process: the campaign, the user's Python files, maps and scenarios.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import json
+import sys
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from rosbridge_sim.campaigns.assignments import Change, change_document
+from rosbridge_sim.campaigns.campaign import Campaign, read_campaign
+from rosbridge_sim.campaigns.campaign_model import DriverItem
+from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.scenarios.scenario import Scenario
+from rosbridge_sim.scenarios.scenario_reader import read_scenario
+from rosbridge_sim.shell.config.toml_text import read_toml
+from rosbridge_sim.shell.files.library import DiskLibrary
+
+__all__ = ["Job", "LoadedJob", "load_callable", "open_job", "read_job"]
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A campaign, to be sent.
+
+    Attributes:
+        text: of the TOML file.
+        source: its name, for errors.
+        base: folder of the file; paths in it are relative to it.
+        folder: of the results.
+    """
+
+    text: str
+    source: str
+    base: str
+    folder: str
+
+
+def read_job(path: Path, folder: Path) -> Job:
+    """Read the file of a campaign.
+
+    Args:
+        path: the file.
+        folder: of the results.
+
+    Raises:
+        DocumentError: it cannot be read, or is not valid TOML.
+    """
+    try:
+        text, _ = read_toml(path)
+    except SettingError as error:
+        raise DocumentError(str(error)) from None
+    return Job(text, path.name, str(path.resolve().parent), str(folder.resolve()))
+
+
+class LoadedJob:
+    """A campaign with all that its runs need, kept in a process.
+
+    Attributes:
+        job: as it was sent.
+        campaign: parsed.
+        library: scenarios, maps and models.
+    """
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self.campaign: Campaign = read_campaign(tomllib.loads(job.text), job.source)
+        self.library = DiskLibrary()
+        self._documents: dict[str, tuple[Any, str]] = {}
+
+    def scenario_text(self, name: str, changes: tuple[Change, ...]) -> tuple[bytes, str]:
+        """Return a scenario's document with the changes of a run, and its path.
+
+        Args:
+            name: name or file, as in the campaign.
+            changes: of the run.
+
+        Raises:
+            DocumentError: there is no such scenario, or no such place in it.
+        """
+        own = Path(self.job.base) / name
+        if name not in self._documents:
+            text, source = self.library.opening_file(str(own) if own.is_file() else name)
+            try:
+                document = json.loads(text.removeprefix(b"\xef\xbb\xbf")) if changes else None
+            except (ValueError, RecursionError):
+                raise DocumentError(f"{source}: expected a JSON document") from None
+            if not changes:
+                return text, source
+            self._documents[name] = document, source
+        document, source = self._documents[name]
+        if not changes:
+            return json.dumps(document).encode(), source
+        return json.dumps(change_document(document, changes, Path(source).name)).encode(), source
+
+    def scenario(self, name: str, changes: tuple[Change, ...]) -> Scenario:
+        """Return a scenario with the changes of a run. Arguments and errors as for `scenario_text`."""
+        text, source = self.scenario_text(name, changes)
+        return replace(read_scenario(text, Path(source).name, catalogue=self.library.catalogue))
+
+    def drivers_function(self, driver: DriverItem) -> Callable[..., Any]:
+        """Return the user's function or class of a driver.
+
+        Raises:
+            DocumentError: it cannot be loaded.
+        """
+        name = driver.python or driver.policy
+        assert name is not None
+        return load_callable(name, self.job.base)
+
+    @cached_property
+    def checks(self) -> Mapping[str, Callable[..., object]]:
+        """The user's functions that judge, by the name of the limit.
+
+        Raises:
+            DocumentError: one cannot be loaded.
+        """
+        limits = self.campaign.limits.python
+        return {name: load_callable(function, self.job.base) for name, function in limits.items()}
+
+
+@lru_cache(maxsize=2)
+def open_job(job: Job) -> LoadedJob:
+    """Return a campaign with what its runs need; the same one for the same job.
+
+    Args:
+        job: the campaign.
+
+    Raises:
+        DocumentError: it cannot be used.
+    """
+    return LoadedJob(job)
+
+
+@lru_cache(maxsize=64)
+def load_callable(name: str, base: str) -> Callable[..., Any]:
+    """Return a function or class of the user.
+
+    Args:
+        name: `FILE.py:NAME`, relative to `base`, or `package.module:NAME`.
+        base: folder that is searched first.
+
+    Raises:
+        DocumentError: there is none, or its module cannot be imported.
+    """
+    where, _, member = name.rpartition(":")
+    if base not in sys.path:
+        sys.path.insert(0, base)  # so that the file finds its neighbours
+    try:
+        is_file = where.endswith(".py")
+        module = _import_file(Path(base) / where, name) if is_file else importlib.import_module(where)
+    except DocumentError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise DocumentError(f"{name}: the import failed: {type(error).__name__}: {error}") from error
+    found = getattr(module, member, None)
+    if not callable(found):
+        raise DocumentError(f"{name}: the module has no function or class {member!r}")
+    loaded: Callable[..., Any] = found
+    return loaded
+
+
+def _import_file(path: Path, name: str) -> ModuleType:
+    if not path.is_file():
+        raise DocumentError(f"{name}: there is no file {path}")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules.setdefault(path.stem, module)
+    spec.loader.exec_module(module)
+    return module

@@ -1,0 +1,79 @@
+"""What one drive left: its trace, its log, and why it ended before its time."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from rosbridge_sim.campaigns.trace import Trace
+
+__all__ = ["KeptOutput", "Outcome"]
+
+HEAD = 32 * 1024
+TAIL = 96 * 1024
+"""Bytes of a driver's output that are kept, of its beginning and of its end."""
+
+
+@dataclass(slots=True)
+class Outcome:
+    """One drive.
+
+    Attributes:
+        trace: of the frames that were driven.
+        state_hash: of the world at the end.
+        error: why it could not be driven to its end; empty if it was.
+        log: what the driver printed, and how it ended.
+        roads: lines of the lanes near the end, for a picture; (x, y) each [m].
+        work: folder of the drive's own files, such as a recording; None for none.
+    """
+
+    trace: Trace
+    state_hash: str = ""
+    error: str = ""
+    log: str = ""
+    roads: list[list[tuple[float, float]]] = field(default_factory=list)
+    work: Path | None = None
+
+
+class KeptOutput(io.TextIOBase):
+    """The beginning and the end of a driver's output. The middle is counted, not kept. Texts may be printed into it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._head = bytearray()
+        self._tail = bytearray()
+        self._num = 0
+
+    def write(self, text: str) -> int:
+        """Take a piece of text; return its length.
+
+        Args:
+            text: the piece.
+        """
+        self.take(text.encode("utf-8", "backslashreplace"))
+        return len(text)
+
+    def take(self, data: bytes) -> None:
+        """Take a piece of the output.
+
+        Args:
+            data: the bytes.
+        """
+        self._num += len(data)
+        room = HEAD - len(self._head)
+        if room > 0:
+            self._head += data[:room]
+            data = data[room:]
+        if data:
+            self._tail += data[-TAIL:]
+            if len(self._tail) > 2 * TAIL:
+                del self._tail[:-TAIL]
+
+    @property
+    def text(self) -> str:
+        """What was kept."""
+        tail = bytes(self._tail[-TAIL:])
+        left_out = self._num - len(self._head) - len(tail)
+        gap = f"\n... {left_out:,} bytes are left out ...\n".encode() if left_out else b""
+        return (bytes(self._head) + gap + tail).decode("utf-8", "backslashreplace")

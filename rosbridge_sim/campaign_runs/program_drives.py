@@ -1,0 +1,296 @@
+"""Drives by programs: a simulator in the worker's process, and the user's program beside it, which gets its URL.
+
+The program has a process group of its own, which ends with the run: SIGTERM, and a second later SIGKILL. Its output is
+read all the time, so a program that prints a gigabyte is not held up, and costs a hundred kilobytes of memory.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import IO, Final
+
+from rosbridge_sim.campaign_runs.job import LoadedJob
+from rosbridge_sim.campaign_runs.outcome import KeptOutput, Outcome
+from rosbridge_sim.campaign_runs.surroundings import find_roads
+from rosbridge_sim.campaigns.campaign import names_of
+from rosbridge_sim.campaigns.campaign_model import DriverItem
+from rosbridge_sim.campaigns.results import Run
+from rosbridge_sim.campaigns.trace import Recorder
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.app import Simulator
+from rosbridge_sim.shell.config.options import SimulatorOptions
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
+__all__ = ["drive_by_program"]
+
+PATIENCE: Final = 1.0
+"""Time from SIGTERM to SIGKILL [s]."""
+
+OWN_SETTINGS: Final = frozenset({"scenario", "seed", "port", "host", "start", "score", "record", "data_dir", "config"})
+"""Settings that belong to the campaign."""
+
+
+def drive_by_program(loaded: LoadedJob, driver: DriverItem, run: Run, *, record: bool) -> Outcome:
+    """Drive a run by a program.
+
+    Args:
+        loaded: the campaign.
+        driver: with a command.
+        run: the run.
+        record: record the topics of the simulator.
+
+    Returns:
+        The outcome; its files are in its folder `work`, which the caller removes.
+    """
+    campaign = loaded.campaign
+    drive = _Drive(Recorder(campaign.document.seconds, campaign.end_when, names_of(run)))
+    outcome = drive.outcome
+    try:
+        outcome.work = work = Path(tempfile.mkdtemp(prefix=f"run-{run.number}-", dir=_work_folder(loaded)))
+        options = _options(loaded, driver, run, work)
+        if record:
+            options["record"] = str(work / "drive.mcap")
+        simulator = Simulator(**options)
+        if not {"map", "catalogue", "scenario_path"} & options.keys():
+            simulator.library = loaded.library
+        with _logged(drive), simulator:
+            simulator.run_inside(lambda: drive.watch(simulator))
+            with _program(loaded, driver, run, simulator.url, work) as program:
+                drive.follow(program, driver.timeout)
+            if outcome.trace.rows and not outcome.state_hash:
+                simulator.run_inside(lambda: drive.close(simulator))
+    except DocumentError as error:
+        outcome.error = outcome.error or str(error)
+    except OSError as error:
+        outcome.error = outcome.error or f"{error.filename or 'the disk'}: {error.strerror}"
+    return outcome
+
+
+@contextlib.contextmanager
+def _logged(drive: _Drive) -> Iterator[None]:
+    """Keep what the simulator logs, and put it behind the output of the program."""
+    output = KeptOutput()
+    handler = logging.StreamHandler(output)
+    handler.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
+    log = logging.getLogger("rosbridge_sim")
+    is_passed_on, level = log.propagate, log.level
+    log.addHandler(handler)
+    log.propagate = False
+    log.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
+        log.propagate = is_passed_on
+        log.setLevel(level)
+        drive.outcome.log += f"\nthe simulator's log:\n{output.text}"
+
+
+def _work_folder(loaded: LoadedJob) -> Path | None:
+    folder = Path(loaded.job.folder) / ".work"
+    with contextlib.suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+    return None
+
+
+def _options(loaded: LoadedJob, driver: DriverItem, run: Run, work: Path) -> SimulatorOptions:
+    """Return the options of a run's simulator.
+
+    Raises:
+        DocumentError: the scenario or a setting cannot be used.
+    """
+    values = loaded.campaign.values_of(run)
+    changes = values.scenario
+    if values.vehicle is not None:
+        changes = (*changes, (("egoVehicle", "modelName"), values.vehicle))
+    text, source = loaded.scenario_text(run.scenario, changes)
+    if changes:
+        file = work / "scenario.json"
+        file.write_bytes(text)
+        source = str(file)
+    for key in values.settings:
+        if key in OWN_SETTINGS:
+            raise DocumentError(f"setting.{key}: expected another setting; this one belongs to the campaign")
+    options: SimulatorOptions = {
+        "scenario": source,
+        "seed": run.seed,
+        "port": 0,
+        "page": False,
+        "start": "run" if driver.real_time else "sync",
+        "score": True,
+        "data_dir": str(work / "SaveFile"),
+    }
+    options.update(values.settings)  # type: ignore[typeddict-item] # `Simulator` checks names and values
+    return options
+
+
+class _Drive:
+    """One drive: what the world's thread notes, and when it has ended."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self.outcome = Outcome(recorder.trace)
+        self._recorder = recorder
+        self._is_over = threading.Event()
+
+    def watch(self, simulator: Simulator) -> None:
+        """Note each frame from now on. Runs in the simulator's thread."""
+        assert simulator.node is not None
+        world = simulator.node.world
+
+        def take(_now: float) -> None:
+            if self._is_over.is_set():
+                return
+            try:
+                if not self._recorder.take(world):
+                    return
+            except DocumentError as error:
+                self.outcome.error = str(error)
+            self.close(simulator)
+
+        simulator.node.context.hooks.after_frame.append(take)
+
+    def close(self, simulator: Simulator) -> None:
+        """Note the state at the end. Runs in the simulator's thread."""
+        assert simulator.node is not None
+        world = simulator.node.world
+        self.outcome.state_hash = world.digest()
+        if self.outcome.trace.rows:
+            self.outcome.roads = find_roads(world, self.outcome.trace)
+        self._is_over.set()
+
+    def follow(self, program: _Program, timeout: float) -> None:
+        """Wait until the drive is over, the program has ended, or the time has passed."""
+        outcome, end = self.outcome, time.monotonic() + timeout
+        while not self._is_over.wait(LOOK_EVERY):
+            code = program.process.poll()
+            if code is not None:
+                if code:
+                    outcome.error = f"the program ended with {_told(code)} after {len(outcome.trace.rows)} frames"
+                elif not outcome.trace.rows:
+                    outcome.error = "the program ended before the world has moved; does it start synchronous mode?"
+                break
+            if time.monotonic() >= end:
+                outcome.error = (
+                    f"time-out: {timeout:g} s on the wall clock have passed after {len(outcome.trace.rows)} frames"
+                )
+                break
+        self._is_over.set()  # what comes later does not count
+        code = program.stop()
+        how = "it was stopped at the end of the drive" if code is None else f"it ended with {_told(code)}"
+        outcome.log = f"{program.output.text}\n[{' '.join(program.words)}: {how}]\n"
+
+
+LOOK_EVERY: Final = 0.02
+"""Time between two looks whether the program still runs [s]."""
+
+
+def _told(code: int) -> str:
+    return f"code {code}" if code >= 0 else f"signal {signal.Signals(-code).name}"
+
+
+class _Program:
+    """A program in a process group of its own.
+
+    Attributes:
+        process: the program.
+        words: its command line.
+        output: what it printed.
+    """
+
+    def __init__(self, process: subprocess.Popen[bytes], words: list[str]) -> None:
+        self.process, self.words, self.output = process, words, KeptOutput()
+        assert process.stdout is not None
+        self._reader = threading.Thread(target=self._read, args=[process.stdout], daemon=True)
+        self._reader.start()
+
+    def _read(self, pipe: IO[bytes]) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            while piece := os.read(pipe.fileno(), 65_536):
+                self.output.take(piece)
+
+    def stop(self) -> int | None:
+        """End the group; return the code of a program that had ended before, else None."""
+        code = self.process.poll()
+        self._signal(signal.SIGTERM)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(PATIENCE)
+        self._signal(getattr(signal, "SIGKILL", signal.SIGTERM))
+        self.process.wait()
+        self._reader.join(PATIENCE)  # a process that has left the group may still hold the pipe
+        return code
+
+    def _signal(self, number: signal.Signals) -> None:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            if hasattr(os, "killpg"):
+                os.killpg(self.process.pid, number)
+            else:
+                self.process.terminate()
+
+
+@contextlib.contextmanager
+def _program(loaded: LoadedJob, driver: DriverItem, run: Run, url: str, work: Path) -> Iterator[_Program]:
+    """Start the program of a driver.
+
+    Raises:
+        DocumentError: it cannot be started.
+    """
+    assert driver.command is not None
+    told = {
+        "url": url,
+        "seconds": f"{loaded.campaign.document.seconds:g}",
+        "seed": str(run.seed),
+        "run": str(run.number),
+        "python": sys.executable,
+        **{name: str(value) for name, value in run.parameters.items()},
+    }
+    words = [_filled(word, told) for word in driver.command]
+    variables = {
+        "ROSBRIDGE_SIM_URL": url,
+        "ROSBRIDGE_SIM_SECONDS": told["seconds"],
+        "ROSBRIDGE_SIM_SEED": told["seed"],
+        "TMPDIR": str(work),
+    }
+    own = {name: _filled(text, told) for name, text in driver.environment.items()}
+    try:
+        process = subprocess.Popen(  # noqa: S603 - the user's own program
+            words,
+            cwd=loaded.job.base,
+            env={**os.environ, **variables, **own},
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise DocumentError(f"the program {words[0]!r} cannot be started: {error.strerror}") from None
+    with contextlib.suppress(ProcessLookupError, PermissionError, ValueError, AttributeError):
+        most = driver.memory_mb * 2**20
+        resource.prlimit(process.pid, resource.RLIMIT_DATA, (most, most))
+    program = _Program(process, words)
+    try:
+        yield program
+    finally:
+        program.stop()
+        if process.stdout is not None:
+            process.stdout.close()
+
+
+def _filled(word: str, told: dict[str, str]) -> str:
+    for name, text in told.items():
+        word = word.replace(f"{{{name}}}", text)
+    return word

@@ -1,0 +1,243 @@
+"""The folder of a campaign's results, and what may be found in it after a crash.
+
+campaign.toml   the file as it was driven, and campaign.json where it came from
+results.jsonl   a line for each run, appended as it comes; the only file that a later start reads
+runs.csv        the table; times.csv has what depends on the machine; runs.parquet where pyarrow is installed
+junit.xml       for CI
+report.html     for people
+runs/00012/     what is kept of run 12
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+from collections.abc import Sequence
+from io import FileIO
+from pathlib import Path
+from typing import Final
+
+from rosbridge_sim.campaign_runs.job import Job
+from rosbridge_sim.campaign_runs.worker import run_folder
+from rosbridge_sim.campaigns.results import Result
+from rosbridge_sim.campaigns.tables import Cell, columns_of, write_junit, write_table, write_times
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.version import __version__
+
+__all__ = ["ResultsFolder", "read_text_of"]
+
+CAMPAIGN: Final = "campaign.toml"
+ABOUT: Final = "campaign.json"
+RESULTS: Final = "results.jsonl"
+
+
+class ResultsFolder:
+    """Results of a campaign on the disk.
+
+    Attributes:
+        path: the folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._file: FileIO | None = None
+        self._size = 0
+        self._waiting: list[bytes] = []
+
+    # Beginning
+
+    def begin(self, job: Job, *, is_resumed: bool) -> list[Result]:
+        """Make the folder, or take up the one that is there.
+
+        Args:
+            job: the campaign.
+            is_resumed: go on with what is there.
+
+        Returns:
+            The results that are there already.
+
+        Raises:
+            DocumentError: there are results and they are not to be resumed, or they are those of another campaign; or
+            the
+                folder cannot be written.
+        """
+        there = self.path / CAMPAIGN
+        if there.is_file():
+            if not is_resumed:
+                raise DocumentError(
+                    f"{self.path}: there are results already; --resume goes on with them, or choose --output"
+                )
+            if there.read_text("utf-8") != job.text:
+                raise DocumentError(
+                    f"{self.path}: the campaign has changed since these results were made; choose another --output"
+                )
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            found = self.results() if is_resumed else []
+            if not there.is_file():
+                (self.path / ABOUT).write_text(
+                    json.dumps({"source": job.source, "base": job.base, "version": __version__}) + "\n", "utf-8"
+                )
+                there.write_text(job.text, "utf-8")
+            self._file = self._open_results()
+        except OSError as error:
+            raise DocumentError(f"{error.filename or self.path}: cannot be written: {error.strerror}") from None
+        return found
+
+    def _open_results(self) -> FileIO:
+        """Open the file for appending, behind its last whole line: a crash may have cut the line after it."""
+        path = self.path / RESULTS
+        if path.is_file():
+            content = path.read_bytes()
+            whole = content.rfind(b"\n") + 1
+            if whole < len(content):
+                os.truncate(path, whole)
+        file = path.open("ab", buffering=0)  # what a full disk refuses must not wait in a buffer
+        self._size = path.stat().st_size
+        return file
+
+    # Results
+
+    def results(self) -> list[Result]:
+        """Return the results that are there, one for each run, in the order of the table.
+
+        Raises:
+            DocumentError: a line is no result.
+        """
+        path = self.path / RESULTS
+        found: dict[int, Result] = {}
+        try:
+            lines = path.read_bytes().split(b"\n")[:-1] if path.is_file() else []
+        except OSError as error:
+            raise DocumentError(f"{path}: cannot be read: {error.strerror}") from None
+        for number, line in enumerate(lines, 1):
+            try:
+                result = Result.from_json(json.loads(line))
+            except (ValueError, KeyError, TypeError) as error:
+                raise DocumentError(f"{path}:{number}: expected a result of a run; {error!r}") from None
+            found.setdefault(result.run.number, result)
+        return [found[number] for number in sorted(found)]
+
+    def append(self, result: Result) -> str:
+        """Write one result; return why the disk did not take it, to be tried again with the next one, or an empty text.
+
+        Args:
+            result: of a run.
+        """
+        self._waiting.append(json.dumps(result.to_json(), separators=(",", ":")).encode() + b"\n")
+        try:
+            while self._waiting:
+                self._write_line(self._waiting[0])
+                self._waiting.pop(0)
+        except OSError as error:
+            return error.strerror or str(error)
+        return ""
+
+    def _write_line(self, line: bytes) -> None:
+        """Write a whole line, or nothing.
+
+        Raises:
+            OSError: the disk takes no more.
+        """
+        assert self._file is not None
+        before, rest = self._size, line
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) :]
+        except OSError:
+            os.truncate(self.path / RESULTS, before)  # a part of the line may be there
+            raise
+        self._size += len(line)
+
+    def close(self) -> None:
+        """End the file of results, and remove what drives left behind."""
+        if self._file is not None:
+            with contextlib.suppress(OSError):
+                self._file.close()
+        shutil.rmtree(self.path / ".work", ignore_errors=True)
+
+    # Tables
+
+    def write_tables(self, results: Sequence[Result], parameters: Sequence[str], name: str) -> None:
+        """Write the tables anew, each in one piece.
+
+        Args:
+            results: in the order of the table.
+            parameters: names of the parameters.
+            name: of the campaign.
+
+        Raises:
+            DocumentError: the disk takes no more.
+        """
+        self.write("runs.csv", write_table(results, parameters))
+        self.write("times.csv", write_times(results))
+        self.write("junit.xml", write_junit(results, name))
+        try:
+            import pyarrow as pa  # noqa: PLC0415 - only where the user has it
+            from pyarrow import parquet  # noqa: PLC0415
+        except ImportError:
+            return
+        columns = {key: pa.array(_alike(cells)) for key, cells in columns_of(results, parameters).items()}
+        path = self.path / "runs.parquet"
+        try:
+            parquet.write_table(pa.table(columns), str(path))
+        except OSError as error:
+            raise DocumentError(f"{path}: cannot be written: {error.strerror or error}") from None
+
+    def write(self, name: str, text: str) -> None:
+        """Write a file in one piece: the old one stays if the disk is full.
+
+        Args:
+            name: within the folder.
+            text: of the file.
+
+        Raises:
+            DocumentError: the disk takes no more.
+        """
+        path, new = self.path / name, self.path / f".{name}.new"
+        try:
+            new.write_text(text, encoding="utf-8")
+            new.replace(path)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                new.unlink()
+            raise DocumentError(f"{path}: cannot be written: {error.strerror}") from None
+
+    def size_of(self, result: Result) -> int:
+        """Return the bytes of the files of a run."""
+        place = run_folder(self.path, result.run.number)
+        return sum(file.stat().st_size for file in place.iterdir()) if place.is_dir() else 0
+
+    def drop(self, result: Result) -> None:
+        """Remove the files of a run."""
+        shutil.rmtree(run_folder(self.path, result.run.number), ignore_errors=True)
+
+
+def _alike(cells: Sequence[Cell]) -> Sequence[Cell]:
+    """Return the cells of a column with one type: numbers, switches, or else texts."""
+    kinds = {type(cell) for cell in cells if cell is not None}
+    if kinds <= {int, float} or len(kinds) <= 1:
+        return cells
+    return [None if cell is None else str(cell) for cell in cells]
+
+
+def read_text_of(folder: Path) -> tuple[Job, str]:
+    """Return the campaign of a folder of results, and its name.
+
+    Args:
+        folder: of results.
+
+    Raises:
+        DocumentError: it is no such folder.
+    """
+    try:
+        text = (folder / CAMPAIGN).read_text("utf-8")
+        about = json.loads((folder / ABOUT).read_text("utf-8"))
+        job = Job(text, str(about["source"]), str(about["base"]), str(folder.resolve()))
+    except (OSError, ValueError, KeyError, TypeError):
+        raise DocumentError(
+            f"{folder}: expected a folder of results; `rosbridge-sim campaign run FILE` makes one"
+        ) from None
+    return job, Path(job.source).stem

@@ -1,0 +1,192 @@
+"""The work of one worker: runs in, results out. Whatever goes wrong in a run becomes its row, never an exception."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import shutil
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from rosbridge_sim.campaign_runs.job import Job, LoadedJob, open_job
+from rosbridge_sim.campaign_runs.outcome import Outcome
+from rosbridge_sim.campaign_runs.program_drives import drive_by_program
+from rosbridge_sim.campaign_runs.python_drives import drive_in_python
+from rosbridge_sim.campaigns.campaign import is_skipped
+from rosbridge_sim.campaigns.campaign_model import DriverItem
+from rosbridge_sim.campaigns.limits import judge_trace
+from rosbridge_sim.campaigns.results import BAD, Breach, Result, Run, Verdict
+from rosbridge_sim.campaigns.trace import FIGURES
+from rosbridge_sim.errors import DocumentError
+
+__all__ = ["drive_runs", "run_folder", "settle_worker"]
+
+DIGITS: Final = 5
+"""Digits of the number in the name of a run's folder: 100,000 runs sort well."""
+
+
+def run_folder(folder: str | Path, number: int) -> Path:
+    """Return the folder of what is kept of a run.
+
+    Args:
+        folder: of the results.
+        number: of the run.
+    """
+    return Path(folder) / "runs" / f"{number:0{DIGITS}d}"
+
+
+def settle_worker() -> None:
+    """Prepare a worker process: it ends on SIGTERM after its program, and leaves Ctrl-C to the campaign."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+
+
+def drive_runs(job: Job, runs: Sequence[Run], *, may_keep: bool = True) -> list[Result]:
+    """Drive and judge some runs of one driver.
+
+    Args:
+        job: the campaign.
+        runs: the runs; more than one for a driver that takes a batch.
+        may_keep: write the files of runs that the campaign wants to keep; False beyond its quota.
+
+    Returns:
+        A result for each.
+    """
+    loaded = open_job(job)
+    campaign = loaded.campaign
+    driver = campaign.drivers[runs[0].driver]
+    found: dict[int, Result] = {}
+    driven: list[Run] = []
+    for run in runs:
+        try:
+            if is_skipped(campaign, run.parameters, run.seed):
+                found[run.number] = Result(run, "skipped", "skip_when holds")
+            else:
+                driven.append(run)
+        except DocumentError as error:
+            found[run.number] = Result(run, "error", str(error))
+    if driven:
+        found.update(_drive(loaded, driver, driven, may_keep=may_keep))
+    return [found[run.number] for run in runs]
+
+
+def _drive(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run], *, may_keep: bool) -> dict[int, Result]:
+    """Drive runs as often as the campaign wants; return the results by the runs' numbers."""
+    output = loaded.campaign.document.output
+    judged: dict[int, list[Result]] = {run.number: [] for run in runs}
+    who = f"{os.getpid()}@{platform.node()}"
+    for attempt in range(loaded.campaign.document.repeat):
+        began, cpu = time.perf_counter(), time.process_time()
+        if driver.is_program:
+            should_record = output.record and may_keep and output.keep != "none"
+            outcomes = [drive_by_program(loaded, driver, run, record=should_record) for run in runs]
+        else:
+            outcomes = drive_in_python(loaded, driver, runs)
+        wall, used = (time.perf_counter() - began) / len(runs), (time.process_time() - cpu) / len(runs)
+        for run, outcome in zip(runs, outcomes, strict=True):
+            verdict, reason, breaches = _judge(loaded, outcome)
+            is_kept = may_keep and (output.keep == "all" or (output.keep == "failures" and verdict in BAD))
+            files: tuple[str, ...] = ()
+            if is_kept and (attempt == 0 or not any(each.files for each in judged[run.number])):
+                files, trouble = _keep(loaded.job.folder, run, outcome)
+                outcome.log += trouble
+            if outcome.work is not None:
+                shutil.rmtree(outcome.work, ignore_errors=True)
+            judged[run.number].append(
+                Result(
+                    run,
+                    verdict,
+                    reason,
+                    breaches,
+                    outcome.trace.scores(),
+                    len(outcome.trace.rows),
+                    outcome.state_hash,
+                    tuple(outcome.trace.path()),
+                    (),
+                    files,
+                    wall,
+                    used,
+                    who,
+                )
+            )
+    return {number: _joined(results) for number, results in judged.items()}
+
+
+def _joined(results: Sequence[Result]) -> Result:
+    """Return the result of a run from those of its drives: that of the first bad one, else of the first."""
+    verdicts: tuple[Verdict, ...] = tuple(each.verdict for each in results)
+    chosen = next((each for each in results if each.verdict in BAD), results[0])
+    if len(results) == 1:
+        return chosen
+    is_flaky = len(set(verdicts)) > 1
+    return Result(
+        chosen.run,
+        "flaky" if is_flaky else chosen.verdict,
+        f"{verdicts.count('pass')} of {len(verdicts)} drives passed; {chosen.reason}" if is_flaky else chosen.reason,
+        chosen.breaches,
+        chosen.scores,
+        chosen.frames,
+        chosen.state_hash,
+        chosen.path,
+        verdicts,
+        next((each.files for each in results if each.files), ()),
+        sum(each.wall for each in results),
+        sum(each.cpu for each in results),
+        chosen.worker,
+    )
+
+
+def _judge(loaded: LoadedJob, outcome: Outcome) -> tuple[Verdict, str, tuple[Breach, ...]]:
+    """Return verdict, reason and breaches of a drive."""
+    breaches: tuple[Breach, ...] = ()
+    if outcome.trace.rows:
+        try:
+            breaches = judge_trace(outcome.trace, loaded.campaign.limits, loaded.checks)
+        except DocumentError as error:
+            outcome.error = outcome.error or str(error)
+        except Exception as error:  # noqa: BLE001 - the user's function
+            outcome.error = outcome.error or f"a limit's function failed: {type(error).__name__}: {error}"
+            outcome.log += "".join(traceback.format_exception(error))
+    if outcome.error:
+        return "error", outcome.error, breaches
+    if breaches:
+        first = breaches[0]
+        return "fail", f"{first.limit} at {first.time:g} s: {first.text}", breaches
+    return "pass", "", ()
+
+
+def _keep(folder: str, run: Run, outcome: Outcome) -> tuple[tuple[str, ...], str]:
+    """Write the files of a run.
+
+    Returns:
+        Their names; and a line for the log if the disk took no more.
+    """
+    place = run_folder(folder, run.number)
+    trace = outcome.trace
+    lines = [",".join(FIGURES), *(",".join(f"{value:.6g}" for value in row) for row in trace.rows)]
+    scene = {
+        "roads": outcome.roads,
+        "neighbours": [[each.time, [list(box) for box in each.boxes]] for each in trace.neighbours],
+    }
+    texts = {"trace.csv": "\n".join([*lines, ""]), "scene.json": json.dumps(scene), "log.txt": outcome.log}
+    kept: list[str] = []
+    try:
+        shutil.rmtree(place, ignore_errors=True)
+        place.mkdir(parents=True)
+        for name, text in texts.items():
+            if text:
+                (place / name).write_text(text, encoding="utf-8")
+                kept.append(name)
+        for file in sorted(outcome.work.iterdir()) if outcome.work is not None else ():
+            if file.suffix in {".mcap", ".json"}:
+                shutil.move(file, place / file.name)
+                kept.append(file.name)
+    except OSError as error:
+        return tuple(kept), f"\nfiles of this run are missing: {error.strerror}\n"
+    return tuple(kept), ""

@@ -1,0 +1,201 @@
+"""A campaign, checked and parsed: its runs in the order of the table, and what holds for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rosbridge_sim.campaigns.assignments import Assignment, Change, read_assignments
+from rosbridge_sim.campaigns.campaign_model import MAX_RUNS, CampaignDocument, DriverItem, read_campaign_document
+from rosbridge_sim.campaigns.limits import Limits, read_limits
+from rosbridge_sim.campaigns.parameters import Point, expand_parameters, ranges_of
+from rosbridge_sim.campaigns.results import Run
+from rosbridge_sim.campaigns.trace import FIGURES
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.expressions import Expression, Value, is_name, parse_expression
+
+__all__ = ["Campaign", "Group", "RunValues", "check_search", "is_skipped", "names_of", "plan_runs", "read_campaign"]
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """A scenario with a driver and a seed: what a search varies the parameters of."""
+
+    scenario: str
+    driver: str
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunValues:
+    """What a run sets.
+
+    Attributes:
+        scenario: changes of the scenario's document.
+        settings: of the server, by name.
+        vehicle: model of the ego; None for that of the scenario.
+    """
+
+    scenario: tuple[Change, ...]
+    settings: Mapping[str, Value]
+    vehicle: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class Campaign:
+    """A campaign.
+
+    Attributes:
+        source: name of its file, for errors.
+        document: as it was read.
+        scenarios, seeds: in the order of the table.
+        assignments: what each run sets.
+        limits: what makes a run fail.
+        end_when, skip_when: see the document.
+    """
+
+    source: str
+    document: CampaignDocument
+    scenarios: tuple[str, ...]
+    seeds: tuple[int, ...]
+    assignments: tuple[Assignment, ...]
+    limits: Limits
+    end_when: Expression | None
+    skip_when: Expression | None
+
+    @property
+    def drivers(self) -> Mapping[str, DriverItem]:
+        """The drivers by name."""
+        return self.document.drivers
+
+    @property
+    def parameters(self) -> Sequence[str]:
+        """Names of the parameters, in the order of the columns."""
+        return tuple(self.document.parameters)
+
+    def groups(self) -> Iterator[Group]:
+        """Yield every scenario with every driver and seed."""
+        for scenario in self.scenarios:
+            for driver in self.drivers:
+                for seed in self.seeds:
+                    yield Group(scenario, driver, seed)
+
+    def values_of(self, run: Run) -> RunValues:
+        """Return what a run sets.
+
+        Args:
+            run: one of the campaign.
+
+        Raises:
+            DocumentError: an expression has no value, or the vehicle is no text.
+        """
+        names = names_of(run)
+        scenario: list[Change] = []
+        settings: dict[str, Value] = {}
+        vehicle: str | None = None
+        for each in self.assignments:
+            value = each.value_in(names)
+            if isinstance(value, float) and value.is_integer():
+                value = int(value)
+            if each.room == "scenario":
+                scenario.append((each.path, value))
+            elif each.room == "setting":
+                settings[str(each.path[0])] = value
+            elif isinstance(value, str):
+                vehicle = value
+            else:
+                raise DocumentError(f"{self.source}: set.vehicle: expected the name of a model, got {value!r}")
+        return RunValues(tuple(scenario), settings, vehicle)
+
+
+def names_of(run: Run) -> dict[str, Value]:
+    """Return parameters and seed of a run, for expressions."""
+    return {**run.parameters, "seed": run.seed}
+
+
+def read_campaign(values: Mapping[str, Any], source: str) -> Campaign:
+    """Check and parse a campaign.
+
+    Args:
+        values: the parsed TOML.
+        source: name of the file, for errors.
+
+    Raises:
+        DocumentError: something in it cannot be used. The text says where.
+    """
+    document = read_campaign_document(values, source)
+    names = tuple(document.parameters)
+    for name in names:
+        if not is_name(name) or name in {*FIGURES, "seed"}:
+            taken = "a figure of the drive" if name in FIGURES else "no name for expressions"
+            raise DocumentError(f"{source}: parameters.{name}: {taken}; take another name, such as {name}_0")
+    scenarios = (document.scenario,) if isinstance(document.scenario, str) else tuple(document.scenario)
+    seeds = tuple(range(document.seeds)) if isinstance(document.seeds, int) else tuple(document.seeds)
+    for key, listed in (("scenario", scenarios), ("seeds", seeds), ("drivers", tuple(document.drivers))):
+        if not listed or len(set(listed)) < len(listed):
+            raise DocumentError(f"{source}: {key}: expected at least one, and none twice")
+    if min(seeds) < 0:
+        raise DocumentError(f"{source}: seeds: expected numbers that are not negative, got {min(seeds)}")
+    known = frozenset({*FIGURES, *names, "seed"})
+    given = document.end_when
+    end_when = None if given is None else parse_expression(given, f"{source}: end_when", known)
+    given = document.skip_when
+    skip_when = None if given is None else parse_expression(given, f"{source}: skip_when", frozenset({*names, "seed"}))
+    return Campaign(
+        source,
+        document,
+        scenarios,
+        seeds,
+        read_assignments(document.assign, names, source),
+        read_limits(document.limits, names, source),
+        end_when,
+        skip_when,
+    )
+
+
+def plan_runs(campaign: Campaign) -> list[Run]:
+    """Return all runs of a campaign without a search, in the order of the table.
+
+    Args:
+        campaign: the campaign.
+
+    Raises:
+        DocumentError: parameters that cannot be combined, or too many runs.
+    """
+    points = expand_parameters(campaign.document, campaign.source)
+    groups = list(campaign.groups())
+    if len(points) * len(groups) > MAX_RUNS:
+        raise DocumentError(
+            f"{campaign.source}: expected at most {MAX_RUNS:,} runs, got {len(points) * len(groups):,}: {len(groups)}"
+            f" scenarios with drivers and seeds, and {len(points):,} sets of parameters"
+        )
+    pairs = (
+        (scenario, driver, point, seed)
+        for scenario in campaign.scenarios
+        for driver in campaign.drivers
+        for point in points
+        for seed in campaign.seeds
+    )
+    return [
+        Run(number, scenario, driver, seed, point) for number, (scenario, driver, point, seed) in enumerate(pairs, 1)
+    ]
+
+
+def check_search(campaign: Campaign) -> None:
+    """Check that a search has ranges and a budget that is allowed.
+
+    Raises:
+        DocumentError: it has not.
+    """
+    search = campaign.document.search
+    assert search is not None
+    ranges_of(campaign.document, campaign.source)
+    num = search.budget * sum(1 for _ in campaign.groups())
+    if num > MAX_RUNS:
+        raise DocumentError(f"{campaign.source}: search.budget: expected at most {MAX_RUNS:,} runs in all, got {num:,}")
+
+
+def is_skipped(campaign: Campaign, point: Point, seed: int) -> bool:
+    """Return whether `skip_when` holds for a set of parameters."""
+    return campaign.skip_when is not None and bool(campaign.skip_when({**point, "seed": seed}))

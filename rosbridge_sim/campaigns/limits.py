@@ -1,0 +1,175 @@
+"""Judging: the limits of a campaign against the trace of a drive.
+
+Each limit is judged alone and gives at most one breach, at the first frame that broke it. The verdict of a drive is
+`fail` if there is a breach, and the earliest one is its reason. Nothing here depends on the order or number of other
+runs.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from rosbridge_sim.campaigns.campaign_model import LimitsItem, Place
+from rosbridge_sim.campaigns.results import Breach
+from rosbridge_sim.campaigns.trace import FIGURES, Trace
+from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.expressions import Expression, parse_expression
+from rosbridge_sim.printable import printable
+
+__all__ = ["Limits", "OwnCheck", "judge_trace", "read_limits"]
+
+OwnCheck = Callable[[Trace], object]
+"""A function of the user: returns None, or what is wrong."""
+
+_MOST: Final = {
+    "collisions": ("collisions", ""),
+    "red_lights": ("red_lights", ""),
+    "stop_lines": ("stop_lines", ""),
+    "lane_invasions": ("lane_invasions", ""),
+    "off_road": ("off_road", " s"),
+    "lane_error": ("max_lane_offset", " m"),
+    "jerk": ("max_jerk", " m/s^3"),
+    "lateral_accel": ("max_lateral_accel", " m/s^2"),
+}
+"""Limit -> figure that must not be greater, and its unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """The limits of a campaign, parsed.
+
+    Attributes:
+        most: name -> figure, greatest value, unit.
+        least_ttc: least time to collision; None for no limit [s].
+        least_distance: least distance at the end; None for no limit [m].
+        arrival: place to reach.
+        always: name -> expression, and the time from which on it must hold [s].
+        end: name -> expression of the last frame.
+        python: name -> name of the user's function.
+    """
+
+    most: Mapping[str, tuple[str, float, str]]
+    least_ttc: float | None
+    least_distance: float | None
+    arrival: Place | None
+    always: Mapping[str, tuple[Expression, float]]
+    end: Mapping[str, Expression]
+    python: Mapping[str, str]
+
+
+def read_limits(item: LimitsItem, parameters: Sequence[str], source: str) -> Limits:
+    """Parse the limits of a campaign.
+
+    Args:
+        item: as in the file.
+        parameters: names of the parameters.
+        source: name of the file, for errors.
+
+    Raises:
+        DocumentError: an expression cannot be read.
+    """
+    known = frozenset({*FIGURES, *parameters, "seed"})
+    always: dict[str, tuple[Expression, float]] = {}
+    end: dict[str, Expression] = {}
+    python: dict[str, str] = {}
+    for name, own in item.own.items():
+        where = f"{source}: limits.own.{name}"
+        if own.always is not None:
+            always[name] = (parse_expression(own.always, f"{where}.always", known), own.after)
+        elif own.end is not None:
+            end[name] = parse_expression(own.end, f"{where}.end", known)
+        elif own.python is not None:
+            python[name] = own.python
+    chosen = {name: getattr(item, name) for name in _MOST}
+    most = {name: (_MOST[name][0], value, _MOST[name][1]) for name, value in chosen.items() if value is not None}
+    return Limits(most, item.time_to_collision, item.distance, item.arrival, always, end, python)
+
+
+def judge_trace(trace: Trace, limits: Limits, checks: Mapping[str, OwnCheck]) -> tuple[Breach, ...]:
+    """Return the limits that a drive did not keep, the earliest first.
+
+    Args:
+        trace: of at least one frame.
+        limits: of the campaign.
+        checks: the user's functions by the name of the limit.
+
+    Raises:
+        DocumentError: an expression has no value, such as a division by zero.
+    """
+    found = [*_standard(trace, limits), *_own(trace, limits, checks)]
+    return tuple(sorted(found, key=lambda breach: breach.time))
+
+
+def _standard(trace: Trace, limits: Limits) -> Iterator[Breach]:
+    for name, (figure, most, unit) in limits.most.items():
+        i = FIGURES.index(figure)
+        if trace.rows[-1][i] > most + _SLACK:  # these figures never become less
+            first = next(k for k, row in enumerate(trace.rows) if row[i] > most + _SLACK)
+            yield _breach(trace, first, name, f"expected at most {most:g}{unit}, got {trace.rows[-1][i]:.4g}{unit}")
+    if limits.least_ttc is not None:
+        i, now = FIGURES.index("min_time_to_collision"), FIGURES.index("time_to_collision")
+        if trace.rows[-1][i] < limits.least_ttc:
+            first = next(k for k, row in enumerate(trace.rows) if min(row[i], row[now]) < limits.least_ttc)
+            text = f"expected at least {limits.least_ttc:g} s, got {trace.rows[-1][i]:.4g} s"
+            yield _breach(trace, first, "time_to_collision", text)
+    if limits.least_distance is not None:
+        got = trace.rows[-1][FIGURES.index("distance")]
+        if got < limits.least_distance:
+            yield _breach(trace, -1, "distance", f"expected at least {limits.least_distance:g} m, got {got:.4g} m")
+    if limits.arrival is not None:
+        yield from _arrival(trace, limits.arrival)
+
+
+_SLACK: Final = 1e-9
+"""Sums of frames of 0.02 s are not exact."""
+
+
+def _arrival(trace: Trace, place: Place) -> Iterator[Breach]:
+    latest = math.inf if place.within is None else place.within
+    away = [math.hypot(row[1] - place.x, row[2] - place.y) for row in trace.rows if row[0] <= latest + _SLACK]
+    if not away or min(away) > place.radius:
+        nearest = f"{min(away):.4g} m" if away else "nothing"
+        at = max(len(away) - 1, 0)
+        when = "" if place.within is None else f" within {place.within:g} s"
+        where = f"({place.x:g}, {place.y:g})"
+        text = f"expected to be within {place.radius:g} m of {where}{when}, got {nearest} at the nearest"
+        yield _breach(trace, at, "arrival", text)
+
+
+def _own(trace: Trace, limits: Limits, checks: Mapping[str, OwnCheck]) -> Iterator[Breach]:
+    for name, (expression, after) in limits.always.items():
+        for i, row in enumerate(trace.rows):
+            if row[0] >= after and not expression(trace.at(i)):
+                yield _breach(
+                    trace, i, name, f"expected {printable(expression.text, 120)}{_told(trace, i, expression)}"
+                )
+                break
+    for name, expression in limits.end.items():
+        if not expression(trace.at(-1)):
+            text = f"expected {printable(expression.text, 120)} at the end{_told(trace, -1, expression)}"
+            yield _breach(trace, -1, name, text)
+    for name, check in checks.items():
+        told = check(trace)
+        if told is None or told is True:
+            continue
+        if not isinstance(told, str):
+            raise DocumentError(
+                f"limits.own.{name}: expected None, or a text that says what is wrong, from the function; got"
+                f" {printable(repr(told), 60)}"
+            )
+        yield _breach(trace, -1, name, printable(told, 200))
+
+
+def _told(trace: Trace, i: int, expression: Expression) -> str:
+    """Return the values of an expression's names in a frame."""
+    values = trace.at(i)
+    shown = [f"{name} {values[name]:.5g}" for name in sorted(expression.names) if isinstance(values[name], int | float)]
+    return f"; {', '.join(shown)}" if shown else ""
+
+
+def _breach(trace: Trace, i: int, limit: str, text: str) -> Breach:
+    row = trace.rows[i]
+    return Breach(limit, text, round(row[0], 2), round(row[1], 2), round(row[2], 2))

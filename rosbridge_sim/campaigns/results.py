@@ -1,0 +1,158 @@
+"""What a run was and what came out of it: a row of the table, and a line of the file of results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
+
+from rosbridge_sim.campaigns.parameters import Point
+from rosbridge_sim.campaigns.trace import SCORES
+
+__all__ = ["BAD", "VERDICTS", "Breach", "Result", "Run", "Verdict"]
+
+Verdict = Literal["pass", "fail", "error", "skipped", "flaky"]
+VERDICTS: Final[tuple[Verdict, ...]] = ("fail", "error", "flaky", "skipped", "pass")
+"""All verdicts, the worst first."""
+
+BAD: Final[frozenset[Verdict]] = frozenset({"fail", "error", "flaky"})
+"""Verdicts that make a campaign fail."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run of a campaign.
+
+    Attributes:
+        number: from 1 on, in the order of the table.
+        scenario: name or file.
+        driver: its name.
+        seed: of the simulation.
+        parameters: by name.
+    """
+
+    number: int
+    scenario: str
+    driver: str
+    seed: int
+    parameters: Point
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What makes it the same run in another campaign."""
+        return self.scenario, self.driver, self.seed, tuple(sorted(self.parameters.items()))
+
+    @property
+    def title(self) -> str:
+        """Driver, scenario, seed and parameters, in one line."""
+        chosen = " ".join(f"{name}={value}" for name, value in self.parameters.items())
+        return f"{self.driver} {self.scenario} seed={self.seed} {chosen}".rstrip()
+
+
+@dataclass(frozen=True, slots=True)
+class Breach:
+    """A limit that was not kept.
+
+    Attributes:
+        limit: its name.
+        text: what was expected and what came.
+        time: simulated time of the first frame that broke it [s].
+        x, y: place of the ego then [m].
+    """
+
+    limit: str
+    text: str
+    time: float
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What came out of a run.
+
+    Attributes:
+        run: the run.
+        verdict: of all its drives.
+        reason: why, in one line; empty for a pass.
+        breaches: limits that were not kept, the earliest first.
+        scores: `SCORES` of the drive that decided; empty if nothing was driven.
+        frames: that were driven.
+        state_hash: of the world at the end; empty if nothing was driven.
+        path: of the ego [m].
+        verdicts: of each drive, if the run was repeated.
+        files: what is kept, names in the run's folder.
+        wall, cpu: time that it took [s]; not part of the table.
+        worker: process and host that drove it; not part of the table.
+    """
+
+    run: Run
+    verdict: Verdict
+    reason: str = ""
+    breaches: tuple[Breach, ...] = ()
+    scores: Mapping[str, float] = field(default_factory=dict)
+    frames: int = 0
+    state_hash: str = ""
+    path: tuple[tuple[float, float], ...] = ()
+    verdicts: tuple[Verdict, ...] = ()
+    files: tuple[str, ...] = ()
+    wall: float = 0.0
+    cpu: float = 0.0
+    worker: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the values for a line of the file; null stands for an infinite score."""
+        return {
+            "run": self.run.number,
+            "scenario": self.run.scenario,
+            "driver": self.run.driver,
+            "seed": self.run.seed,
+            "parameters": dict(self.run.parameters),
+            "verdict": self.verdict,
+            "reason": self.reason,
+            "breaches": [[each.limit, each.text, each.time, each.x, each.y] for each in self.breaches],
+            "scores": {name: value if math.isfinite(value) else None for name, value in self.scores.items()},
+            "frames": self.frames,
+            "state_hash": self.state_hash,
+            "path": [list(place) for place in self.path],
+            "verdicts": list(self.verdicts),
+            "files": list(self.files),
+            "wall": round(self.wall, 4),
+            "cpu": round(self.cpu, 4),
+            "worker": self.worker,
+        }
+
+    @classmethod
+    def from_json(cls, values: Mapping[str, Any]) -> Result:
+        """Return the result that `to_json` has written.
+
+        Args:
+            values: of one line.
+
+        Raises:
+            KeyError, TypeError, ValueError: it is another thing.
+        """
+        run = Run(
+            int(values["run"]),
+            str(values["scenario"]),
+            str(values["driver"]),
+            int(values["seed"]),
+            dict(values["parameters"]),
+        )
+        scores = {name: math.inf if value is None else value for name, value in values["scores"].items()}
+        return cls(
+            run,
+            values["verdict"],
+            str(values["reason"]),
+            tuple(Breach(*each) for each in values["breaches"]),
+            {name: scores[name] for name in SCORES if name in scores},
+            int(values["frames"]),
+            str(values["state_hash"]),
+            tuple((float(x), float(y)) for x, y in values["path"]),
+            tuple(values["verdicts"]),
+            tuple(values["files"]),
+            float(values["wall"]),
+            float(values["cpu"]),
+            str(values["worker"]),
+        )

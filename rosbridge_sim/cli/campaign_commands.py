@@ -1,0 +1,136 @@
+"""`rosbridge-sim campaign ...`: many drives, judged; no server is needed."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from rosbridge_sim.cli.command_line import Options, add_json, group_of, make_number, run_command
+from rosbridge_sim.link.arguments import Parser
+
+__all__ = ["run_campaign"]
+
+
+def run_campaign(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim campaign ...`.
+
+    Args:
+        argv: words behind the command's name.
+
+    Returns:
+        The exit code.
+    """
+    group, add = group_of("campaign", "Many drives with parameters, drivers and limits; no server is needed.")
+
+    parser = add("run", _run, "drive all runs of a campaign, and write tables and a report")
+    _add_file(parser)
+    parser.add_argument("-o", "--output", metavar="DIR", help="folder of the results [NAME_runs]")
+    num = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    parser.add_argument(
+        "--jobs",
+        type=make_number(1, 1_000, "a whole number from 1 to 1,000", int),
+        default=num,
+        metavar="N",
+        help="processes that drive [the number of cores]",
+    )
+    parser.add_argument("--resume", action="store_true", help="go on with the results that are there")
+    parser.add_argument("--dry-run", action="store_true", help="list the runs, and drive none")
+    parser.add_argument(
+        "--ray", metavar="ADDRESS|local", help="drive on a Ray cluster; needs the extra rosbridge-sim[ray]"
+    )
+    add_json(parser)
+
+    parser = add("check", _check, "explain a campaign's file: its mistakes, and what it would drive")
+    _add_file(parser)
+    add_json(parser)
+
+    parser = add("list", _list, "list the runs of a folder of results")
+    _add_folder(parser)
+    parser.add_argument(
+        "--verdict", choices=("pass", "fail", "error", "skipped", "flaky"), help="only the runs with this verdict"
+    )
+    add_json(parser)
+
+    parser = add("show", _show, "explain one run: parameters, verdict, scores, files, the driver's output")
+    _add_run(parser)
+
+    parser = add("repeat", _repeat, "drive one run again, and say whether it ends in the same state")
+    _add_run(parser)
+
+    parser = add("report", _report, "write tables and report.html of a folder of results anew")
+    _add_folder(parser)
+
+    parser = add("compare", _compare, "list what changed between two folders of results, regressions first")
+    parser.add_argument("before", metavar="BEFORE", help="folder of results")
+    parser.add_argument("after", metavar="AFTER", help="folder of results of the same campaign, or of one like it")
+    add_json(parser)
+    return run_command(group, argv)
+
+
+def _add_file(parser: Parser) -> None:
+    parser.add_argument("file", metavar="FILE.toml", help="file of the campaign")
+
+
+def _add_folder(parser: Parser) -> None:
+    parser.add_argument("folder", metavar="DIR", help="folder of results")
+
+
+def _add_run(parser: Parser) -> None:
+    _add_folder(parser)
+    parser.add_argument(
+        "number", type=make_number(1, 100_000, "the number of a run", int), metavar="RUN", help="number of the run"
+    )
+    add_json(parser)
+
+
+# Each imports its tool when it runs, with numpy and the world.
+
+
+def _run(options: Options) -> int:
+    from rosbridge_sim.cli.tools import campaign_run  # noqa: PLC0415
+
+    return campaign_run.run(
+        options.file,
+        options.output,
+        num_jobs=options.jobs,
+        is_resumed=options.resume,
+        is_dry=options.dry_run,
+        ray=options.ray,
+        is_json=options.json,
+    )
+
+
+def _check(options: Options) -> int:
+    from rosbridge_sim.cli.tools import campaign_run  # noqa: PLC0415
+
+    return campaign_run.check(options.file, is_json=options.json)
+
+
+def _list(options: Options) -> int:
+    from rosbridge_sim.cli.tools import campaign_results  # noqa: PLC0415
+
+    return campaign_results.list_runs(options.folder, options.verdict, is_json=options.json)
+
+
+def _show(options: Options) -> int:
+    from rosbridge_sim.cli.tools import campaign_results  # noqa: PLC0415
+
+    return campaign_results.show(options.folder, options.number, is_json=options.json)
+
+
+def _repeat(options: Options) -> int:
+    from rosbridge_sim.cli.tools import campaign_run  # noqa: PLC0415
+
+    return campaign_run.repeat(options.folder, options.number, is_json=options.json)
+
+
+def _report(options: Options) -> int:
+    from rosbridge_sim.cli.tools import campaign_results  # noqa: PLC0415
+
+    return campaign_results.report(options.folder)
+
+
+def _compare(options: Options) -> int:
+    from rosbridge_sim.cli.tools import campaign_results  # noqa: PLC0415
+
+    return campaign_results.compare(options.before, options.after, is_json=options.json)

@@ -1,0 +1,125 @@
+"""`rosbridge-sim campaign list`, `show`, `report` and `compare`: what is in folders of results."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+from rosbridge_sim.campaign_runs.job import open_job
+from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, read_text_of
+from rosbridge_sim.campaign_runs.worker import run_folder
+from rosbridge_sim.campaign_runs.writing import write_all
+from rosbridge_sim.campaigns.comparison import compare_results
+from rosbridge_sim.campaigns.results import Result
+from rosbridge_sim.cli.tools.text import put, put_json, put_table
+from rosbridge_sim.errors import DocumentError
+
+__all__ = ["compare", "list_runs", "report", "show"]
+
+MAX_LOG_SHOWN = 4_000
+"""Characters of a driver's output that `show` prints, its end."""
+
+
+def list_runs(folder: str, verdict: str | None, *, is_json: bool) -> int:
+    """List the runs of a folder of results.
+
+    Args:
+        folder: of results.
+        verdict: only the runs with this one; None for all.
+        is_json: a JSON value on each line.
+
+    Raises:
+        DocumentError: it is no such folder.
+    """
+    results = [each for each in _results(Path(folder)) if verdict in {None, each.verdict}]
+    if is_json:
+        for each in results:
+            put_json(each.to_json())
+    else:
+        rows = [(str(each.run.number), each.verdict, each.run.title, each.reason) for each in results]
+        put_table(("run", "verdict", "what", "reason"), rows)
+    return 0
+
+
+def show(folder: str, number: int, *, is_json: bool) -> int:
+    """Explain one run.
+
+    Args:
+        folder: of results.
+        number: of the run.
+        is_json: print JSON.
+
+    Raises:
+        DocumentError: there is no such run.
+    """
+    path = Path(folder)
+    result = next((each for each in _results(path) if each.run.number == number), None)
+    if result is None:
+        raise DocumentError(f"{path}: there is no result of a run {number}")
+    if is_json:
+        put_json(result.to_json())
+        return 0
+    put(f"run {number}: {result.run.title}\nverdict: {result.verdict} {result.reason}".rstrip())
+    for breach in result.breaches:
+        put(f"  {breach.limit} at {breach.time:g} s, ({breach.x:g}, {breach.y:g}): {breach.text}")
+    if result.verdicts:
+        put(f"drives: {', '.join(result.verdicts)}")
+    put_table(("score", "value"), [(name, _number(value)) for name, value in result.scores.items()])
+    put(f"frames: {result.frames}\nstate: {result.state_hash or '-'}")
+    place = run_folder(path, number)
+    for name in result.files:
+        put(f"file: {place / name}")
+    put(f"repeat: rosbridge-sim campaign repeat {path} {number}")
+    log = place / "log.txt"
+    if log.is_file():
+        text = log.read_text("utf-8", "replace")
+        put(f"\nthe driver's output:\n{text[-MAX_LOG_SHOWN:].rstrip()}")
+    return 0
+
+
+def report(folder: str) -> int:
+    """Write tables and report anew.
+
+    Args:
+        folder: of results.
+
+    Raises:
+        DocumentError: it is no such folder, or cannot be written.
+    """
+    path = Path(folder)
+    job, name = read_text_of(path)
+    write_all(ResultsFolder(path), open_job(job).campaign, _results(path), name)
+    put(str(path / "report.html"))
+    return 0
+
+
+def compare(before: str, after: str, *, is_json: bool) -> int:
+    """List what changed between two folders.
+
+    Args:
+        before: folder of results.
+        after: another one.
+        is_json: print JSON.
+
+    Returns:
+        1 if runs that passed do so no longer, else 0.
+
+    Raises:
+        DocumentError: one is no such folder.
+    """
+    found = compare_results(_results(Path(before)), _results(Path(after)))
+    if is_json:
+        put_json(found.to_json())
+    else:
+        for line in found.lines():
+            put(line)
+    return int(bool(found.regressions))
+
+
+def _results(path: Path) -> list[Result]:
+    read_text_of(path)
+    return ResultsFolder(path).results()
+
+
+def _number(value: float) -> str:
+    return "none" if math.isinf(value) else f"{value:.6g}"

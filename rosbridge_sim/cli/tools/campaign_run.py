@@ -1,0 +1,259 @@
+"""`rosbridge-sim campaign run`, `check` and `repeat`: the commands that drive, or would."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import NoReturn
+
+from rosbridge_sim.campaign_runs.checking import check_job
+from rosbridge_sim.campaign_runs.job import Job, open_job, read_job
+from rosbridge_sim.campaign_runs.pools import Pool, open_pool
+from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, read_text_of
+from rosbridge_sim.campaign_runs.running import CampaignRunner, Progress
+from rosbridge_sim.campaign_runs.searching import drive_search
+from rosbridge_sim.campaign_runs.writing import write_all
+from rosbridge_sim.campaigns.campaign import Campaign, plan_runs
+from rosbridge_sim.campaigns.results import BAD, VERDICTS, Result
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
+from rosbridge_sim.errors import DocumentError
+
+__all__ = ["check", "repeat", "run"]
+
+INTERRUPTED = 130
+
+_LINE_EVERY = 10.0
+"""Time between two lines of progress where there is no terminal [s]."""
+
+
+_REDRAWN_EVERY = 0.1
+"""The same on a terminal [s]."""
+
+
+def run(
+    file: str, output: str | None, *, num_jobs: int, is_resumed: bool, is_dry: bool, ray: str | None, is_json: bool
+) -> int:
+    """Drive all runs of a campaign.
+
+    Args:
+        file: of the campaign.
+        output: folder of the results; None for one named after the file, here.
+        num_jobs: processes.
+        is_resumed: go on with what is there.
+        is_dry: list the runs alone.
+        ray: address of a Ray cluster, or `local`; None for processes.
+        is_json: print the counts as JSON.
+
+    Returns:
+        0 if all runs pass or are skipped, 1 if not, 130 after Ctrl-C.
+
+    Raises:
+        DocumentError: the campaign cannot be driven.
+    """
+    path = Path(file)
+    folder = ResultsFolder(Path(output) if output is not None else Path(f"{path.stem}_runs"))
+    job = read_job(path, folder.path)
+    campaign = check_job(job)
+    if is_dry:
+        _put_plan(campaign, is_json=is_json)
+        return 0
+    pool = open_pool(job, num_jobs, ray)
+    try:
+        results = folder.begin(job, is_resumed=is_resumed)
+    except DocumentError:
+        pool.close(is_done=False)
+        raise
+    return _drive(job, campaign, folder, pool, results, is_json=is_json)
+
+
+def _drive(
+    job: Job, campaign: Campaign, folder: ResultsFolder, pool: Pool, results: list[Result], *, is_json: bool
+) -> int:
+    search = campaign.document.search
+    num = search.budget * sum(1 for _ in campaign.groups()) if search is not None else len(plan_runs(campaign))
+    there = {result.run.number: result for result in results}
+    bad = sum(result.verdict in BAD for result in results)
+    progress = Progress(num, done=len(there), bad=bad, first=len(there))
+    shower = _Shower(progress)
+
+    def tell(result: Result) -> None:
+        there[result.run.number] = result
+        progress.done += 1
+        progress.bad += result.verdict in BAD
+        shower.show()
+
+    runner = CampaignRunner(campaign, folder, pool, tell, used=sum(folder.size_of(each) for each in results))
+    is_done, before = False, signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        if search is None:
+            runner.drive([each for each in plan_runs(campaign) if each.number not in there])
+        else:
+            drive_search(runner, there)
+        is_done = True
+    except KeyboardInterrupt:
+        shower.end()
+        note("stopped: what is done is kept; --resume does the rest")
+    finally:
+        pool.close(is_done=is_done)
+        signal.signal(signal.SIGTERM, before)
+        shower.end()
+        folder.close()
+    if runner.trouble:
+        raise DocumentError(f"{folder.path}: results could not be written: {runner.trouble}")
+    ordered = [there[number] for number in sorted(there)]
+    write_all(folder, campaign, ordered, Path(job.source).stem)
+    _put_counts(ordered, folder.path, is_json=is_json)
+    if not is_done:
+        return INTERRUPTED
+    return int(any(each.verdict in BAD for each in ordered))
+
+
+def _interrupt(*_: object) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+class _Shower:
+    """Shows the progress on stderr: one line that is written over on a terminal, else a line now and then."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress = progress
+        self._is_terminal = sys.stderr.isatty()
+        self._last = time.monotonic()
+        self._is_open = False
+
+    def show(self) -> None:
+        """Show the progress, if it is time."""
+        now = time.monotonic()
+        if self._is_terminal:
+            if now - self._last > _REDRAWN_EVERY or self._progress.done == self._progress.num:
+                self._last, self._is_open = now, True
+                sys.stderr.write(f"\r{self._progress.line(now)}\x1b[K")
+                sys.stderr.flush()
+        elif now - self._last > _LINE_EVERY:
+            self._last = now
+            note(self._progress.line(now))
+
+    def end(self) -> None:
+        """End the line."""
+        if self._is_open:
+            self._is_open = False
+            sys.stderr.write("\n")
+            sys.stderr.flush()
+
+
+def _put_counts(results: list[Result], folder: Path, *, is_json: bool) -> None:
+    counts = Counter(result.verdict for result in results)
+    if is_json:
+        told: dict[str, int] = {verdict: counts[verdict] for verdict in VERDICTS}
+        put_json({"runs": len(results), **told, "folder": str(folder), "report": str(folder / "report.html")})
+        return
+    told_counts = ", ".join(f"{counts[verdict]:,} {verdict}" for verdict in VERDICTS if counts[verdict])
+    put(f"{len(results):,} runs: {told_counts or 'none'}")
+    for result in [each for each in results if each.verdict in BAD][:_MOST_LISTED]:
+        put(f"  run {result.run.number} {result.verdict}: {result.reason}")
+    put(f"report: {folder / 'report.html'}")
+
+
+_MOST_LISTED = 5
+
+
+def _put_plan(campaign: Campaign, *, is_json: bool) -> None:
+    """List the runs; of a search what it would vary."""
+    search = campaign.document.search
+    if search is not None:
+        groups = list(campaign.groups())
+        if is_json:
+            put_json({"search": search.worst, "groups": len(groups), "budget": search.budget})
+        else:
+            put(f"a search for the least {search.worst}: {len(groups)} times at most {search.budget:,} runs")
+        return
+    for each in plan_runs(campaign):
+        if is_json:
+            values = {"scenario": each.scenario, "driver": each.driver, "seed": each.seed}
+            put_json({"run": each.number, **values, "parameters": dict(each.parameters)})
+        else:
+            put(f"{each.number}  {each.title}")
+
+
+def check(file: str, *, is_json: bool) -> int:
+    """Explain a campaign's file.
+
+    Args:
+        file: of the campaign.
+        is_json: print JSON.
+
+    Raises:
+        DocumentError: it has a mistake.
+    """
+    path = Path(file)
+    campaign = check_job(read_job(path, Path(tempfile.gettempdir())))
+    search = campaign.document.search
+    num = search.budget * sum(1 for _ in campaign.groups()) if search is not None else len(plan_runs(campaign))
+    told = {
+        "runs": num,
+        "scenarios": list(campaign.scenarios),
+        "drivers": list(campaign.drivers),
+        "parameters": list(campaign.parameters),
+        "seeds": len(campaign.seeds),
+        "seconds": campaign.document.seconds,
+        "repeat": campaign.document.repeat,
+    }
+    if is_json:
+        put_json(told)
+        return 0
+    shown = {key: ", ".join(value) if isinstance(value, list) else f"{value:,}" for key, value in told.items()}
+    put_table(("good", path.name), [(key, value) for key, value in shown.items() if value])
+    return 0
+
+
+def repeat(folder: str, number: int, *, is_json: bool) -> int:
+    """Drive one run again.
+
+    Args:
+        folder: of results.
+        number: of the run.
+        is_json: print JSON.
+
+    Returns:
+        0 if it ends with the same verdict and state, else 1.
+
+    Raises:
+        DocumentError: there is no such run.
+    """
+    path = Path(folder)
+    job, _ = read_text_of(path)
+    before = next((each for each in ResultsFolder(path).results() if each.run.number == number), None)
+    if before is None:
+        raise DocumentError(f"{path}: there is no result of a run {number}")
+    with tempfile.TemporaryDirectory(prefix="campaign-") as work:
+        again = Job(job.text, job.source, job.base, work)
+        campaign = open_job(again).campaign
+        pool = open_pool(again, 1, None)
+        results: list[Result] = []
+        into = ResultsFolder(Path(work))
+        is_done = False
+        try:
+            into.begin(again, is_resumed=False)
+            results = CampaignRunner(campaign, into, pool, lambda _result: None).drive([before.run])
+            is_done = True
+        finally:
+            pool.close(is_done=is_done)
+            into.close()
+        log = Path(work) / "runs" / f"{number:05d}" / "log.txt"
+        output = log.read_text("utf-8") if log.is_file() else ""
+    after = results[0]
+    is_same = (after.verdict, after.state_hash) == (before.verdict, before.state_hash)
+    if is_json:
+        put_json({"same": is_same, "before": before.to_json(), "after": after.to_json()})
+        return int(not is_same)
+    put(f"run {number}: {before.run.title}")
+    put(f"before: {before.verdict} {before.reason}\n        {before.frames} frames, state {before.state_hash or '-'}")
+    put(f"now:    {after.verdict} {after.reason}\n        {after.frames} frames, state {after.state_hash or '-'}")
+    put("the same" if is_same else "not the same")
+    if output.strip():
+        put(f"\nthe driver's output:\n{output.rstrip()}")
+    return int(not is_same)

@@ -1,0 +1,149 @@
+"""A campaign's file: what it says, what is refused, and which runs it makes."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import pytest
+
+from rosbridge_sim.campaigns.assignments import change_document
+from rosbridge_sim.campaigns.campaign import Campaign, check_search, is_skipped, plan_runs, read_campaign
+from rosbridge_sim.campaigns.parameters import expand_parameters
+from rosbridge_sim.errors import DocumentError
+
+
+def campaign_of(text: str) -> Campaign:
+    return read_campaign(tomllib.loads(text), "c.toml")
+
+
+WHOLE = """
+scenario = ["town", "loop"]
+seeds = [3, 5]
+
+[parameters]
+gap = { low = 0.1, high = 0.5, num = 5 }
+word = ["rain", "noon"]
+
+[set]
+"scenario.vehicleList[1].initPosition.pos.x" = "20 + gap * 10"
+"setting.traffic" = "floor(gap * 10)"
+"setting.weather" = "word"
+vehicle = "'Van'"
+
+[drivers]
+ours = "lanes"
+mine = "d.py:drive"
+"""
+
+
+def test_runs_are_every_scenario_driver_point_and_seed_in_this_order() -> None:
+    runs = plan_runs(campaign_of(WHOLE))
+    assert len(runs) == 2 * 2 * 10 * 2
+    assert [run.number for run in runs] == list(range(1, 81))
+    assert [(run.scenario, run.driver, run.seed) for run in runs[:3]] == [
+        ("town", "ours", 3),
+        ("town", "ours", 5),
+        ("town", "ours", 3),
+    ]
+    assert [run.parameters["gap"] for run in runs[:20:4]] == [0.1, 0.2, 0.3, 0.4, 0.5]
+    assert len({run.key for run in runs}) == 80
+
+
+def test_assignments_are_expressions_over_the_parameters() -> None:
+    campaign = campaign_of(WHOLE)
+    values = campaign.values_of(plan_runs(campaign)[12])
+    assert values.scenario == ((("vehicleList", 1, "initPosition", "pos", "x"), 24),)
+    assert values.settings == {"traffic": 4, "weather": "rain"}
+    assert values.vehicle == "Van"
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("seconds = 3", "scenario: missing"),
+        ('scenario = "town"\nsecond = 3', "did you mean seconds"),
+        ('scenario = "town"\n[limits]\ncolisions = 0', "did you mean collisions"),
+        ('scenario = "town"\n[limits.own.a]\nalway = "speed < 3"', "did you mean always"),
+        ('scenario = "town"\n[limits.own.a]\nalways = "spede < 3"', "did you mean speed"),
+        ('scenario = "town"\n[limits.own.a]\nafter = 2', "exactly one of always, end, python"),
+        ('scenario = "town"\n[drivers.a]\nspeed = 2', "exactly one of own, python, policy, command"),
+        ('scenario = "town"\n[drivers.a]\npython = "a.py"', "expected FILE.py:NAME"),
+        ('scenario = "town"\n[drivers.a]\nown = "lanes"\nbatch = 3', "batch is for python"),
+        ('scenario = "town"\n[parameters]\nspeed = [1]', "a figure of the drive"),
+        ('scenario = "town"\n[parameters]\n"a b" = [1]', "no name for expressions"),
+        ('scenario = "town"\n[parameters]\na = { low = 1 }', "a list of values, or low and high"),
+        ('scenario = "town"\n[parameters]\na = { low = 1, high = 2 }', "a grid needs num"),
+        ('scenario = "town"\n[parameters]\na = { low = 3, high = 2, num = 2 }', "low <= high"),
+        ('scenario = "town"\nsampling = "list"\n[parameters]\na = [1]\nb = [1, 2]', "a 1, b 2"),
+        ('scenario = "town"\n[set]\n"settings.traffic" = 3', "expected scenario.PATH"),
+        ('scenario = "town"\n[set]\n"scenario.a..b" = 3', "expected a path"),
+        ('scenario = "town"\n[set]\n"setting.weather" = "rain"', "no value 'rain'"),
+        ('scenario = ["town", "town"]', "none twice"),
+        ('scenario = "town"\nseeds = [-1]', "not negative"),
+        ('scenario = "town"\nseeds = 2000\n[parameters]\na = { low = 0, high = 1, num = 100 }', "at most 100,000 runs"),
+        ('scenario = "town"\nseconds = "long"', "expected a number"),
+    ],
+)
+def test_mistake_is_told_with_its_place(text: str, what: str) -> None:
+    with pytest.raises(DocumentError, match=r"^c\.toml: ") as caught:
+        plan_runs(campaign_of(text))
+    assert what in str(caught.value)
+
+
+def points(text: str) -> list[Any]:
+    return expand_parameters(campaign_of('scenario = "town"\n' + text).document, "c.toml")
+
+
+def test_latin_hypercube_has_one_value_in_each_part_of_each_range() -> None:
+    found = points(
+        'sampling = "latin hypercube"\nsamples = 20\n'
+        "[parameters]\na = { low = 0, high = 20 }\nb = { low = -1, high = 1 }"
+    )
+    assert sorted(int(point["a"]) for point in found) == list(range(20))
+    assert sorted(int((point["b"] + 1.0) * 10.0) for point in found) == list(range(20))
+    assert [int(point["a"]) for point in found] != list(range(20))
+
+
+def test_chance_depends_on_its_seed_alone() -> None:
+    text = (
+        'sampling = "random"\nsamples = 5\nsampling_seed = {}\n'
+        '[parameters]\na = {{ low = 0, high = 9, whole = true }}\nw = ["x", "y"]'
+    )
+    assert points(text.format(1)) == points(text.format(1))
+    assert points(text.format(1)) != points(text.format(2))
+    assert all(isinstance(point["a"], int) and point["w"] in {"x", "y"} for point in points(text.format(1)))
+
+
+def test_list_takes_the_nth_values_together() -> None:
+    assert points('sampling = "list"\n[parameters]\na = [1, 2]\nb = { low = 5, high = 6, num = 2 }') == [
+        {"a": 1, "b": 5.0},
+        {"a": 2, "b": 6.0},
+    ]
+
+
+def test_condition_skips_runs() -> None:
+    campaign = campaign_of('scenario = "town"\nskip_when = "a > 1 and seed == 0"\n[parameters]\na = [1, 2]')
+    assert [is_skipped(campaign, {"a": a}, seed) for a, seed in ((1, 0), (2, 0), (2, 1))] == [False, True, False]
+
+
+def test_search_needs_ranges() -> None:
+    with pytest.raises(DocumentError, match=r"parameters\.a: a search needs a range"):
+        check_search(campaign_of('scenario = "town"\n[search]\n[parameters]\na = [1, 2]'))
+
+
+def test_change_of_a_document_shares_the_rest_and_leaves_it_as_it_was() -> None:
+    document = {"a": [{"b": 1}, {"b": 2}], "c": {"d": 3}}
+    changed = change_document(document, [(("a", 1, "b"), 9), (("e", "f"), 1)], "s")
+    assert changed == {"a": [{"b": 1}, {"b": 9}], "c": {"d": 3}, "e": {"f": 1}}
+    assert document == {"a": [{"b": 1}, {"b": 2}], "c": {"d": 3}}
+    assert changed["c"] is document["c"]
+
+
+@pytest.mark.parametrize(
+    ("path", "what"), [(("a", 2), "a list of 2"), (("c", 0), "no list"), (("a", 0, "b", "x"), "a table around it")]
+)
+def test_place_that_is_not_in_the_document_is_refused(path: tuple[str | int, ...], what: str) -> None:
+    with pytest.raises(DocumentError, match=r"^s: ") as caught:
+        change_document({"a": [{"b": 1}, {}], "c": {}}, [(path, 1)], "s")
+    assert what in str(caught.value)
