@@ -314,12 +314,7 @@ def test_campaign_goes_on_over_workers_that_hang_and_die_and_resumes_to_the_same
     done = campaign(base, "run", "night.toml", "--jobs", "2", "--json")
     assert done.returncode == 1, done.stderr
     counts = json.loads(done.stdout)
-    assert {name: counts[name] for name in ("runs", "pass", "fail", "error")} == {
-        "runs": 16,
-        "pass": 4,
-        "fail": 4,
-        "error": 8,
-    }
+    assert [counts[name] for name in ("runs", "pass", "fail", "error")] == [8, 2, 2, 4]
     folder = base / "night_runs"
     rows = rows_of(folder / "runs.csv")
     assert {row["reason"] for row in rows if row["driver"] == "hangs"} == {"time-out: the worker hung, and was killed"}
