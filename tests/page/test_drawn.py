@@ -71,9 +71,9 @@ async def test_map_draws_plans_in_the_frames_of_tf_with_a_switch_for_each(serve:
         await expect(box).to_be_checked()
         await expect(panel.get_by_role("checkbox", name="/sim/scene/map")).not_to_be_checked()  # the simulator's own
         await client.start_sync()
-        await client.tick(2)  # the simulator tells the frames of /tf when the world moves
 
         async def plan() -> None:
+            await client.tick()  # the simulator tells the frames of /tf when the world moves
             await client.publish("/plan/marks", marker("base_link", 6.0, PURPLE), "visualization_msgs/Marker")
             await client.publish("/plan/lost", line("nowhere", 0.0), "nav_msgs/Path")
 
