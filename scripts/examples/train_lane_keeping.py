@@ -76,7 +76,7 @@ def make(scenario: str, num: int, duration: float, start: tuple[str, float]) -> 
 def act(weights: Array, seen: Array) -> Array:
     """Return actions (n, 2) of linear policies (n, 2, 16), for observations (n, 15)."""
     with_one = np.concatenate([seen, np.ones((len(seen), 1))], axis=1)
-    return np.clip(np.einsum("nij,nj->ni", weights, with_one), -1.0, 1.0)
+    return np.asarray(np.clip(np.einsum("nij,nj->ni", weights, with_one), -1.0, 1.0))
 
 
 def drive(envs: Any, weights: Array) -> tuple[Array, Array]:  # noqa: ANN401 - as above
