@@ -532,7 +532,7 @@ ROWS: tuple[Row, ...] = (
         "snapshot of 8,000 cars, and back",
         crowds.snapshots,
         before=[crowds.ghosts(8_000, 12.0)],
-        kept_mb=100.0,  # one snapshot is kept; its bytes are held as 12 MB, as text and frame of 15 MB each, and restored
+        kept_mb=100.0,  # one snapshot is kept; its bytes are held as 12 MB, as text and frame of 15 MB each
     ),
     Row(
         "20 glued ticks of 50 frames, and three listeners",
