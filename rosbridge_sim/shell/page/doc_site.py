@@ -28,7 +28,7 @@ DOCS_PATH: Final = "/docs/"
 
 _HTML: Final = "text/html; charset=utf-8"
 
-_IMAGES: Final = {".svg": "image/svg+xml", ".png": "image/png", ".jpg": "image/jpeg"}
+_IMAGES: Final = {".svg": "image/svg+xml", ".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/webp"}
 """Content types of pictures by suffix. Other files of the folder are not served."""
 
 _GROUPS: Final = {"": "Pages", "guides": "Guides", "reference": "Reference", "decisions": "Decisions", "ko": "한국어"}

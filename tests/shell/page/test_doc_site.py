@@ -49,7 +49,12 @@ async def test_list_has_all_pages_and_stands_at_both_spellings(sim: Simulator) -
 
 
 async def test_pictures_are_served_with_their_type(sim: Simulator) -> None:
-    for name, kind in (("drive.svg", "image/svg+xml"), ("town.png", "image/png"), ("camera_town.jpg", "image/jpeg")):
+    for name, kind in (
+        ("drive.svg", "image/svg+xml"),
+        ("town.png", "image/png"),
+        ("camera_town.jpg", "image/jpeg"),
+        ("drive.webp", "image/webp"),
+    ):
         answer = await get(sim, f"/docs/images/{name}")
         assert (answer.status, answer.headers["Content-Type"]) == (200, kind)
         assert answer.body == (DOCS / "images" / name).read_bytes()
