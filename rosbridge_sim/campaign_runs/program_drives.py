@@ -40,6 +40,9 @@ __all__ = ["drive_by_program"]
 PATIENCE: Final = 1.0
 """Time from SIGTERM to SIGKILL [s]."""
 
+HURRY: Final = 0.2
+"""The same after Ctrl-C [s]."""
+
 OWN_SETTINGS: Final = frozenset({"scenario", "seed", "port", "host", "start", "score", "record", "data_dir", "config"})
 """Settings that belong to the campaign."""
 
@@ -223,15 +226,19 @@ class _Program:
             while piece := os.read(pipe.fileno(), 65_536):
                 self.output.take(piece)
 
-    def stop(self) -> int | None:
-        """End the group; return the code of a program that had ended before, else None."""
+    def stop(self, patience: float = PATIENCE) -> int | None:
+        """End the group; return the code of a program that had ended before, else None.
+
+        Args:
+            patience: time from SIGTERM to SIGKILL [s].
+        """
         code = self.process.poll()
         self._signal(signal.SIGTERM)
         with contextlib.suppress(subprocess.TimeoutExpired):
-            self.process.wait(PATIENCE)
+            self.process.wait(patience)
         self._signal(getattr(signal, "SIGKILL", signal.SIGTERM))
         self.process.wait()
-        self._reader.join(PATIENCE)  # a process that has left the group may still hold the pipe
+        self._reader.join(patience)  # a process that has left the group may still hold the pipe
         return code
 
     def _signal(self, number: signal.Signals) -> None:
@@ -284,6 +291,9 @@ def _program(loaded: LoadedJob, driver: DriverItem, run: Run, url: str, work: Pa
     program = _Program(process, words)
     try:
         yield program
+    except SystemExit:  # the campaign was stopped, and has two seconds
+        program.stop(HURRY)
+        raise
     finally:
         program.stop()
         if process.stdout is not None:
