@@ -126,6 +126,7 @@ class LaneWander:
         most = np.fmax(self._room[lane if is_all else lane[which]] - self._half_width, 0.0)
         aim = self._width * _sum_of_waves(self._rates, self._phases, world.frames(self._rows))
         aim = np.fmin(np.fmax(aim, -most), most)
+        aim += 0.0  # where there is no room: of 0.0 and -0.0, numpy takes the one or the other, depending on the row
         if len(off):
             is_off = np.zeros(len(distance), dtype=bool)
             is_off[off] = True
