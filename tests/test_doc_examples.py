@@ -13,6 +13,7 @@ import shutil
 import socket
 import subprocess
 import threading
+import tomllib
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -20,6 +21,7 @@ from typing import NamedTuple
 
 import pytest
 
+from rosbridge_sim.campaigns.campaign import check_search, read_campaign
 from rosbridge_sim.client import Client
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
 from rosbridge_sim.shell.files.rig_file import read_sensors
@@ -62,6 +64,8 @@ OTHERS = (
     "population",
     "park",
     "sensors",
+    "campaign-drivers",
+    "campaign-search",
 )
 """Examples that have a test of their own here."""
 
@@ -338,6 +342,22 @@ def test_sensors_of_a_file_are_read(tmp_path: Path) -> None:
         ("velodyne", "/lidar3D"),
         ("radar", "/radar"),
     ]
+
+
+def test_drivers_and_search_of_a_campaign_are_read() -> None:
+    drivers = read_campaign(tomllib.loads(f'scenario = "town"\nseconds = 8\n{example("campaign-drivers")}'), "drivers")
+    assert {name: (one.batch, one.real_time) for name, one in drivers.drivers.items()} == {
+        "mine": (0, False),
+        "fast": (64, False),
+        "learned": (0, False),
+        "stack": (0, False),
+        "slow": (0, True),
+    }
+    ranges = "[parameters]\ngap = { low = 5, high = 36, num = 32 }\n"
+    search = read_campaign(tomllib.loads(f'scenario = "town"\nseconds = 8\n{ranges}{example("campaign-search")}'), "s")
+    check_search(search)
+    assert search.document.search is not None
+    assert search.document.search.budget == 200
 
 
 def test_each_program_has_a_mark_and_each_mark_a_test() -> None:
