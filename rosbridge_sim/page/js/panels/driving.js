@@ -131,7 +131,7 @@ export class Driving {
     if (this.session.isOn) {
       const mode = this.context.drivers.ofEgo(this.ego)?.ctrl_mode ?? 0;
       const wasTaken = this.hasMode && mode !== EXTERNAL_MODE;
-      this.hasMode ||= mode === EXTERNAL_MODE; // the message of before the begin may come last
+      this.hasMode ||= mode === EXTERNAL_MODE;
       const isLost = this.context.connection.state !== "open";
       const ended = isLost ? this.texts.endedLost : reason || (wasTaken ? this.texts.endedMode(this.context.texts.ego.modes[mode] ?? String(mode)) : "");
       if (ended) {
@@ -169,7 +169,7 @@ export class Driving {
       await this.askLease(0);
       throw new Error(reason);
     }
-    this.hasMode = false;
+    this.hasMode = driver?.ctrl_mode === EXTERNAL_MODE; // else messages of before the begin may still come
     this.session.begin();
     this.timer = setInterval(() => this.update(), COMMAND_INTERVAL);
     this.show();
