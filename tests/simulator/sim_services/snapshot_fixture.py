@@ -15,8 +15,8 @@ __all__ = ["HEARD", "call", "forge", "hash_of", "hear", "restore", "snapshot"]
 HEARD = (
     *("/clock", "/Ego_topic", "/Object_topic", "/CollisionData", "/VehicleCollisionData", "/SyncModeInfo", "/tf"),
     *("/tf_static", "/gps", "/imu", "/GetTrafficLightStatus", "/InsnStatus", "/IntscnTL_topic", "/sim/state_hash"),
-    *("/ReplayInfo_topic", "/sim/process/state/msg/MoraiSimProcStatus", "/sim/scene/state", "/sim/drivers"),
-    "/sim/replay",
+    *("/ReplayInfo_topic", "/sim/process/state/msg/MoraiSimProcStatus", "/sim/scene/state", "/sim/scene/view"),
+    *("/sim/drivers", "/sim/replay"),
 )
 """All that the simulator publishes of the world and the first ego."""
 
