@@ -130,6 +130,11 @@ class Topic:
         return False
 
     @property
+    def is_asked_for(self) -> bool:
+        """True if a subscription is for this topic in particular, and not for all of a publisher."""
+        return any(not subscription.is_general for subscription in self.subscriptions)
+
+    @property
     def is_bound(self) -> bool:
         """True if a part of the server publishes here, or subscribes with a type, so that the type cannot change."""
         return any(not isinstance(owner, Guest) for owner in self.publishers) or any(

@@ -325,7 +325,7 @@ async def recording_on_a_full_disk(folder: Path, scale: Scale, verdict: Verdict)
     for name in ("drive.bag", "drive.mcap"):
         path = folder / name
         with WatchedServer(folder / f"log-{name}", f"--record={path}", is_log_piped=True) as server:
-            server.limit(resource.RLIMIT_FSIZE, path.stat().st_size + 300_000)
+            server.limit(resource.RLIMIT_FSIZE, path.stat().st_size + 600_000)  # two seconds of the default scene
             has_ended = await until(lambda server=server: "the recording has ended" in server.log)
             verdict.expect(has_ended, f"{name}: the log does not say that the recording has ended")
             verdict.seen += _lines(server.log, "ERROR")

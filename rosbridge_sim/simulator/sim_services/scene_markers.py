@@ -134,7 +134,7 @@ class SceneMarkers(Component):
         road_map = self._context.scene.road_map
         if self._drawn is road_map:
             return
-        if self._map is None or not _is_wanted(self._map.topic):
+        if self._map is None or self._map.topic is None or not self._map.topic.is_asked_for:
             if self._drawn is not None and self._map is not None:
                 self._drawn = None
                 self._context.publishers.forget(self._map)
@@ -171,7 +171,7 @@ class SceneMarkers(Component):
     def _message(self) -> Struct | None:
         """Make the message; None while only subscribers of all topics are there."""
         topic = None if self._objects is None else self._objects.topic
-        if topic is not None and topic.subscriptions and not _is_wanted(topic):
+        if topic is not None and topic.subscriptions and not topic.is_asked_for:
             return None
         header = self._context.convert.header(self._context.world.frame, MAP)
         bodies = self._bodies(header)
@@ -284,11 +284,6 @@ class _Lamps:
             points=self._points,
             colours=self._colours,
         )
-
-
-def _is_wanted(topic: Topic | None) -> bool:
-    """Return True if a client subscribes to a topic by its name."""
-    return topic is not None and any(not one.is_general for one in topic.subscriptions)
 
 
 def _nearest(rows: IntArray, world: World, place: tuple[float, float], most: int) -> IntArray:

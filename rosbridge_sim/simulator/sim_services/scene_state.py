@@ -22,6 +22,7 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.scenery.moving.looks import paints
 from rosbridge_sim.scenery.scene_frame import SceneLayout
+from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -95,6 +96,7 @@ class SceneState(Component):
             *("z", "roll", "pitch", "heading", "speed", "look", "sizes", "shapes", "paints", "lamps", "flags"),
             *("light_state", "light_time_left"),
         )
+        self._view_publisher: PeriodicPublisher | None = None
         # What the lights show changes rarely: their columns are kept with the array that they were made from.
         self._shown: IntArray | None = None
         self._light_state: NDArray[np.int16] = np.empty(0, dtype=np.int16)
@@ -104,7 +106,19 @@ class SceneState(Component):
     def publish(self, publishers: Publishers) -> None:
         """Publish the topics that exist once, not for each ego."""
         publishers.add(SCENE_STATE, "rosbridge_sim_msgs/SceneState", self._message, version=self._version)
-        publishers.add(SCENE_VIEW, "rosbridge_sim_msgs/SceneView", self._view, version=self._version)
+        self._view_publisher = publishers.add(
+            SCENE_VIEW, "rosbridge_sim_msgs/SceneView", self._view, version=self._view_version
+        )
+
+    def _view_version(self) -> _Version:
+        version = self._version()
+        version.numbers += (self._has_viewer(),)
+        return version
+
+    def _has_viewer(self) -> bool:
+        """Return False while all subscribers of the view subscribe to everything: SCENE_STATE tells them the same."""
+        topic = None if self._view_publisher is None else self._view_publisher.topic
+        return topic is None or not topic.subscriptions or topic.is_asked_for
 
     def _version(self) -> _Version:
         """Return what is the same as long as the message is."""
@@ -155,7 +169,10 @@ class SceneState(Component):
             *self._lights(),
         )
 
-    def _view(self) -> Struct:
+    def _view(self) -> Struct | None:
+        """Make the message; None while it has no viewer."""
+        if not self._has_viewer():
+            return None
         context = self._context
         world = context.world
         layout = world.derived(self._lay_out)

@@ -289,6 +289,23 @@ def test_view_is_the_state_rounded() -> None:
     assert (view["z"], view["roll"], view["flags"]) == ([], [], "")
 
 
+def test_view_is_made_only_for_those_who_ask_for_it() -> None:
+    harness, client = in_sync("crossing")
+    heard: list[str] = []
+
+    def hear(topic: Topic, _message: Message, _sender: Participant, _now: float) -> None:
+        heard.append(topic.name)
+
+    harness.bus.subscribe(harness.client(), VIEW, hear, is_general=True)
+    client.tick()
+    assert heard == [], "a recording has the same in /sim/scene/state"
+    client.listen(VIEW)
+    harness.run(0.0)
+    assert client.messages(VIEW), "the scene as it stands"
+    client.tick()
+    assert heard
+
+
 def test_view_takes_less_than_half_of_the_bytes() -> None:
     harness, client = in_sync("crossing")
     cars: list[dict[str, object]] = [
