@@ -98,8 +98,7 @@ class PeerTopics:
         if self._peer not in topic.publishers:
             return
         self._judged.add(topic.name)
-        known = (each for each in self._bus.topics.values() if self._peer.may_see(each.name))
-        meant = find_meant(topic, self._peer, known)
+        meant = find_meant(topic, self._peer, self._bus.topics.values(), self._peer.may_see)
         if meant:
             near = f" (did you mean {printable(meant)}?)"
             text = f"{topic.name} ({topic.type.name}) is published, but has no subscriber{near}"

@@ -22,8 +22,14 @@ UNHEARD_AFTER = 5.0
 MAX_WATCHED_PUBLISHERS = 1_000
 """Publishers that are watched at once; further ones are not told."""
 
-MAX_TOLD_PUBLISHERS = 20
-"""Publishers that are judged in one turn, about 0.3 ms each; the others in the next turn."""
+MAX_TOLD_PUBLISHERS = 2
+"""Publishers that are judged in one turn, up to 10 ms each with 10,000 topics; the others in the next turns."""
+
+MAX_COMPARED = 200
+"""Topics with a listener that a name is compared with, at most; with more of like length some mistakes are not told."""
+
+MAX_LENGTH_DIFFERENCE = 4
+"""A misspelt name is longer or shorter by so many characters, at most: two slips and two separators."""
 
 _SEPARATORS = str.maketrans("", "", "_-/")
 
@@ -78,7 +84,7 @@ def is_heard(topic: Topic) -> bool:
     return any(not each.is_recording and not each.is_general for each in topic.subscriptions)
 
 
-def find_meant(topic: Topic, owner: Participant, topics: Iterable[Topic]) -> str:
+def find_meant(topic: Topic, owner: Participant, topics: Iterable[Topic], may_see: Callable[[str], bool]) -> str:
     """Return the name of the topic with a listener that a publisher probably means; an empty text for none.
 
     Names that differ by a number are different things. So is a topic that the same client publishes, too.
@@ -86,9 +92,20 @@ def find_meant(topic: Topic, owner: Participant, topics: Iterable[Topic]) -> str
     Args:
         topic: the topic without a listener.
         owner: its publisher.
-        topics: the topics that the publisher may know.
+        topics: all topics. Most of them have no listener, so that is asked first.
+        may_see: returns whether the publisher may know a topic.
     """
-    heard = {each.name: each for each in topics if is_heard(each) and not _is_another_number(each.name, topic.name)}
+    length = len(topic.name)
+    like = (
+        each
+        for each in topics
+        if each.subscriptions and abs(len(each.name) - length) <= MAX_LENGTH_DIFFERENCE and is_heard(each)
+    )
+    heard = {
+        each.name: each
+        for each in islice(like, MAX_COMPARED)
+        if may_see(each.name) and not _is_another_number(each.name, topic.name)
+    }
     meant = find_misspelt(topic.name, heard)
     return "" if not meant or owner in heard[meant].publishers else meant
 

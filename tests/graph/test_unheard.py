@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
+import sys
+from types import FrameType
 
 import pytest
 
@@ -132,3 +134,27 @@ def test_hints_for_many_publishers_are_spread_and_bounded() -> None:
         bus.expire(UNHEARD_AFTER)
     assert len(told(clients[0][1])) <= len(names) - MAX_TOLD_PUBLISHERS
     assert told(clients[-1][1]) == []
+
+
+def test_topics_without_a_listener_are_passed_over_at_once() -> None:
+    bus = listened("/ctrl_cmd")
+    other, _ = make_peer(bus)
+    for i in range(2_000):
+        send(other, 100.0, op="advertise", topic=f"/many{i:04}", type="std_msgs/String")
+    while (due := bus.unheard.next_due()) is not None:
+        bus.expire(due)
+    peer, outbox = talker(bus)
+    publish(peer, "/ctrl_cmdd", 200.0)
+    num_calls = 0
+
+    def count(_frame: FrameType, event: str, _argument: object) -> None:
+        nonlocal num_calls
+        num_calls += event == "call"
+
+    sys.setprofile(count)
+    try:
+        bus.expire(200.0 + UNHEARD_AFTER)
+    finally:
+        sys.setprofile(None)
+    assert told(outbox)
+    assert num_calls < 500, "not one for each topic, or a client with thousands of topics stops the server"
