@@ -1,4 +1,4 @@
-"""What a driver in Python sees: its own motion, its lane, and the entities around it."""
+"""Observations of drivers in Python: motion of the ego, its lane, and the entities around it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one drive left: its trace, its log, and why it ended before its time."""
+"""Outcome of one drive: its trace, its log, and the reason if it ended early."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class KeptOutput(io.TextIOBase):
 
     @property
     def text(self) -> str:
-        """What was kept."""
+        """The beginning and the end of the output, with the number of bytes between that are left out."""
         tail = bytes(self._tail[-TAIL:])
         left_out = self._num - len(self._head) - len(tail)
         gap = f"\n... {left_out:,} bytes are left out ...\n".encode() if left_out else b""

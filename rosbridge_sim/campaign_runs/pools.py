@@ -1,4 +1,4 @@
-"""Where runs are driven: processes of this machine, or tasks of a Ray cluster. Both libraries do the scheduling.
+"""Pools that drive runs: processes of this machine, or tasks of a Ray cluster. Libraries do the scheduling.
 
 Processes are pebble's: it kills a worker that takes too long, replaces one that has died, and says which task it had.
 """

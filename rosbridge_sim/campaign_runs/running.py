@@ -138,7 +138,7 @@ def _without_files(result: Result) -> Result:
 
 @dataclass(slots=True)
 class Progress:
-    """How far a campaign is.
+    """Progress of a campaign.
 
     Attributes:
         num: runs in all.

@@ -1,4 +1,4 @@
-"""What a campaign sets in each run: keys of the scenario, settings, the vehicle; by expressions over the parameters.
+"""Assignments of each run: keys of the scenario, settings and the vehicle, by expressions over the parameters.
 
 A target is `scenario.PATH`, a path in the scenario's document such as `vehicleList[0].initPosition.pos.x`;
 `setting.KEY`, a setting of the server such as `setting.traffic`; or `vehicle`, the model of the ego. A parameter with

@@ -29,7 +29,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class RunValues:
-    """What a run sets.
+    """Values that a run sets.
 
     Attributes:
         scenario: changes of the scenario's document.

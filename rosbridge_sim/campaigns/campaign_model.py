@@ -146,7 +146,7 @@ class DriverItem(_Item):
 
     @property
     def is_program(self) -> bool:
-        """Whether the driver is a program of its own, which speaks to a rosbridge."""
+        """True if the driver is a separate program, which connects to a rosbridge."""
         return self.command is not None
 
 
@@ -212,7 +212,7 @@ class SearchItem(_Item):
 
 
 class OutputItem(_Item):
-    """What is kept of the runs."""
+    """Files that are kept of the runs."""
 
     keep: Annotated[
         Literal["failures", "all", "none"], Field(description="of which runs traces, logs and recordings are kept")

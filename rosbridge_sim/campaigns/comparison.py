@@ -1,4 +1,4 @@
-"""What changed between two campaigns: regressions first, for the CI of a driving stack."""
+"""Changes between two campaigns, regressions first, for the CI of a driving stack."""
 
 from __future__ import annotations
 

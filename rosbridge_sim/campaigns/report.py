@@ -44,7 +44,7 @@ class PageParts:
 
 @dataclass(frozen=True, slots=True)
 class Details:
-    """What is kept of a run that did not pass.
+    """Files of a run that did not pass.
 
     Attributes:
         result: of the run.

@@ -1,4 +1,4 @@
-"""What a run was and what came out of it: a row of the table, and a line of the file of results."""
+"""Runs and their results: a row of the table, and a line of the file of results."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Run:
 
     @property
     def key(self) -> tuple[object, ...]:
-        """What makes it the same run in another campaign."""
+        """Key by which the same run is found in another campaign."""
         return self.scenario, self.driver, self.seed, tuple(sorted(self.parameters.items()))
 
     @property
@@ -70,7 +70,7 @@ class Breach:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    """What came out of a run.
+    """Result of a run.
 
     Attributes:
         run: the run.
