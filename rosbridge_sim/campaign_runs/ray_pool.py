@@ -46,7 +46,7 @@ class RayPool:
     def __init__(self, job: Job, num_jobs: int, address: str) -> None:
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
         try:
-            import ray  # noqa: PLC0415 - an extra of 260 MB
+            import ray  # noqa: PLC0415 - an extra of more than 200 MB
         except ImportError:
             raise DocumentError("--ray needs the extra rosbridge-sim[ray]: pip install 'rosbridge-sim[ray]'") from None
         size = sum(file.stat().st_size for file in Path(job.base).rglob("*") if file.is_file())
