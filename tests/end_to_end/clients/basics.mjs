@@ -8,7 +8,6 @@ async function drive() {
   const topic_type = await ask((done, failed) => ros.getTopicType('/Ego_topic', done, failed))
   const services = await ask((done, failed) => ros.getServices(done, failed))
   const nodes = await ask((done, failed) => ros.getNodes(done, failed))
-  const { time } = await settle(ros)
 
   const ego = new roslib.Topic({ ros, name: '/Ego_topic', messageType: 'morai_msgs/EgoVehicleStatus' })
   const controls = new roslib.Topic({ ros, name: '/ctrl_cmd', messageType: 'morai_msgs/CtrlCmd' })
@@ -25,7 +24,7 @@ async function drive() {
   clearInterval(pedal)
   controls.publish({ longlCmdType: 1, brake: 1.0 })
   ego.unsubscribe()
-  await settle(ros)
+  const { time } = await settle(ros)
   const seconds = (time.secs ?? time.sec) + (time.nsecs ?? time.nanosec) / 1e9
   say({ topics, topic_type, services, nodes, time: seconds, first, last })
 }

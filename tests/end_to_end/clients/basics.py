@@ -19,7 +19,6 @@ ADD = "example_interfaces/AddTwoInts"
 def drive(ros: roslibpy.Ros) -> None:
     """Look around, then drive the car in real time until it has moved two metres, and stop it."""
     topics = ros.get_topics()
-    when = settle(ros)
     places: list[tuple[float, float]] = []
     has_moved = threading.Event()
 
@@ -40,7 +39,7 @@ def drive(ros: roslibpy.Ros) -> None:
     controls.publish(roslibpy.Message({"longlCmdType": 1, "brake": 1.0}))
     ego.unsubscribe()
     controls.unadvertise()
-    settle(ros)
+    when = settle(ros)  # of simulation, which a client that is quick finds at 0 before the drive
     say(
         topics=topics,
         topic_type=ros.get_topic_type("/Ego_topic"),
