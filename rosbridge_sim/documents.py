@@ -198,8 +198,8 @@ def _one_line(error: ErrorDetails, source: str) -> str:
 
 
 def _path(loc: tuple[int | str, ...]) -> str:
-    """`("vehicleList", 2, "pos")` -> `vehicleList[2].pos`."""
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc).removeprefix(".")
+    """`("vehicleList", 2, "pos")` -> `vehicleList[2].pos`; an empty text is the tag of a union's member."""
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc if part != "").removeprefix(".")
 
 
 _EXPECTED = {

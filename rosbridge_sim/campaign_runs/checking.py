@@ -10,7 +10,7 @@ from rosbridge_sim.campaign_runs.python_drives import PYTHON_SETTINGS
 from rosbridge_sim.campaigns.campaign import Campaign, check_search, plan_runs
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["check_job"]
+__all__ = ["check_job", "find_scenario_mistakes"]
 
 
 def check_job(job: Job) -> Campaign:
@@ -33,6 +33,25 @@ def check_job(job: Job) -> Campaign:
     _check_drivers(loaded)
     _ = loaded.checks
     return campaign
+
+
+def find_scenario_mistakes(job: Job) -> list[str]:
+    """Read each scenario as the first of its runs would, and return a line for each that cannot be driven.
+
+    Args:
+        job: a campaign that `check_job` has passed.
+    """
+    loaded = open_job(job)
+    campaign = loaded.campaign
+    runs = plan_runs(campaign) if campaign.document.search is None else []
+    mistakes: list[str] = []
+    for name in campaign.scenarios:
+        first = next((run for run in runs if run.scenario == name), None)
+        try:
+            loaded.scenario(name, () if first is None else campaign.values_of(first).scenario)
+        except DocumentError as error:
+            mistakes.append(str(error))
+    return mistakes
 
 
 def _check_drivers(loaded: LoadedJob) -> None:

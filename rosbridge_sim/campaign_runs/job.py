@@ -54,8 +54,10 @@ def read_job(path: Path, folder: Path) -> Job:
         folder: of the results.
 
     Raises:
-        DocumentError: it cannot be read, or is not valid TOML.
+        DocumentError: it is no file, cannot be read, or is not valid TOML.
     """
+    if path.exists() and not path.is_file():  # a pipe would be waited for
+        raise DocumentError(f"{path}: expected a TOML file; it is a folder, a pipe or a device")
     try:
         text, _ = read_toml(path)
     except SettingError as error:

@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import ConfigDict, Field, TypeAdapter, model_validator
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, TypeAdapter, model_validator
 from pydantic_core import PydanticCustomError
 
 from rosbridge_sim.documents import Document, keys_beside, read_document, sort_keys
@@ -37,7 +37,14 @@ MAX_RUNS: Final = 100_000
 MAX_NAMES: Final = 100
 """Most drivers, parameters, limits and assignments each."""
 
-ParameterValue = bool | int | float | str
+
+def _refuse_lists(value: object) -> object:
+    if not isinstance(value, bool | int | float | str):
+        raise PydanticCustomError("value", "expected a number, a text, or true or false")
+    return value
+
+
+ParameterValue = Annotated[bool | int | float | str, BeforeValidator(_refuse_lists)]
 """A value of a parameter; a text may be a word such as `rain`."""
 
 _Text = Annotated[str, Field(max_length=500)]
@@ -74,6 +81,13 @@ class ParameterItem(_Item):
         if has_range and self.low is not None and self.high is not None and not self.low <= self.high:
             raise PydanticCustomError("range", "expected low <= high")
         return self
+
+
+ParameterChoice = Annotated[
+    Annotated[ParameterItem, Tag("")] | Annotated[list[ParameterValue], Tag("values")],
+    Discriminator(lambda value: "values" if isinstance(value, list) else ""),
+]
+"""A table, or the list of values alone. An error names the place in the file, so the table has no tag."""
 
 
 class DriverItem(_Item):
@@ -247,9 +261,9 @@ class CampaignDocument(_Item):
     ] = "grid"
     samples: Annotated[int, Field(ge=1, le=MAX_RUNS, description="sets of parameters of random, latin hypercube")] = 100
     sampling_seed: Annotated[int, Field(ge=0, le=2**31, description="of the chance in them")] = 0
-    parameters: Annotated[
-        dict[str, ParameterItem | list[ParameterValue]], Field(max_length=MAX_NAMES, description="by name")
-    ] = Field(default_factory=dict)
+    parameters: Annotated[dict[str, ParameterChoice], Field(max_length=MAX_NAMES, description="by name")] = Field(
+        default_factory=dict
+    )
     assign: Annotated[
         dict[str, ParameterValue],
         Field(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import re
 import signal
 import subprocess
@@ -14,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.campaign_runs.checking import check_job
+from rosbridge_sim.campaign_runs.checking import check_job, find_scenario_mistakes
 from rosbridge_sim.campaign_runs.job import Job, read_job
 from rosbridge_sim.campaign_runs.outcome import HEAD, TAIL, KeptOutput
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
@@ -201,6 +202,22 @@ def test_scenario_that_cannot_be_read_is_a_row(base: Path) -> None:
     assert "no scenario 'nowhere'" in results[1].reason
 
 
+def test_check_names_each_scenario_that_cannot_be_driven(base: Path) -> None:
+    job = job_of(base, 'scenario = ["loop", "/dev/zero", "nosuch"]\n[set]\n"scenario.nothing[9].x" = 1\n')
+    check_job(job)
+    loop, device, unknown = find_scenario_mistakes(job)
+    assert loop.startswith("loop.json: nothing[9]")
+    assert device.startswith("/dev/zero: expected a file")
+    assert unknown.startswith("no scenario 'nosuch'")
+
+
+def test_file_of_a_campaign_that_is_a_pipe_is_not_waited_for(base: Path) -> None:
+    os.mkfifo(base / "pipe.toml")
+    with pytest.raises(DocumentError, match=r"expected a TOML file; it is a folder, a pipe or a device"):
+        read_job(base / "pipe.toml", base)
+
+
+@pytest.mark.slow
 def test_limits_judge_and_skipping_skips(base: Path) -> None:
     results = drive(
         base,

@@ -72,6 +72,12 @@ def test_assignments_are_expressions_over_the_parameters() -> None:
         ('scenario = "town"\n[drivers.a]\nown = "lanes"\nbatch = 3', "batch is for python"),
         ('scenario = "town"\n[parameters]\nspeed = [1]', "a figure of the drive"),
         ('scenario = "town"\n[parameters]\n"a b" = [1]', "no name for expressions"),
+        (
+            'scenario = "town"\n[parameters]\na = { low = 0, high = 1, num = 1_000_000 }',
+            "c.toml: parameters.a.num: exp",
+        ),
+        ('scenario = "town"\n[parameters]\na = [1, [2]]', "parameters.a.values[1]: expected a number, a text"),
+        ('scenario = "town"\n[parameters]\na = 3', "parameters.a: expected an object, got 3"),
         ('scenario = "town"\n[parameters]\na = { low = 1 }', "a list of values, or low and high"),
         ('scenario = "town"\n[parameters]\na = { low = 1, high = 2 }', "a grid needs num"),
         ('scenario = "town"\n[parameters]\na = { low = 3, high = 2, num = 2 }', "low <= high"),

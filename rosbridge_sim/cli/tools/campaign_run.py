@@ -10,7 +10,7 @@ from collections import Counter
 from pathlib import Path
 from typing import NoReturn
 
-from rosbridge_sim.campaign_runs.checking import check_job
+from rosbridge_sim.campaign_runs.checking import check_job, find_scenario_mistakes
 from rosbridge_sim.campaign_runs.job import Job, open_job, read_job
 from rosbridge_sim.campaign_runs.pools import Pool, open_pool
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, read_text_of
@@ -180,17 +180,20 @@ def _put_plan(campaign: Campaign, *, is_json: bool) -> None:
 
 
 def check(file: str, *, is_json: bool) -> int:
-    """Explain a campaign's file.
+    """Explain a campaign's file, and read its scenarios.
 
     Args:
         file: of the campaign.
         is_json: print JSON.
 
     Raises:
-        DocumentError: it has a mistake.
+        DocumentError: it has a mistake, or a scenario cannot be read.
     """
     path = Path(file)
-    campaign = check_job(read_job(path, Path(tempfile.gettempdir())))
+    job = read_job(path, Path(tempfile.gettempdir()))
+    campaign = check_job(job)
+    if mistakes := find_scenario_mistakes(job):
+        raise DocumentError("\n".join(mistakes))
     search = campaign.document.search
     num = search.budget * sum(1 for _ in campaign.groups()) if search is not None else len(plan_runs(campaign))
     told = {
