@@ -17,9 +17,7 @@ export const TAB_IDS = /** @type {const} */ (["ego", "time", "objects", "graph",
 
 /** The frame of the page. */
 export class Layout {
-  /**
-   * @param {Texts} texts
-   */
+  /** @param {Texts} texts */
   constructor(texts) {
     this.header = element("div", { className: "header-values" });
     this.banner = element("div", { className: "banner", role: "status", "aria-live": "polite", hidden: true });
@@ -41,11 +39,7 @@ export class Layout {
     ];
   }
 
-  /**
-   * Put a panel under a tab, below the ones that are there.
-   * @param {TabId} id
-   * @param {Panel} panel
-   */
+  /** Put a panel under a tab, below the ones that are there. @param {TabId} id @param {Panel} panel */
   addPanel(id, panel) {
     const place = this.tabs.panelOf(id);
     place.querySelector(":scope > .empty")?.remove();

@@ -1,6 +1,4 @@
-/**
- * The parts of the page, made and connected.
- */
+/** The parts of the page, made and connected. */
 
 import { Layout } from "./layout.js";
 import { addPanels, makePanelContext } from "./panels/all_panels.js";

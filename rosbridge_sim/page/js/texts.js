@@ -1,6 +1,4 @@
-/**
- * All texts of the page that a person reads, one object for each part. A function makes a text with values.
- */
+/** All texts of the page that a person reads, one object for each part. A function makes a text with values. */
 
 export const TEXTS = {
   page: {
@@ -28,23 +26,14 @@ export const TEXTS = {
     measureHint: "Click two points. Esc ends.",
     /** @param {string} key */
     withKey: (key) => ` (${key})`,
-    /**
-     * @param {string} x
-     * @param {string} y
-     */
+    /** @param {string} x @param {string} y */
     coordinates: (x, y) => `x ${x} m, y ${y} m`,
     /** @param {number} number */
     ego: (number) => (number === 0 ? "Ego" : `Ego ${number}`),
-    /**
-     * @param {string} kind
-     * @param {number} id
-     */
+    /** @param {string} kind @param {number} id */
     entity: (kind, id) => `${kind} ${id}`,
     kinds: { ego: "Ego", vehicle: "Vehicle", pedestrian: "Pedestrian", obstacle: "Obstacle" },
-    /**
-     * @param {string} a
-     * @param {string} b
-     */
+    /** @param {string} a @param {string} b */
     collision: (a, b) => `Collision: ${a} and ${b}`,
     /** @param {number} seconds */
     timeLeft: (seconds) => `${seconds}`,
@@ -62,10 +51,7 @@ export const TEXTS = {
       roundabout: "A roundabout with four arms, crosswalks and no lights.",
       parking: "A car park with narrow aisles, parked cars, and some that drive.",
     },
-    /**
-     * @param {number} vehicles
-     * @param {number} pedestrians
-     */
+    /** @param {number} vehicles @param {number} pedestrians */
     counts: (vehicles, pedestrians) => `A scene with ${vehicles} other vehicles and ${pedestrians} pedestrians.`,
     letDrive: { label: "Let it drive", title: "The ego drives itself along the lanes, and the camera follows it" },
     drive: { label: "Drive with the keys", title: "Drive with the keyboard, a game pad or touch pads" },
@@ -117,11 +103,7 @@ export const TEXTS = {
     speed: "Speed",
     lane: "Lane",
     noLane: "on no lane",
-    /**
-     * @param {string} link
-     * @param {string} distance
-     * @param {string} lateral
-     */
+    /** @param {string} link @param {string} distance @param {string} lateral */
     lanePlace: (link, distance, lateral) => `${link}, ${distance} m along, ${lateral} m to the left`,
     next: "Next lanes",
     place: "Place",
@@ -130,15 +112,9 @@ export const TEXTS = {
     does: "Now",
     follows: "Follows",
     stops: "Stops for",
-    /**
-     * @param {string} name
-     * @param {string} gap
-     */
+    /** @param {string} name @param {string} gap */
     gap: (name, gap) => `${name}, gap ${gap} m`,
-    /**
-     * @param {string} what
-     * @param {string} distance
-     */
+    /** @param {string} what @param {string} distance */
     stopIn: (what, distance) => `${what}, in ${distance} m`,
     givesWay: "Gives way to",
     reasons: { light: "light", right_of_way: "right of way", no_room: "no room behind the intersection", end: "end of the road" },
@@ -150,12 +126,7 @@ export const TEXTS = {
     /** @param {number} total */
     title: (total) => `Collisions (${total})`,
     clear: "Clear the list of collisions",
-    /**
-     * @param {number} frame
-     * @param {string} a
-     * @param {string} b
-     * @param {string} speed
-     */
+    /** @param {number} frame @param {string} a @param {string} b @param {string} speed */
     line: (frame, a, b, speed) => `frame ${frame}: ${a} and ${b}, ${speed} km/h`,
     goThere: "Show the place",
   },
@@ -170,10 +141,7 @@ export const TEXTS = {
     back: "Connected again.",
     notConnected: "The page is not connected to the server.",
     lostMeanwhile: "The connection was lost before the answer came.",
-    /**
-     * @param {string} service
-     * @param {number} seconds
-     */
+    /** @param {string} service @param {number} seconds */
     noAnswer: (service, seconds) => `${service} did not answer within ${seconds} s.`,
     /** @param {string} service */
     refused: (service) => `${service} failed without a reason.`,
@@ -228,18 +196,11 @@ export const TEXTS = {
     gears: "Gear",
     /** @param {string} gear */
     setGear: (gear) => `Gear ${gear}`,
-    /**
-     * @param {string} degrees
-     * @param {number} side - positive to the left
-     */
+    /** @param {string} degrees @param {number} side - positive to the left */
     wheelAngle: (degrees, side) => (side === 0 ? "straight" : `${degrees}° ${side > 0 ? "left" : "right"}`),
     /** @param {string} angle */
     wheelName: (angle) => `Steering wheel: front wheels ${angle}`,
-    /**
-     * @param {string} x
-     * @param {string} y
-     * @param {string} z
-     */
+    /** @param {string} x @param {string} y @param {string} z */
     placeText: (x, y, z) => `${x}, ${y}, ${z} m`,
     /** @param {string} degrees */
     headingText: (degrees) => `${degrees}°`,
@@ -247,10 +208,7 @@ export const TEXTS = {
     lampSigns: { left: "◀", right: "▶", brake: "■", reverse: "R", hazard: "◀▶" },
     lampsGroup: "Signals",
     lampButtons: { left: "Left turn signal", right: "Right turn signal", hazard: "Hazard lights" },
-    /**
-     * @param {string} name
-     * @param {boolean} isOn
-     */
+    /** @param {string} name @param {boolean} isOn */
     lampName: (name, isOn) => `${name}: ${isOn ? "on" : "off"}`,
     /** @type {Record<number, string>} */
     modes: { 1: "keyboard (1)", 2: "game pad (2)", 3: "program (3)", 6: "drives itself (6)" },
@@ -266,10 +224,7 @@ export const TEXTS = {
       none: "–",
       /** @param {string} label */
       chart: (label) => `${label}, last minute; arrow keys move the cursor`,
-      /**
-       * @param {string} value
-       * @param {string} secondsAgo
-       */
+      /** @param {string} value @param {string} secondsAgo */
       reading: (value, secondsAgo) => `${value}, ${secondsAgo} s ago`,
     },
   },
@@ -283,11 +238,7 @@ export const TEXTS = {
     onInSteps: "You drive: hold the keys, and step with the button or the full stop key.",
     onInStepsTouch: "You drive: hold the pads, and press Step.",
     step: { label: "Step", title: "One step of synchronous mode with the pedals as you hold them; the page becomes its master" },
-    /**
-     * @param {number} throttle
-     * @param {number} brake
-     * @param {string} angle
-     */
+    /** @param {number} throttle @param {number} brake @param {string} angle */
     live: (throttle, brake, angle) => `Throttle ${throttle} %, brake ${brake} %, wheels ${angle}`,
     endedHidden: "The drive has ended, because the page was hidden. The pedals are up.",
     endedLost: "The drive has ended, because the connection was lost.",
@@ -352,10 +303,7 @@ export const TEXTS = {
       paused: "Paused",
       /** @param {boolean} isPaused */
       replay: (isPaused) => (isPaused ? "Replay, paused" : "Replay"),
-      /**
-       * @param {string} master
-       * @param {boolean} isPaused
-       */
+      /** @param {string} master @param {boolean} isPaused */
       synchronous: (master, isPaused) => `Synchronous, master: ${master}${isPaused ? "; paused" : ""}`,
     },
     /** @param {number} frame */
@@ -411,20 +359,11 @@ export const TEXTS = {
       restoreName: (id) => `Go back to ${id}`,
       /** @param {string} id */
       removeName: (id) => `Remove ${id}`,
-      /**
-       * @param {number} frame
-       * @param {number} size
-       */
+      /** @param {number} frame @param {number} size */
       about: (frame, size) => `frame ${frame}, ${(size / 1000).toFixed(0)} kB`,
-      /**
-       * @param {string} id
-       * @param {number} frame
-       */
+      /** @param {string} id @param {number} frame */
       taken: (id, frame) => `Saved as ${id}, at frame ${frame}.`,
-      /**
-       * @param {string} id
-       * @param {number} frame
-       */
+      /** @param {string} id @param {number} frame */
       restored: (id, frame) => `Back at ${id}, frame ${frame}.`,
     },
     scenarios: {
@@ -438,10 +377,7 @@ export const TEXTS = {
       loading: (name) => `The server reads ${name} …`,
       /** @param {string} name */
       loaded: (name) => `Loaded ${name}.`,
-      /**
-       * @param {string} map
-       * @param {number} entities
-       */
+      /** @param {string} map @param {number} entities */
       about: (map, entities) => `${map ? `map ${map}, ` : ""}${entities} ${entities === 1 ? "entity" : "entities"}`,
       isLoaded: "loaded now",
     },
@@ -460,10 +396,7 @@ export const TEXTS = {
       playTitle: (name) => `Play ${name}`,
       /** @param {string} seconds */
       seekTitle: (seconds) => `Replay from ${seconds} s`,
-      /**
-       * @param {string} position
-       * @param {string} duration
-       */
+      /** @param {string} position @param {string} duration */
       clock: (position, duration) => `${position} / ${duration} s`,
     },
     actions: {
@@ -506,12 +439,7 @@ export const TEXTS = {
     search: "Search the catalogue",
     catalogue: "Model",
     dragHint: "Drag the name beside the button onto the map, or press the button.",
-    /**
-     * @param {string} name
-     * @param {string} kind
-     * @param {number} length
-     * @param {number} width
-     */
+    /** @param {string} name @param {string} kind @param {number} length @param {number} width */
     model: (name, kind, length, width) => `${name} (${kind}, ${length.toFixed(1)} × ${width.toFixed(1)} m)`,
     /** @type {Record<string, string>} */
     kinds: { vehicle: "vehicle", pedestrian: "pedestrian", obstacle: "obstacle" },
@@ -531,10 +459,7 @@ export const TEXTS = {
     pickHint: "Click the place of the object. Drag to turn it. Escape gives it up.",
     /** @param {string} model */
     spawnTitle: (model) => `Place ${model}`,
-    /**
-     * @param {string} model
-     * @param {string} ids
-     */
+    /** @param {string} model @param {string} ids */
     spawned: (model, ids) => `${model} is object ${ids}.`,
     undo: { label: "Undo", title: "Take the latest change back" },
     nothingToUndo: "There is no change to take back.",
@@ -542,10 +467,7 @@ export const TEXTS = {
     undoTitle: (title) => `Undo: ${title}`,
     /** @type {Record<number, string>} */
     kindNames: { 0: "Ego", 1: "Vehicle", 2: "Pedestrian", 3: "Obstacle" },
-    /**
-     * @param {string} kind
-     * @param {number} id
-     */
+    /** @param {string} kind @param {number} id */
     objectName: (kind, id) => (kind === "Ego" ? `Ego ${id > 1 ? id : 1}` : `${kind} ${id}`),
     /** @param {string} name */
     noneSelected: (name) => `Nothing is selected on the map. Move works on ${name}.`,
@@ -567,10 +489,7 @@ export const TEXTS = {
     light: "Light",
     lightGroup: "The light shows",
     lightStates: { red: "Red", yellow: "Yellow", green: "Green", left: "Left", greenLeft: "Green and left", schedule: "Its schedule" },
-    /**
-     * @param {string} light
-     * @param {string} state
-     */
+    /** @param {string} light @param {string} state */
     lightTitle: (light, state) => `Light ${light}: ${state}`,
   },
   drawn: {
@@ -614,10 +533,7 @@ export const TEXTS = {
     title: "Graph",
     /** @param {number} count */
     more: (count) => `${count} more: search for them.`,
-    /**
-     * @param {string} type
-     * @param {string} reason
-     */
+    /** @param {string} type @param {string} reason */
     noDefinition: (type, reason) => `No fields for ${type}: ${reason}. Write JSON text.`,
     topics: {
       title: "Topics",
@@ -658,20 +574,14 @@ export const TEXTS = {
       remove: "Remove the chart of",
       /** @param {string} name */
       chart: (name) => `Chart of ${name} over the last minute`,
-      /**
-       * @param {string} low
-       * @param {string} high
-       */
+      /** @param {string} low @param {string} high */
       range: (low, high) => `${low} to ${high}, last minute`,
       full: "Six charts are the most. Remove one first.",
     },
     image: {
       label: "Image of the topic",
       unknown: "The browser cannot show this format. It shows PNG, JPEG and WebP.",
-      /**
-       * @param {number} width
-       * @param {number} height
-       */
+      /** @param {number} width @param {number} height */
       size: (width, height) => `${width} × ${height} pixels`,
     },
     form: {
@@ -684,10 +594,7 @@ export const TEXTS = {
       remove: "Remove",
       /** @param {number} count */
       items: (count) => `a list of at most ${count} messages; longer ones as JSON`,
-      /**
-       * @param {string} path
-       * @param {string} what
-       */
+      /** @param {string} path @param {string} what */
       expected: (path, what) => `${path}: expected ${what}`,
       notObject: "Expected a JSON object, such as {}",
       list: "a JSON list, such as [1, 2]",
@@ -726,10 +633,7 @@ export const TEXTS = {
       address: "Address",
       thisPage: "this page",
       bridges: "Remote bridges",
-      /**
-       * @param {string} url
-       * @param {number} seconds
-       */
+      /** @param {string} url @param {number} seconds */
       bridge: (url, seconds) => `Attached to ${url}: messages are ${seconds.toFixed(2)} s old when it handles them`,
       time: "Connected",
       received: "Frames in",
@@ -737,10 +641,7 @@ export const TEXTS = {
       sent: "Sent",
       waiting: "Waiting",
       held: "Memory",
-      /**
-       * @param {string} topic
-       * @param {number} count
-       */
+      /** @param {string} topic @param {number} count */
       lost: (topic, count) => `lost ${count} of ${topic}`,
     },
   },

@@ -36,10 +36,7 @@
     return `${value}`;
   }
 
-  /**
-   * @param {HTMLSelectElement} select
-   * @param {string[]} values
-   */
+  /** @param {HTMLSelectElement} select @param {string[]} values */
   function fill(select, values) {
     select.replaceChildren(...values.map((value) => new Option(value, value)));
   }
@@ -89,10 +86,7 @@
     showRows();
   }
 
-  /**
-   * @param {Cell} a
-   * @param {Cell} b
-   */
+  /** @param {Cell} a @param {Cell} b */
   function compare(a, b) {
     if (a === null || b === null) {return Number(a === null) - Number(b === null);}
     if (typeof a === "number" && typeof b === "number") {return a - b;}
@@ -245,10 +239,7 @@
 
   /** @typedef {{x: number, y: number, w: number, h: number}} Box */
 
-  /**
-   * @param {number[]} rows
-   * @returns {(i: number) => string}
-   */
+  /** @param {number[]} rows @returns {(i: number) => string} */
   function colours(rows) {
     if (colour.value === "verdict") {
       const found = Object.fromEntries(VERDICTS.map((name) => [name, colourNamed(name)]));
@@ -365,12 +356,7 @@
     return [(value) => place.get(value) ?? 0, each.length, [each[0], each[each.length - 1]]];
   }
 
-  /**
-   * @param {CanvasRenderingContext2D} pen
-   * @param {Box} box
-   * @param {number[]} xEnds
-   * @param {number[]} yEnds
-   */
+  /** @param {CanvasRenderingContext2D} pen @param {Box} box @param {number[]} xEnds @param {number[]} yEnds */
   function drawAxes(pen, box, xEnds, yEnds) {
     pen.strokeStyle = colourNamed("ink-2");
     pen.lineWidth = 1;

@@ -1,6 +1,4 @@
-/**
- * Bodies of entities: the shapes that cameras and lidars see, as shares of the box around each entity.
- */
+/** Bodies of entities: the shapes that cameras and lidars see, as shares of the box around each entity. */
 
 import bodies from "../../bodies.json" with { type: "json" };
 
@@ -17,10 +15,7 @@ const NO_LAMPS = /** @type {[number, number]} */ ([2, 2]);
 /** @type {[number, number][]} */
 const LAMP_HEIGHTS = [[0.4, 0.66], [0.25, 0.38], [0.25, 0.38], [0.25, 0.38]]; // prettier-ignore
 
-/**
- * Return a form's lamps on the map.
- * @param {number} shape
- */
+/** Return a form's lamps on the map. @param {number} shape */
 export function lampHeight(shape) {
   return LAMP_HEIGHTS[shape] ?? NO_LAMPS;
 }

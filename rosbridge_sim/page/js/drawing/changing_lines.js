@@ -1,6 +1,4 @@
-/**
- * Lines that change: trails, the mark of the selected entity, marks of collisions, a measured distance.
- */
+/** Lines that change: trails, the mark of the selected entity, marks of collisions, a measured distance. */
 
 import { CONTACT_SHOWN } from "../scene/contacts.js";
 import { MATERIALS } from "../scene/materials.js";
@@ -17,11 +15,7 @@ const ROOM_PIXELS = 5;
 /** A ring around a collision grows from 1 m to 6 m. */
 const RING = [1, 6];
 
-/**
- * @param {LineBuffer} lines
- * @param {import("../scene/trails.js").Trails} trails
- * @param {Place} origin
- */
+/** @param {LineBuffer} lines @param {import("../scene/trails.js").Trails} trails @param {Place} origin */
 export function addTrails(lines, trails, origin) {
   for (const [key, { points }] of trails.trails) {
     const style = { ...TRAIL, material: key < 0 ? MATERIALS.ego : MATERIALS.selected };

@@ -1,6 +1,4 @@
-/**
- * The camera behind a car, in perspective.
- */
+/** The camera behind a car, in perspective. */
 
 import { turnBetween } from "../scene/interpolation.js";
 import { lookAlong, multiply, perspective, transform } from "./matrices.js";
@@ -41,10 +39,7 @@ export class ChaseCamera {
     this.distance = 13;
   }
 
-  /**
-   * @param {number} width
-   * @param {number} height
-   */
+  /** @param {number} width @param {number} height */
   resize(width, height) {
     this.width = Math.max(width, 1);
     this.height = Math.max(height, 1);
@@ -69,11 +64,7 @@ export class ChaseCamera {
     return Math.abs(turnBetween(this.heading, target.heading)) > 0;
   }
 
-  /**
-   * Turn around the car.
-   * @param {number} dx - to the left positive [rad]
-   * @param {number} dy - upwards positive [rad]
-   */
+  /** Turn around the car. @param {number} dx - to the left positive [rad] @param {number} dy - upwards positive [rad] */
   orbitBy(dx, dy) {
     this.turn = (this.turn + dx) % (2 * Math.PI);
     this.pitch = Math.min(STEEPEST, Math.max(LOWEST, this.pitch + dy));
@@ -100,10 +91,7 @@ export class ChaseCamera {
     return [focus[0] - this.distance * fx, focus[1] - this.distance * fy, focus[2] - this.distance * fz];
   }
 
-  /**
-   * @param {Place} origin - where the buffers have 0
-   * @returns {Float32Array} from buffers to the clip space
-   */
+  /** @param {Place} origin - where the buffers have 0 @returns {Float32Array} from buffers to the clip space */
   matrix(origin) {
     return new Float32Array(this.exactMatrix(origin));
   }
@@ -131,11 +119,7 @@ export class ChaseCamera {
     };
   }
 
-  /**
-   * @param {number} px
-   * @param {number} py
-   * @returns {Ray}
-   */
+  /** @param {number} px @param {number} py @returns {Ray} */
   rayAt(px, py) {
     const [fx, fy, fz] = this.forward();
     const across = Math.hypot(fx, fy);

@@ -1,6 +1,4 @@
-/**
- * Entities of a state as rows of the graphics card's buffers.
- */
+/** Entities of a state as rows of the graphics card's buffers. */
 
 import { FAR_FORM, LAST_VEHICLE } from "./bodies.js";
 

@@ -1,6 +1,4 @@
-/**
- * Gestures on the map: drag, wheel, two fingers, click. Points are in CSS pixels from the upper left of the element.
- */
+/** Gestures on the map: drag, wheel, two fingers, click. Points are in CSS pixels from the upper left of the element. */
 
 /** @typedef {{x: number, y: number}} Point */
 /**
@@ -22,11 +20,7 @@ const WHEEL_ZOOM = 0.0018;
 /** Pixels of a line and of a page, for wheels that count in them. */
 const WHEEL_UNITS = [1, 33, 400];
 
-/**
- * Listen to gestures.
- * @param {HTMLElement} target
- * @param {GestureTakers} takers
- */
+/** Listen to gestures. @param {HTMLElement} target @param {GestureTakers} takers */
 export function listenToGestures(target, takers) {
   /** @type {Map<number, {start: Point, now: Point, isTurning: boolean, isTap: boolean}>} */
   const pointers = new Map();
@@ -103,12 +97,7 @@ export function listenToGestures(target, takers) {
   );
 }
 
-/**
- * @param {GestureTakers} takers
- * @param {Point} still - the other finger
- * @param {Point} before
- * @param {Point} now
- */
+/** @param {GestureTakers} takers @param {Point} still - the other finger @param {Point} before @param {Point} now */
 function pinch(takers, still, before, now) {
   const old = Math.hypot(before.x - still.x, before.y - still.y);
   const distance = Math.hypot(now.x - still.x, now.y - still.y);

@@ -1,14 +1,8 @@
-/**
- * Things that are drawn, with their buffers on the graphics card.
- */
+/** Things that are drawn, with their buffers on the graphics card. */
 
 import { PIECE_FLOATS } from "../scene/line_buffer.js";
 
-/**
- * @param {WebGL2RenderingContext} gl
- * @param {ArrayLike<number>} values
- * @param {number} target
- */
+/** @param {WebGL2RenderingContext} gl @param {ArrayLike<number>} values @param {number} target */
 function makeBuffer(gl, values, target) {
   const buffer = gl.createBuffer();
   gl.bindBuffer(target, buffer);
@@ -18,10 +12,7 @@ function makeBuffer(gl, values, target) {
 
 /** Triangles that never change. */
 export class SurfaceLayer {
-  /**
-   * @param {WebGL2RenderingContext} gl
-   * @param {import("../scene/surface_buffer.js").Surface} surface
-   */
+  /** @param {WebGL2RenderingContext} gl @param {import("../scene/surface_buffer.js").Surface} surface */
   constructor(gl, { vertices, indices }) {
     this.gl = gl;
     this.count = indices.length;
@@ -53,10 +44,7 @@ export class SurfaceLayer {
 
 /** A buffer of instances that is filled again and again. */
 class InstanceBuffer {
-  /**
-   * @param {WebGL2RenderingContext} gl
-   * @param {number} floats - of one instance
-   */
+  /** @param {WebGL2RenderingContext} gl @param {number} floats - of one instance */
   constructor(gl, floats) {
     this.gl = gl;
     this.floats = floats;
@@ -78,10 +66,7 @@ class InstanceBuffer {
     gl.vertexAttribDivisor(place, 1);
   }
 
-  /**
-   * @param {Float32Array} values
-   * @param {number} count - instances
-   */
+  /** @param {Float32Array} values @param {number} count - instances */
   fill(values, count) {
     const { gl } = this;
     this.count = count;
@@ -99,10 +84,7 @@ class InstanceBuffer {
 
 /** Lines, as pieces of `LineBuffer`. */
 export class LineLayer {
-  /**
-   * @param {WebGL2RenderingContext} gl
-   * @param {Float32Array} [values]
-   */
+  /** @param {WebGL2RenderingContext} gl @param {Float32Array} [values] */
   constructor(gl, values) {
     this.gl = gl;
     this.array = gl.createVertexArray();

@@ -1,6 +1,4 @@
-/**
- * A program of the graphics card with its uniforms.
- */
+/** A program of the graphics card with its uniforms. */
 
 /** A linked program. */
 export class GlProgram {

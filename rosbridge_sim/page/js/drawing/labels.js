@@ -1,6 +1,4 @@
-/**
- * Short texts over the map, as few elements that are used again and again.
- */
+/** Short texts over the map, as few elements that are used again and again. */
 
 import { element, setText } from "../widgets/dom.js";
 
@@ -18,10 +16,7 @@ export class LabelLayer {
     this.shown = 0;
   }
 
-  /**
-   * Show labels in place of the former ones.
-   * @param {Label[]} labels - points are in CSS pixels
-   */
+  /** Show labels in place of the former ones. @param {Label[]} labels - points are in CSS pixels */
   show(labels) {
     const num = Math.min(labels.length, MOST_LABELS);
     for (let i = 0; i < num; i += 1) {

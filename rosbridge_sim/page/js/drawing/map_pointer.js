@@ -1,6 +1,4 @@
-/**
- * What the pointer does on the map: move it, choose an entity or a light, and work with a tool.
- */
+/** What the pointer does on the map: move it, choose an entity or a light, and work with a tool. */
 
 import { listenToGestures } from "./gestures.js";
 import { MeasureTool, PlaceTool } from "./map_tools.js";
@@ -17,10 +15,7 @@ const SMALLEST_BOX = 0.5;
 /** Turn of the picture for each pixel of a drag [rad]. */
 const TURN_BY_DRAG = 0.006;
 
-/**
- * Listen to the pointers on the map.
- * @param {MapView} view
- */
+/** Listen to the pointers on the map. @param {MapView} view */
 export function listenToPointers(view) {
   const middle = () => ({ x: 0.5 * view.top.width, y: 0.5 * view.top.height });
   listenToGestures(view.canvas, {
@@ -68,10 +63,7 @@ function drawWithTool(view, start, now, isDone) {
   return true;
 }
 
-/**
- * @param {MapView} view
- * @param {Point} point
- */
+/** @param {MapView} view @param {Point} point */
 function tap(view, point) {
   const { scene, camera, tool } = view;
   if (tool instanceof MeasureTool) {
@@ -96,11 +88,7 @@ function tap(view, point) {
   }
 }
 
-/**
- * @param {MapView} view
- * @param {Point} point
- * @returns {number} row; -1: none is there
- */
+/** @param {MapView} view @param {Point} point @returns {number} row; -1: none is there */
 function entityAt(view, { x, y }) {
   const { poses, camera } = view;
   if (poses.last === null) {

@@ -1,6 +1,4 @@
-/**
- * Tools that take the clicks on the map for a time: measure a distance, or choose a place for something.
- */
+/** Tools that take the clicks on the map for a time: measure a distance, or choose a place for something. */
 
 import { lengthText } from "./scale_bar.js";
 
@@ -32,9 +30,7 @@ export class PlaceTool {
   /** @type {Point[]} */
   places = [];
 
-  /**
-   * @param {(place: PickedPlace | null) => void} finish
-   */
+  /** @param {(place: PickedPlace | null) => void} finish */
   constructor(finish) {
     this.finish = finish;
   }

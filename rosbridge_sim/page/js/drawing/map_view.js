@@ -1,6 +1,4 @@
-/**
- * The map on the page: canvas, cameras, gestures and tools. A picture is drawn only if something has changed.
- */
+/** The map on the page: canvas, cameras, gestures and tools. A picture is drawn only if something has changed. */
 
 import { PoseTrack } from "../scene/interpolation.js";
 import { LineBuffer } from "../scene/line_buffer.js";
@@ -112,18 +110,12 @@ export class MapView {
     listenToDrops(this, kind, take);
   }
 
-  /**
-   * Be told of clicks on traffic lights.
-   * @param {(name: string) => void} take
-   */
+  /** Be told of clicks on traffic lights. @param {(name: string) => void} take */
   onLight(take) {
     this.lightTakers.add(take);
   }
 
-  /**
-   * Be told after each picture in which the view has changed, and of a change of the tools.
-   * @param {() => void} take
-   */
+  /** Be told after each picture in which the view has changed, and of a change of the tools. @param {() => void} take */
   onView(take) {
     this.viewTakers.add(take);
     take();
@@ -183,11 +175,7 @@ export class MapView {
     }
   }
 
-  /**
-   * Move the picture.
-   * @param {number} dx - [pixels]
-   * @param {number} dy - [pixels]
-   */
+  /** Move the picture. @param {number} dx - [pixels] @param {number} dy - [pixels] */
   panBy(dx, dy) {
     if (this.isChase) {
       this.chase.orbitBy(-ORBIT_STEP * dx, ORBIT_STEP * dy);
@@ -198,10 +186,7 @@ export class MapView {
     this.change();
   }
 
-  /**
-   * Show a place in the middle.
-   * @param {Point} place
-   */
+  /** Show a place in the middle. @param {Point} place */
   goTo(place) {
     this.isChase = false;
     this.isFollowing = false;
@@ -275,10 +260,7 @@ export class MapView {
     }
   }
 
-  /**
-   * @param {number} seconds - since the last picture
-   * @returns {boolean} the camera still turns
-   */
+  /** @param {number} seconds - since the last picture @returns {boolean} the camera still turns */
   moveCameras(seconds) {
     const target = this.target();
     if (target === null) {
@@ -389,11 +371,7 @@ export class MapView {
     this.change();
   }
 
-  /**
-   * @param {number} x
-   * @param {number} y
-   * @param {number} factor
-   */
+  /** @param {number} x @param {number} y @param {number} factor */
   zoom(x, y, factor) {
     if (this.isChase) {
       this.chase.zoomBy(factor);
@@ -405,11 +383,7 @@ export class MapView {
     this.change();
   }
 
-  /**
-   * @param {number} x
-   * @param {number} y
-   * @param {number} angle
-   */
+  /** @param {number} x @param {number} y @param {number} angle */
   twist(x, y, angle) {
     if (!this.isChase) {
       this.top.rotateAt(x, y, angle);

@@ -1,15 +1,9 @@
-/**
- * Matrices of 4 x 4 numbers, column by column, as WebGL has them.
- */
+/** Matrices of 4 x 4 numbers, column by column, as WebGL has them. */
 
 /** @typedef {Float64Array} Matrix */
 /** @typedef {[number, number, number]} Vector */
 
-/**
- * @param {Matrix} a
- * @param {Matrix} b
- * @returns {Matrix} a times b
- */
+/** @param {Matrix} a @param {Matrix} b @returns {Matrix} a times b */
 export function multiply(a, b) {
   const product = new Float64Array(16);
   for (let column = 0; column < 4; column += 1) {
@@ -42,11 +36,7 @@ export function perspective(fieldOfView, aspect, near, far) {
   return matrix;
 }
 
-/**
- * @param {Vector} eye
- * @param {Vector} forward - of length 1; not straight up or down
- * @returns {Matrix}
- */
+/** @param {Vector} eye @param {Vector} forward - of length 1; not straight up or down @returns {Matrix} */
 export function lookAlong(eye, forward) {
   const [fx, fy, fz] = forward;
   const across = Math.hypot(fx, fy);
@@ -63,11 +53,7 @@ export function lookAlong(eye, forward) {
   ]); // prettier-ignore
 }
 
-/**
- * @param {Matrix} matrix
- * @param {Vector} point
- * @returns {[number, number, number, number]}
- */
+/** @param {Matrix} matrix @param {Vector} point @returns {[number, number, number, number]} */
 export function transform(matrix, [x, y, z]) {
   const at = (/** @type {number} */ row) => matrix[row] * x + matrix[4 + row] * y + matrix[8 + row] * z + matrix[12 + row];
   return [at(0), at(1), at(2), at(3)];

@@ -1,6 +1,4 @@
-/**
- * What stands still of the scene, for the camera behind the car: the mesh that cameras and lidars see.
- */
+/** What stands still of the scene, for the camera behind the car: the mesh that cameras and lidars see. */
 
 import { MESH_STRIDE } from "../scene/mesh_loader.js";
 import { FOG, HEAD } from "./shaders.js";
@@ -30,10 +28,7 @@ void main() { result = vec4(fade(colour), 1.0); }`,
 
 /** Parts of the scene's mesh. */
 export class MeshLayer {
-  /**
-   * @param {WebGL2RenderingContext} gl
-   * @param {import("../scene/mesh_loader.js").MeshPart[]} parts
-   */
+  /** @param {WebGL2RenderingContext} gl @param {import("../scene/mesh_loader.js").MeshPart[]} parts */
   constructor(gl, parts) {
     this.gl = gl;
     this.parts = parts.map((part) => {

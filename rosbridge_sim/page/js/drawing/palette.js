@@ -1,6 +1,4 @@
-/**
- * Colours for the shaders, from the table that the picture of `map info` uses, too.
- */
+/** Colours for the shaders, from the table that the picture of `map info` uses, too. */
 
 import colours from "../../colours.json" with { type: "json" };
 import { MATERIALS, NUM_MATERIALS } from "../scene/materials.js";
@@ -14,19 +12,12 @@ import { KINDS } from "../scene/store.js";
  * @property {boolean} isDark
  */
 
-/**
- * @param {string} hex - such as `#f4f2ec`
- * @returns {number[]} red, green and blue from 0 to 1
- */
+/** @param {string} hex - such as `#f4f2ec` @returns {number[]} red, green and blue from 0 to 1 */
 export function colourOf(hex) {
   return [1, 3, 5].map((at) => Number.parseInt(hex.slice(at, at + 2), 16) / 255);
 }
 
-/**
- * Make the palette.
- * @param {boolean} isDark
- * @returns {Palette}
- */
+/** Make the palette. @param {boolean} isDark @returns {Palette} */
 export function makePalette(isDark) {
   const map = isDark ? colours.mapDark : colours.map;
   const kinds = isDark ? colours.kindsDark : colours.kinds;

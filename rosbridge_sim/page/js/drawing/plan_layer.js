@@ -1,6 +1,4 @@
-/**
- * What programs publish, as lines and points of the graphics card.
- */
+/** What programs publish, as lines and points of the graphics card. */
 
 import { GlProgram } from "./gl_program.js";
 import { LineLayer } from "./gl_layers.js";

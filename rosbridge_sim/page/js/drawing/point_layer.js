@@ -1,16 +1,11 @@
-/**
- * Points: heads of traffic lights, and what a lidar has met.
- */
+/** Points: heads of traffic lights, and what a lidar has met. */
 
 import { NUM_MATERIALS } from "../scene/materials.js";
 import { FOG, HEAD } from "./shaders.js";
 
 /** Points: heads of traffic lights (place; material, direction and least size), and those of lidars (place; intensity). */
 export class PointLayer {
-  /**
-   * @param {WebGL2RenderingContext} gl
-   * @param {number} looks - numbers of a point behind its place
-   */
+  /** @param {WebGL2RenderingContext} gl @param {number} looks - numbers of a point behind its place */
   constructor(gl, looks) {
     this.gl = gl;
     this.floats = 3 + looks;

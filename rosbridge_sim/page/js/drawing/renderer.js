@@ -1,6 +1,4 @@
-/**
- * The renderer: everything of the scene, from a camera, by WebGL 2.
- */
+/** The renderer: everything of the scene, from a camera, by WebGL 2. */
 
 import { makeMapGeometry } from "../scene/map_geometry.js";
 import { lightMaterial, makeLightBars } from "../scene/light_bars.js";
@@ -46,10 +44,7 @@ const BLINKS = 3;
 
 /** Draws the scene. */
 export class Renderer {
-  /**
-   * @param {WebGL2RenderingContext} gl
-   * @throws {Error} the shaders do not compile
-   */
+  /** @param {WebGL2RenderingContext} gl @throws {Error} the shaders do not compile */
   constructor(gl) {
     this.gl = gl;
     this.programs = {
@@ -97,10 +92,7 @@ export class Renderer {
     gl.depthFunc(gl.LEQUAL);
   }
 
-  /**
-   * Take a map; its buffers are made now, and once.
-   * @param {import("../scene/map_types.js").SceneMap} map
-   */
+  /** Take a map; its buffers are made now, and once. @param {import("../scene/map_types.js").SceneMap} map */
   setMap(map) {
     const { gl } = this;
     if (this.mapLayers !== null) {
@@ -137,10 +129,7 @@ export class Renderer {
     this.drawn.fill(lines.view());
   }
 
-  /**
-   * Draw a picture.
-   * @param {Picture} picture
-   */
+  /** Draw a picture. @param {Picture} picture */
   draw(picture) {
     const { gl } = this;
     const { camera, palette } = picture;
@@ -230,10 +219,7 @@ export class Renderer {
     this.drawn.draw();
   }
 
-  /**
-   * @param {Record<string, any>} uniforms
-   * @param {Picture} picture
-   */
+  /** @param {Record<string, any>} uniforms @param {Picture} picture */
   drawEntities(uniforms, { palette, state }) {
     const { gl, programs } = this;
     this.entities.forEach((layer) => layer.upload());
@@ -252,10 +238,7 @@ export class Renderer {
     gl.disable(gl.CULL_FACE);
   }
 
-  /**
-   * @param {ChaseCamera} camera
-   * @param {import("./palette.js").Palette["single"]} colours
-   */
+  /** @param {ChaseCamera} camera @param {import("./palette.js").Palette["single"]} colours */
   drawBackground(camera, { zenith, horizon, ground, grid }) {
     const { programs } = this;
     const [x, y, z] = camera.eye();
@@ -289,10 +272,7 @@ export class Renderer {
     gl.disable(gl.SCISSOR_TEST);
   }
 
-  /**
-   * Colour the bars of the lights, if a light has changed.
-   * @param {ArrayLike<number> | null} states
-   */
+  /** Colour the bars of the lights, if a light has changed. @param {ArrayLike<number> | null} states */
   showLights(states) {
     if (states === this.shownStates && this.shownLights !== "") {
       return; // no new state

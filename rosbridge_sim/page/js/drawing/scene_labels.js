@@ -1,6 +1,4 @@
-/**
- * The labels of the scene: names of egos and of the selected entity, and seconds that lights have left.
- */
+/** The labels of the scene: names of egos and of the selected entity, and seconds that lights have left. */
 
 import { KINDS } from "../scene/store.js";
 
@@ -116,10 +114,7 @@ function lightLabels({ map, state }, camera, texts) {
   return labels;
 }
 
-/**
- * @param {{x: number, y: number}} point
- * @param {{width: number, height: number}} screen
- */
+/** @param {{x: number, y: number}} point @param {{width: number, height: number}} screen */
 function isWithin(point, { width, height }) {
   return point.x >= 0 && point.y >= 0 && point.x <= width && point.y <= height;
 }

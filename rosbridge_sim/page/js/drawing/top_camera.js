@@ -1,6 +1,4 @@
-/**
- * The camera above the map. Places are in the map's frame [m]; points of the screen in CSS pixels from its upper left.
- */
+/** The camera above the map. Places are in the map's frame [m]; points of the screen in CSS pixels from its upper left. */
 
 /** @typedef {{origin: [number, number, number], direction: [number, number, number]}} Ray */
 /** @typedef {{x: number, y: number, z: number}} Place */
@@ -41,10 +39,7 @@ export class TopCamera {
     this.height = 1;
   }
 
-  /**
-   * @param {number} width
-   * @param {number} height
-   */
+  /** @param {number} width @param {number} height */
   resize(width, height) {
     this.width = Math.max(width, 1);
     this.height = Math.max(height, 1);
@@ -69,32 +64,20 @@ export class TopCamera {
     };
   }
 
-  /**
-   * @param {number} px
-   * @param {number} py
-   * @returns {{x: number, y: number}} place under a point of the screen
-   */
+  /** @param {number} px @param {number} py @returns {{x: number, y: number}} place under a point of the screen */
   placeAt(px, py) {
     const [sx, sy] = [(px - 0.5 * this.width) / this.scale, (0.5 * this.height - py) / this.scale];
     const [cos, sin] = [Math.cos(this.rotation), Math.sin(this.rotation)];
     return { x: this.x + cos * sx + sin * sy, y: this.y - sin * sx + cos * sy };
   }
 
-  /**
-   * @param {number} px
-   * @param {number} py
-   * @returns {Ray}
-   */
+  /** @param {number} px @param {number} py @returns {Ray} */
   rayAt(px, py) {
     const { x, y } = this.placeAt(px, py);
     return { origin: [x, y, DEPTH], direction: [0, 0, -1] };
   }
 
-  /**
-   * Move the picture by so many pixels.
-   * @param {number} dx
-   * @param {number} dy
-   */
+  /** Move the picture by so many pixels. @param {number} dx @param {number} dy */
   panBy(dx, dy) {
     const place = this.placeAt(0.5 * this.width - dx, 0.5 * this.height - dy);
     this.x = place.x;
@@ -125,10 +108,7 @@ export class TopCamera {
     this.keepAt(before, px, py);
   }
 
-  /**
-   * Show an area of the map.
-   * @param {{west: number, south: number, east: number, north: number}} area
-   */
+  /** Show an area of the map. @param {{west: number, south: number, east: number, north: number}} area */
   fit({ west, south, east, north }) {
     this.x = 0.5 * (west + east);
     this.y = 0.5 * (south + north);
@@ -170,10 +150,7 @@ export class TopCamera {
     return isNear && !isIn({ ...next, z: 0 });
   }
 
-  /**
-   * @param {Place} origin - where the buffers have 0
-   * @returns {Float32Array} from buffers to the clip space
-   */
+  /** @param {Place} origin - where the buffers have 0 @returns {Float32Array} from buffers to the clip space */
   matrix(origin) {
     const [cos, sin] = [Math.cos(this.rotation), Math.sin(this.rotation)];
     const [sx, sy] = [(2 * this.scale) / this.width, (2 * this.scale) / this.height];
@@ -186,11 +163,7 @@ export class TopCamera {
     ]); // prettier-ignore
   }
 
-  /**
-   * @param {{x: number, y: number}} place
-   * @param {number} px
-   * @param {number} py
-   */
+  /** @param {{x: number, y: number}} place @param {number} px @param {number} py */
   keepAt(place, px, py) {
     const now = this.placeAt(px, py);
     this.x += place.x - now.x;

@@ -25,10 +25,7 @@ const KEPT_ACTIONS = 50;
 export class ActionError extends Error {}
 
 export class Actions {
-  /**
-   * @param {Connection} connection
-   * @param {{refused: string}} texts
-   */
+  /** @param {Connection} connection @param {{refused: string}} texts */
   constructor(connection, texts) {
     this.connection = connection;
     this.texts = texts;
@@ -93,11 +90,7 @@ export class Actions {
     }
   }
 
-  /**
-   * Carry out an operation that is a message.
-   * @param {string} title for the user
-   * @param {Operation} operation
-   */
+  /** Carry out an operation that is a message. @param {string} title for the user @param {Operation} operation */
   send(title, operation) {
     const last = this.recent[0];
     const isRepeated = last?.title === title && last.operation.name === operation.name;
@@ -126,22 +119,14 @@ export class Actions {
     return action;
   }
 
-  /**
-   * @param {Action} action
-   * @param {"done" | "failed"} outcome
-   * @param {string} reason
-   */
+  /** @param {Action} action @param {"done" | "failed"} outcome @param {string} reason */
   finish(action, outcome, reason) {
     action.outcome = outcome;
     action.reason = reason;
     this.tell();
   }
 
-  /**
-   * Watch the list of actions.
-   * @param {() => void} take
-   * @returns {() => void} function that ends it
-   */
+  /** Watch the list of actions. @param {() => void} take @returns {() => void} function that ends it */
   onChange(take) {
     this.listeners.add(take);
     return () => this.listeners.delete(take);

@@ -36,10 +36,7 @@ export function makePanelContext(base) {
   return { ...base, actions, time, timeControls, drivers, ego, files: new ServerFiles(connection) };
 }
 
-/**
- * @param {PanelContext} context
- * @param {import("../layout.js").Layout} layout
- */
+/** @param {PanelContext} context @param {import("../layout.js").Layout} layout */
 export function addPanels(context, layout) {
   const driving = new Driving(context);
   layout.header.append(makeHeaderValues(context, driving));

@@ -14,21 +14,13 @@ const LIST_ROWS = 6;
 
 const KMH_IN_MPS = 1 / 3.6;
 
-/**
- * Models that have all words of a search in their name or kind.
- * @param {ModelInfo[]} models
- * @param {string} search
- */
+/** Models that have all words of a search in their name or kind. @param {ModelInfo[]} models @param {string} search */
 export function searchModels(models, search) {
   const words = search.toLowerCase().split(/\s+/u).filter(Boolean);
   return models.filter(({ name, kind }) => words.every((word) => `${name} ${kind}`.toLowerCase().includes(word)));
 }
 
-/**
- * @param {PanelContext} context
- * @param {import("./undo.js").UndoList} undo
- * @returns {HTMLElement}
- */
+/** @param {PanelContext} context @param {import("./undo.js").UndoList} undo @returns {HTMLElement} */
 export function makeCatalogue(context, undo) {
   const { connection, actions, mapView, texts: { objects: texts } } = context;
   const notice = new Notice();

@@ -9,10 +9,7 @@ import { codeFor } from "../wire/code.js";
 
 const LANGUAGES = /** @type {const} */ (["python", "javascript", "shell"]);
 
-/**
- * @param {PanelContext} context
- * @returns {{element: HTMLElement, title: string}}
- */
+/** @param {PanelContext} context @returns {{element: HTMLElement, title: string}} */
 export function makeCodePanel({ actions, connection, texts: { code: texts } }) {
   const notice = new Notice();
   const list = element("ol", { className: "rows actions", reversed: true });
@@ -63,10 +60,7 @@ export function makeCodePanel({ actions, connection, texts: { code: texts } }) {
     }
   };
 
-  /**
-   * @param {Action} action
-   * @param {boolean} isShown
-   */
+  /** @param {Action} action @param {boolean} isShown */
   const makeRow = (action, isShown) => {
     const outcome = action.outcome === "failed" ? texts.failed(action.reason) : texts.outcomes[action.outcome];
     const count = action.count > 1 ? ` ×${action.count}` : "";
@@ -114,10 +108,7 @@ export function makeCodePanel({ actions, connection, texts: { code: texts } }) {
   };
 }
 
-/**
- * Copy a text. Pages without TLS have no `navigator.clipboard`, except on this machine.
- * @param {HTMLElement} node
- */
+/** Copy a text. Pages without TLS have no `navigator.clipboard`, except on this machine. @param {HTMLElement} node */
 export async function copyText(node) {
   if (navigator.clipboard) {
     await navigator.clipboard.writeText(node.textContent ?? "");

@@ -1,6 +1,4 @@
-/**
- * The state of the connection: a mark in the header, a banner while it is lost or silent, and the question for a token.
- */
+/** The state of the connection: a mark in the header, a banner while it is lost or silent, and the question for a token. */
 
 import { element, setText } from "../widgets/dom.js";
 
@@ -49,10 +47,7 @@ export function showConnectionState({ connection, texts }, layout) {
 
 /** The question for the token of the server. */
 class TokenForm {
-  /**
-   * @param {import("../wire/connection.js").Connection} connection
-   * @param {import("../layout.js").Texts} texts
-   */
+  /** @param {import("../wire/connection.js").Connection} connection @param {import("../layout.js").Texts} texts */
   constructor(connection, texts) {
     this.texts = texts;
     this.isChecking = false;
@@ -82,10 +77,7 @@ class TokenForm {
     };
   }
 
-  /**
-   * @param {import("../wire/connection.js").ConnectionState} state
-   * @param {string} reason
-   */
+  /** @param {import("../wire/connection.js").ConnectionState} state @param {string} reason */
   setState(state, reason) {
     const isChecking = this.isChecking && state === "connecting";
     const wasHidden = this.element.hidden;

@@ -1,6 +1,4 @@
-/**
- * The latest collisions, over the map.
- */
+/** The latest collisions, over the map. */
 
 import { contactName } from "../drawing/scene_labels.js";
 import { element, replaceChildren, setText } from "../widgets/dom.js";

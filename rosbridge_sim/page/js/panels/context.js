@@ -32,10 +32,7 @@
  *   has clicked a traffic light
  */
 
-/**
- * A new name for the page as a client of synchronous mode: two pages never share a name.
- * @returns {string}
- */
+/** A new name for the page as a client of synchronous mode: two pages never share a name. @returns {string} */
 export function makeUserId() {
   const [number] = crypto.getRandomValues(new Uint32Array(1));
   return `page-${Number(number).toString(36)}`;

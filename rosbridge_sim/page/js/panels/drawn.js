@@ -9,10 +9,7 @@ import { whileSeen } from "../widgets/seen.js";
 /** Time between two updates of the ages [ms]. */
 const AGE_INTERVAL = 500;
 
-/**
- * @param {PanelContext} context
- * @returns {{element: HTMLElement, title: string}}
- */
+/** @param {PanelContext} context @returns {{element: HTMLElement, title: string}} */
 export function makeDrawnPanel({ drawn, mapView, texts: { drawn: texts } }) {
   const empty = element("p", { className: "empty" }, mapView === null ? texts.noMap : texts.empty);
   const list = element("ul", { className: "drawn-topics" });

@@ -32,20 +32,14 @@ export class DriversWatch {
     }
   }
 
-  /**
-   * @param {() => void} take called now and after each change
-   * @returns {() => void} function that ends it
-   */
+  /** @param {() => void} take called now and after each change @returns {() => void} function that ends it */
   onChange(take) {
     this.listeners.add(take);
     take();
     return () => this.listeners.delete(take);
   }
 
-  /**
-   * @param {number} number of the ego
-   * @returns {EgoDriver | null}
-   */
+  /** @param {number} number of the ego @returns {EgoDriver | null} */
   ofEgo(number) {
     return this.message?.egos.find((ego) => ego.unique_id === number) ?? null;
   }

@@ -196,10 +196,7 @@ export class Driving {
     }
   }
 
-  /**
-   * Have the simulator lift the pedals when this page is lost.
-   * @param {number} seconds simulated; 0 ends that
-   */
+  /** Have the simulator lift the pedals when this page is lost. @param {number} seconds simulated; 0 ends that */
   async askLease(seconds) {
     const { name, values } = leaseRequest(this.ego, seconds);
     const answer = await this.context.connection.call(name, values);

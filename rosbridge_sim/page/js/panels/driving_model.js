@@ -55,11 +55,7 @@ export function isDrivingKey(code) {
   return Object.hasOwn(KEY_CONTROLS, code);
 }
 
-/**
- * The wish behind the keys that are down.
- * @param {Iterable<string>} codes
- * @returns {DriverInput}
- */
+/** The wish behind the keys that are down. @param {Iterable<string>} codes @returns {DriverInput} */
 export function inputOfKeys(codes) {
   const held = new Set(Array.from(codes, (code) => (isDrivingKey(code) ? KEY_CONTROLS[code] : null)));
   const brake = held.has("brake") ? 1 : 0;
@@ -102,11 +98,7 @@ export function inputOfPads({ steer, pedal }) {
   };
 }
 
-/**
- * The strongest wish of several inputs.
- * @param {DriverInput[]} inputs
- * @returns {DriverInput}
- */
+/** The strongest wish of several inputs. @param {DriverInput[]} inputs @returns {DriverInput} */
 export function mergeInputs(inputs) {
   const steering = inputs.reduce((most, input) => (Math.abs(input.steer) > Math.abs(most.steer) ? input : most), NO_INPUT);
   return {
@@ -186,20 +178,12 @@ function withoutDeadZone(value) {
   return size < DEAD_ZONE ? 0 : (Math.sign(value) * (Math.min(1, size) - DEAD_ZONE)) / (1 - DEAD_ZONE);
 }
 
-/**
- * @param {number} value
- * @param {number} least
- * @param {number} most
- */
+/** @param {number} value @param {number} least @param {number} most */
 function clampInput(value, least, most) {
   return Math.min(most, Math.max(least, value));
 }
 
-/**
- * @param {number} value
- * @param {number} target
- * @param {number} most change
- */
+/** @param {number} value @param {number} target @param {number} most change */
 function movedToward(value, target, most) {
   return Math.abs(target - value) <= most ? target : value + Math.sign(target - value) * most;
 }

@@ -78,10 +78,7 @@ export class DrivingSession {
     return mergeInputs([...this.inputs.values()]);
   }
 
-  /**
-   * @param {string} source such as "keys"
-   * @param {DriverInput} input
-   */
+  /** @param {string} source such as "keys" @param {DriverInput} input */
   setInput(source, input) {
     if (isHeld(input)) {
       this.inputs.set(source, input);

@@ -15,10 +15,7 @@ const CHART_SPAN = 60;
 /** Control modes that the user may choose. */
 const CHOOSABLE_MODES = [3, 6];
 
-/**
- * @param {PanelContext} context
- * @returns {{element: HTMLElement, title: string}}
- */
+/** @param {PanelContext} context @returns {{element: HTMLElement, title: string}} */
 export function makeEgoPanel(context) {
   const texts = context.texts.ego;
   const notice = new Notice();
@@ -46,11 +43,7 @@ export function makeEgoPanel(context) {
   return { element: content, title: texts.title };
 }
 
-/**
- * @param {PanelContext} context
- * @param {Instruments} instruments
- * @param {StripCharts} charts
- */
+/** @param {PanelContext} context @param {Instruments} instruments @param {StripCharts} charts */
 function connectEgo({ ego, drivers, scene, texts: { ego: texts } }, instruments, charts) {
   ego.onValues(() => {
     const { values, laneOffset, link } = ego;
@@ -90,11 +83,7 @@ export function driverText({ driver, client }, ownAddress, texts) {
   return client === ownAddress ? texts.thisPage : texts.client(client);
 }
 
-/**
- * Bits of the lamps of an ego.
- * @param {import("../scene/store.js").SceneStore} scene
- * @param {number} number
- */
+/** Bits of the lamps of an ego. @param {import("../scene/store.js").SceneStore} scene @param {number} number */
 function lampsOf(scene, number) {
   const ego = scene.egos().find((one) => one.number === number);
   const row = ego ? scene.indexOf(ego.id, true) : -1;
@@ -123,10 +112,7 @@ function makeEgoChoice({ ego, scene, texts: { ego: texts } }) {
   return field;
 }
 
-/**
- * @param {PanelContext} context
- * @param {Notice} notice
- */
+/** @param {PanelContext} context @param {Notice} notice */
 function makeEgoButtons({ ego, drivers, actions, scene, time, texts: { ego: texts } }, notice) {
   const toggles = [1, 2, 3, 4].map((gear) => {
     const letter = GEAR_LETTERS[gear] ?? "";

@@ -114,10 +114,7 @@ export class EgoWatch {
     return () => this.valueTakers.delete(take);
   }
 
-  /**
-   * @param {() => void} take called after another ego was chosen
-   * @returns {() => void} function that ends it
-   */
+  /** @param {() => void} take called after another ego was chosen @returns {() => void} function that ends it */
   onChoice(take) {
     this.choiceTakers.add(take);
     return () => this.choiceTakers.delete(take);

@@ -7,11 +7,7 @@ import { isLedByOthers } from "./time_state.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
 
-/**
- * @param {PanelContext} context
- * @param {import("./driving.js").Driving} driving
- * @returns {HTMLElement}
- */
+/** @param {PanelContext} context @param {import("./driving.js").Driving} driving @returns {HTMLElement} */
 export function makeHeaderValues({ time, drivers, ego, scene, showTab, texts }, driving) {
   const scenario = element("button", { type: "button", className: "header-scenario", title: texts.time.scenarios.open, hidden: true });
   scenario.onclick = () => {

@@ -122,10 +122,7 @@ export class Instruments {
 
 /** The position of a pedal as a bar. */
 class PedalBar {
-  /**
-   * @param {string} label
-   * @param {string} kind for its colour
-   */
+  /** @param {string} label @param {string} kind for its colour */
   constructor(label, kind) {
     this.fill = element("span", { className: `pedal-fill pedal-${kind}` });
     this.bar = element(

@@ -21,10 +21,7 @@ export class LaneIndex {
     lanes.forEach((lane, number) => this.addLane(lane, number));
   }
 
-  /**
-   * @param {LaneLine} lane
-   * @param {number} number
-   */
+  /** @param {LaneLine} lane @param {number} number */
   addLane({ x, y }, number) {
     for (let piece = 0; piece + 1 < x.length; piece += 1) {
       const [x0, x1, y0, y1] = [entryAt(x, piece), entryAt(x, piece + 1), entryAt(y, piece), entryAt(y, piece + 1)];
@@ -82,10 +79,7 @@ function laneCell(metres) {
   return Math.floor(metres / LANE_CELL);
 }
 
-/**
- * @param {ArrayLike<number>} list
- * @param {number} index
- */
+/** @param {ArrayLike<number>} list @param {number} index */
 function entryAt(list, index) {
   return list[index] ?? 0;
 }

@@ -17,11 +17,7 @@ const LIGHT_STATES = /** @type {const} */ ([
   ["schedule", -1],
 ]);
 
-/**
- * @param {PanelContext} context
- * @param {import("./undo.js").UndoList} undo
- * @returns {HTMLElement}
- */
+/** @param {PanelContext} context @param {import("./undo.js").UndoList} undo @returns {HTMLElement} */
 export function makeLightControls({ actions, scene, mapView, showTab, texts: { objects: texts } }, undo) {
   const notice = new Notice();
   const choice = element("select", {});

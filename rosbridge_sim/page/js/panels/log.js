@@ -124,20 +124,14 @@ export function makeLogPanel({ connection, showTab, texts: { log: texts } }, lay
   return { title: texts.title, element: panel };
 }
 
-/**
- * @param {any} message - of `/rosout`, of either ROS generation
- * @returns {[LogLevel, string, string, number]}
- */
+/** @param {any} message - of `/rosout`, of either ROS generation @returns {[LogLevel, string, string, number]} */
 function rosoutLine(message) {
   const isRos2 = message.stamp !== undefined;
   const time = stampSeconds(isRos2 ? message.stamp : message.header?.stamp);
   return [rosoutLevel(Number(message.level), isRos2), String(message.name), String(message.msg), time];
 }
 
-/**
- * @param {LogLine} line
- * @param {Record<LogLevel, string>} levels
- */
+/** @param {LogLine} line @param {Record<LogLevel, string>} levels */
 function makeLine(line, levels) {
   return element(
     "li",

@@ -50,10 +50,7 @@ export class LogStore {
     this.onChange();
   }
 
-  /**
-   * Remove lines.
-   * @param {(line: LogLine) => boolean} which
-   */
+  /** Remove lines. @param {(line: LogLine) => boolean} which */
   remove(which) {
     this.lines = this.lines.filter((line) => !which(line));
     this.onChange();
@@ -116,10 +113,7 @@ const SAME_MISTAKE = 10;
  * with each message; lines of the server's log about them; and the statuses of this page's own mistakes.
  */
 export class RefusalReader {
-  /**
-   * @param {LogStore} store
-   * @param {string} [statusSource] - source of lines about statuses
-   */
+  /** @param {LogStore} store @param {string} [statusSource] - source of lines about statuses */
   constructor(store, statusSource = "") {
     this.store = store;
     this.statusSource = statusSource;
@@ -151,12 +145,7 @@ export class RefusalReader {
     }
   }
 
-  /**
-   * Take a status of the server.
-   * @param {LogLevel} level
-   * @param {string} text
-   * @param {number} time - [s] since 1970
-   */
+  /** Take a status of the server. @param {LogLevel} level @param {string} text @param {number} time - [s] since 1970 */
   takeStatus(level, text, time) {
     const isKnown = [...this.latest].some(([told, at]) => time - at < SAME_MISTAKE && isSameText(text, told));
     if (!isKnown) {

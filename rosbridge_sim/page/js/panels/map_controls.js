@@ -1,6 +1,4 @@
-/**
- * Buttons and keys of the map, its scale bar, and the coordinates under the pointer.
- */
+/** Buttons and keys of the map, its scale bar, and the coordinates under the pointer. */
 
 import { MeasureTool } from "../drawing/map_tools.js";
 import { lengthText, roundLength } from "../drawing/scale_bar.js";
@@ -72,10 +70,7 @@ export function makeMapControls(view, texts) {
   return element("div", { className: "map-controls" }, toolbar, hint, element("div", { className: "map-foot" }, bar, coordinates));
 }
 
-/**
- * @param {MapView} view
- * @param {HTMLElement} bar
- */
+/** @param {MapView} view @param {HTMLElement} bar */
 function showScale(view, bar) {
   bar.hidden = view.isChase;
   const metres = roundLength(SCALE_PIXELS * view.top.pixelSize);
@@ -83,11 +78,7 @@ function showScale(view, bar) {
   setText(bar, lengthText(metres));
 }
 
-/**
- * @param {MapView} view
- * @param {HTMLElement} node
- * @param {import("../layout.js").Texts["mapView"]} texts
- */
+/** @param {MapView} view @param {HTMLElement} node @param {import("../layout.js").Texts["mapView"]} texts */
 function showCoordinates(view, node, texts) {
   const { pointer } = view;
   const place = pointer === null ? null : view.camera.placeAt(pointer.x, pointer.y);

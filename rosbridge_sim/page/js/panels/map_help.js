@@ -1,6 +1,4 @@
-/**
- * The dialog with the keys of the map and the meaning of its colours.
- */
+/** The dialog with the keys of the map and the meaning of its colours. */
 
 import { makePalette } from "../drawing/palette.js";
 import { MATERIALS } from "../scene/materials.js";
@@ -20,10 +18,7 @@ const LEGEND = /** @type {const} */ ([
   ["contact", "contact"],
 ]);
 
-/**
- * Show the dialog.
- * @param {import("../layout.js").Texts} texts
- */
+/** Show the dialog. @param {import("../layout.js").Texts} texts */
 export function showMapHelp({ mapHelp: texts }) {
   const palette = makePalette(matchMedia("(prefers-color-scheme: dark)").matches);
   const close = element("button", { type: "button", className: "close", title: texts.close, "aria-label": texts.close }, "×");
@@ -54,10 +49,7 @@ export function showMapHelp({ mapHelp: texts }) {
   dialog.showModal();
 }
 
-/**
- * @param {string} text
- * @param {ArrayLike<number>} colour
- */
+/** @param {string} text @param {ArrayLike<number>} colour */
 function legendEntry(text, colour) {
   const backgroundColor = `rgb(${Array.from(colour, (part) => Math.round(255 * part)).join(" ")})`;
   return element("li", {}, element("span", { className: "swatch", style: { backgroundColor } }), text);

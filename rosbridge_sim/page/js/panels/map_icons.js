@@ -1,6 +1,4 @@
-/**
- * Icons of the map's buttons, as paths in a box of 24 by 24.
- */
+/** Icons of the map's buttons, as paths in a box of 24 by 24. */
 
 import { svgElement } from "../widgets/dom.js";
 
@@ -17,10 +15,7 @@ const MAP_ICONS = {
   north: "M12 2l5 19-5-4-5 4z",
 };
 
-/**
- * @param {keyof typeof MAP_ICONS} name
- * @returns {SVGElement}
- */
+/** @param {keyof typeof MAP_ICONS} name @returns {SVGElement} */
 export function mapIcon(name) {
   return svgElement("svg", { viewBox: "0 0 24 24", "aria-hidden": "true" }, svgElement("path", { d: MAP_ICONS[name] }));
 }

@@ -1,6 +1,4 @@
-/**
- * The map in its place: canvas, controls, card and list; or a notice without WebGL 2.
- */
+/** The map in its place: canvas, controls, card and list; or a notice without WebGL 2. */
 
 import { MapView } from "../drawing/map_view.js";
 import { ContactList } from "../scene/contacts.js";
@@ -38,10 +36,7 @@ export function makeMapStage(context, stage) {
   return view;
 }
 
-/**
- * @param {Parameters<typeof makeMapStage>[0]} context
- * @param {ContactList} contacts
- */
+/** @param {Parameters<typeof makeMapStage>[0]} context @param {ContactList} contacts */
 function makeView({ scene, drawn, texts }, contacts) {
   const canvas = element("canvas", { className: "map-canvas", tabIndex: 0, role: "img", "aria-label": texts.mapView.canvas });
   const antialias = !isSoftwareRenderer();

@@ -1,6 +1,4 @@
-/**
- * The card of the selected entity: what it is, where it is, and what it does.
- */
+/** The card of the selected entity: what it is, where it is, and what it does. */
 
 import { KINDS } from "../scene/store.js";
 import { element, replaceChildren, setText } from "../widgets/dom.js";
@@ -139,11 +137,7 @@ class ObjectCard {
     return kind === "ego" ? this.names.ego(id) : this.names.entity(this.names.kinds[kind], id);
   }
 
-  /**
-   * Show a row; an empty value hides it.
-   * @param {string} label
-   * @param {string} value
-   */
+  /** Show a row; an empty value hides it. @param {string} label @param {string} value */
   setRow(label, value) {
     let cell = this.cells.get(label);
     if (cell === undefined) {

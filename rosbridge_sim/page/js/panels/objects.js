@@ -14,10 +14,7 @@ import { UndoList } from "./undo.js";
 /** Number of `kind` in the state of the scene. */
 const EGO_KIND = 0;
 
-/**
- * @param {PanelContext} context
- * @returns {{element: HTMLElement, title: string}}
- */
+/** @param {PanelContext} context @returns {{element: HTMLElement, title: string}} */
 export function makeObjectsPanel(context) {
   const { scene, texts: { objects: texts } } = context;
   const undo = new UndoList();
@@ -45,10 +42,7 @@ export function makeObjectsPanel(context) {
   };
 }
 
-/**
- * The object that is moved or removed: the selected one, or the ego of the panels.
- * @param {PanelContext} context
- */
+/** The object that is moved or removed: the selected one, or the ego of the panels. @param {PanelContext} context */
 function targetOf({ scene, ego, texts: { objects: texts } }) {
   const row = scene.selectedRow();
   const isSelected = row >= 0 && scene.state !== null;
@@ -58,10 +52,7 @@ function targetOf({ scene, ego, texts: { objects: texts } }) {
   return { id, isEgo, isFirstEgo: isEgo && id === 0, isSelected, name: texts.objectName(texts.kindNames[kind] ?? "", id) };
 }
 
-/**
- * @param {PanelContext} context
- * @param {UndoList} undo
- */
+/** @param {PanelContext} context @param {UndoList} undo */
 function makeSelected(context, undo) {
   const { scene, actions, mapView, ego, texts: { objects: texts } } = context;
   const notice = new Notice();

@@ -49,10 +49,7 @@ export class PlaceFields {
     this.heading.value = ((heading * 180) / Math.PI).toFixed(1);
   }
 
-  /**
-   * @returns {MapPlace}
-   * @throws {Error} a field has no number
-   */
+  /** @returns {MapPlace} @throws {Error} a field has no number */
   get place() {
     const [x, y, degrees] = [this.x.valueAsNumber, this.y.valueAsNumber, this.heading.valueAsNumber];
     if (![x, y, degrees].every(Number.isFinite)) {

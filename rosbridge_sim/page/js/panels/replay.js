@@ -16,10 +16,7 @@ const SPEEDS = [1, 2, 4, 10];
 /** @type {Readonly<ReplayMessage>} */
 const NO_REPLAY = Object.freeze({ state: "none", name: "", duration: 0, position: 0, speed: 1 });
 
-/**
- * @param {PanelContext} context
- * @returns {HTMLElement}
- */
+/** @param {PanelContext} context @returns {HTMLElement} */
 export function makeReplayControls({ connection, files, time, timeControls: controls, texts: { time: texts } }) {
   const notice = new Notice();
   const file = element("select", {});

@@ -13,10 +13,7 @@ const PICTURE_HEIGHT = 72;
 /** Drawing a large map takes seconds, and the pictures are drawn one after the other [ms]. */
 const PICTURE_TIMEOUT = 60_000;
 
-/**
- * @param {PanelContext} context
- * @returns {HTMLElement}
- */
+/** @param {PanelContext} context @returns {HTMLElement} */
 export function makeScenarioList(context) {
   const { connection, files, time, timeControls: controls, texts: { time: texts } } = context;
   const notice = new Notice();

@@ -24,10 +24,7 @@ const SCORE_FIELDS = /** @type {const} */ ([
   ["max_lateral_accel", 1, "m/s²"],
 ]);
 
-/**
- * @param {PanelContext} context
- * @returns {{element: HTMLElement, title: string}}
- */
+/** @param {PanelContext} context @returns {{element: HTMLElement, title: string}} */
 export function makeScorePanel({ connection, actions, ego, texts: { score: texts } }) {
   const notice = new Notice();
   const values = new Map(SCORE_FIELDS.map(([name]) => [name, element("dd", {})]));

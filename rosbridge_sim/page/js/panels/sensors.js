@@ -18,10 +18,7 @@ const CLOUD_THROTTLE = 200;
 /** States of the ego that are kept, so that a turn of a lidar is placed where the ego was at its frame. */
 const NUM_PLACES = 20;
 
-/**
- * @param {PanelContext} context
- * @returns {{element: HTMLElement, title: string}}
- */
+/** @param {PanelContext} context @returns {{element: HTMLElement, title: string}} */
 export function makeSensorsPanel(context) {
   const { connection, scene, ego, mapView } = context;
   const texts = context.texts.sensors;
@@ -120,11 +117,7 @@ function drawBoxes(canvas, boxes) {
   canvas.dataset.boxes = String(boxes.length);
 }
 
-/**
- * @param {PanelContext} context
- * @param {SensorInfo} lidar
- * @returns {() => void} ends it
- */
+/** @param {PanelContext} context @param {SensorInfo} lidar @returns {() => void} ends it */
 function listenToLidar({ connection, scene, ego, mapView }, lidar) {
   if (mapView === null) {
     return () => {};

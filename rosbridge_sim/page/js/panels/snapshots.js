@@ -6,10 +6,7 @@ import { element, replaceRows } from "../widgets/dom.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
 
-/**
- * @param {PanelContext} context
- * @returns {HTMLElement}
- */
+/** @param {PanelContext} context @returns {HTMLElement} */
 export function makeSnapshotList({ connection, time, timeControls: controls, texts: { time: texts } }) {
   const notice = new Notice();
   const name = element("input", { type: "text", maxLength: 100, placeholder: texts.snapshots.nameHint });

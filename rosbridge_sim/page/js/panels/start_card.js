@@ -11,11 +11,7 @@ import { copyText } from "./code.js";
 /** Control mode in which the ego drives itself. */
 const SELF_DRIVING = 6;
 
-/**
- * @param {PanelContext} context
- * @param {import("./driving.js").Driving} driving
- * @returns {HTMLElement}
- */
+/** @param {PanelContext} context @param {import("./driving.js").Driving} driving @returns {HTMLElement} */
 export function makeStartCard(context, driving) {
   const { connection, scene, time, timeControls, drivers, ego, actions, mapView, showTab, texts: { start: texts } } = context;
   const title = element("h2", {});

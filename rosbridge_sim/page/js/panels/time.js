@@ -24,10 +24,7 @@ const REFRESH = 500;
 /** Factors to choose from; 0 is as fast as possible. */
 const FACTORS = [0.1, 0.25, 0.5, 1, 2, 4, 10, 20, 0];
 
-/**
- * @param {PanelContext} context
- * @returns {{element: HTMLElement, title: string}}
- */
+/** @param {PanelContext} context @returns {{element: HTMLElement, title: string}} */
 export function makeTimePanel(context) {
   const texts = context.texts.time;
   const notice = new Notice();
@@ -43,20 +40,12 @@ export function makeTimePanel(context) {
   return { element: element("div", { className: "time-panel" }, ...parts), title: texts.title };
 }
 
-/**
- * @param {string} title
- * @param {HTMLElement} content
- * @param {string} [id]
- */
+/** @param {string} title @param {HTMLElement} content @param {string} [id] */
 function section(title, content, id) {
   return element("section", { id, tabIndex: id ? -1 : undefined, className: "subsection", "aria-label": title }, element("h3", {}, title), content);
 }
 
-/**
- * The state in words.
- * @param {TimeState} state
- * @param {import("../layout.js").Texts["time"]} texts
- */
+/** The state in words. @param {TimeState} state @param {import("../layout.js").Texts["time"]} texts */
 export function timeStateText(state, texts) {
   if (state.kind !== "synchronous") {
     return state.isReplay ? texts.states.replay(state.isPaused) : texts.states[state.kind];
@@ -96,10 +85,7 @@ function makeFigures({ time, texts: { time: texts } }) {
   return element("div", {}, state, list);
 }
 
-/**
- * @param {PanelContext} context
- * @param {Notice} notice
- */
+/** @param {PanelContext} context @param {Notice} notice */
 function makeTransport({ time, timeControls: controls, texts: { time: texts } }, notice) {
   const steps = element("input", { type: "number", min: "1", max: String(MOST_STEPS), value: "1", required: true });
   const timeStep = element("input", { type: "number", min: "20", max: "1000", step: "20", value: "20", required: true });
@@ -145,10 +131,7 @@ function makeTransport({ time, timeControls: controls, texts: { time: texts } },
   );
 }
 
-/**
- * @param {PanelContext} context
- * @param {Notice} notice
- */
+/** @param {PanelContext} context @param {Notice} notice */
 function makeFactor({ time, timeControls: controls, texts: { time: texts } }, notice) {
   const choice = element(
     "select",
@@ -168,10 +151,7 @@ function makeFactor({ time, timeControls: controls, texts: { time: texts } }, no
   return element("div", { className: "button-row" }, labelled(texts.factor, choice), set.element);
 }
 
-/**
- * @param {HTMLInputElement} input
- * @param {{badNumber: (label: string) => string}} texts
- */
+/** @param {HTMLInputElement} input @param {{badNumber: (label: string) => string}} texts */
 function wholeNumber(input, texts) {
   if (!input.checkValidity() || !Number.isInteger(input.valueAsNumber)) {
     input.reportValidity();

@@ -21,11 +21,7 @@ import {
 const LONG_TIMEOUT = 120_000;
 
 export class TimeControls {
-  /**
-   * @param {Actions} actions
-   * @param {TimeWatch} watch
-   * @param {import("../layout.js").Texts["time"]["actions"]} titles
-   */
+  /** @param {Actions} actions @param {TimeWatch} watch @param {import("../layout.js").Texts["time"]["actions"]} titles */
   constructor(actions, watch, titles) {
     this.actions = actions;
     this.watch = watch;

@@ -37,10 +37,7 @@ const REPLAY_MODE = 16;
 const PAUSED_STATUS = 16;
 const END_STATUS = 32;
 
-/**
- * @param {TimeMessages} messages
- * @returns {TimeState}
- */
+/** @param {TimeMessages} messages @returns {TimeState} */
 export function timeStateOf({ sync, process, barrier, userId }) {
   const master = sync?.master_id ?? "";
   const isPaused = process?.current_status === PAUSED_STATUS || process?.current_status === END_STATUS;
@@ -68,10 +65,7 @@ export function isLedByOthers(state) {
   return state.kind === "synchronous" && state.master !== "" && !state.isOwn;
 }
 
-/**
- * The name of the other master, for the user.
- * @param {TimeState} state
- */
+/** The name of the other master, for the user. @param {TimeState} state */
 export function masterName(state) {
   return state.members.length ? state.members.join(", ") : state.master;
 }

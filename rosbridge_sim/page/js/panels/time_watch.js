@@ -80,10 +80,7 @@ export class TimeWatch {
     }
   }
 
-  /**
-   * @param {number} at [ms]
-   * @param {number} frame
-   */
+  /** @param {number} at [ms] @param {number} frame */
   addSample(at, frame) {
     const last = this.samples.at(-1);
     if (last && frame < last.frame) {

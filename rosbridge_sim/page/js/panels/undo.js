@@ -13,10 +13,7 @@ export class UndoList {
     this.listeners = new Set();
   }
 
-  /**
-   * @param {string} title of the change, for the user
-   * @param {() => Promise<unknown> | void} undo
-   */
+  /** @param {string} title of the change, for the user @param {() => Promise<unknown> | void} undo */
   add(title, undo) {
     this.steps = [...this.steps, { title, undo }].slice(-UNDO_DEPTH);
     this.tell();

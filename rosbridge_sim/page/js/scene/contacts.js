@@ -1,6 +1,4 @@
-/**
- * The latest collisions, for the list over the map and for the marks on it.
- */
+/** The latest collisions, for the list over the map and for the marks on it. */
 
 /** @typedef {{frame: number, id: number[], kind: number[], name: string[], x: number, y: number, z: number,
  *   relative_speed: number}} ContactMessage */
@@ -18,10 +16,7 @@ export class ContactList {
   /** All that came since the page was opened or the list was cleared. */
   total = 0;
 
-  /**
-   * @param {ContactMessage} message
-   * @param {number} now - time of its arrival [ms]
-   */
+  /** @param {ContactMessage} message @param {number} now - time of its arrival [ms] */
   add(message, now) {
     // Arrays of bytes come as base64 in JSON.
     const kind = typeof message.kind === "string" ? [...atob(message.kind)].map((byte) => byte.charCodeAt(0)) : [...message.kind];
@@ -45,10 +40,7 @@ export class ContactList {
     this.total = 0;
   }
 
-  /**
-   * @param {number} now - [ms]
-   * @returns {Contact[]} those that are marked on the map
-   */
+  /** @param {number} now - [ms] @returns {Contact[]} those that are marked on the map */
   fresh(now) {
     return this.contacts.filter((contact) => now < contact.at + CONTACT_SHOWN);
   }

@@ -50,12 +50,7 @@ export function matrixOf({ x: px, y: py, z: pz }, { x, y, z, w }) {
   ); // prettier-ignore
 }
 
-/**
- * Return the matrix that does `b`, then `a`.
- * @param {Matrix} a
- * @param {Matrix} b
- * @returns {Matrix}
- */
+/** Return the matrix that does `b`, then `a`. @param {Matrix} a @param {Matrix} b @returns {Matrix} */
 export function compose(a, b) {
   const c = new Float64Array(12);
   for (let row = 0; row < 3; row += 1) {
@@ -70,10 +65,7 @@ export function compose(a, b) {
 
 /** What a topic draws, relative to the origin of the map's buffers. */
 export class Sketch {
-  /**
-   * @param {Vector} origin
-   * @param {number} colour - packed; of all that has none of its own
-   */
+  /** @param {Vector} origin @param {number} colour - packed; of all that has none of its own */
   constructor(origin, colour) {
     this.origin = origin;
     this.colour = colour;
@@ -123,12 +115,7 @@ export class Sketch {
     }
   }
 
-  /**
-   * @param {number} x
-   * @param {number} y
-   * @param {number} z
-   * @param {number} [material]
-   */
+  /** @param {number} x @param {number} y @param {number} z @param {number} [material] */
   point(x, y, z, material = this.colour) {
     const place = this.place(x, y, z);
     if (this.points.length >= POINT_NUMBERS * MOST_DRAWN.points) {
@@ -138,11 +125,7 @@ export class Sketch {
     }
   }
 
-  /**
-   * Add an arrow along x.
-   * @param {number} length - [m]
-   * @param {number} [material]
-   */
+  /** Add an arrow along x. @param {number} length - [m] @param {number} [material] */
   arrow(length, material) {
     const [back, side] = [(1 - ARROW_HEAD) * length, 0.5 * ARROW_HEAD * length];
     this.line([[0, 0, 0], [length, 0, 0], [back, side, 0]], undefined, material); // prettier-ignore
@@ -188,19 +171,13 @@ export function keepMarkers(kept, message, prepare) {
   }
 }
 
-/**
- * @param {Sketch} sketch
- * @param {Pose} pose
- */
+/** @param {Sketch} sketch @param {Pose} pose */
 function drawPose(sketch, { position, orientation }) {
   sketch.matrix = compose(sketch.matrix, matrixOf(position, orientation));
   sketch.arrow(POSE_LENGTH);
 }
 
-/**
- * @param {Sketch} sketch
- * @param {any} marker
- */
+/** @param {Sketch} sketch @param {any} marker */
 function drawMarker(sketch, { type, pose, scale, color, points, colors, text }) {
   sketch.matrix = compose(sketch.matrix, matrixOf(pose.position, pose.orientation));
   const colourAt = (/** @type {number} */ i) => materialOf(colors[i] ?? color, sketch.colour);
@@ -252,11 +229,7 @@ function drawMarker(sketch, { type, pose, scale, color, points, colors, text }) 
   }
 }
 
-/**
- * @param {Sketch} sketch
- * @param {Vector} scale - sides [m]
- * @param {number} material
- */
+/** @param {Sketch} sketch @param {Vector} scale - sides [m] @param {number} material */
 function drawBox(sketch, { x, y, z }, material) {
   const [a, b, c] = [0.5 * x, 0.5 * y, 0.5 * z];
   for (const up of [-c, c]) {
@@ -281,11 +254,7 @@ function drawScan(sketch, { angle_min: first, angle_increment: step, range_min: 
   }
 }
 
-/**
- * Draw a cloud; of a large one each second, third, ... point.
- * @param {Sketch} sketch
- * @param {any} cloud
- */
+/** Draw a cloud; of a large one each second, third, ... point. @param {Sketch} sketch @param {any} cloud */
 function drawCloud(sketch, { width, height, fields, is_bigendian: isBig, point_step: step, row_step: rowStep, data }) {
   if (!(data instanceof Uint8Array)) {
     return;
@@ -311,10 +280,7 @@ function drawCloud(sketch, { width, height, fields, is_bigendian: isBig, point_s
   }
 }
 
-/**
- * @param {Colour | undefined} colour - transparent where a program has left it out
- * @param {number} otherwise
- */
+/** @param {Colour | undefined} colour - transparent where a program has left it out @param {number} otherwise */
 function materialOf(colour, otherwise) {
   return colour && colour.a > 0 ? packedColour(colour.r, colour.g, colour.b, colour.a) : otherwise;
 }

@@ -36,11 +36,7 @@ export const TOPIC_COLOURS = ["#0a7f3f", "#b1178f", "#1759c4", "#b45309", "#0e74
 
 /** One topic. */
 export class DrawnTopic {
-  /**
-   * @param {string} name
-   * @param {string} type
-   * @param {string} colour
-   */
+  /** @param {string} name @param {string} type @param {string} colour */
   constructor(name, type, colour) {
     this.name = name;
     this.type = type;
@@ -73,10 +69,7 @@ export class DrawnTopic {
 
 /** All of them. */
 export class DrawnTopics {
-  /**
-   * @param {import("../wire/connection.js").Connection} connection
-   * @param {import("./store.js").SceneStore} scene
-   */
+  /** @param {import("../wire/connection.js").Connection} connection @param {import("./store.js").SceneStore} scene */
   constructor(connection, scene) {
     this.connection = connection;
     this.scene = scene;
@@ -107,10 +100,7 @@ export class DrawnTopics {
     scene.onState(() => this.takeTime());
   }
 
-  /**
-   * Be told of each change: of the list, and of what is drawn.
-   * @param {() => void} take
-   */
+  /** Be told of each change: of the list, and of what is drawn. @param {() => void} take */
   onChange(take) {
     this.takers.add(take);
   }
@@ -147,10 +137,7 @@ export class DrawnTopics {
     }
   }
 
-  /**
-   * @param {string[]} names
-   * @param {string[]} types
-   */
+  /** @param {string[]} names @param {string[]} types */
   async takeList(names, types) {
     for (const [i, name] of names.entries()) {
       const type = drawnType(types[i] ?? "");
@@ -178,11 +165,7 @@ export class DrawnTopics {
     }
   }
 
-  /**
-   * @param {DrawnTopic} topic
-   * @param {boolean | null} isOn
-   * @param {DrawnTopic["note"]} [note] - why
-   */
+  /** @param {DrawnTopic} topic @param {boolean | null} isOn @param {DrawnTopic["note"]} [note] - why */
   switch(topic, isOn, note = "") {
     const numOn = [...this.topics.values()].filter((one) => one !== topic && one.isOn).length;
     topic.isOn = isOn && numOn < MOST_ON;
@@ -211,30 +194,21 @@ export class DrawnTopics {
     this.change();
   }
 
-  /**
-   * @param {DrawnTopic} topic
-   * @param {string} colour - such as `#0a7f3f`
-   */
+  /** @param {DrawnTopic} topic @param {string} colour - such as `#0a7f3f` */
   setColour(topic, colour) {
     topic.colour = colour;
     topic.sketch = null;
     this.change();
   }
 
-  /**
-   * @param {DrawnTopic} topic
-   * @param {number} keep - [s]
-   */
+  /** @param {DrawnTopic} topic @param {number} keep - [s] */
   setKeep(topic, keep) {
     topic.keep = keep;
     topic.sketch = null;
     this.change();
   }
 
-  /**
-   * @param {DrawnTopic} topic
-   * @param {any} message
-   */
+  /** @param {DrawnTopic} topic @param {any} message */
   takeMessage(topic, message) {
     const { time } = this;
     topic.at = time;
@@ -254,10 +228,7 @@ export class DrawnTopics {
     this.change();
   }
 
-  /**
-   * @param {string} frame
-   * @returns {Matrix | null} null: it is not known yet
-   */
+  /** @param {string} frame @returns {Matrix | null} null: it is not known yet */
   matrixOf(frame) {
     if (MAP_FRAMES.includes(frame)) {
       return IDENTITY;
@@ -362,10 +333,7 @@ export class DrawnTopics {
     return sketches;
   }
 
-  /**
-   * @param {DrawnTopic} topic
-   * @param {{x: number, y: number, z: number}} origin
-   */
+  /** @param {DrawnTopic} topic @param {{x: number, y: number, z: number}} origin */
   draw(topic, origin) {
     const value = Number.parseInt(topic.colour.slice(1), 16);
     const sketch = new Sketch(origin, packedColour((value >> 16) / 255, ((value >> 8) & 255) / 255, (value & 255) / 255, 1));

@@ -31,11 +31,7 @@ export class PoseTrack {
     this.heading = new Float64Array(0);
   }
 
-  /**
-   * Take a new state.
-   * @param {SceneState} state
-   * @param {number} now - time of its arrival [ms]
-   */
+  /** Take a new state. @param {SceneState} state @param {number} now - time of its arrival [ms] */
   take(state, now) {
     const gap = now - this.arrival;
     const frames = this.last === null ? 0 : state.frame - this.last.frame;
@@ -64,18 +60,12 @@ export class PoseTrack {
     }
   }
 
-  /**
-   * Tell whether poses still move towards the last state.
-   * @param {number} now - [ms]
-   */
+  /** Tell whether poses still move towards the last state. @param {number} now - [ms] */
   isMoving(now) {
     return now < this.arrival + this.duration;
   }
 
-  /**
-   * Compute the poses of now.
-   * @param {number} now - [ms]
-   */
+  /** Compute the poses of now. @param {number} now - [ms] */
   update(now) {
     const { before, last } = this;
     if (last === null) {
@@ -139,10 +129,7 @@ function matchRows(before, state, seconds, rows) {
   }
 }
 
-/**
- * @param {number} id
- * @param {number} kind
- */
+/** @param {number} id @param {number} kind */
 function keyOf(id, kind) {
   return 4 * id + kind;
 }

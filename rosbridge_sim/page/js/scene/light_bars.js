@@ -1,6 +1,4 @@
-/**
- * Traffic lights as bars: across the beginning of each lane that a light controls, in the colour that it shows.
- */
+/** Traffic lights as bars: across the beginning of each lane that a light controls, in the colour that it shows. */
 
 import { pointAlong } from "./map_geometry.js";
 import { MATERIALS } from "./materials.js";

@@ -1,6 +1,4 @@
-/**
- * Lines as pieces from point to point, in the form in which the graphics card draws them.
- */
+/** Lines as pieces from point to point, in the form in which the graphics card draws them. */
 
 /** Floats of one piece: both ends (x, y, z), width [m], least width [pixels], distance along the line [m], material,
     dash [m] and period [m]. */

@@ -30,11 +30,7 @@ const BROKEN = { dash: 3, period: 8 };
 /** Types of MGeo: an edge of the road, and a stop line (they are drawn from `stop_lines`). */
 const STOP_BORDER = 530;
 
-/**
- * Make the geometry of a map.
- * @param {SceneMap} map
- * @returns {MapGeometry}
- */
+/** Make the geometry of a map. @param {SceneMap} map @returns {MapGeometry} */
 export function makeMapGeometry(map) {
   const origin = originOf(map);
   const kinds = laneKinds(map);
@@ -97,9 +93,7 @@ export function laneKinds(map) {
   });
 }
 
-/**
- * @param {SceneMap} map
- */
+/** @param {SceneMap} map */
 function originOf(map) {
   return { x: Math.round((map.west + map.east) / 2), y: Math.round((map.south + map.north) / 2), z: 0 };
 }
@@ -119,11 +113,7 @@ function moved(line, origin) {
   };
 }
 
-/**
- * Return a lane with more points where they are far apart.
- * @param {MapLane} lane
- * @returns {MapLane}
- */
+/** Return a lane with more points where they are far apart. @param {MapLane} lane @returns {MapLane} */
 function divided(lane) {
   const columns = /** @type {const} */ (["x", "y", "z", "left", "right"]);
   /** @type {MapLane} */
@@ -207,11 +197,7 @@ function between(a, b, share) {
 const ARROW_APART = 40;
 const LONGEST_ARROW = 3;
 
-/**
- * Add arrows in the direction of a lane.
- * @param {SurfaceBuffer} arrows
- * @param {MapLane} lane - relative to the origin
- */
+/** Add arrows in the direction of a lane. @param {SurfaceBuffer} arrows @param {MapLane} lane - relative to the origin */
 function addArrows(arrows, lane) {
   const size = Math.min(LONGEST_ARROW, 0.25 * lane.length);
   const num = Math.max(1, Math.floor(lane.length / ARROW_APART));

@@ -1,6 +1,4 @@
-/**
- * Types of the map as `/map.json` and `/sim/map` have it; the definitions are in rosbridge_sim_msgs.
- */
+/** Types of the map as `/map.json` and `/sim/map` have it; the definitions are in rosbridge_sim_msgs. */
 
 /** @typedef {{link: string, x: number[], y: number[], z: number[], left: number[], right: number[], length: number,
  *   width: number, speed_limit: number, successors: string[], left_link: string, right_link: string, light: string}} MapLane */

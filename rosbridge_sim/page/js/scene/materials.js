@@ -1,6 +1,4 @@
-/**
- * Numbers of the colours of flat things, so that a buffer stays as it is when light changes to dark.
- */
+/** Numbers of the colours of flat things, so that a buffer stays as it is when light changes to dark. */
 
 /** Colour of a vertex or a line: an index of the palette in drawing/palette.js. */
 export const MATERIALS = /** @type {const} */ ({

@@ -1,6 +1,4 @@
-/**
- * Points of a lidar in the map's frame.
- */
+/** Points of a lidar in the map's frame. */
 
 import { multiply } from "../drawing/matrices.js";
 
@@ -9,10 +7,7 @@ import { multiply } from "../drawing/matrices.js";
 /** Floats of a point: place and intensity. */
 export const POINT_FLOATS = 4;
 
-/**
- * Return the matrix that takes places of a frame to the one that it is placed in.
- * @param {Place} place
- */
+/** Return the matrix that takes places of a frame to the one that it is placed in. @param {Place} place */
 export function placeMatrix({ x, y, z, roll, pitch, yaw }) {
   const [a, b, c, d, e, f] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch), Math.cos(roll), Math.sin(roll)];
   return new Float64Array([

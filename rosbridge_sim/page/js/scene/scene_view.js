@@ -1,6 +1,4 @@
-/**
- * The message SceneView, which rounds poses and tells equal sizes once, as a SceneState.
- */
+/** The message SceneView, which rounds poses and tells equal sizes once, as a SceneState. */
 
 /**
  * Its definition has the units.
@@ -15,10 +13,7 @@ const SPEED = 0.01;
 const TIME = 0.1;
 const UNKNOWN_TIME = 65_535;
 
-/**
- * @param {SceneView} view
- * @returns {import("./store.js").SceneState}
- */
+/** @param {SceneView} view @returns {import("./store.js").SceneState} */
 export function stateOfView(view) {
   const num = view.id.length;
   /** @type {(values: ArrayLike<number>, unit?: number, from?: number) => Float32Array} */

@@ -1,6 +1,4 @@
-/**
- * The scene as the server tells it: the map, the last state of all entities, and the selected one.
- */
+/** The scene as the server tells it: the map, the last state of all entities, and the selected one. */
 
 import { loadMap } from "./map_loader.js";
 import { stateOfView } from "./scene_view.js";
@@ -48,9 +46,7 @@ export class SceneStore {
   /** The selected entity is an ego; an ego and an object may have the same number. */
   isEgoSelected = false;
 
-  /**
-   * @param {Connection} connection
-   */
+  /** @param {Connection} connection */
   constructor(connection) {
     this.connection = connection;
     /** @type {Set<() => void>} */
@@ -84,10 +80,7 @@ export class SceneStore {
     this.takeState(stateOfView(view));
   }
 
-  /**
-   * Return the egos of the last state.
-   * @returns {SceneEgo[]}
-   */
+  /** Return the egos of the last state. @returns {SceneEgo[]} */
   egos() {
     const { state } = this;
     /** @type {SceneEgo[]} */
@@ -129,11 +122,7 @@ export class SceneStore {
     return this.indexOf(this.selectedId, this.selectedId === null ? undefined : this.isEgoSelected);
   }
 
-  /**
-   * Select an entity.
-   * @param {number | null} id - null selects nothing
-   * @param {boolean} [isEgo]
-   */
+  /** Select an entity. @param {number | null} id - null selects nothing @param {boolean} [isEgo] */
   select(id, isEgo) {
     const row = this.indexOf(id, isEgo);
     const isNowEgo = row >= 0 && this.state?.kind[row] === 0;
@@ -156,29 +145,17 @@ export class SceneStore {
     }
   }
 
-  /**
-   * Be told of each selection.
-   * @param {() => void} take
-   * @returns {() => void} ends it
-   */
+  /** Be told of each selection. @param {() => void} take @returns {() => void} ends it */
   onSelect(take) {
     return addTaker(this.selectTakers, take);
   }
 
-  /**
-   * Be told of each state.
-   * @param {() => void} take
-   * @returns {() => void} ends it
-   */
+  /** Be told of each state. @param {() => void} take @returns {() => void} ends it */
   onState(take) {
     return addTaker(this.stateTakers, take);
   }
 
-  /**
-   * Be told of each map; at once if one is there.
-   * @param {() => void} take
-   * @returns {() => void} ends it
-   */
+  /** Be told of each map; at once if one is there. @param {() => void} take @returns {() => void} ends it */
   onMap(take) {
     if (this.map !== null) {
       take();
@@ -242,19 +219,12 @@ export class SceneStore {
   }
 }
 
-/**
- * Return the simulated time of a state.
- * @param {SceneState} state
- * @returns {number} [s]
- */
+/** Return the simulated time of a state. @param {SceneState} state @returns {number} [s] */
 export function stampOf({ header: { stamp } }) {
   return (stamp.secs ?? stamp.sec ?? 0) + 1e-9 * (stamp.nsecs ?? stamp.nanosec ?? 0);
 }
 
-/**
- * @param {Set<() => void>} takers
- * @param {() => void} take
- */
+/** @param {Set<() => void>} takers @param {() => void} take */
 function addTaker(takers, take) {
   const taker = () => take();
   takers.add(taker);

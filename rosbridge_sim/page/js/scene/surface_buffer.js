@@ -1,6 +1,4 @@
-/**
- * Flat areas as triangles, in the form in which the graphics card draws them.
- */
+/** Flat areas as triangles, in the form in which the graphics card draws them. */
 
 /** Floats of one vertex: x, y, z and material. */
 export const VERTEX_FLOATS = 4;
@@ -36,11 +34,7 @@ export class SurfaceBuffer {
     }
   }
 
-  /**
-   * Add a convex area.
-   * @param {[number, number, number][]} corners - in turn
-   * @param {number} material
-   */
+  /** Add a convex area. @param {[number, number, number][]} corners - in turn @param {number} material */
   addFan(corners, material) {
     const first = this.numVertices;
     corners.forEach(([x, y, z], i) => {

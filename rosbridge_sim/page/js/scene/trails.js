@@ -1,6 +1,4 @@
-/**
- * Trails: the places where the egos and the selected entity have been.
- */
+/** Trails: the places where the egos and the selected entity have been. */
 
 /** @typedef {import("./store.js").SceneState} SceneState */
 
@@ -57,11 +55,7 @@ export class Trails {
     this.digest = "";
   }
 
-  /**
-   * Take a new state.
-   * @param {SceneState} state
-   * @param {number} selectedRow - -1: nothing is selected
-   */
+  /** Take a new state. @param {SceneState} state @param {number} selectedRow - -1: nothing is selected */
   take(state, selectedRow) {
     if (state.frame < this.frame || state.map_digest !== this.digest) {
       this.trails.clear(); // a reset, a snapshot or another map

@@ -8,10 +8,7 @@ export class Notice {
     this.element = element("p", { className: "notice", role: "status", hidden: true });
   }
 
-  /**
-   * @param {string} text empty hides the line
-   * @param {"info" | "bad"} [kind]
-   */
+  /** @param {string} text empty hides the line @param {"info" | "bad"} [kind] */
   show(text, kind = "info") {
     this.element.hidden = text === "";
     this.element.dataset.kind = kind;
@@ -77,12 +74,7 @@ export class ActionButton {
 
 let numFields = 0;
 
-/**
- * A form field with its label.
- * @param {string} label
- * @param {HTMLElement} control
- * @param {string} [hint]
- */
+/** A form field with its label. @param {string} label @param {HTMLElement} control @param {string} [hint] */
 export function labelled(label, control, hint = "") {
   numFields += 1;
   control.id = `field-${numFields}`;

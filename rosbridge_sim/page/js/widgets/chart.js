@@ -1,6 +1,4 @@
-/**
- * Charts of single numbers of a message, over the last minute of the clock.
- */
+/** Charts of single numbers of a message, over the last minute of the clock. */
 
 import { ChartSeries } from "./chart_series.js";
 import { element, setText } from "./dom.js";
@@ -56,11 +54,7 @@ export class ValueCharts {
     }
   }
 
-  /**
-   * Add a sample to each chart.
-   * @param {number} time - of the clock [s]
-   * @param {(key: string) => any} valueOf
-   */
+  /** Add a sample to each chart. @param {number} time - of the clock [s] @param {(key: string) => any} valueOf */
   push(time, valueOf) {
     for (const [key, chart] of this.charts) {
       chart.push(time, valueOf(key));
@@ -70,11 +64,7 @@ export class ValueCharts {
 
 /** The chart of one number. */
 class ValueChart {
-  /**
-   * @param {string} name
-   * @param {ValueChartTexts} texts
-   * @param {() => void} remove
-   */
+  /** @param {string} name @param {ValueChartTexts} texts @param {() => void} remove */
   constructor(name, texts, remove) {
     this.texts = texts;
     this.series = new ChartSeries(VALUE_CHART_SPAN);
@@ -93,10 +83,7 @@ class ValueChart {
     this.isWaiting = false;
   }
 
-  /**
-   * @param {number} time
-   * @param {any} value
-   */
+  /** @param {number} time @param {any} value */
   push(time, value) {
     const number = ["number", "bigint", "boolean"].includes(typeof value) ? Number(value) : NaN;
     this.series.push(time, number);

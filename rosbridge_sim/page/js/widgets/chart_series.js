@@ -59,10 +59,7 @@ export class ChartSeries {
     this.length -= 1;
   }
 
-  /**
-   * Index of the sample nearest to a time; -1 without samples.
-   * @param {number} time simulated [s]
-   */
+  /** Index of the sample nearest to a time; -1 without samples. @param {number} time simulated [s] */
   nearest(time) {
     let low = 0;
     let high = this.length - 1;
@@ -80,10 +77,7 @@ export class ChartSeries {
     return Math.abs(this.timeAt(low) - time) <= Math.abs(this.timeAt(high) - time) ? low : high;
   }
 
-  /**
-   * Least and greatest finite value.
-   * @returns {[number, number]} [0, 0] without samples
-   */
+  /** Least and greatest finite value. @returns {[number, number]} [0, 0] without samples */
   range() {
     let least = Infinity;
     let most = -Infinity;

@@ -1,6 +1,4 @@
-/**
- * Elements of the page. Texts become text nodes, so a text from the wire is never read as HTML.
- */
+/** Elements of the page. Texts become text nodes, so a text from the wire is never read as HTML. */
 
 /** Properties of an element: DOM properties by name; names with a dash, and `role`, are attributes. */
 /** @typedef {Record<string, any>} Properties */
@@ -80,11 +78,7 @@ export function setText(node, text) {
   }
 }
 
-/**
- * @param {Element} node
- * @param {string} name
- * @param {any} value
- */
+/** @param {Element} node @param {string} name @param {any} value */
 function setProperty(node, name, value) {
   if (HTML_PROPERTIES.has(name)) {
     throw new TypeError(`element: expected text as a child; got the property ${name}`);
@@ -101,10 +95,7 @@ function setProperty(node, name, value) {
   }
 }
 
-/**
- * @param {Element} node
- * @param {Child[]} children
- */
+/** @param {Element} node @param {Child[]} children */
 function appendAll(node, children) {
   for (const child of children) {
     if (child !== null && child !== undefined) {

@@ -1,6 +1,4 @@
-/**
- * A form for a message, made from the definition of its type, with a second mode as JSON text.
- */
+/** A form for a message, made from the definition of its type, with a second mode as JSON text. */
 
 import { choicesOf, parseBaseValue } from "../wire/types.js";
 import { labelled } from "./action_button.js";
@@ -42,10 +40,7 @@ export class FormError extends Error {
 
 /** A form for one type. */
 export class MessageForm {
-  /**
-   * @param {TypeDefinition | null} definition - null: only JSON text
-   * @param {FormTexts} texts
-   */
+  /** @param {TypeDefinition | null} definition - null: only JSON text @param {FormTexts} texts */
   constructor(definition, texts) {
     this.definition = definition;
     this.texts = texts;
@@ -105,11 +100,7 @@ export class MessageForm {
   }
 }
 
-/**
- * @param {string} text
- * @param {FormTexts} texts
- * @returns {Record<string, any>}
- */
+/** @param {string} text @param {FormTexts} texts @returns {Record<string, any>} */
 function parseObject(text, texts) {
   let value;
   try {
@@ -179,11 +170,7 @@ function isOpenAtFirst(spec) {
   return !["std_msgs/Header", "time", "duration", "builtin_interfaces/Time", "builtin_interfaces/Duration"].includes(spec.name);
 }
 
-/**
- * @param {TypeField} field
- * @param {HTMLElement} content
- * @param {boolean} isOpen
- */
+/** @param {TypeField} field @param {HTMLElement} content @param {boolean} isOpen */
 function fold(field, content, isOpen) {
   return element(
     "details",
@@ -366,10 +353,7 @@ function labelOf(field) {
   return field.unit ? `${field.name} [${field.unit}]` : field.name;
 }
 
-/**
- * @param {TypeField} field
- * @param {string} [mark] - of an array
- */
+/** @param {TypeField} field @param {string} [mark] - of an array */
 function hintOf(field, mark = "") {
   const comment = field.unit ? field.comment.slice(0, field.comment.lastIndexOf("[")).trim() : field.comment;
   return [`${field.type}${mark}`, comment].filter(Boolean).join(": ");

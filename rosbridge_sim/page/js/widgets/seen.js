@@ -1,6 +1,4 @@
-/**
- * Work that is done only while an element is seen.
- */
+/** Work that is done only while an element is seen. */
 
 /**
  * Begin something when an element is seen, and end it when it is not: behind another tab, folded, or scrolled away.

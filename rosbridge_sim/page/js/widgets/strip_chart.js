@@ -20,11 +20,7 @@ const CURSOR_STEP = 0.5;
 const CHART_HEIGHT = 56;
 
 export class StripCharts {
-  /**
-   * @param {ChartSpec[]} specs
-   * @param {number} spanS time that a chart shows [s]
-   * @param {ChartTexts} texts
-   */
+  /** @param {ChartSpec[]} specs @param {number} spanS time that a chart shows [s] @param {ChartTexts} texts */
   constructor(specs, spanS, texts) {
     this.spanS = spanS;
     this.texts = texts;
@@ -100,10 +96,7 @@ export class StripCharts {
 
 /** One chart of several. */
 class Strip {
-  /**
-   * @param {ChartSpec} spec
-   * @param {StripCharts} charts
-   */
+  /** @param {ChartSpec} spec @param {StripCharts} charts */
   constructor(spec, charts) {
     this.spec = spec;
     this.charts = charts;

@@ -1,6 +1,4 @@
-/**
- * A table that can be searched and sorted, whose rows are kept while their values change.
- */
+/** A table that can be searched and sorted, whose rows are kept while their values change. */
 
 import { element, setText } from "./dom.js";
 import { shownRows } from "./table_rows.js";
@@ -109,10 +107,7 @@ export class DataTable {
     setText(this.note, rows.length === 0 ? this.options.empty : hidden > 0 ? this.options.more(hidden) : "");
   }
 
-  /**
-   * @param {TableColumn<Row>} column
-   * @param {number} index
-   */
+  /** @param {TableColumn<Row>} column @param {number} index */
   makeHead(column, index) {
     const button = element("button", { type: "button", className: "table-sort" }, column.title);
     button.addEventListener("click", () => {
@@ -156,10 +151,7 @@ class TableRowView {
     this.element = element("tr", {}, ...columns.map((column, index) => this.makeCell(column, index)));
   }
 
-  /**
-   * @param {TableColumn<Row>} column
-   * @param {number} index
-   */
+  /** @param {TableColumn<Row>} column @param {number} index */
   makeCell(column, index) {
     const content = index === 0 && this.button ? [this.button] : [this.texts[index], this.hints[index]];
     return index === 0
@@ -167,10 +159,7 @@ class TableRowView {
       : element("td", { className: column.isMinor ? "minor" : "" }, ...content);
   }
 
-  /**
-   * @param {Row} row
-   * @param {boolean} isChosen
-   */
+  /** @param {Row} row @param {boolean} isChosen */
   show(row, isChosen) {
     this.row = row;
     this.columns.forEach((column, index) => {

@@ -1,6 +1,4 @@
-/**
- * Which rows of a table are shown, and in which order.
- */
+/** Which rows of a table are shown, and in which order. */
 
 /** @typedef {{column: number, isDown: boolean}} SortOrder */
 
@@ -49,10 +47,7 @@ function hasWords(row, columns, key, words) {
   return words.every((word) => text.includes(word));
 }
 
-/**
- * @param {string | number} a
- * @param {string | number} b
- */
+/** @param {string | number} a @param {string | number} b */
 function compareValues(a, b) {
   if (typeof a === "number" && typeof b === "number") {
     return a - b;

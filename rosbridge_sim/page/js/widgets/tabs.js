@@ -1,6 +1,4 @@
-/**
- * Tabs by the ARIA pattern: one of them is in the tab order, the arrow keys, Home and End move between them.
- */
+/** Tabs by the ARIA pattern: one of them is in the tab order, the arrow keys, Home and End move between them. */
 
 import { element } from "./dom.js";
 
@@ -29,19 +27,12 @@ export class Tabs {
     this.show(this.shown);
   }
 
-  /**
-   * Return the element that a tab shows.
-   * @param {string} id
-   * @returns {HTMLDivElement}
-   */
+  /** Return the element that a tab shows. @param {string} id @returns {HTMLDivElement} */
   panelOf(id) {
     return this.entry(id).panel;
   }
 
-  /**
-   * Show a tab.
-   * @param {string} id
-   */
+  /** Show a tab. @param {string} id */
   show(id) {
     this.entry(id);
     const isNew = id !== this.shown;
@@ -80,10 +71,7 @@ export class Tabs {
     return entry;
   }
 
-  /**
-   * @param {string} id
-   * @param {string} title
-   */
+  /** @param {string} id @param {string} title */
   addTab(id, title) {
     const tabId = `${this.prefix}-tab-${id}`;
     const panelId = `${this.prefix}-panel-${id}`;
@@ -106,10 +94,7 @@ export class Tabs {
     this.entries.set(id, { tab, panel });
   }
 
-  /**
-   * @param {KeyboardEvent} event
-   * @param {string} id - tab that has the focus
-   */
+  /** @param {KeyboardEvent} event @param {string} id - tab that has the focus */
   move(event, id) {
     const ids = [...this.entries.keys()];
     const at = ids.indexOf(id);

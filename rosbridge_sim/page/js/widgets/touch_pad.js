@@ -35,10 +35,7 @@ export class TouchPad {
     this.set(Math.min(1, Math.max(-1, x)), Math.min(1, Math.max(-1, y)));
   }
 
-  /**
-   * @param {number} x
-   * @param {number} y
-   */
+  /** @param {number} x @param {number} y */
   set(x, y) {
     this.knob.style.left = `${50 + 40 * x}%`;
     this.knob.style.top = `${50 - 40 * y}%`;

@@ -20,10 +20,7 @@ const MAX_TREE_CHOICES = 1000;
 
 /** A message as a tree. */
 export class MessageTree {
-  /**
-   * @param {TreeTexts} texts
-   * @param {(path: string) => void} [choose] - called with a row of a number that was clicked
-   */
+  /** @param {TreeTexts} texts @param {(path: string) => void} [choose] - called with a row of a number that was clicked */
   constructor(texts, choose) {
     this.texts = texts;
     this.choose = choose;
@@ -146,10 +143,7 @@ export class MessageTree {
     }
   }
 
-  /**
-   * @param {TreeRow} row
-   * @param {boolean} isOpen
-   */
+  /** @param {TreeRow} row @param {boolean} isOpen */
   setOpen(row, isOpen) {
     this.choices.delete(row.path);
     this.choices.set(row.path, isOpen);

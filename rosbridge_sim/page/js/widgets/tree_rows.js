@@ -30,11 +30,7 @@ const PREVIEW_CHARS = 80;
 
 /** A part of a long array: `size` items from `start`. */
 class Group {
-  /**
-   * @param {ArrayLike<any>} items
-   * @param {number} start
-   * @param {number} size
-   */
+  /** @param {ArrayLike<any>} items @param {number} start @param {number} size */
   constructor(items, start, size) {
     this.items = items;
     this.start = start;
@@ -104,11 +100,7 @@ export function valueAtPath(message, path) {
   return value;
 }
 
-/**
- * Return a path as people write it, such as `objects[3].speed`.
- * @param {string} path - of a row
- * @returns {string}
- */
+/** Return a path as people write it, such as `objects[3].speed`. @param {string} path - of a row @returns {string} */
 export function pathText(path) {
   /** @type {(string | number)[]} */
   const keys = JSON.parse(path);
@@ -118,11 +110,7 @@ export function pathText(path) {
     .join("");
 }
 
-/**
- * Return a value in one line.
- * @param {any} value
- * @returns {string}
- */
+/** Return a value in one line. @param {any} value @returns {string} */
 export function valueText(value) {
   if (typeof value === "string") {
     return JSON.stringify(cutText(value, MAX_TREE_TEXT));
@@ -136,10 +124,7 @@ export function valueText(value) {
   return Object.is(value, -0) ? "-0" : String(value);
 }
 
-/**
- * @param {string} text
- * @param {number} length
- */
+/** @param {string} text @param {number} length */
 export function cutText(text, length) {
   return text.length > length ? `${text.slice(0, length)}… (${text.length})` : text;
 }
@@ -168,10 +153,7 @@ function kindOf(value) {
   return typeof value === "string" ? "text" : "other";
 }
 
-/**
- * @param {any} value
- * @returns {Generator<[string | number, any]>}
- */
+/** @param {any} value @returns {Generator<[string | number, any]>} */
 function* childrenOf(value) {
   if (value instanceof Group) {
     yield* itemsOf(value.items, value.start, value.end);
@@ -182,12 +164,7 @@ function* childrenOf(value) {
   }
 }
 
-/**
- * @param {ArrayLike<any>} items
- * @param {number} start
- * @param {number} end
- * @returns {Generator<[string | number, any]>}
- */
+/** @param {ArrayLike<any>} items @param {number} start @param {number} end @returns {Generator<[string | number, any]>} */
 function* itemsOf(items, start, end) {
   let size = 1;
   while ((end - start) / size > GROUP_SIZE) {
@@ -198,10 +175,7 @@ function* itemsOf(items, start, end) {
   }
 }
 
-/**
- * @param {any} value
- * @param {number} size
- */
+/** @param {any} value @param {number} size */
 function sizeText(value, size) {
   return isList(value) ? `(${size})` : "";
 }

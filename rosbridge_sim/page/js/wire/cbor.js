@@ -1,6 +1,4 @@
-/**
- * CBOR (RFC 8949) as rosbridge servers write it: plain values, byte strings, and typed arrays (RFC 8746).
- */
+/** CBOR (RFC 8949) as rosbridge servers write it: plain values, byte strings, and typed arrays (RFC 8746). */
 
 /** Deepest nesting that is read; the deepest ROS message of the standard packages has seven levels. */
 const MAX_CBOR_DEPTH = 100;
@@ -85,11 +83,7 @@ class CborReader {
     }
   }
 
-  /**
-   * Read an item.
-   * @param {number} depth - number of containers around it
-   * @returns {any}
-   */
+  /** Read an item. @param {number} depth - number of containers around it @returns {any} */
   read(depth) {
     if (depth > MAX_CBOR_DEPTH) {
       throw new CborError(`more than ${MAX_CBOR_DEPTH} levels`);
@@ -201,10 +195,7 @@ class CborReader {
     }
   }
 
-  /**
-   * @param {number} info
-   * @param {number} depth
-   */
+  /** @param {number} info @param {number} depth */
   readList(info, depth) {
     const list = [];
     const length = info === 31 ? Infinity : this.readLength(info);
@@ -221,10 +212,7 @@ class CborReader {
     return list;
   }
 
-  /**
-   * @param {number} info
-   * @param {number} depth
-   */
+  /** @param {number} info @param {number} depth */
   readMap(info, depth) {
     /** @type {Record<string, any>} */
     const map = {};
@@ -250,10 +238,7 @@ class CborReader {
     return map;
   }
 
-  /**
-   * @param {number} tag
-   * @param {number} depth
-   */
+  /** @param {number} tag @param {number} depth */
   readTagged(tag, depth) {
     const kind = TYPED_ARRAYS.get(tag);
     const value = this.read(depth + 1);
@@ -291,9 +276,7 @@ class CborReader {
   }
 }
 
-/**
- * @param {number} bits - a half float
- */
+/** @param {number} bits - a half float */
 function readHalf(bits) {
   const sign = bits & 0x8000 ? -1 : 1;
   const exponent = (bits >> 10) & 31;

@@ -83,10 +83,7 @@ for _ in range(250):
 print(f"{car['velocity']['x'] * 3.6:.1f} km/h")
 `;
 
-/**
- * The argument with the token, which is in the environment and never in the program.
- * @param {boolean} hasToken
- */
+/** The argument with the token, which is in the environment and never in the program. @param {boolean} hasToken */
 function pythonToken(hasToken) {
   return hasToken ? ', headers={"Authorization": "Bearer " + os.environ["ROSBRIDGE_SIM_TOKEN"]}' : "";
 }
@@ -141,12 +138,7 @@ function isSyncStart({ kind, values }) {
   return kind === "call" && request?.start_sync_mode === true;
 }
 
-/**
- * @param {Operation} operation
- * @param {string} url
- * @param {boolean} hasToken
- * @param {CodeTexts} texts
- */
+/** @param {Operation} operation @param {string} url @param {boolean} hasToken @param {CodeTexts} texts */
 function pythonFor(operation, url, hasToken, texts) {
   const { kind, name, type, values } = operation;
   const imports = [];
@@ -178,12 +170,7 @@ function pythonFor(operation, url, hasToken, texts) {
   return `${lines.join("\n")}\n`;
 }
 
-/**
- * @param {Operation} operation
- * @param {string} url
- * @param {boolean} hasToken
- * @param {CodeTexts} texts
- */
+/** @param {Operation} operation @param {string} url @param {boolean} hasToken @param {CodeTexts} texts */
 function javascriptFor(operation, url, hasToken, texts) {
   const { kind, name, type, values } = operation;
   const quoted = JSON.stringify(url);
@@ -217,11 +204,7 @@ function javascriptFor(operation, url, hasToken, texts) {
   return `${lines.join("\n")}\n`;
 }
 
-/**
- * @param {Operation} operation
- * @param {string} url
- * @param {CodeTexts} texts
- */
+/** @param {Operation} operation @param {string} url @param {CodeTexts} texts */
 function shellFor(operation, url, texts) {
   const { kind, name, type, values } = operation;
   const place = url === DEFAULT_ADDRESS ? [] : ["--url", shellWord(url)];
@@ -240,10 +223,7 @@ function shellFor(operation, url, texts) {
   return `${words.join(" ")}\n`;
 }
 
-/**
- * The mark behind which a word with a leading dash is no option, where there is such a word.
- * @param {string[]} words
- */
+/** The mark behind which a word with a leading dash is no option, where there is such a word. @param {string[]} words */
 function endOfOptions(...words) {
   return words.some((word) => word.startsWith("-")) ? ["--"] : [];
 }

@@ -46,10 +46,7 @@ export function socketUrl(location) {
 export class CallError extends Error {
   name = "CallError";
 
-  /**
-   * @param {string} message - reason, for people
-   * @param {string} service - the called service
-   */
+  /** @param {string} message - reason, for people @param {string} service - the called service */
   constructor(message, service) {
     super(message);
     this.service = service;
@@ -63,9 +60,7 @@ export class Connection {
   /** Reason of the state, for people; often empty. */
   reason = "";
 
-  /**
-   * @param {string} url - URL of the socket
-   */
+  /** @param {string} url - URL of the socket */
   constructor(url) {
     this.url = url;
     /** @type {WebSocket | null} */
@@ -146,10 +141,7 @@ export class Connection {
     return sessionStorage.getItem(TOKEN_KEY) !== null;
   }
 
-  /**
-   * Connect with a token, which this tab keeps until it is closed.
-   * @param {string} token
-   */
+  /** Connect with a token, which this tab keeps until it is closed. @param {string} token */
   authenticate(token) {
     sessionStorage.setItem(TOKEN_KEY, token);
     if (this.isStarted) {
@@ -198,10 +190,7 @@ export class Connection {
     return true;
   }
 
-  /**
-   * No longer be a publisher of a topic.
-   * @param {string} topic
-   */
+  /** No longer be a publisher of a topic. @param {string} topic */
   unadvertise(topic) {
     if (this.advertised.delete(topic)) {
       this.send({ op: "unadvertise", id: `page:pub:${topic}`, topic });
@@ -322,10 +311,7 @@ export class Connection {
     this.setState("token", reason);
   }
 
-  /**
-   * @param {ConnectionState} state
-   * @param {string} reason
-   */
+  /** @param {ConnectionState} state @param {string} reason */
   setState(state, reason) {
     if (state === this.state && reason === this.reason) {
       return;
@@ -421,10 +407,7 @@ export class Connection {
     }
   }
 
-  /**
-   * @param {string} topic
-   * @param {import("./subscriptions.js").Taker} taker
-   */
+  /** @param {string} topic @param {import("./subscriptions.js").Taker} taker */
   endTaker(topic, taker) {
     const subscription = this.topics.get(topic);
     if (subscription === undefined || !subscription.remove(taker)) {

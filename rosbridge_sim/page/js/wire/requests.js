@@ -31,22 +31,12 @@ const WHOLE_SCENARIO = Object.freeze({
 /** `sim_process_status` of `/Morai_SimProc`. */
 export const REPLAY_COMMANDS = Object.freeze({ play: 1, pause: 2, stop: 32 });
 
-/**
- * @param {string} name
- * @param {string} type
- * @param {Record<string, unknown>} [values]
- * @returns {Operation}
- */
+/** @param {string} name @param {string} type @param {Record<string, unknown>} [values] @returns {Operation} */
 export function callOperation(name, type, values = {}) {
   return { kind: "call", name, type, values };
 }
 
-/**
- * @param {string} name
- * @param {string} type
- * @param {Record<string, unknown>} [values]
- * @returns {Operation}
- */
+/** @param {string} name @param {string} type @param {Record<string, unknown>} [values] @returns {Operation} */
 export function publishOperation(name, type, values = {}) {
   return { kind: "publish", name, type, values };
 }
@@ -66,10 +56,7 @@ export function pauseRequest(isPaused) {
   return callOperation("/Service_MoraiEventCmd", "morai_msgs/MoraiEventCmdSrv", { request });
 }
 
-/**
- * @param {string} userId
- * @param {number} timeStep [ms]
- */
+/** @param {string} userId @param {number} timeStep [ms] */
 export function startSyncRequest(userId, timeStep) {
   const request = { user_id: userId, start_sync_mode: true, time_step: timeStep };
   return callOperation("/SyncModeCmd", "morai_msgs/MoraiSyncModeCmdSrv", { request });
@@ -100,10 +87,7 @@ export function snapshotRequest(id) {
   return callOperation("/sim/snapshot", "rosbridge_sim_msgs/Snapshot", { id });
 }
 
-/**
- * @param {string} id name of the snapshot
- * @param {string} userId of the master; without meaning in real time
- */
+/** @param {string} id name of the snapshot @param {string} userId of the master; without meaning in real time */
 export function restoreRequest(id, userId) {
   return callOperation("/sim/restore", "rosbridge_sim_msgs/Restore", { user_id: userId, id });
 }
@@ -129,10 +113,7 @@ export function loadScenarioRequest(fileName) {
   return callOperation("/Service_MoraiSL", "morai_msgs/MoraiScenarioLoadSrv", { request });
 }
 
-/**
- * @param {number} status one of REPLAY_COMMANDS
- * @param {{file?: string, startMs?: number, speed?: number}} [options]
- */
+/** @param {number} status one of REPLAY_COMMANDS @param {{file?: string, startMs?: number, speed?: number}} [options] */
 export function replayRequest(status, { file = "", startMs = -1, speed = 0 } = {}) {
   /** @type {Record<string, unknown>} */
   const request = { sim_process_status: status };
@@ -153,20 +134,13 @@ export function replayRequest(status, { file = "", startMs = -1, speed = 0 } = {
   return callOperation("/Morai_SimProc", "morai_msgs/MoraiSimProcSrv", { request });
 }
 
-/**
- * @param {number} ego
- * @param {PedalCommand} command
- */
+/** @param {number} ego @param {PedalCommand} command */
 export function controlMessage(ego, command) {
   const values = { longlCmdType: BY_PEDALS, ...command };
   return publishOperation(egoName(ego, "/ctrl_cmd"), "morai_msgs/CtrlCmd", values);
 }
 
-/**
- * The same in synchronous mode, for the next frame.
- * @param {number} ego
- * @param {PedalCommand} command
- */
+/** The same in synchronous mode, for the next frame. @param {number} ego @param {PedalCommand} command */
 export function syncControlRequest(ego, command) {
   const request = { frame: 0, command: { longlCmdType: BY_PEDALS, ...command }, sensor_capture: false };
   return callOperation(egoName(ego, "/SyncModeCtrlCmd"), "morai_msgs/MoraiSyncModeCtrlCmdSrv", { request });
@@ -190,45 +164,29 @@ export function setRequest(id, change) {
   return callOperation("/sim/set", "rosbridge_sim_msgs/Set", { objects: [{ unique_id: id, ...change }] });
 }
 
-/**
- * @param {number} ego
- * @param {number} gear 1 P, 2 R, 3 N, 4 D
- */
+/** @param {number} ego @param {number} gear 1 P, 2 R, 3 N, 4 D */
 export function gearRequest(ego, gear) {
   return setRequest(ego, { set_gear: true, gear });
 }
 
-/**
- * @param {number} ego
- * @param {number} mode 1 keyboard, 2 game pad, 3 external, 6 the ego drives itself
- */
+/** @param {number} ego @param {number} mode 1 keyboard, 2 game pad, 3 external, 6 the ego drives itself */
 export function controlModeRequest(ego, mode) {
   return setRequest(ego, { set_ctrl_mode: true, ctrl_mode: mode });
 }
 
-/**
- * @param {number} ego
- * @param {number} turnSignal 0 none, 1 left, 2 right
- * @param {number} emergencySignal 0 off, 1 on
- */
+/** @param {number} ego @param {number} turnSignal 0 none, 1 left, 2 right @param {number} emergencySignal 0 off, 1 on */
 export function lampsRequest(ego, turnSignal, emergencySignal) {
   const change = { set_lamps: true, turn_signal: turnSignal, emergency_signal: emergencySignal };
   return setRequest(ego, change);
 }
 
-/**
- * A place as the wire has it.
- * @param {MapPlace & {z?: number}} place
- */
+/** A place as the wire has it. @param {MapPlace & {z?: number}} place */
 export function wirePlace({ x, y, z = 0, heading }) {
   const degrees = (heading * 180) / Math.PI;
   return { x: roundedTo(x, 3), y: roundedTo(y, 3), z: roundedTo(z, 3), heading_deg: roundedTo(degrees, 2) };
 }
 
-/**
- * @param {number} id
- * @param {MapPlace & {z?: number}} place
- */
+/** @param {number} id @param {MapPlace & {z?: number}} place */
 export function moveRequest(id, place) {
   return setRequest(id, { set_place: true, place: wirePlace(place) });
 }
@@ -272,11 +230,7 @@ export function scoreRequest(isReset) {
   return callOperation("/sim/score", "rosbridge_sim_msgs/Score", { reset: isReset });
 }
 
-/**
- * A number without the digits that nobody reads.
- * @param {number} value
- * @param {number} digits
- */
+/** A number without the digits that nobody reads. @param {number} value @param {number} digits */
 function roundedTo(value, digits) {
   return Number(value.toFixed(digits)) || 0;
 }

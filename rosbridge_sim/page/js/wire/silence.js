@@ -1,6 +1,4 @@
-/**
- * The watch for a server that no longer answers though the socket is open: a stopped process, a lost network.
- */
+/** The watch for a server that no longer answers though the socket is open: a stopped process, a lost network. */
 
 /** Time without a frame after which the server is asked for one [ms]. An idle server sends nothing by itself. */
 const ASK_AFTER = 2000;

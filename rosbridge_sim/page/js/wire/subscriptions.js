@@ -1,6 +1,4 @@
-/**
- * The takers of one topic, and the one subscription on the wire that serves them all.
- */
+/** The takers of one topic, and the one subscription on the wire that serves them all. */
 
 /**
  * @typedef {object} SubscribeOptions
@@ -11,10 +9,7 @@
 
 /** A function that takes messages, at its own pace. */
 export class Taker {
-  /**
-   * @param {(message: any) => void} take
-   * @param {SubscribeOptions} options
-   */
+  /** @param {(message: any) => void} take @param {SubscribeOptions} options */
   constructor(take, options) {
     this.take = take;
     this.options = options;
@@ -68,10 +63,7 @@ export class Taker {
 
 /** All takers of one topic. */
 export class TopicSubscription {
-  /**
-   * @param {string} topic
-   * @param {string} type - message type; empty takes the topic's own
-   */
+  /** @param {string} topic @param {string} type - message type; empty takes the topic's own */
   constructor(topic, type) {
     this.topic = topic;
     this.type = type;
@@ -109,20 +101,13 @@ export class TopicSubscription {
     return taker;
   }
 
-  /**
-   * Remove a taker.
-   * @param {Taker} taker
-   * @returns {boolean} false if it was removed before
-   */
+  /** Remove a taker. @param {Taker} taker @returns {boolean} false if it was removed before */
   remove(taker) {
     taker.rest();
     return this.takers.delete(taker);
   }
 
-  /**
-   * @param {any} message
-   * @param {number} bytes - of its frame
-   */
+  /** @param {any} message @param {number} bytes - of its frame */
   deliver(message, bytes) {
     this.bytes += bytes;
     this.last = [message];

@@ -42,10 +42,7 @@ const FIELD = /^([A-Za-z][\w/]*)(<=\d+)?(\[(<=)?(\d*)\])?\s+([A-Za-z]\w*)\s*(.*)
 const CONSTANT = /^([A-Za-z]\w*)(<=\d+)?\s+([A-Za-z]\w*)\s*=\s*(.*)$/;
 const TYPE_HEAD = /^MSG:\s*(\S+)$/;
 
-/**
- * Base types that are written as a message with two numbers.
- * @type {Record<string, TypeSpec>}
- */
+/** Base types that are written as a message with two numbers. @type {Record<string, TypeSpec>} */
 const TIME_SPECS = { time: timeSpec("time", "uint32"), duration: timeSpec("duration", "int32") };
 
 /** The definition of a type, and of the types in it. */
@@ -74,11 +71,7 @@ export class TypeDefinition {
     }
   }
 
-  /**
-   * Find the message type of a field.
-   * @param {TypeField} field
-   * @returns {TypeSpec | null} null for a base type
-   */
+  /** Find the message type of a field. @param {TypeField} field @returns {TypeSpec | null} null for a base type */
   nested(field) {
     return this.types.get(field.type) ?? null;
   }
@@ -93,12 +86,7 @@ export class TypeDefinition {
     return Object.fromEntries(spec.fields.map((field) => [field.name, this.defaultOf(field, depth)]));
   }
 
-  /**
-   * Return the default value of a field.
-   * @param {TypeField} field
-   * @param {number} [depth]
-   * @returns {any}
-   */
+  /** Return the default value of a field. @param {TypeField} field @param {number} [depth] @returns {any} */
   defaultOf(field, depth = 0) {
     if (field.isArray) {
       const preset = parsePreset(field.preset);
@@ -191,19 +179,12 @@ export function choicesOf(spec, field) {
   return isOnly ? ofType : [];
 }
 
-/**
- * Return the unit in a comment: what the last brackets hold, such as "m/s" of "speed [m/s]".
- * @param {string} comment
- */
+/** Return the unit in a comment: what the last brackets hold, such as "m/s" of "speed [m/s]". @param {string} comment */
 export function unitOf(comment) {
   return /\[([^[\]]{1,40})\]\s*$/.exec(comment)?.[1] ?? "";
 }
 
-/**
- * @param {string} name
- * @param {string} text
- * @returns {TypeSpec}
- */
+/** @param {string} name @param {string} text @returns {TypeSpec} */
 function parseType(name, text) {
   /** @type {TypeSpec} */
   const spec = { name, comment: "", fields: [], constants: [] };
@@ -266,20 +247,14 @@ function parseLine(spec, line, above) {
   });
 }
 
-/**
- * @param {string} text
- * @returns {[string, string]} what is before the comment, and the comment
- */
+/** @param {string} text @returns {[string, string]} what is before the comment, and the comment */
 function splitComment(text) {
   const quoted = /^("(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*')/.exec(text)?.[0] ?? "";
   const at = text.indexOf("#", quoted.length);
   return at < 0 ? [text.trim(), ""] : [text.slice(0, at).trim(), text.slice(at + 1).trim()];
 }
 
-/**
- * @param {string} text - a default value
- * @returns {any} undefined if there is none
- */
+/** @param {string} text - a default value @returns {any} undefined if there is none */
 function parsePreset(text) {
   if (text === "") {
     return undefined;
@@ -295,11 +270,7 @@ function parsePreset(text) {
   }
 }
 
-/**
- * @param {string} name
- * @param {string} type - of the seconds
- * @returns {TypeSpec}
- */
+/** @param {string} name @param {string} type - of the seconds @returns {TypeSpec} */
 function timeSpec(name, type) {
   const part = (/** @type {string} */ partName, /** @type {string} */ unit) => {
     return { name: partName, type, isArray: false, length: -1, max: Infinity, comment: "", unit, preset: "" };

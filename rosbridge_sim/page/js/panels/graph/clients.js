@@ -15,10 +15,7 @@ import { bytesText, durationText } from "./figures.js";
 /** Topics with lost messages that are named; a client may have hundreds. */
 const MAX_NAMED = 5;
 
-/**
- * @param {PanelContext} context
- * @returns {HTMLElement}
- */
+/** @param {PanelContext} context @returns {HTMLElement} */
 export function makeClientsPart({ connection, drivers, texts: { graph: { clients: texts, more } } }) {
   let now = 0;
   const age = (/** @type {ClientInfo} */ client) => now - stampSeconds(client.connection_time);
@@ -63,10 +60,7 @@ export function makeClientsPart({ connection, drivers, texts: { graph: { clients
   return part;
 }
 
-/**
- * @param {ClientInfo} client
- * @param {(topic: string, count: number) => string} lost
- */
+/** @param {ClientInfo} client @param {(topic: string, count: number) => string} lost */
 function lostText(client, lost) {
   const named = client.dropped_topics.slice(0, MAX_NAMED).map((topic, index) => lost(topic, Number(client.dropped_counts[index] ?? 0)));
   return named.join(", ") + (client.dropped_topics.length > MAX_NAMED ? ", …" : "");

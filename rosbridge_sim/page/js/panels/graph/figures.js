@@ -1,12 +1,6 @@
-/**
- * Numbers of the graph as short texts.
- */
+/** Numbers of the graph as short texts. */
 
-/**
- * Return a number of bytes with a unit.
- * @param {number} count
- * @returns {string}
- */
+/** Return a number of bytes with a unit. @param {number} count @returns {string} */
 export function bytesText(count) {
   if (count < 1000) {
     return `${count} B`;
@@ -16,11 +10,7 @@ export function bytesText(count) {
   return `${value.toFixed(value < 10 ? 1 : 0)} ${["B", "kB", "MB", "GB"][power]}`;
 }
 
-/**
- * Return a rate.
- * @param {number} rate - messages in a second; negative: unknown
- * @returns {string}
- */
+/** Return a rate. @param {number} rate - messages in a second; negative: unknown @returns {string} */
 export function rateText(rate) {
   if (rate < 0) {
     return "–";
@@ -28,11 +18,7 @@ export function rateText(rate) {
   return rate === 0 ? "0" : rate.toFixed(rate < 10 ? 1 : 0);
 }
 
-/**
- * Return a duration.
- * @param {number} seconds
- * @returns {string} such as 2:05 or 1:02:05
- */
+/** Return a duration. @param {number} seconds @returns {string} such as 2:05 or 1:02:05 */
 export function durationText(seconds) {
   const whole = Math.max(0, Math.floor(seconds));
   const pad = (/** @type {number} */ value) => String(value).padStart(2, "0");

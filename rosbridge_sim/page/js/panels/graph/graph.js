@@ -8,10 +8,7 @@ import { makeTopicsPart } from "./topics.js";
 
 /** @typedef {import("../context.js").PanelContext} PanelContext */
 
-/**
- * @param {PanelContext} context
- * @returns {{element: HTMLElement, title: string}}
- */
+/** @param {PanelContext} context @returns {{element: HTMLElement, title: string}} */
 export function makeGraphPanel(context) {
   const { graph: texts } = context.texts;
   const tabs = new Tabs(texts.title, [

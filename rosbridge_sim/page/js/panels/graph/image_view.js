@@ -18,10 +18,7 @@ export class ImageView {
     this.image.addEventListener("error", () => this.url && this.finish(texts.unknown));
   }
 
-  /**
-   * @param {string} type
-   * @param {any} message
-   */
+  /** @param {string} type @param {any} message */
   show(type, message) {
     const kind = imageKindOf(type);
     this.element.hidden = kind === "";

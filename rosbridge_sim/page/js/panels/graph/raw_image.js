@@ -1,6 +1,4 @@
-/**
- * Images on the wire: pixels of `sensor_msgs/Image`, and the format of `sensor_msgs/CompressedImage`.
- */
+/** Images on the wire: pixels of `sensor_msgs/Image`, and the format of `sensor_msgs/CompressedImage`. */
 
 /** Pixels of the largest image that is drawn; larger ones would take seconds. */
 const MAX_PIXELS = 16_000_000;
@@ -29,11 +27,7 @@ const IMAGE_SIGNATURES = [
   ["image/webp", [0x52, 0x49, 0x46, 0x46]],
 ];
 
-/**
- * Tell whether messages of a type are images.
- * @param {string} type
- * @returns {"" | "raw" | "compressed"}
- */
+/** Tell whether messages of a type are images. @param {string} type @returns {"" | "raw" | "compressed"} */
 export function imageKindOf(type) {
   const match = /^sensor_msgs\/(?:msg\/)?(Image|CompressedImage)$/.exec(type);
   return match === null ? "" : match[1] === "Image" ? "raw" : "compressed";

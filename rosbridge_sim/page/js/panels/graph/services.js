@@ -17,10 +17,7 @@ const LIST_INTERVAL = 3000;
 /** Longest wait for an answer [ms]: a load of a large scenario takes several seconds. */
 const CALL_TIMEOUT = 60_000;
 
-/**
- * @param {PanelContext} context
- * @returns {HTMLElement}
- */
+/** @param {PanelContext} context @returns {HTMLElement} */
 export function makeServicesPart(context) {
   const { connection, texts: { graph: texts } } = context;
   const view = makeServiceView(context);

@@ -19,10 +19,7 @@ const TREE_INTERVAL = 200;
 const CHART_INTERVAL = 50;
 
 export class TopicView {
-  /**
-   * @param {PanelContext} context
-   * @param {() => void} onClose
-   */
+  /** @param {PanelContext} context @param {() => void} onClose */
   constructor(context, onClose) {
     this.context = context;
     this.texts = context.texts.graph;

@@ -10,10 +10,7 @@ import { TopicView } from "./topic_view.js";
 
 /** @typedef {{name: string, type: string, rate: number, bytes_per_second: number, size: number, publishers: string[], subscribers: string[], dropped: number, is_latched: boolean}} TopicInfo */
 
-/**
- * @param {PanelContext} context
- * @returns {HTMLElement}
- */
+/** @param {PanelContext} context @returns {HTMLElement} */
 export function makeTopicsPart(context) {
   const { connection, texts: { graph: texts } } = context;
   const view = new TopicView(context, () => table.mark(""));
