@@ -1,9 +1,10 @@
-"""Clearance of lane changes: whether a vehicle gets past the one ahead of it in the lane that it leaves.
+"""Clearance of lane changes: whether a vehicle gets past what is ahead of it in the lane that it leaves.
 
 The corner of its nose moves across as `lane_change_motion` says. When it comes to the tail of the vehicle ahead, it
 must be farther to the side than that vehicle reaches. A vehicle ahead that moves is taken for a usual car in the middle
 of its lane. What stands counts with its true size and place, but for at least that much, unless the driver pulls out
-from rest.
+from rest. What stands beyond the vehicle ahead counts where the nose comes to it, if the change is not over by then;
+what is there later is for the drivers in the new lane.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from rosbridge_sim.world.lane_changes.lane_change_motion import (
 from rosbridge_sim.world.roads.lane_change_map import LEFT
 from rosbridge_sim.world.state.world import World
 
-__all__ = ["STANDS", "Shifts", "is_clear"]
+__all__ = ["STANDS", "Shifts", "find_blocked", "is_clear"]
 
 CLEARANCE: Final = 0.15
 """Distance to the side at which a driver passes the corner of what stands ahead [m]."""
@@ -43,6 +44,9 @@ STANDS: Final = 0.5
 
 PULLS_OUT_FROM: Final = 0.5
 """As far as its middle to the side, a body that stands ahead counts as in the way [shares of the way across]."""
+
+BEYOND: Final = 1.0
+"""What has its tail this much farther away than the lead vehicle is beyond it [m]: nearer, it may stand beside it."""
 
 MAX_PAIRS: Final = 1 << 16
 """Pairs of a driver and a body near it that are looked at in a decision: about 5 ms, a thousand drivers in a town. The
@@ -79,7 +83,20 @@ class Shifts:
 
 
 def is_clear(world: World, shifts: Shifts, speed: FloatArray) -> BoolArray:
-    """Return whether vehicles are beside the lead vehicle of the old lane when they come to it, (k,).
+    """Return whether vehicles are beside what is ahead in the old lane when they come to it, (k,).
+
+    Args:
+        world: read only.
+        shifts: the vehicles.
+        speed: (k,) of them, at present or as it may be [m/s].
+    """
+    return np.asarray(np.isinf(find_blocked(world, shifts, speed)))
+
+
+def find_blocked(world: World, shifts: Shifts, speed: FloatArray) -> FloatArray:
+    """Return the gaps from vehicles to the first thing in the old lane that they would touch, (k,), inf for none [m].
+
+    It is the gap to the lead vehicle, or a larger one to what stands beyond it.
 
     Args:
         world: read only.
@@ -90,33 +107,49 @@ def is_clear(world: World, shifts: Shifts, speed: FloatArray) -> BoolArray:
     across, gap, is_tight = shifts.across, shifts.gap, shifts.is_tight
     closing = speed - shifts.lead_speed
     way = np.fmax(length_of_shift(shifts.length, across), time_of_shift(shifts.change_time, speed) * speed)
-    edge, bend = np.full(len(across), CORRIDOR), np.zeros(len(across))
-    seen = ((gap < SEEN) & (is_tight | (shifts.lead_speed < STANDS))).nonzero()[0]
-    if len(seen):
-        edge[seen] = np.fmax(_find_edges(world, shifts, seen), np.where(is_tight[seen], -np.inf, CORRIDOR))
+    bend = np.zeros(len(across))
     tight = is_tight.nonzero()[0]
     if len(tight):
         bend[tight] = TIGHT_BEND * across[tight]
         way[tight] = length_of_tight_shift(world, shifts.rows[tight], across[tight])
     comes = closing > 0.0
     driven = np.where(comes, np.fmax(gap, 0.0) * speed / np.where(comes, closing, 1.0), np.inf)
-    part = np.fmin(shifts.done + driven / way, 1.0)
-    slope = (across * slope_of(part) + bend * bend_slope(part)) / way
-    # At the tail of the lead vehicle is the nose then, or, of those that pull out, what is beside it already.
-    reach = np.where(is_tight, np.fmax(shifts.nose + np.fmin(gap, 0.0), 0.0), shifts.nose)
-    corner = across * find_way(part) + bend * bend_way(part) + reach * slope / np.sqrt(1.0 + slope * slope)
-    return np.asarray((corner - world.half_width[shifts.rows] > edge) | np.isinf(gap))
+
+    def side_at(i: IntArray | slice, part: FloatArray, gap: FloatArray) -> FloatArray:
+        """Return how far to the side vehicles i pass, after a share `part` of the way, what is ahead by `gap`."""
+        slope = (across[i] * slope_of(part) + bend[i] * bend_slope(part)) / way[i]
+        # At the tail of the lead vehicle is the nose then, or, of those that pull out, what is beside it already.
+        reach = np.where(is_tight[i], np.fmax(shifts.nose[i] + np.fmin(gap, 0.0), 0.0), shifts.nose[i])
+        corner = across[i] * find_way(part) + bend[i] * bend_way(part) + reach * slope / np.sqrt(1.0 + slope * slope)
+        return np.asarray(corner - world.half_width[shifts.rows[i]])
+
+    seen = ((gap < SEEN) & (is_tight | (shifts.lead_speed < STANDS))).nonzero()[0]
+    usual = np.full(len(across), CORRIDOR)
+    if len(seen):
+        i, edge, tail = _find_edges(world, shifts, seen)
+        usual[i[is_tight[i]]] = -np.inf
+    is_free = (side_at(slice(None), np.fmin(shifts.done + driven / way, 1.0), gap) > usual) | np.isinf(gap)
+    blocked: FloatArray = np.where(is_free, np.inf, gap)
+    if len(seen):
+        is_beyond = tail > gap[i] + BEYOND
+        share = shifts.done[i] + np.where(is_beyond, np.fmax(tail, driven[i]), driven[i]) / way[i]
+        tail = np.where(is_beyond, tail, gap[i])
+        touches = (side_at(i, np.fmin(share, 1.0), tail) <= edge) & ~(is_beyond & (share >= 1.0))
+        np.minimum.at(blocked, i[touches], tail[touches])
+    return blocked
 
 
-def _find_edges(world: World, shifts: Shifts, which: IntArray) -> FloatArray:
-    """Return how far vehicles that change lanes must come to the side, to pass what is ahead in their lane, (m,) [m].
-
-    It counts from where they began to where their own side passes; `CORRIDOR` where nothing is seen.
+def _find_edges(world: World, shifts: Shifts, which: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """Return what is ahead of vehicles that change lanes, in their lane, (p,) each; there may be several for a vehicle.
 
     Args:
         world: read only.
         shifts: the vehicles.
         which: (m,) int64, some of them.
+
+    Returns:
+        The vehicle, int64, an index into `shifts`; how far its own side must come from where it began, to pass [m]; the
+        distance from its front bumper to the tail of what is ahead, along the lane [m].
     """
     own = shifts.rows[which]
     alive = world.alive.nonzero()[0]
@@ -148,6 +181,5 @@ def _find_edges(world: World, shifts: Shifts, which: IntArray) -> FloatArray:
     half_across = sin * world.half_length[near] + cos * world.half_width[near]
     is_ahead = (along + half_along > shifts.nose[which[i]]) & (along > 0.0)
     is_ahead &= np.abs(across_to) < PULLS_OUT_FROM * shifts.across[which[i]]
-    edges = np.full(len(own), -np.inf)
-    np.maximum.at(edges, i[is_ahead], (across_to + half_across)[is_ahead] + CLEARANCE)
-    return np.where(np.isinf(edges), CORRIDOR, edges)
+    edge, tail = across_to + half_across + CLEARANCE, along - half_along - shifts.nose[which[i]]
+    return which[i[is_ahead]], edge[is_ahead], tail[is_ahead]

@@ -30,7 +30,7 @@ from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray,
 from rosbridge_sim.world.lane_changes.lane_change_decision import BLOCKED_WAY, LaneLook
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange, follow
 from rosbridge_sim.world.lane_changes.lane_change_motion import TIGHT_BEND, length_of_tight_shift, time_of_shift
-from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, is_clear
+from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, is_clear
 from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.state.world import Kind, World
@@ -184,9 +184,11 @@ class LaneChanges:
         duration = time_of_shift(shifts.change_time[at], now[at])
         walking = length_of_tight_shift(world, rows[at], shifts.across[at]) / duration
         accel[which[at]] = np.fmin(accel[which[at]], (walking - now[at]) / SETTLING_TIME)
-        hits = ~is_clear(world, shifts, now)
+        blocked = find_blocked(world, shifts, now)
+        hits = (blocked < np.inf).nonzero()[0]
         at = which[hits]
-        speed, gap, lead_speed = drivers.speed[at], gap[hits], lead_speed[hits]
+        speed, is_lead = drivers.speed[at], blocked[hits] <= gap[hits]
+        gap, lead_speed = blocked[hits], np.where(is_lead, lead_speed[hits], 0.0)
         brakes = follow(speed, desired_speed[at], gap, lead_speed)
         # As firm as it takes not to touch: the model brakes with all it has for any small gap, at walking speed, too.
         needed = np.fmax(speed * speed - lead_speed * lead_speed, 0.0) / (2.0 * np.fmax(gap, CREEP))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, is_clear
+from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, is_clear
 from rosbridge_sim.world.roads.lane_change_map import RIGHT
 from tests.world.lane_drives import world_of
 from tests.world.road_factory import car, ego
@@ -34,6 +34,39 @@ def test_driver_that_moves_over_keeps_off_what_stands_askew(beside: float, *, cl
         change_time=np.array([4.4]),
     )
     assert is_clear(world, shifts, np.array([8.0])).tolist() == [clear]
+
+
+@pytest.mark.parametrize(
+    ("done", "standing_at", "stops_at"),
+    # The change takes 13.3 m at 4 m/s, so the driver is in the new lane before it comes to the second car at 144 m.
+    [(0.39, 144.0, "nothing"), (0.39, 137.0, "second"), (0.1, 144.0, "first")],
+)
+def test_what_stands_beyond_the_lead_vehicle_counts_where_the_driver_comes_to_it(
+    done: float, standing_at: float, stops_at: str
+) -> None:
+    world = world_of(wide_road(2))
+    row = car(world, "l0", 126.0, speed=4.0)
+    lead = car(world, "l0", 134.0)
+    # It stands across both lanes, as one that has stopped while it changed lanes.
+    askew = ego(world, standing_at, -0.8, yaw=-0.55)
+    nose = world.half_length[row] + world.centre[row]
+    first = world.x[lead] + world.centre[lead] - world.half_length[lead] - world.x[row] - nose
+    half = world.half_length[askew] * np.cos(0.55) + world.half_width[askew] * np.sin(0.55)
+    second = world.x[askew] + world.centre[askew] * np.cos(0.55) - half - world.x[row] - nose
+    shifts = Shifts(
+        rows=np.array([row]),
+        nose=np.array([nose]),
+        length=np.array([2.0 * world.half_length[row]]),
+        side=np.array([RIGHT]),
+        done=np.array([done]),
+        across=np.array([3.5]),
+        gap=np.array([first]),
+        lead_speed=np.zeros(1),
+        is_tight=np.array([False]),
+        change_time=np.array([3.9]),
+    )
+    gap = {"nothing": np.inf, "first": first, "second": second}[stops_at]
+    assert find_blocked(world, shifts, np.array([4.0])) == pytest.approx([gap])
 
 
 def test_driver_that_moves_over_slowly_needs_a_longer_gap() -> None:
