@@ -22,9 +22,9 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 
 from rosbridge_sim.protocol.outbox import BinaryFrame
-from rosbridge_sim.shell.websocket.inflate import Deflated, LateDeflate, LateDeflateFactory, inflate
-from rosbridge_sim.shell.websocket.server_connection import DirectConnection
-from rosbridge_sim.shell.websocket.text_check import TextCheck
+from rosbridge_sim.shell.transport.inflate import Deflated, LateDeflate, LateDeflateFactory, inflate
+from rosbridge_sim.shell.transport.server_connection import DirectConnection
+from rosbridge_sim.shell.transport.text_check import TextCheck
 
 __all__ = ["compare", "run"]
 

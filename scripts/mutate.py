@@ -46,8 +46,8 @@ _DRIVES = "world/test_kinematic_drives.py world/test_single_track_drives.py worl
 
 TESTS = {
     "protocol/outbox.py": "protocol",
-    "protocol/session.py": "protocol graph/test_vectors.py graph/test_peer.py",
-    "protocol/subscription.py": "protocol graph/test_peer.py",
+    "protocol/session.py": "protocol graph/test_vectors.py graph/peers/test_peer.py",
+    "protocol/subscription.py": "protocol graph/peers/test_peer.py",
     "simulator/sync": "simulator/sync simulator/sim_services/test_barrier_services.py simulator/test_simulator_node.py",
     "simulator/kernel/sync_driver.py": (
         "simulator/test_simulator_node.py simulator/kernel/test_egos.py simulator/morai_services/test_loads.py "

@@ -35,12 +35,14 @@ units:
 version:
 not_json:
 # the wire
-schema: * long_text weight
+schema.definitions: *
+schema: * long_text schema.definitions weight
 protocol: * long_text weight
-graph: * protocol schema
+graph: * protocol schema schema.definitions
+graph.peers: * graph protocol schema
 graph.tf: * graph schema
-graph.attach: * graph protocol schema
-graph.ros2: * graph schema
+graph.attach: * graph protocol schema schema.definitions
+graph.ros2: * graph schema schema.definitions
 # the world
 world.geometry:
 world.roads: world.geometry
@@ -63,7 +65,7 @@ scenery: world.followers world.geometry world.roads world.state
 scenery.static: maps scenery world.geometry world.roads
 scenery.moving: scenery scenery.static world.followers world.geometry world.state
 # MORAI's names
-morai: schema
+morai: schema.definitions
 morai.messages: * maps morai scenarios schema units world.followers world.geometry world.roads world.state
     world.vehicle
 # the simulator
@@ -76,18 +78,22 @@ simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain si
     world.drivers world.followers world.geometry world.roads world.state world.vehicle
 simulator.sensors: * documents graph maps morai.messages scenery schema simulator.bus simulator.kernel simulator.plain
     world.geometry world.state world.vehicle
+simulator.sensor_services: * graph morai.messages simulator.bus simulator.kernel simulator.plain simulator.sensors
+    world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
-    simulator.scene simulator.sensors simulator.sync world.contacts world.roads world.state
-simulator.sim_services: * graph maps morai.messages scenarios scenery scenery.moving scenery.static schema simulator.bus
-    simulator.kernel simulator.plain simulator.scene simulator.sync units world world.contacts world.drivers
-    world.followers world.geometry world.lane_changes world.roads world.state
+    simulator.scene simulator.sensor_services simulator.sync world.contacts world.roads world.state
+simulator.markers: * graph maps morai.messages schema simulator.bus simulator.kernel simulator.plain units
+    world.geometry world.roads world.state
+simulator.sim_services: * graph maps morai.messages scenarios scenery scenery.moving scenery.static schema
+    simulator.bus simulator.kernel simulator.markers simulator.plain simulator.scene simulator.sync units world
+    world.contacts world.drivers world.followers world.geometry world.lane_changes world.roads world.state
 simulator.replays: * graph morai.messages scenarios simulator.bus simulator.kernel simulator.plain simulator.scene
     units world world.geometry world.state
 simulator.snapshots: * graph maps morai.messages protocol scenarios schema simulator.bus simulator.kernel
     simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.roads world.state
-simulator: * graph morai morai.messages scenarios scenery schema simulator.bus simulator.kernel
-    simulator.morai_services simulator.plain simulator.replays simulator.scene simulator.sensors simulator.sim_services
-    simulator.snapshots simulator.sync world world.geometry world.state
+simulator: * graph morai morai.messages scenarios scenery schema simulator.bus simulator.kernel simulator.markers
+    simulator.morai_services simulator.plain simulator.replays simulator.scene simulator.sensor_services
+    simulator.sensors simulator.sim_services simulator.snapshots simulator.sync world world.geometry world.state
 # campaigns, without processes and files
 campaigns: * documents expressions world.state
 # outside
@@ -95,24 +101,28 @@ link: * protocol
 client: * link protocol
 shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery scenery.static schema shell.bags
     shell.config shell.files shell.monitoring shell.page shell.rendering shell.ros2 shell.websocket simulator
-    simulator.bus simulator.plain simulator.replays simulator.scene simulator.sensors simulator.sim_services version
-    world.geometry world.roads world.state
+    simulator.bus simulator.markers simulator.plain simulator.replays simulator.scene simulator.sensors
+    simulator.sim_services version world.geometry world.roads world.state
 shell.page: * schema
-shell.monitoring: * graph protocol schema shell.websocket simulator version
-shell.websocket: * graph link protocol shell shell.page version
+shell.monitoring: * graph graph.peers protocol schema shell.websocket simulator version
+shell.transport: * link protocol
+shell.websocket: * graph graph.peers link protocol shell shell.page shell.transport version
 shell.config: * graph.ros2 link simulator.bus
 shell.ros2: * graph graph.ros2 morai schema shell shell.config shell.files
-shell.files: * maps scenarios schema shell.config simulator.bus simulator.sensors world.state
-shell.bags: * graph schema shell.files simulator.replays
+shell.files: * maps scenarios schema.definitions shell.config simulator.bus simulator.sensors world.state
+shell.bags: * graph schema schema.definitions shell.files simulator.replays
 shell.rendering: scenery scenery.moving world.geometry
 worlds: maps scenarios shell.files simulator.kernel simulator.plain simulator.scene simulator.sim_services
     world.drivers world.geometry world.many_worlds world.roads world.state
-environments: worlds world.state
+environments: world.state worlds
 campaign_runs: * campaigns environments expressions scenarios shell shell.config shell.files version world.followers
     world.geometry world.roads world.state worlds
-cli: * cli.tools cli.watch link
-cli.tools: * campaign_runs campaigns client graph graph.ros2 link maps morai scenarios schema shell shell.bags
-    shell.config shell.files shell.page shell.ros2 simulator.scene units world.geometry world.roads world.state
+cli: * cli.campaigns cli.files cli.tools cli.watch link
+cli.tools: * client graph graph.ros2 link morai schema schema.definitions shell.bags shell.config shell.files
+    shell.page shell.ros2
+cli.files: * cli.tools link maps scenarios shell shell.bags shell.config shell.files simulator.scene units
+    world.geometry world.roads world.state
+cli.campaigns: * campaign_runs campaigns cli.tools
 cli.watch: * cli.tools client link units world.geometry world.roads
 pytest_plugin: package client shell
 serving: * package link shell shell.config shell.monitoring shell.websocket

@@ -87,7 +87,7 @@ def _add_run(parser: Parser) -> None:
 
 
 def _run(options: Options) -> int:
-    from rosbridge_sim.cli.tools import campaign_run  # noqa: PLC0415
+    from rosbridge_sim.cli.campaigns import campaign_run  # noqa: PLC0415
 
     return campaign_run.run(
         options.file,
@@ -101,36 +101,36 @@ def _run(options: Options) -> int:
 
 
 def _check(options: Options) -> int:
-    from rosbridge_sim.cli.tools import campaign_run  # noqa: PLC0415
+    from rosbridge_sim.cli.campaigns import campaign_run  # noqa: PLC0415
 
     return campaign_run.check(options.file, is_json=options.json)
 
 
 def _list(options: Options) -> int:
-    from rosbridge_sim.cli.tools import campaign_results  # noqa: PLC0415
+    from rosbridge_sim.cli.campaigns import campaign_results  # noqa: PLC0415
 
     return campaign_results.list_runs(options.folder, options.verdict, is_json=options.json)
 
 
 def _show(options: Options) -> int:
-    from rosbridge_sim.cli.tools import campaign_results  # noqa: PLC0415
+    from rosbridge_sim.cli.campaigns import campaign_results  # noqa: PLC0415
 
     return campaign_results.show(options.folder, options.number, is_json=options.json)
 
 
 def _repeat(options: Options) -> int:
-    from rosbridge_sim.cli.tools import campaign_run  # noqa: PLC0415
+    from rosbridge_sim.cli.campaigns import campaign_run  # noqa: PLC0415
 
     return campaign_run.repeat(options.folder, options.number, is_json=options.json)
 
 
 def _report(options: Options) -> int:
-    from rosbridge_sim.cli.tools import campaign_results  # noqa: PLC0415
+    from rosbridge_sim.cli.campaigns import campaign_results  # noqa: PLC0415
 
     return campaign_results.report(options.folder)
 
 
 def _compare(options: Options) -> int:
-    from rosbridge_sim.cli.tools import campaign_results  # noqa: PLC0415
+    from rosbridge_sim.cli.campaigns import campaign_results  # noqa: PLC0415
 
     return campaign_results.compare(options.before, options.after, is_json=options.json)

@@ -97,7 +97,7 @@ def run_bag(argv: Sequence[str]) -> int:
 
 
 def _repair_bag(options: Options) -> int:
-    from rosbridge_sim.cli.tools import bag_repair as bag  # noqa: PLC0415
+    from rosbridge_sim.cli.files import bag_repair as bag  # noqa: PLC0415
 
     return bag.repair_bag(options.file, options.output, is_json=options.json)
 
@@ -151,7 +151,7 @@ def _add_strict(parser: Parser) -> None:
 
 
 def _check_scenario(options: Options) -> int:
-    from rosbridge_sim.cli.tools import scenario  # noqa: PLC0415
+    from rosbridge_sim.cli.files import scenario  # noqa: PLC0415
 
     library, own_map = scenario.open_library(options.map, tuple(options.scenario_path), options.catalogue)
     return scenario.check_scenarios(
@@ -187,7 +187,7 @@ def run_map(argv: Sequence[str]) -> int:
 
 
 def _show_map(options: Options) -> int:
-    from rosbridge_sim.cli.tools import map as map_tool  # noqa: PLC0415
+    from rosbridge_sim.cli.files import map as map_tool  # noqa: PLC0415
 
     return map_tool.show_maps(options.maps, options.picture, is_json=options.json, is_strict=options.strict)
 

@@ -22,9 +22,9 @@ from rosbridge_sim.graph.parameters import MAX_PARAMETERS
 from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.topics_services import Call, Service, Topic
+from rosbridge_sim.schema.definitions.names import DefinitionKind
+from rosbridge_sim.schema.definitions.typedefs import full_text, typedefs
 from rosbridge_sim.schema.message_type import MessageType
-from rosbridge_sim.schema.names import DefinitionKind
-from rosbridge_sim.schema.typedefs import full_text, typedefs
 
 __all__ = ["ROSAPI_NAME", "Rosapi"]
 

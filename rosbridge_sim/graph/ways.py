@@ -22,10 +22,11 @@ from enum import Enum
 from typing import Final, NamedTuple, TypeAlias
 
 from rosbridge_sim.graph.actions import CANCEL
-from rosbridge_sim.graph.republisher_names import REPUBLISH_SERVICE, REPUBLISHER_NAME
 
 __all__ = [
     "ACTIONLIB_TOPICS",
+    "REPUBLISHER_NAME",
+    "REPUBLISH_SERVICE",
     "SHOWN_TOPICS",
     "PolicyEffect",
     "Use",
@@ -34,6 +35,12 @@ __all__ = [
     "Ways",
     "topics_shown_by",
 ]
+
+REPUBLISHER_NAME: Final = "/tf2_web_republisher"
+"""Name of the action that publishes transforms for web pages."""
+
+REPUBLISH_SERVICE: Final = "/republish_tfs"
+"""Name of the service that does the same."""
 
 MAX_KNOWN_NAMES: Final = 20_000
 """Names whose other names are cached; a lookup costs about 10 us, and rosapi lists thousands."""

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
-from rosbridge_sim.schema.dialect import Leniency
+from rosbridge_sim.schema.definitions.dialect import Leniency
 
 __all__ = [
     "FIELD",

@@ -3,7 +3,7 @@
 A session knows only the wire of one peer: its spelling of topics, encodings and rates of its subscriptions, unfinished
 fragments, its status level, and its outbox. `receive` never raises, whatever the peer sends; the peer is told about
 each invalid part.
-`graph/peer.py` defines the meaning of the ops.
+`graph/peers/peer.py` defines the meaning of the ops.
 A peer gets other encodings, fragments or binary frames only if it asked for them.
 """
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.codegen import MAX_INLINE, MAX_STARRED, Source, code_of, count_fields, pack_numbers
-from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
 
 __all__ = ["CborWriters", "encode_plain", "head"]
 

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from rosbridge_sim.schema.message_spec import MessageSpec
-from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.definitions.message_spec import MessageSpec
+from rosbridge_sim.schema.definitions.names import Generation
 
 __all__ = ["MAX_INLINE", "MAX_STARRED", "Source", "code_of", "count_fields", "pack_numbers"]
 

@@ -22,12 +22,12 @@ import msgspec
 import pybase64
 
 from rosbridge_sim.errors import DefinitionError
-from rosbridge_sim.schema.dialect import Dialect, Leniency
+from rosbridge_sim.schema.definitions.dialect import Dialect, Leniency
+from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.definitions.names import ros2_names
+from rosbridge_sim.schema.definitions.parse import Definition, Field
 from rosbridge_sim.schema.float32 import round32, round32_list
-from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
 from rosbridge_sim.schema.message_type import Encoders, Finalize, JsonBytes, MessageType
-from rosbridge_sim.schema.names import ros2_names
-from rosbridge_sim.schema.parse import Definition, Field
 
 __all__ = ["compile_message"]
 

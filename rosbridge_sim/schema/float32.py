@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 import orjson
 
-from rosbridge_sim.schema.parse import MAX_FLOAT32
+from rosbridge_sim.schema.definitions.parse import MAX_FLOAT32
 
 __all__ = ["LONG_ARRAY", "NumberArray", "round32", "round32_list"]
 

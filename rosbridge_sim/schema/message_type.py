@@ -14,10 +14,10 @@ import pybase64
 from rosbridge_sim.long_text import MARK, LongBody
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.cbor import CborWriters
+from rosbridge_sim.schema.definitions.message_spec import MessageSpec
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.json_text import parse_json
 from rosbridge_sim.schema.late_list import LateList
-from rosbridge_sim.schema.message_spec import MessageSpec
-from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.ros_serialization import RosWriters
 from rosbridge_sim.schema.skeleton import Skeleton
 from rosbridge_sim.schema.validate import check

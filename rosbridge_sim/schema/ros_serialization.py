@@ -17,8 +17,8 @@ import msgspec
 
 from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.codegen import MAX_INLINE, MAX_STARRED, Source, code_of, count_fields, pack_numbers
-from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
-from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.definitions.names import Generation
 
 __all__ = ["RosWriters"]
 

@@ -15,7 +15,7 @@ import msgspec
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.message_spec import MessageSpec
+from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 
 __all__ = ["MAX_COST", "Skeleton"]
 

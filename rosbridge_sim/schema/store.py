@@ -14,9 +14,8 @@ import msgspec
 
 from rosbridge_sim.errors import DefinitionError, TypeNameError, UnknownPackageError
 from rosbridge_sim.schema.compile import compile_message
-from rosbridge_sim.schema.dialect import ROS1, ROS2, Leniency
-from rosbridge_sim.schema.message_type import ActionType, Encoders, MessageType, ServiceType
-from rosbridge_sim.schema.names import (
+from rosbridge_sim.schema.definitions.dialect import ROS1, ROS2, Leniency
+from rosbridge_sim.schema.definitions.names import (
     RENAMED_FIELDS,
     RENAMED_PACKAGES,
     DefinitionKind,
@@ -24,9 +23,16 @@ from rosbridge_sim.schema.names import (
     spelled,
     split_name,
 )
-from rosbridge_sim.schema.parse import Definition, Field, parse_action, parse_message, parse_service
-from rosbridge_sim.schema.standard import PACKAGES, WITHOUT_SERVICES, ros2_text, standard_names, standard_text
-from rosbridge_sim.schema.typedefs import full_text
+from rosbridge_sim.schema.definitions.parse import Definition, Field, parse_action, parse_message, parse_service
+from rosbridge_sim.schema.definitions.standard import (
+    PACKAGES,
+    WITHOUT_SERVICES,
+    ros2_text,
+    standard_names,
+    standard_text,
+)
+from rosbridge_sim.schema.definitions.typedefs import full_text
+from rosbridge_sim.schema.message_type import ActionType, Encoders, MessageType, ServiceType
 from rosbridge_sim.suggestions import hint
 
 __all__ = ["Store"]

@@ -10,8 +10,8 @@ from collections.abc import Iterable, Iterator
 from itertools import groupby
 from typing import Final
 
-from rosbridge_sim.schema.names import Generation
-from rosbridge_sim.schema.parse import Constant, Definition, Field
+from rosbridge_sim.schema.definitions.names import Generation
+from rosbridge_sim.schema.definitions.parse import Constant, Definition, Field
 from rosbridge_sim.schema.store import Store
 
 __all__ = ["declare_package"]

@@ -24,11 +24,11 @@ import numpy as np
 from rosbridge_sim.errors import FieldError, Reason
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.printable import MAX_QUOTED, printable
-from rosbridge_sim.schema.dialect import Dialect
+from rosbridge_sim.schema.definitions.dialect import Dialect
+from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.definitions.parse import INT_RANGES, MAX_FLOAT32, Field
 from rosbridge_sim.schema.float32 import LONG_ARRAY, NumberArray, round32, round32_list
-from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
 from rosbridge_sim.schema.number_arrays import are_integral, to_dtype, to_floats
-from rosbridge_sim.schema.parse import INT_RANGES, MAX_FLOAT32, Field
 from rosbridge_sim.suggestions import hint, listing
 
 __all__ = ["check"]

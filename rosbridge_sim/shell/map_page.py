@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.simulator.markers.map_drawing import MapDrawing
 from rosbridge_sim.simulator.plain.reading import Reader
-from rosbridge_sim.simulator.sim_services.map_drawing import MapDrawing
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 from rosbridge_sim.version import __version__
 

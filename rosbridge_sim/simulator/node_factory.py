@@ -28,6 +28,7 @@ from rosbridge_sim.simulator.kernel.simulation_time import SimulationTime
 from rosbridge_sim.simulator.kernel.sync_driver import SyncDriver
 from rosbridge_sim.simulator.kernel.sync_info import SyncInfo
 from rosbridge_sim.simulator.kernel.tf_publisher import TF, StaticTf, TfPublisher
+from rosbridge_sim.simulator.markers.scene_markers import SceneMarkers
 from rosbridge_sim.simulator.morai_services.command_executor import CommandExecutor
 from rosbridge_sim.simulator.morai_services.command_topics import CommandTopics
 from rosbridge_sim.simulator.morai_services.loads import Loads
@@ -40,11 +41,11 @@ from rosbridge_sim.simulator.replays.replay import Replay
 from rosbridge_sim.simulator.scene.load import Library
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
+from rosbridge_sim.simulator.sensor_services.sensor_commands import Sensors
+from rosbridge_sim.simulator.sensor_services.sensor_service import SensorService
 from rosbridge_sim.simulator.sensors.drawing import SensorWorker
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
-from rosbridge_sim.simulator.sensors.sensor_commands import Sensors
 from rosbridge_sim.simulator.sensors.sensor_files import SensorDataStore
-from rosbridge_sim.simulator.sensors.sensor_service import SensorService
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
 from rosbridge_sim.simulator.sensors.weather import WeatherControl
 from rosbridge_sim.simulator.sim_services.barrier_services import BarrierServices
@@ -56,7 +57,6 @@ from rosbridge_sim.simulator.sim_services.population import Population
 from rosbridge_sim.simulator.sim_services.real_time_factor import RealTimeFactor
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 from rosbridge_sim.simulator.sim_services.scenario_services import Scenarios, ScenarioShelf
-from rosbridge_sim.simulator.sim_services.scene_markers import SceneMarkers
 from rosbridge_sim.simulator.sim_services.scene_mesh import SceneMesh
 from rosbridge_sim.simulator.sim_services.scene_state import SceneState
 from rosbridge_sim.simulator.sim_services.score_services import Scores

@@ -30,13 +30,13 @@ from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.egos import EgoRegistry
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameMeter
 from rosbridge_sim.simulator.kernel.real_time import RealTime, set_real_time_factor
+from rosbridge_sim.simulator.markers.scene_markers import SCENE_MAP, SCENE_OBJECTS
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
-from rosbridge_sim.simulator.sensors.missing_sensors import advise
+from rosbridge_sim.simulator.sensor_services.missing_sensors import advise
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_noise import SensorNoise
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig
-from rosbridge_sim.simulator.sim_services.scene_markers import SCENE_MAP, SCENE_OBJECTS
 from rosbridge_sim.simulator.sync.sync import Sync
 from rosbridge_sim.world.state.world import World
 

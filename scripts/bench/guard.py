@@ -34,7 +34,7 @@ sys.path.insert(0, str(_TREE))
 import orjson  # noqa: E402 - the path comes first
 
 from rosbridge_sim.graph.bus import Bus  # noqa: E402 - as above
-from rosbridge_sim.graph.peer import Peer  # noqa: E402 - as above
+from rosbridge_sim.graph.peers.peer import Peer  # noqa: E402 - as above
 from rosbridge_sim.morai.releases import LENIENCY  # noqa: E402 - as above
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits  # noqa: E402 - as above
 from rosbridge_sim.protocol.session import Session  # noqa: E402 - as above

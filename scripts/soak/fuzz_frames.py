@@ -21,7 +21,7 @@ from PIL import Image
 
 from rosbridge_sim.errors import PeerError
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
 from rosbridge_sim.schema.store import Store
 from scripts.soak.fuzz_raw import part_of_frame, raw_bytes
 from scripts.soak.fuzz_values import (

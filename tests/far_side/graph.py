@@ -13,7 +13,7 @@ from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from rosbridge_sim.schema.parse import Definition
+from rosbridge_sim.schema.definitions.parse import Definition
 from tests.far_side.messages import Json, RosError, Types
 
 if TYPE_CHECKING:

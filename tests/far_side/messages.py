@@ -16,8 +16,8 @@ from collections.abc import Collection, Iterator
 from typing import Any
 
 from rosbridge_sim.errors import DefinitionError
-from rosbridge_sim.schema.parse import INT_RANGES, Definition, Field, parse_message, parse_service
-from rosbridge_sim.schema.standard import standard_text
+from rosbridge_sim.schema.definitions.parse import INT_RANGES, Definition, Field, parse_message, parse_service
+from rosbridge_sim.schema.definitions.standard import standard_text
 from rosbridge_sim.shell.files.definitions import read_definitions
 
 __all__ = ["Json", "RosError", "Types", "now"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 
-from rosbridge_sim.schema.parse import Definition, Field
+from rosbridge_sim.schema.definitions.parse import Definition, Field
 from tests.far_side.graph import Graph, Service, Topic
 from tests.far_side.messages import Json, RosError, now
 

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
-from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.store import Store
 from tests.vector_player import read_frame
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox

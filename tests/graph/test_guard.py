@@ -15,7 +15,7 @@ from rosbridge_sim.graph.attach.mirror import Mirror
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.guard import Guard
 from rosbridge_sim.graph.participant import Participant
-from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.graph.topics_services import Answer, Call, Topic
 from rosbridge_sim.protocol.outbox import Outbox

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph import parameters, topic_table
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import MAX_OP_ID
+from rosbridge_sim.graph.peers.peer import MAX_OP_ID
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.topic_table import TYPE_MEMORY

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits

@@ -10,8 +10,8 @@ from types import FrameType
 import pytest
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import Peer
-from rosbridge_sim.graph.peer_topics import MAX_WATCHED_TOPICS as MAX_OF_CLIENT
+from rosbridge_sim.graph.peers.peer import Peer
+from rosbridge_sim.graph.peers.peer_topics import MAX_WATCHED_TOPICS as MAX_OF_CLIENT
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.unheard import MAX_TOLD_PUBLISHERS, MAX_WATCHED_PUBLISHERS, UNHEARD_AFTER
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits

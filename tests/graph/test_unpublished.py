@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import Peer
-from rosbridge_sim.graph.peer_topics import MAX_WATCHED_TOPICS as MAX_OF_CLIENT
+from rosbridge_sim.graph.peers.peer import Peer
+from rosbridge_sim.graph.peers.peer_topics import MAX_WATCHED_TOPICS as MAX_OF_CLIENT
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.unpublished import MAX_TOLD_AT_ONCE, MAX_WATCHED_SUBSCRIPTIONS, UNPUBLISHED_AFTER
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits

@@ -17,8 +17,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
-from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.definitions.names import Generation
 
 __all__ = ["ARRAY_TAGS", "Rosbags", "alike", "as_json", "plain", "read_cbor"]
 

@@ -15,11 +15,11 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-from rosbridge_sim.schema.dialect import Dialect
-from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.definitions.dialect import Dialect
+from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.definitions.names import Generation
+from rosbridge_sim.schema.definitions.parse import INT_RANGES
 from rosbridge_sim.schema.message_type import MessageType
-from rosbridge_sim.schema.names import Generation
-from rosbridge_sim.schema.parse import INT_RANGES
 from rosbridge_sim.schema.store import Store
 
 __all__ = [

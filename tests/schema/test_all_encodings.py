@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.schema.cbor import encode_plain
-from rosbridge_sim.schema.message_spec import MessageSpec
+from rosbridge_sim.schema.definitions.message_spec import MessageSpec
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.message_type import MessageType
-from rosbridge_sim.schema.names import Generation
 from tests.schema.reference_readers import Rosbags, alike, as_json, plain, read_cbor
 from tests.schema.strategies import STAMP_NS, all_types, every_type, wild_values
 

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import DefinitionError, FieldError, TypeNameError
-from rosbridge_sim.schema.names import Generation
-from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
+from rosbridge_sim.schema.definitions.names import Generation
+from rosbridge_sim.schema.definitions.parse import parse_action, parse_message, parse_service
 from rosbridge_sim.schema.store import Store
 from tests.mutations import Flip, damage, examples, flips
 from tests.schema.strategies import read_texts

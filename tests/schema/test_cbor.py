@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.cbor import encode_plain, head
 from rosbridge_sim.schema.codegen import MAX_INLINE
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.schema.store import Store
 from tests.schema.reference_readers import ARRAY_TAGS, read_cbor

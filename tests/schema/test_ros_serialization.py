@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.errors import EncodingError, FieldError
 from rosbridge_sim.schema.codegen import MAX_INLINE, MAX_STARRED
-from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.definitions.names import Generation
 from tests.schema.reference_readers import Rosbags, alike, plain
 from tests.schema.type_factory import make
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.schema.names import Generation
-from rosbridge_sim.schema.parse import Definition, parse_action, parse_message, parse_service
-from rosbridge_sim.schema.standard import standard_names
+from rosbridge_sim.schema.definitions.names import Generation
+from rosbridge_sim.schema.definitions.parse import Definition, parse_action, parse_message, parse_service
+from rosbridge_sim.schema.definitions.standard import standard_names
 from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import SCHEMAS, read_texts, shared_store
 from tests.schema.type_factory import compile_all

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from rosbridge_sim.errors import FieldError, TypeNameError, UnknownPackageError
-from rosbridge_sim.schema.dialect import Leniency, Time, Time2
+from rosbridge_sim.schema.definitions.dialect import Leniency, Time, Time2
 from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import SCHEMAS, shared_store
 
@@ -323,7 +323,7 @@ def test_types_of_the_simulator_do_not_import_rosbags() -> None:
     code = (
         "import sys; from tests.schema.strategies import read_texts; from rosbridge_sim.schema.store import Store;"
         "from tests.schema.type_factory import compile_all;"
-        "from rosbridge_sim.schema.standard import PACKAGES; texts = read_texts();"
+        "from rosbridge_sim.schema.definitions.standard import PACKAGES; texts = read_texts();"
         "own = {p for p, *_ in texts} - PACKAGES[1] - PACKAGES[2] - {'composition_interfaces'};"
         "own = [name for name in texts if name[0] in own]; stores = [Store(texts, ros=ros) for ros in (1, 2)];"
         "[compile_all(store, own) for store in stores];"

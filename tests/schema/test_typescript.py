@@ -9,7 +9,7 @@ import pytest
 
 from rosbridge_sim.errors import TypeNameError
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.schema.typescript import declare_package
 from rosbridge_sim.shell.files.definitions import read_definitions

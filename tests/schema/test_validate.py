@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FieldError
-from rosbridge_sim.schema.dialect import Duration, Leniency, Time, Time2
+from rosbridge_sim.schema.definitions.dialect import Duration, Leniency, Time, Time2
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import every_type, shared_store

@@ -9,8 +9,8 @@ import pytest
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.message_type import MessageType
-from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import STAMP_NS
 

@@ -15,8 +15,8 @@ from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind, NetworkSettings, read_choices

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.maps.road_map import RoadMap
@@ -23,7 +23,7 @@ from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.protocol.outbox import BinaryFrame, Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.scenarios.scenario import Scenario
-from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.simulator.node_factory import make_node

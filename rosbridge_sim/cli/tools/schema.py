@@ -14,7 +14,7 @@ from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.schema.parse import Definition
+from rosbridge_sim.schema.definitions.parse import Definition
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.schema.typescript import declare_package
 from rosbridge_sim.shell.config.loading import read_settings

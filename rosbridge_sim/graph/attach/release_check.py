@@ -14,8 +14,8 @@ from rosbridge_sim.errors import TypeNameError
 from rosbridge_sim.graph.attach.connection import Values
 from rosbridge_sim.graph.attach.diagnostics import Diagnostics, plain_type
 from rosbridge_sim.graph.attach.mirror_registry import MirrorRegistry
+from rosbridge_sim.schema.definitions.typedefs import typedefs
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.schema.typedefs import typedefs
 
 __all__ = ["ReleaseCheck"]
 

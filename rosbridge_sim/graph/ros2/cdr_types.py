@@ -16,10 +16,10 @@ import numpy as np
 from rosbridge_sim.errors import FieldError, PeerError, Reason, TypeNameError
 from rosbridge_sim.graph.ros2.cdr_objects import count_objects
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.schema.definitions.message_spec import MessageSpec, layout_of
+from rosbridge_sim.schema.definitions.names import spelled
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.schema.message_spec import MessageSpec, layout_of
 from rosbridge_sim.schema.message_type import MessageType
-from rosbridge_sim.schema.names import spelled
 from rosbridge_sim.schema.ros_serialization import RosWriters
 from rosbridge_sim.schema.store import Store
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from rosbags.interfaces import Nodetype
 
-from rosbridge_sim.schema.message_spec import FieldSpec, MessageSpec
-from rosbridge_sim.schema.names import ros2_names, spelled
+from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
+from rosbridge_sim.schema.definitions.names import ros2_names, spelled
 
 if TYPE_CHECKING:
     from rosbags.interfaces.typing import Fielddefs, Typesdict

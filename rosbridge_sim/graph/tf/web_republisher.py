@@ -29,9 +29,9 @@ from rosbridge_sim.graph.actionlib import STATUS_PERIOD, Actionlib
 from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
-from rosbridge_sim.graph.republisher_names import REPUBLISH_SERVICE, REPUBLISHER_NAME
 from rosbridge_sim.graph.tf.buffer import MAX_TF_FRAMES, Placed, Transform, TransformBuffer, frame_name, turn
 from rosbridge_sim.graph.topics_services import Call, Subscription, Topic
+from rosbridge_sim.graph.ways import REPUBLISH_SERVICE, REPUBLISHER_NAME
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message import Message
 

@@ -23,7 +23,7 @@ from rosbags.rosbag2 import WriterError as Writer2Error
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.shell.bags.rosbags_internals import (
     connections_of,
     end_chunk1,

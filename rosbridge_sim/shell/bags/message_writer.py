@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rosbridge_sim.errors import DocumentError, EncodingError, GraphError, PeerError
+from rosbridge_sim.schema.definitions.message_spec import layout_of
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.schema.message_spec import layout_of
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import Bag, Channel

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.schema.parse import parse_action, parse_message, parse_service
+from rosbridge_sim.schema.definitions.parse import parse_action, parse_message, parse_service
 from rosbridge_sim.shell.files.bounded_read import read_bounded
 
 __all__ = ["Texts", "read_definitions"]

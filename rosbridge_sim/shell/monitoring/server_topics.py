@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping
 from typing import Literal
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer_base import WEBSOCKET_NODE_NAME
+from rosbridge_sim.graph.peers.peer_base import WEBSOCKET_NODE_NAME
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.graph.ways import PolicyEffect, Use, Way

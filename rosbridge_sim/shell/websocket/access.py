@@ -21,7 +21,7 @@ from urllib.parse import parse_qs, urlsplit
 from websockets.http11 import Request
 
 from rosbridge_sim.errors import DocumentError, Reason
-from rosbridge_sim.graph.peer import FrameWork, Peer, Work
+from rosbridge_sim.graph.peers.peer import FrameWork, Peer, Work
 from rosbridge_sim.protocol.ops import ActionResult, Id, Op, ServiceResponse
 from rosbridge_sim.shell.websocket.origins import OriginRules
 

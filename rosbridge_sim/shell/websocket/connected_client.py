@@ -14,21 +14,21 @@ from websockets.frames import CloseCode
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import Peer, Work
+from rosbridge_sim.graph.peers.peer import Peer, Work
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.outbox import Outbox
 from rosbridge_sim.protocol.session import Session
-from rosbridge_sim.shell.websocket.access import RateGate
-from rosbridge_sim.shell.websocket.connections import ServedConnection, address_of
-from rosbridge_sim.shell.websocket.inflate import (
+from rosbridge_sim.shell.transport.inflate import (
     Deflated,
     DeflatedText,
     LateDeflate,
     inflate,
 )
+from rosbridge_sim.shell.transport.text_check import TextCheck
+from rosbridge_sim.shell.websocket.access import RateGate
+from rosbridge_sim.shell.websocket.connections import ServedConnection, address_of
 from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
 from rosbridge_sim.shell.websocket.memory import LARGE_FRAME
-from rosbridge_sim.shell.websocket.text_check import TextCheck
 from rosbridge_sim.shell.websocket.turns import Turns
 
 __all__ = ["Client", "ClientWatch"]

@@ -9,11 +9,11 @@ from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
 
 from rosbridge_sim.loose_types import LibraryArgument
+from rosbridge_sim.shell.transport.library_connection import LibraryConnection
+from rosbridge_sim.shell.transport.receiving_connection import ReceivingConnection
+from rosbridge_sim.shell.transport.server_connection import DirectConnection
 from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
-from rosbridge_sim.shell.websocket.library_connection import LibraryConnection
 from rosbridge_sim.shell.websocket.limits import MAX_OPENING
-from rosbridge_sim.shell.websocket.receiving_connection import ReceivingConnection
-from rosbridge_sim.shell.websocket.server_connection import DirectConnection
 from rosbridge_sim.shell.websocket.tls_handshake import TlsHandshake, TlsRules
 
 __all__ = [

@@ -35,6 +35,10 @@ from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.shell.map_page import MapText
 from rosbridge_sim.shell.page.web_page import PATHS, WebPage
+from rosbridge_sim.shell.transport.inflate import (
+    LateDeflateFactory,
+    library_deflate,
+)
 from rosbridge_sim.shell.websocket.access import Refusal
 from rosbridge_sim.shell.websocket.byte_totals import Traffic
 from rosbridge_sim.shell.websocket.connected_client import Client
@@ -56,10 +60,6 @@ from rosbridge_sim.shell.websocket.http_answers import (
     links_of,
     method_of,
     not_allowed,
-)
-from rosbridge_sim.shell.websocket.inflate import (
-    LateDeflateFactory,
-    library_deflate,
 )
 from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
 from rosbridge_sim.shell.websocket.memory import MemoryReturn, resident_bytes, trim_memory

@@ -18,9 +18,9 @@ from typing import Any
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.protocol.first_op import FirstOp, read_first_op, refusal_frame
+from rosbridge_sim.shell.transport.inflate import Deflated
+from rosbridge_sim.shell.transport.receiving_connection import ReceivingConnection
 from rosbridge_sim.shell.websocket.access import Access
-from rosbridge_sim.shell.websocket.inflate import Deflated
-from rosbridge_sim.shell.websocket.receiving_connection import ReceivingConnection
 from rosbridge_sim.shell.websocket.turns import Turns
 
 __all__ = [

@@ -20,7 +20,7 @@ from rosbridge_sim.simulator.scene.scene_commands import (
     SceneCommand,
     ShiftEgo,
 )
-from rosbridge_sim.simulator.sensors.sensor_commands import Sensors
+from rosbridge_sim.simulator.sensor_services.sensor_commands import Sensors
 
 __all__ = ["CommandExecutor"]
 

@@ -11,7 +11,7 @@ from rosbridge_sim.graph.attach.connection import BridgeConnection
 from rosbridge_sim.graph.attach.mirror import Mirror
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
-from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.topics_services import Call, Topic

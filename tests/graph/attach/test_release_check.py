@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.graph.attach.release_check import _differing, _fields_in
+from rosbridge_sim.schema.definitions.typedefs import typedefs
 from rosbridge_sim.schema.store import Store
-from rosbridge_sim.schema.typedefs import typedefs
 from tests.graph.bus_fixture import make_store
 
 NAMES = (

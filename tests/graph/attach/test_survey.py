@@ -8,7 +8,7 @@ import pytest
 
 from rosbridge_sim.graph.attach.connection import PROBE
 from rosbridge_sim.graph.attach.survey import SURVEY_DELAYS
-from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.peers.peer import Peer
 from tests.graph.attach.mirror_harness import Car, Program, SimHarness, make_deaf
 
 # What it lacks

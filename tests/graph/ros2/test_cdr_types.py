@@ -10,8 +10,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rosbridge_sim.errors import FieldError, PeerError, Reason, TypeNameError
 from rosbridge_sim.graph.ros2.cdr_types import MAX_OBJECTS, CdrTypes
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.message import Message
-from rosbridge_sim.schema.names import Generation
 from rosbridge_sim.schema.store import Store
 from tests.graph.bus_fixture import make_store
 

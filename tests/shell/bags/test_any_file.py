@@ -18,7 +18,7 @@ from rosbags.rosbag2 import Writer as Writer2
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.morai.messages.convert import Converter
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import open_bag
 from rosbridge_sim.shell.bags.bag_reader import read_recording

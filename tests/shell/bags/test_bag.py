@@ -11,7 +11,7 @@ from rosbags.rosbag1 import Reader as Reader1
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import Bag, BagGoneError, open_bag
 from rosbridge_sim.shell.files.definitions import read_definitions

@@ -1,7 +1,7 @@
 """The contract with the `rosbags` library: what we use of it beyond its documented interface is there and behaves.
 
 A new version of the library is tried by running this file, `test_bag.py`, `test_repair.py`, `test_recording.py`,
-`test_recordings.py` and `tests/schema/test_standard.py` with it. If they pass, it joins `TRIED`.
+`test_recordings.py` and `tests/schema/definitions/test_standard.py` with it. If they pass, it joins `TRIED`.
 """
 
 from __future__ import annotations

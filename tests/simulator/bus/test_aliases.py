@@ -15,7 +15,7 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.peer import Peer
+from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import Session

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.schema.definitions.parse import Field
 from rosbridge_sim.schema.message_type import MessageType
-from rosbridge_sim.schema.parse import Field
 from tests.simulator.pages import INTERFACES, RELEASES, RENAMED, REPLACED, SLIPS, TABLES
 from tests.simulator.sim_harness import make_store
 

@@ -11,7 +11,7 @@ import pytest
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.scenery.pictures import EXTINCTION, Weather
-from rosbridge_sim.schema.names import Generation
+from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE, Echoes, fade
 from rosbridge_sim.simulator.sensors.sensor_specs import (
     CameraSpec,

@@ -391,8 +391,8 @@ def test_sensors_compute_nothing_without_subscribers(monkeypatch: pytest.MonkeyP
     def fail(*_args: object) -> None:
         raise AssertionError("made for nobody")
 
-    for name in ("gps.locate", "imu.feel", "sensor_commands.find_boxes"):
-        monkeypatch.setattr(f"rosbridge_sim.simulator.sensors.{name}", fail)
+    for name in ("sensors.gps.locate", "sensors.imu.feel", "sensor_services.sensor_commands.find_boxes"):
+        monkeypatch.setattr(f"rosbridge_sim.simulator.{name}", fail)
     client.listen("/Ego_topic")
     client.tick()
     assert len(client.messages("/Ego_topic")) == 1

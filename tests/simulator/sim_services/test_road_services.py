@@ -10,8 +10,8 @@ import pytest
 
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.simulator.markers.map_drawing import MAX_LINE_POINTS, MapDrawing
 from rosbridge_sim.simulator.sim_services import road_services
-from rosbridge_sim.simulator.sim_services.map_drawing import MAX_LINE_POINTS, MapDrawing
 from rosbridge_sim.world.roads.roads import Roads
 from tests.simulator.sim_harness import Client, ManualReader, SimHarness, make_store
 from tests.world.road_factory import built_in

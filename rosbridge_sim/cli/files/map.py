@@ -1,0 +1,228 @@
+"""`map info`: checks of maps; the contents of a map's folder, the map read from it, and a picture on request.
+
+A *mistake* makes loading the map fail. A *remark* is about a missing part, or about a value that is read in another way
+than it is written.
+"""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from rosbridge_sim.cli.files.verdicts import Verdicts, exit_code, put_verdict
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
+from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.maps.map_check import describe_map, list_files
+from rosbridge_sim.maps.map_formats import find_map_mistakes, is_map, read_map
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.shell.files.library import DiskLibrary, map_names, read_folder, refuse_map_file
+from rosbridge_sim.shell.files.other_formats import MAP_IS, find_other_formats
+
+__all__ = ["show_maps"]
+
+MAX_ROWS: Final = 60
+"""Intersections that are listed for people."""
+
+WIDTH: Final = 110
+"""Width of lines with many names, as in the help texts."""
+
+_Report = dict[str, Any]  # a JSON object
+
+
+def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_strict: bool) -> int:
+    """Explain a map, or print the result of checks of several.
+
+    Args:
+        names: folders, folders of such folders, or names of built-in maps.
+        picture: file for a picture; allowed for a single map.
+        is_json: print JSON for programs.
+        is_strict: remarks count like mistakes in the exit code.
+
+    Returns:
+        The exit code; see `verdicts.exit_code`.
+
+    Raises:
+        DocumentError: there is no such folder, or the picture cannot be written.
+    """
+    folders = [folder for name in names for folder in _find_folders(name)]
+    if picture is not None and len(folders) > 1:
+        raise SettingError(f"--picture: expected a single map to draw, got {len(folders):,}")
+    if len(folders) == 1:
+        account, road_map = _account(folders[0])
+        if picture is not None and road_map is not None:
+            from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
+
+            left_out = draw_map(road_map, Path(picture))
+            if left_out:
+                note(left_out)
+        elif picture is not None:
+            note("--picture: nothing is drawn, because the map has mistakes")
+        if is_json:
+            put_json(account)
+        else:
+            _show(account)
+        return exit_code([account], is_strict=is_strict)
+    verdicts = Verdicts("map info", len(folders), is_json=is_json)
+    for folder in folders:
+        verdicts.begin(str(folder))
+        try:
+            account, _ = _account(folder)
+        except DocumentError as error:
+            account = {"file": str(folder), "is_good": False, "mistakes": [str(error)], "remarks": []}
+        verdicts.add(account)
+    return verdicts.end(is_strict=is_strict)
+
+
+def _find_folders(name: str) -> list[Path]:
+    """Return the folder of a map; for another folder, the folders of maps in it.
+
+    Raises:
+        DocumentError: there is no such folder.
+    """
+    try:
+        folder = DiskLibrary(own_map=name).map_folder(name)
+    except DocumentError:
+        refuse_map_file(Path(name))
+        known = ", ".join(map_names())
+        raise DocumentError(f"{name}: expected a folder of MGeo files, or one of {known}; there is none") from None
+    if is_map(_names_in(folder)):
+        return [folder]
+    inner = [at for at in sorted(folder.glob("*")) if at.is_dir() and is_map(_names_in(at))]
+    if not inner and (other := find_other_formats(folder)):
+        raise DocumentError(f"{name}: {other}; {MAP_IS}")
+    return inner or [folder]
+
+
+def _names_in(folder: Path) -> set[str]:
+    """Return the names of the files in a folder; none if it cannot be read."""
+    try:
+        return {at.name for at in folder.iterdir()}
+    except OSError:
+        return set()
+
+
+def _account(folder: Path) -> tuple[_Report, RoadMap | None]:
+    """Return the report on a map, and the map if it can be read.
+
+    Raises:
+        DocumentError: the folder cannot be read.
+    """
+    try:
+        names = [at.name for at in folder.iterdir()]
+    except OSError as error:
+        raise DocumentError(f"{folder}: cannot be read: {error.strerror}") from None
+    files = read_folder(folder)
+    account: _Report = {"file": str(folder), "folder": str(folder), "files": list_files(files, names)}
+    try:
+        road_map = read_map(files, str(folder))
+    except DocumentError:
+        mistakes = find_map_mistakes(files, str(folder))
+        return {**account, "is_good": False, "mistakes": mistakes, "remarks": []}, None
+    described = describe_map(files, road_map)
+    remarks = [*described["notes"], *map(_gap, described["gaps"])]
+    return {**account, "is_good": not remarks, "mistakes": [], "remarks": remarks, **described}, road_map
+
+
+# Output for people
+
+
+def _show(account: _Report) -> None:
+    put_verdict(account)
+    _put_lines("mistakes", account["mistakes"])
+    _put_lines("remarks", account["remarks"])
+    put("")
+    files = account["files"]
+    named = [f"{one['name']} ({one['holds']})" if one["holds"] else one["name"] for one in files if one["is_read"]]
+    _put_names("read", named)
+    _put_names("present, but not needed", [one["name"] for one in files if one["is_there"] and not one["is_read"]])
+    _put_names("missing", [one["name"] for one in files if not one["is_there"] and one["is_known"]])
+    if not account["mistakes"]:
+        _show_figures(account)
+
+
+def _put_names(title: str, names: Sequence[str]) -> None:
+    if names:
+        text = f"  {title}: {', '.join(map(safe, names))}"
+        put(textwrap.fill(text, WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False))
+
+
+def _put_lines(title: str, lines: Sequence[str]) -> None:
+    if lines:
+        put(f"\n{title}:")
+        for line in lines:
+            put(f"  {safe(line)}")
+
+
+def _show_figures(account: _Report) -> None:
+    projection, lanes, lights = account["projection"], account["lanes"], account["lights"]
+    east, north, up = account["origin"]
+    (west, to_east), (south, to_north), (low, high) = account["extent"].values()
+    put("")
+    if account["version"]:
+        put(f"version: {safe(account['version'])}")
+    if projection["kind"] is None:
+        put("projection: none")
+    else:
+        put(f"projection: {projection['kind']}, {safe(projection['ellipse'])} ({safe(projection['text'])})")
+        put(f"origin: {east:,.3f} east, {north:,.3f} north, {up:,.3f} up")
+    put(
+        f"extent: {to_east - west:,.0f} m from west to east, {to_north - south:,.0f} m from south to north "
+        f"(x {west:,.1f} to {to_east:,.1f}, y {south:,.1f} to {to_north:,.1f}, z {low:,.1f} to {high:,.1f})"
+    )
+    put(f"nodes: {account['nodes']['num']:,}, {account['nodes']['on_stop_line']:,} of them on a stop line")
+    put(
+        f"lanes: {lanes['num']:,}, {lanes['length_km']:.2f} km; {lanes['num_with_neighbours']:,} with a lane beside "
+        f"it to change into, {lanes['num_to_stop_lines']:,} that end at a stop line; "
+        f"{lanes['num_links_for_changes']:,} links for lane changes"
+    )
+    _put_lanes("speed limit [km/h]", lanes["by_speed_limit"])
+    _put_lanes("link type", lanes["by_link_type"])
+    _put_lanes("width [m]", lanes["by_width"])
+    put(f"borders: {account['borders']['num']:,}{_counts(account['borders']['by_type'], 'type ')}")
+    put(f"lights: {lights['num']:,}{_counts(lights['by_type'])}; {lights['num_groups']:,} groups")
+    for key, title in (("by_sub_type", "lamps"), ("by_type_on_the_wire", "trafficLightType")):
+        if lights[key]:
+            put(f"  {title}: {'; '.join(f'{safe(name)} ({num:,})' for name, num in lights[key].items())}")
+    crosswalks = account["crosswalks"]
+    put(f"crosswalks: {crosswalks['num']:,}, {crosswalks['num_with_lights']:,} of them with lights")
+    _show_controllers(account["controllers"])
+
+
+def _put_lanes(title: str, kinds: Mapping[str, _Report]) -> None:
+    parts = [f"{safe(name)} ({kind['num']:,}, {kind['length_km']:.2f} km)" for name, kind in kinds.items()]
+    put(f"  {title}: {'; '.join(parts)}")
+
+
+def _counts(counts: Mapping[str, int], before: str = "") -> str:
+    """Return the total, and the number of each kind."""
+    return f" ({', '.join(f'{num:,} {before}{safe(name)}' for name, num in counts.items())})" if counts else ""
+
+
+def _show_controllers(controllers: Sequence[_Report]) -> None:
+    put(f"intersections with lights: {len(controllers):,}")
+    if not controllers:
+        return
+    put("")
+    rows = [
+        (
+            one["name"],
+            str(one["number"]),
+            str(len(one["groups"])),
+            str(sum(map(len, one["groups"]))),
+            "none" if one["cycle"] is None else f"{one['cycle']:g}",
+            " ".join(f"{phase['duration']:g}" for phase in one["phases"]),
+            " ".join(f"{seconds:g}" for seconds in one["yellow"]),
+        )
+        for one in controllers[:MAX_ROWS]
+    ]
+    put_table(("INTERSECTION", "NUMBER", "GROUPS", "LIGHTS", "CYCLE [s]", "PHASES [s]", "YELLOW [s]"), rows)
+    if len(controllers) > MAX_ROWS:
+        put(f"... and {len(controllers) - MAX_ROWS:,} more (--json has them all)")
+
+
+def _gap(gap: _Report) -> str:
+    more = "" if gap["num"] <= len(gap["examples"]) else ", ..."
+    return f"{gap['num']:,} {gap['what']}: {', '.join(gap['examples'])}{more}"

@@ -1,0 +1,378 @@
+"""`scenario check`: checks of scenario files, and the contents of one: its items, and the keys that are used.
+
+A *mistake* makes loading fail. A *remark* is about a value that loads but is probably not intended, or that is read in
+another way than it is written. A file without either is *good*.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import textwrap
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from rosbridge_sim.cli.files.verdicts import Verdicts, exit_code, put_verdict
+from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
+from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.link.arguments import PREFIX
+from rosbridge_sim.link.terminal_text import safe
+from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.maps.map_check import UNREAD_FILES
+from rosbridge_sim.maps.map_formats import MAP_FILES
+from rosbridge_sim.maps.road_map import Projection, RoadMap
+from rosbridge_sim.scenarios.catalogue import Catalogue, default_model
+from rosbridge_sim.scenarios.scenario import PhaseStart, Scenario, Spawn
+from rosbridge_sim.scenarios.scenario_check import (
+    find_misspelt_key,
+    find_misspelt_keys,
+    find_oddities,
+    place_draft,
+    read_draft,
+)
+from rosbridge_sim.scenarios.scenario_reader import sort_phases
+from rosbridge_sim.shell.config.loading import read_settings
+from rosbridge_sim.shell.config.settings_file import looks_like_path
+from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.shell.files.other_formats import find_other_formats
+from rosbridge_sim.simulator.scene.scene import DEFAULT_MAP
+from rosbridge_sim.units import MPS_TO_KMH
+from rosbridge_sim.world.geometry.planar import arc_lengths
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import Kind
+
+__all__ = ["check_scenarios", "open_library", "show_keys"]
+
+_VARIABLES: Final = frozenset(PREFIX + name for name in ("CONFIG", "MAP", "SCENARIO_PATH", "CATALOGUE"))
+"""Environment variables about scenarios and maps. Mistakes in others do not matter to this command."""
+
+WIDTH: Final = 110
+"""Width of lines with many keys, as in the help texts."""
+
+_LISTS: Final = (
+    *("egoVehicle", "vehicleList", "pedestrianList", "objectList", "waypointDataList", "tlList"),
+    *("spawnPointList", "pedspawnPointList", "frictionChangeMaterialList", "shadedAreaList"),
+)
+
+_Report = dict[str, Any]  # a JSON object
+
+
+def open_library(
+    own_map: str | None, folders: Sequence[str], own_models: str | None = None
+) -> tuple[DiskLibrary, str | None]:
+    """Return the scenarios and maps of a server with these settings, and the map that replaces all others.
+
+    Args:
+        own_map: name or folder of a map; None uses the environment.
+        folders: folders of scenarios.
+        own_models: file of the user's catalogue.
+
+    Raises:
+        DocumentError: a setting, a folder or a catalogue cannot be used.
+    """
+    flags = [f"--scenario-path={folder}" for folder in folders]
+    flags += [] if own_map is None else [f"--map={own_map}"]
+    flags += [] if own_models is None else [f"--catalogue={own_models}"]
+    settings = read_settings(flags, {name: value for name, value in os.environ.items() if name in _VARIABLES})
+    return DiskLibrary(settings.scenario_path, settings.map, settings.catalogue), settings.map
+
+
+def check_scenarios(
+    names: Sequence[str],
+    library: DiskLibrary,
+    own_map: str | None,
+    picture: str | None,
+    *,
+    is_json: bool,
+    is_strict: bool,
+) -> int:
+    """Explain a scenario, or print the results of checks of several.
+
+    Args:
+        names: files, folders of them, or names of scenarios as for clients and `serve --scenario`.
+        library: scenarios and maps.
+        own_map: name or folder of a map that replaces those of the scenarios.
+        picture: file for a picture; allowed for a single scenario.
+        is_json: print JSON for programs.
+        is_strict: remarks count like mistakes in the exit code.
+
+    Returns:
+        The exit code; see `verdicts.exit_code`.
+
+    Raises:
+        DocumentError: there is no such file, `own_map` cannot be used, or the picture cannot be written.
+    """
+    files = [file for name in names for file in _expand(name, library)]
+    if files == list(names) and len(files) == 1:
+        account, scenario, road_map = _account(*library.opening_file(files[0]), library, own_map)
+        if picture is not None and scenario is not None:
+            _draw(scenario, road_map, Path(picture))
+        elif picture is not None:
+            note("--picture: nothing is drawn, because the file has mistakes")
+        if is_json:
+            put_json(account)
+        else:
+            _show(account)
+        return exit_code([account], is_strict=is_strict)
+    if picture is not None:
+        raise SettingError(f"--picture: expected a single scenario to draw, got {len(files):,}")
+    verdicts = Verdicts("scenario check", len(files), is_json=is_json)
+    for file in files:
+        verdicts.begin(file)
+        try:
+            text, source = library.opening_file(file)
+        except DocumentError as error:
+            verdicts.add({"file": file, "is_good": False, "mistakes": [str(error)], "remarks": []})
+        else:
+            verdicts.add(_account(text, source, library, own_map)[0])
+    return verdicts.end(is_strict=is_strict)
+
+
+def _expand(name: str, library: DiskLibrary) -> list[str]:
+    """Return the scenario files in a folder and its subfolders; for another name, the name itself.
+
+    MORAI has a subfolder for each map.
+
+    Raises:
+        DocumentError: the folder has no scenarios.
+    """
+    folder = Path(name)
+    if not folder.is_dir() or (not looks_like_path(name) and library.has_scenario(name)):
+        return [name]
+    of_maps = {*MAP_FILES, *UNREAD_FILES}
+    found = [path for path in sorted([*folder.glob("*.json"), *folder.glob("*/*.json")]) if path.name not in of_maps]
+    if not found:
+        other = find_other_formats(folder)
+        aside = f"; {other}" if other else ""
+        raise DocumentError(f"{name}: expected a folder with scenarios (*.json or */*.json); there is none{aside}")
+    return [str(path) for path in found]
+
+
+def _draw(scenario: Scenario, road_map: RoadMap | None, path: Path) -> None:
+    from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
+
+    ground = road_map or RoadMap(scenario.map_name or "", Projection(is_tm=False), (0.0, 0.0, 0.0), Roads())
+    left_out = draw_map(ground, path, (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles))
+    if left_out:
+        note(left_out)
+
+
+# The report
+
+
+def _account(
+    text: bytes, source: str, library: DiskLibrary, own_map: str | None
+) -> tuple[_Report, Scenario | None, RoadMap | None]:
+    """Return the report, the scenario as far as it can be read, and its map if that is known."""
+    draft = read_draft(text, source, library.catalogue)
+    mistakes, remarks = list(draft.mistakes), find_misspelt_keys(draft.keys)
+    scenario = draft.scenario
+    map_account: _Report = {"name": None, "is_known": False}
+    road_map: RoadMap | None = None
+    if scenario is not None:
+        map_account, road_map = _find_map(scenario, library, own_map)
+        if road_map is None:
+            mistakes.append(f"mapInfo.mapName: {map_account['why']}. Roads, links and lights were not checked")
+        else:
+            scenario, more = place_draft(scenario, road_map)
+            mistakes += more
+        remarks += [*scenario.notes, *find_oddities(scenario, None if road_map is None else road_map.roads)]
+    prefixes = (f"{source}: ", "" if scenario is None else f"{scenario.name}: ")
+    account = {
+        "file": source,
+        "is_good": not mistakes and not remarks,
+        "mistakes": [_without_prefix(line, prefixes) for line in mistakes],
+        "remarks": remarks,
+        "map": map_account,
+        "holds": _count(draft.document),
+        "items": [] if scenario is None else list(_items(scenario, draft.document, library.catalogue)),
+        "phases": [
+            {"intersection": start.controller, "phase": start.phase, "elapsed": start.elapsed}
+            for start in (() if scenario is None else _phases(scenario, road_map))
+        ],
+        "read": draft.keys.read,
+        "without_effect": draft.keys.idle,
+        "passed_over": draft.keys.passed_over,
+    }
+    return account, scenario, road_map
+
+
+def _phases(scenario: Scenario, road_map: RoadMap | None) -> Sequence[PhaseStart]:
+    """Return the first phases of intersections, by the controllers' ids if the map is known."""
+    return scenario.phases if road_map is None else sort_phases(scenario, road_map.plan)[0]
+
+
+def _without_prefix(line: str, prefixes: Sequence[str]) -> str:
+    return next((line.removeprefix(prefix) for prefix in prefixes if prefix and line.startswith(prefix)), line)
+
+
+def _find_map(scenario: Scenario, library: DiskLibrary, own_map: str | None) -> tuple[_Report, RoadMap | None]:
+    """Return the report on the map, and the map itself if there is one to check on."""
+    asked = scenario.map_name
+    account: _Report = {"name": asked, "is_known": True, "checked_on": own_map or asked or DEFAULT_MAP}
+    try:
+        road_map = library.map(asked or DEFAULT_MAP)
+    except DocumentError as error:
+        if own_map is not None:
+            raise  # the map was given on the command line
+        return {"name": asked, "is_known": False, "checked_on": None, "why": str(error)}, None
+    return {
+        **account,
+        "lanes": len(road_map.roads),
+        "lights": len(road_map.plan.lights) if road_map.plan else 0,
+    }, road_map
+
+
+def _count(document: object) -> dict[str, int]:
+    """Count the entries of each part that the file has."""
+    if not isinstance(document, dict):
+        return {}
+    parts = {key: document.get(key) for key in _LISTS}
+    return {key: len(part) if isinstance(part, list) else 1 for key, part in parts.items() if part is not None}
+
+
+def _items(scenario: Scenario, document: JsonValue, catalogue: Catalogue) -> Iterator[_Report]:
+    for spawn in (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles):
+        key, _, number = spawn.where.rstrip("]").partition("[")
+        item = document[key][int(number)] if number else document[key]
+        data_id = item.get("DataID")
+        yield {
+            "at": spawn.where,
+            "kind": spawn.kind.name.lower(),
+            "model": spawn.name,
+            "data_id": data_id,
+            "is_replaced": _is_replaced(item, spawn.kind, catalogue),
+            "id": spawn.uid,
+            "x": spawn.x if spawn.is_placed else None,
+            "y": spawn.y if spawn.is_placed else None,
+            "z": spawn.z if spawn.is_placed else None,
+            "heading_deg": math.degrees(spawn.yaw) if spawn.is_placed else None,
+            "roll_deg": math.degrees(spawn.roll),
+            "pitch_deg": math.degrees(spawn.pitch),
+            "is_scaled": spawn.model.body != (catalogue.find(spawn.name) or default_model(spawn.kind)).body,
+            "size": [spawn.model.body.length, spawn.model.body.width, spawn.model.body.height],
+            "link": spawn.link,
+            "speed_kmh": spawn.speed * MPS_TO_KMH,
+            "way": _way(spawn),
+            "starts_within": spawn.start_within or None,
+            "without_effect": list(spawn.kept),
+        }
+
+
+def _is_replaced(item: Mapping[str, Any], kind: Kind, catalogue: Catalogue) -> bool:
+    """Return True if the model in the file is unknown, and only its class is known."""
+    try:
+        data_id = int(float(str(item.get("DataID")).replace(",", "")))
+    except (ValueError, OverflowError):
+        return False
+    return not item.get("modelName") and catalogue.of_data_id(data_id, kind) is None
+
+
+def _way(spawn: Spawn) -> str:
+    """Describe the path of an item in a few words."""
+    way = _way_once_it_goes(spawn)
+    waits = spawn.start_within > 0.0 and (spawn.speed != 0.0 or spawn.driver is not None)
+    return f"{way}, when an ego is within {spawn.start_within:g} m" if waits else way
+
+
+def _way_once_it_goes(spawn: Spawn) -> str:
+    driver = spawn.driver
+    if spawn.kind is Kind.EGO:
+        return f"driven from outside, in {spawn.gear.name.lower()}"
+    if driver is not None:
+        route = f"a route of {len(driver.links)} links" if driver.links else "random lanes"
+        limit = (
+            "at the speed limit"
+            if math.isinf(driver.desired_speed)
+            else f"at most {driver.desired_speed * MPS_TO_KMH:.0f} km/h"
+        )
+        return f"{route}{', repeated' if spawn.is_loop and driver.links else ''}, {limit}"
+    if spawn.path is not None:
+        length = float(arc_lengths(spawn.path)[-1])
+        back = "" if not spawn.is_loop else ", repeated"
+        return f"path of {len(spawn.path)} waypoints, {length:,.0f} m{back}"
+    return "straight ahead" if spawn.speed else "stands"
+
+
+# Output for people
+
+
+def _show(account: _Report) -> None:
+    put_verdict(account)
+    _show_lines("mistakes", account["mistakes"])
+    _show_lines("remarks", account["remarks"])
+    put("")
+    if account["map"]["is_known"]:
+        put(f"map: {_map_line(account['map'])}")
+    for key, count in account["holds"].items():
+        put(f"{safe(key)}: {count:,}")
+    if account["items"]:
+        put("")
+        put_table(_HEADER, [_row(item) for item in account["items"]])
+    if account["phases"]:
+        put("")
+        rows = [(one["intersection"], str(one["phase"]), f"{one['elapsed']:g}") for one in account["phases"]]
+        put_table(("INTERSECTION", "PHASE", "FOR [s]"), rows)
+    read, passed_over = account["read"], account["passed_over"]
+    is_inner = {key: any(other.startswith((f"{key}.", f"{key}[]")) for other in read) for key in read}
+    show_keys("read", {key: key for key in read if not is_inner[key]})
+    show_keys("known, but without effect", {key: f"{key} ({n:,})" for key, n in account["without_effect"].items()})
+    show_keys("ignored", {key: f"{key} ({n:,}){_hint_at(key)}" for key, n in passed_over.items()})
+
+
+def _hint_at(path: str) -> str:
+    """Return a suggestion for an unknown key: the known key that was probably meant."""
+    meant = find_misspelt_key(path)
+    return f" (did you mean {meant}?)" if meant else ""
+
+
+def show_keys(title: str, keys: Mapping[str, str]) -> None:
+    """Print keys, grouped by the part of the document.
+
+    Args:
+        title: title of the list.
+        keys: path of each key -> text to print.
+    """
+    if not keys:
+        return
+    parts: dict[str, list[str]] = {}
+    for key, text in keys.items():
+        part, dot, _ = key.partition(".")
+        parts.setdefault(part if dot else "", []).append(safe(text.removeprefix(part + dot if dot else "")))
+    put(f"\n{title}:")
+    for part, texts in parts.items():
+        head = f"  {safe(part)}: " if part else "  "
+        put(
+            textwrap.fill(
+                ", ".join(texts), WIDTH, initial_indent=head, subsequent_indent="    ", break_long_words=False
+            )
+        )
+
+
+_HEADER: Final = ("ITEM", "MODEL", "ID", "X [m]", "Y [m]", "HEADING", "KM/H", "WAY")
+
+
+def _row(item: _Report) -> tuple[str, ...]:
+    where = [f"{item[key]:.2f}" for key in "xy"] if item["x"] is not None else ["link", str(item["link"])]
+    heading = "" if item["heading_deg"] is None else f"{item['heading_deg']:.1f}"
+    tilt = [f"{axis} {item[f'{axis}_deg']:.1f}" for axis in ("roll", "pitch") if round(item[f"{axis}_deg"], 1)]
+    heading += f" ({', '.join(tilt)})" if tilt else ""
+    model = f"{item['model']} (size by class)" if item["is_replaced"] else item["model"]
+    model += f" ({' x '.join(f'{size:g}' for size in item['size'])} m)" if item["is_scaled"] else ""
+    uid = "next" if item["id"] is None else str(item["id"])
+    return (item["at"], model, uid, *where, heading, f"{item['speed_kmh']:g}", item["way"])
+
+
+def _map_line(account: _Report) -> str:
+    named = safe(account["name"]) if account["name"] else "none is named; the server's current map would be used"
+    on = account["checked_on"]
+    checked = "" if on == account["name"] else f"; checked on {safe(on)}"
+    return f"{named}{checked} ({account['lanes']:,} lanes, {account['lights']:,} lights)"
+
+
+def _show_lines(title: str, lines: Sequence[str]) -> None:
+    if lines:
+        put(f"\n{title}:")
+        for line in lines:
+            put(f"  {safe(line)}")

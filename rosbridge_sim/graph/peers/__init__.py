@@ -1,0 +1,1 @@
+"""One client on the bus: its topics, services and actions."""

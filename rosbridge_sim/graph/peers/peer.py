@@ -1,0 +1,221 @@
+"""The ops of one client, done on the bus in that client's name.
+
+A `Peer` connects a session (one wire) with the bus (all participants). It reads frames and does their ops one by one,
+by a table. Its parts `peer_topics.py`, `peer_services.py` and `peer_actions.py` store what the wire knows and the bus
+does not. A mistake gives a status frame to this client, or a refusal of its call. It changes nothing else
+(`peer_base.py`).
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from typing import Any, Protocol
+
+from rosbridge_sim.errors import FrameError, GraphError, PeerError, Reason
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import OfferKind
+from rosbridge_sim.graph.peers.peer_actions import PeerActions
+from rosbridge_sim.graph.peers.peer_base import PeerBase
+from rosbridge_sim.graph.peers.peer_services import PeerServices
+from rosbridge_sim.graph.peers.peer_topics import PeerTopics
+from rosbridge_sim.graph.policy import OPEN, Policy
+from rosbridge_sim.protocol import ops
+from rosbridge_sim.protocol.session import LEVELS, Session
+
+__all__ = ["MAX_OP_ID", "FrameWork", "Peer", "Work"]
+
+MAX_OP_ID = 1_024
+"""Longest id of anything that is stored [characters]; other ids are only echoed."""
+
+_log = logging.getLogger("rosbridge_sim.graph")
+
+
+class Work(Protocol):
+    """Work for a frame, in steps."""
+
+    def step(self, now: float) -> bool:
+        """Do the next op, or the next slice of reading.
+
+        Args:
+            now: monotonic time [s].
+
+        Returns:
+            True if anything was left to do.
+        """
+
+
+class FrameWork:
+    """The ops of one frame, read and done one by one."""
+
+    __slots__ = ("_do", "_ops")
+
+    def __init__(self, ops_of_frame: Iterator[ops.Op | None], do: Callable[[ops.Op, float], None]) -> None:
+        self._ops = ops_of_frame
+        self._do = do
+
+    def step(self, now: float) -> bool:
+        """See `Work`."""
+        for op in self._ops:
+            if op is not None:
+                self._do(op, now)
+            return True
+        return False
+
+
+class Peer(PeerBase):
+    """One client on the bus.
+
+    Attributes:
+        topics, services, actions: its topics, services and actions.
+    """
+
+    def __init__(self, bus: Bus, session: Session, address: str = "", policy: Policy = OPEN) -> None:
+        """Create a client that holds nothing yet.
+
+        Args:
+            bus: the bus.
+            session: its wire.
+            address: its network address, for people.
+            policy: its rights.
+        """
+        super().__init__(bus, session, address, policy)
+        topics = self.topics = PeerTopics(self, self._check_room)
+        services = self.services = PeerServices(self, self._check_room)
+        actions = self.actions = PeerActions(self, self._check_room)
+        session.on_lost_answer = self._lose_answer
+        if not policy.is_open:
+            policy.ways.on_change[topics.recheck] = None
+        self._act: dict[type, Callable[[Any, float], None]] = {
+            ops.Publish: topics.publish,
+            ops.CallService: services.call,
+            ops.ServiceResponse: services.respond,
+            ops.Subscribe: topics.subscribe,
+            ops.Unsubscribe: topics.unsubscribe,
+            ops.Advertise: topics.advertise,
+            ops.Unadvertise: topics.unadvertise,
+            ops.AdvertiseService: services.advertise,
+            ops.UnadvertiseService: services.unadvertise,
+            ops.AdvertiseAction: actions.advertise,
+            ops.UnadvertiseAction: actions.unadvertise,
+            ops.SendActionGoal: actions.send_goal,
+            ops.CancelActionGoal: actions.cancel_goal,
+            ops.ActionFeedback: actions.report,
+            ops.ActionResult: actions.end_goal,
+            ops.SetLevel: self._set_level,
+            ops.Status: self._status,
+            ops.Auth: self._auth,
+        }
+
+    def receive(self, frame: bytes, now: float) -> None:
+        """Do all ops of a frame at once, however long that takes.
+
+        Args:
+            frame: content of a text or binary frame.
+            now: monotonic time [s].
+        """
+        work = self.begin(frame, now)
+        while work is not None and work.step(now):
+            pass
+
+    def begin(self, frame: bytes, now: float) -> Work | None:
+        """Do the only op of an ordinary frame at once, or return the work for any other frame.
+
+        Args:
+            frame: content of a text or binary frame.
+            now: monotonic time [s].
+
+        Returns:
+            None if everything is done. Otherwise the work for a long frame or one with several ops; none of it is done
+            yet. Call `step` to its end before the next frame. One op is done completely; others may have their turn
+            between two ops.
+        """
+        op = self.session.receive_plain(frame)
+        if op is None:
+            return FrameWork(self.session.receive(frame, now), self.do)
+        self.do(op, now)
+        return None
+
+    def flush(self, now: float) -> None:
+        """Send the messages whose time has come, as announced by the session's alarm.
+
+        Args:
+            now: monotonic time [s].
+        """
+        self.session.flush(now, self.bus.stamp_ns)
+
+    def do(self, op: ops.Op, now: float) -> None:
+        """Do one op; tell the client about a mistake in it.
+
+        Args:
+            op: the op.
+            now: monotonic time [s].
+        """
+        self.op_id = op.id
+        self.op = op
+        try:
+            self._act[type(op)](op, now)
+        except PeerError as error:
+            self.num_errors += 1
+            text = f"{error}{self.suggest(error.reason, op)}"
+            self.session.remark("error", text, op.id)
+            self.note(error.reason, text, op)
+        self.op = None
+
+    def lose(self, kind: OfferKind, name: str, why: str) -> None:
+        """See `Guest`.
+
+        Args:
+            kind: kind of the offer.
+            name: absolute name.
+            why: a line of text for the user of the client.
+        """
+        if kind == "topic":
+            self.topics.lose(name)
+        elif kind == "service":
+            self.services.lose(name)
+        else:
+            self.actions.lose(name)
+        self.remark("error", why)
+
+    def leave(self, now: float) -> None:
+        """Remove everything of this client from the bus. A second call does nothing.
+
+        Args:
+            now: monotonic time [s].
+        """
+        self.forget_release()
+        self.policy.ways.on_change.pop(self.topics.recheck, None)
+        try:
+            self.topics.forget()
+            self.services.forget()
+            self.actions.forget()
+            self.session.leave()
+        finally:  # after an error, too: anything left on the bus would fail again with each message
+            self.bus.leave(self, now)
+
+    def _lose_answer(self, error: FrameError) -> None:
+        """Fail the call or the goal whose answer cannot be read."""
+        part = self.services if error.op == "service_response" else self.actions
+        part.fail_unreadable(error, f"The provider's answer cannot be read: {error}")
+
+    def _set_level(self, op: ops.SetLevel, _now: float) -> None:
+        if op.level not in LEVELS:  # the protocol has no answer to set_level, so the mistake goes only to the log
+            expected = ", ".join(LEVELS)
+            self.note(Reason.WRONG_VALUE, f"set_level: expected one of {expected}; got {op.level[:MAX_OP_ID]!r}", op)
+        self.session.set_level(op.level)
+
+    def _status(self, op: ops.Status, _now: float) -> None:
+        _log.info("%s says: [%s] %s", self.address, op.level, op.msg, extra={"client": self.address})
+
+    def _auth(self, op: ops.Auth, _now: float) -> None:
+        """Do nothing: this server has no token."""
+
+    def _check_room(self, op_id: ops.Id) -> None:
+        """See `CheckRoom`."""
+        if isinstance(op_id, str) and len(op_id) > MAX_OP_ID:
+            raise GraphError(f"The id of a topic has at most {MAX_OP_ID} characters", reason=Reason.TOO_MUCH)
+        limit = self.policy.max_held
+        if self.topics.num_held + self.services.num_held + self.actions.num_held >= limit:
+            text = f"At most {limit} topics, services and actions can be held by one client"
+            raise GraphError(text, reason=Reason.TOO_MUCH)

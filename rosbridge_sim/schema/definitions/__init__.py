@@ -1,0 +1,1 @@
+"""Definitions of messages as texts, and what is read from them."""

@@ -1,0 +1,1 @@
+"""Bytes of a socket, and the frames in them."""

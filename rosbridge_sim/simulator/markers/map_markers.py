@@ -1,0 +1,300 @@
+"""The markers of `/sim/scene/map`: road, edges and painted lines, stop lines, crosswalks and posts of lights.
+
+The number of points is bounded: lines are drawn with as few points as their bends need, and with fewer on a large map.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.simulator.markers.markers import COLOURS, MarkerMaker, Shape
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import Light
+
+__all__ = ["MAX_MAP_POINTS", "lamp_height", "make_map_markers"]
+
+MAX_MAP_POINTS: Final = 60_000
+"""Points of all markers together: some 2.5 MB of JSON, which every rosbridge accepts in one message (10 MB)."""
+
+TOLERANCES: Final = (0.05, 0.2, 1.0)
+"""Largest distances of a drawn line from the true one [m]. The first that keeps within `MAX_MAP_POINTS` is taken: about
+the width of paint, of a car's mirror, or just visible."""
+
+PAINT_SHARE: Final = 0.25
+"""Part of the points that painted lines, stop lines, crosswalks and posts may have each; the road has the rest."""
+
+EDGE_WIDTH: Final = 0.12
+"""Width of a painted line [m], as on real roads; a broken one is drawn half as wide."""
+
+STOP_WIDTH: Final = 0.4
+"""Width of a stop line [m], as on real roads."""
+
+POST_WIDTH: Final = 0.15
+"""Width of a light's post [m]."""
+
+STRIPE: Final = 0.5
+"""Width of a stripe of a crosswalk, and of the gap after it [m]."""
+
+LIFT: Final = 0.03
+"""Height of paint above the road [m]: otherwise viewers draw both at the same height, which flickers."""
+
+POST_HEIGHT: Final = 5.0
+"""Height of a light above the road where the map gives no height [m]."""
+
+LOW_LAMP: Final = 1.5
+"""A light lower than this above the road has no height in the map [m]: real ones hang higher, to be seen."""
+
+
+def make_map_markers(make: MarkerMaker, header: Struct, road_map: RoadMap) -> list[Struct]:
+    """Return the markers of a map; it may be called in a thread.
+
+    Args:
+        make: maker of the markers.
+        header: header of the message.
+        road_map: the map.
+
+    Returns:
+        First the deletion of what was there before, then the markers.
+    """
+    share = int(MAX_MAP_POINTS * PAINT_SHARE) // 3
+    markers = [make.delete_all(header)]
+
+    def add(ns: str, shape: Shape, width: float, colour: str, points: FloatArray) -> None:
+        if len(points):
+            size = make.size(1.0, 1.0, 1.0) if shape == Shape.TRIANGLES else make.size(width, 0.0, 0.0)
+            number = sum(marker.ns == ns for marker in markers)
+            paint = make.colour(COLOURS[colour])
+            markers.append(make.group(header, ns, number, shape, size=size, colour=paint, points=make.points(points)))
+
+    for ns, colour, shape, points in _road(road_map, MAX_MAP_POINTS - 4 * share):
+        add(ns, shape, EDGE_WIDTH, colour, points)
+    for colour, width, points in _paint(road_map, share):
+        add("borders", Shape.LINE_LIST, width, colour, points)
+    add("stop_lines", Shape.LINE_LIST, STOP_WIDTH, "stop", _stop_lines(road_map.roads)[:share])
+    add("crosswalks", Shape.TRIANGLES, 0.0, "white", _crosswalks(road_map)[:share])
+    add("posts", Shape.LINE_LIST, POST_WIDTH, "post", _posts(road_map)[:share])
+    return markers
+
+
+# Road
+
+
+def _road(road_map: RoadMap, budget: int) -> Iterator[tuple[str, str, Shape, FloatArray]]:
+    """Yield namespace, colour, shape and points of the road's surface and of its edges."""
+    roads = road_map.roads
+    if not len(roads):
+        return
+    has_paint = bool(road_map.borders)
+    is_inside = _is_inside(road_map)
+    for tolerance in TOLERANCES:
+        kept = _kept(roads.points, roads.first, tolerance, roads.border)
+        starts, lanes = _segments(kept, roads.first)
+        num_points = 6 * len(starts) + (0 if has_paint else 4 * int((~is_inside[lanes]).sum()))
+        if num_points <= budget:
+            break
+    else:  # too large for surfaces: the middle lines, of the longest lanes first
+        starts, lanes = _longest(starts, lanes, roads.length, budget // 2)
+        ends = _next(kept)[starts]
+        yield "lanes", "road", Shape.LINE_LIST, _pairs(roads.points[starts], roads.points[ends])
+        return
+    ends = _next(kept)[starts]
+    left, right = _sides(roads)
+    for colour, chosen in (("road", ~is_inside[lanes]), ("inside", is_inside[lanes])):
+        first, last = starts[chosen], ends[chosen]
+        yield "lanes", colour, Shape.TRIANGLES, _quads(left[first], right[first], right[last], left[last])
+    if not has_paint:
+        chosen = ~is_inside[lanes]
+        first, last = starts[chosen], ends[chosen]
+        edges = np.concatenate([_pairs(left[first], left[last]), _pairs(right[first], right[last])])
+        edges[:, 2] += LIFT
+        yield "edges", "white", Shape.LINE_LIST, edges
+
+
+def _kept(points: FloatArray, first: IntArray, tolerance: float, border: FloatArray | None = None) -> BoolArray:
+    """Return which points of polylines, end to end, are needed to draw them.
+
+    A chord of length l over a line that turns by an angle a is at most l a / 8 away from it. So over a piece with the
+    turn a, a drawing needs about sqrt(l a / (8 tolerance)) points; the sum of these tells where to put the next one.
+
+    Args:
+        points: (n, 3) [m].
+        first: (l + 1,) first point of each polyline, and n.
+        tolerance: largest distance between both lines [m].
+        border: (n, 2) distances of the edges, which must be drawn as exactly; None for none [m].
+
+    Returns:
+        (n,); the first and the last point of each polyline are among them.
+    """
+    step = np.diff(points, axis=0)
+    length = np.sqrt((step * step).sum(axis=1))
+    unit = step / np.maximum(length, 1e-9)[:, None]
+    need = np.zeros(len(points))
+    turn = np.sqrt(((unit[1:] - unit[:-1]) ** 2).sum(axis=1))
+    need[1:-1] = np.sqrt(turn * (length[1:] + length[:-1]) * 0.5 / (8.0 * tolerance))
+    if border is not None:
+        need[1:] += np.abs(np.diff(border, axis=0)).sum(axis=1) / (8.0 * tolerance)
+    need[first[:-1]] = 0.0
+    place = np.floor(np.cumsum(need))
+    kept = np.zeros(len(points), dtype=bool)
+    kept[1:] = place[1:] > place[:-1]
+    kept[first[:-1]] = True
+    kept[first[1:] - 1] = True
+    return kept
+
+
+def _segments(kept: BoolArray, first: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the point at which each drawn segment begins, and its polyline."""
+    is_start = kept.copy()
+    is_start[first[1:] - 1] = False
+    starts = np.flatnonzero(is_start)
+    return starts, np.searchsorted(first, starts, side="right") - 1
+
+
+def _next(kept: BoolArray) -> IntArray:
+    """Return for each point the next one that is drawn; the last one has itself."""
+    n = len(kept)
+    place = np.where(kept, np.arange(n), n - 1)
+    after = np.append(np.minimum.accumulate(place[::-1])[::-1][1:], n - 1)
+    return np.asarray(after)
+
+
+def _longest(starts: IntArray, lines: IntArray, length: FloatArray, most: int) -> tuple[IntArray, IntArray]:
+    """Return the segments of the longest polylines, at most so many."""
+    num = np.bincount(lines, minlength=len(length))
+    order = np.argsort(-length, kind="stable")
+    fits = np.zeros(len(length), dtype=bool)
+    fits[order] = np.cumsum(num[order]) <= most
+    return starts[fits[lines]], lines[fits[lines]]
+
+
+def _is_inside(road_map: RoadMap) -> BoolArray:
+    """Return which lanes lie within an intersection; edges there would cross everything."""
+    roads = road_map.roads
+    is_inside = np.zeros(len(roads), dtype=bool)
+    for lane in np.flatnonzero(roads.is_stop).tolist():
+        is_inside[roads.successors(lane)] = True
+    if road_map.plan is not None:
+        is_inside |= road_map.plan.controller_of_lane >= 0
+    return is_inside
+
+
+def _sides(roads: Roads) -> tuple[FloatArray, FloatArray]:
+    """Return the left and the right edge at each point of all lanes, (n, 3) each [m]."""
+    points, n = roads.points, len(roads.points)
+    before, after = np.arange(n) - 1, np.arange(n) + 1
+    before[roads.first[:-1]] += 1
+    after[roads.first[1:] - 1] -= 1
+    ahead = points[after, :2] - points[before, :2]
+    ahead /= np.maximum(np.hypot(ahead[:, 0], ahead[:, 1]), 1e-9)[:, None]
+    across = np.stack([-ahead[:, 1], ahead[:, 0], np.zeros(n)], axis=-1)
+    return points + roads.border[:, :1] * across, points - roads.border[:, 1:] * across
+
+
+def _pairs(first: FloatArray, last: FloatArray) -> FloatArray:
+    """Return the ends of lines, (2k, 3), from two times (k, 3)."""
+    return np.stack([first, last], axis=1).reshape(-1, 3)
+
+
+def _quads(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> FloatArray:
+    """Return the corners of two triangles for each quadrangle, (6k, 3), counter-clockwise as seen from above."""
+    return np.stack([a, b, c, a, c, d], axis=1).reshape(-1, 3)
+
+
+# Paint
+
+
+def _paint(road_map: RoadMap, budget: int) -> Iterator[tuple[str, float, FloatArray]]:
+    """Yield colour, width [m] and points of the painted lines and kerbs."""
+    borders = [border for border in road_map.borders if len(border.line) > 1]
+    if not borders:
+        return
+    points = np.concatenate([border.line for border in borders])
+    first = np.cumsum([0, *(len(border.line) for border in borders)])
+    for tolerance in TOLERANCES:
+        kept = _kept(points, first, tolerance)
+        starts, lines = _segments(kept, first)
+        if 2 * len(starts) <= budget:
+            break
+    else:
+        step = np.sqrt((np.diff(points, axis=0) ** 2).sum(axis=1))
+        length = np.array([step[a : b - 1].sum() for a, b in pairwise(first.tolist())])
+        starts, lines = _longest(starts, lines, length, budget // 2)
+    ends = _next(kept)[starts]
+    looks = [_look(border.colour, border.shape) for border in borders]
+    for look in dict.fromkeys(looks):
+        chosen = np.array([one == look for one in looks])[lines]
+        ends_of_lines = _pairs(points[starts[chosen]], points[ends[chosen]])
+        ends_of_lines[:, 2] += LIFT
+        yield *look, ends_of_lines
+
+
+def _look(colours: tuple[str, ...], shapes: tuple[str, ...]) -> tuple[str, float]:
+    """Return colour and width [m] of a painted line."""
+    colour = colours[0].lower() if colours else ""
+    is_broken = bool(shapes) and all(shape.lower() == "broken" for shape in shapes)
+    return (colour if colour in ("yellow", "blue") else "white"), EDGE_WIDTH / 2 if is_broken else EDGE_WIDTH
+
+
+def _stop_lines(roads: Roads) -> FloatArray:
+    """Return the ends of the stop lines, (2k, 3) [m]."""
+    if not len(roads):
+        return np.empty((0, 3))
+    left, right = _sides(roads)
+    last = roads.first[1:][roads.is_stop] - 1
+    ends = _pairs(left[last], right[last])
+    ends[:, 2] += 2 * LIFT
+    return ends
+
+
+def _crosswalks(road_map: RoadMap) -> FloatArray:
+    """Return the triangles of the crosswalks' stripes, (6k, 3) [m]."""
+    quads = [_stripes(outline) for crosswalk in road_map.crosswalks for outline in crosswalk.outlines]
+    triangles = np.concatenate(quads) if quads else np.empty((0, 3))
+    triangles[:, 2] += LIFT
+    return triangles
+
+
+def _stripes(outline: FloatArray) -> FloatArray:
+    """Return the triangles of a crosswalk: stripes along the driving direction, or all of it if it is no rectangle."""
+    corners = outline[:-1] if len(outline) > 1 and (outline[0] == outline[-1]).all() else outline
+    if len(corners) != 4:  # noqa: PLR2004 - a rectangle's
+        fan = [(corners[0], b, c) for b, c in pairwise(corners[1:])]
+        return np.array(fan).reshape(-1, 3)
+    sides = np.hypot(*(np.roll(corners, -1, axis=0) - corners)[:, :2].T)
+    if sides[0] + sides[2] < sides[1] + sides[3]:
+        corners = np.roll(corners, -1, axis=0)
+    a, b, c, d = corners  # people walk from a to b, and in parallel from d to c
+    num = max(1, round(float(np.hypot(*(b - a)[:2])) / (2.0 * STRIPE)))
+    start = ((np.arange(num) + 0.25) / num)[:, None]
+    end = ((np.arange(num) + 0.75) / num)[:, None]
+    return _quads(a + start * (b - a), a + end * (b - a), d + end * (c - d), d + start * (c - d))
+
+
+def _posts(road_map: RoadMap) -> FloatArray:
+    """Return foot and head of each light's post, (2k, 3) [m]."""
+    plan, roads = road_map.plan, road_map.roads
+    if plan is None or not plan.lights:
+        return np.empty((0, 3))
+    heads = [(light.x, light.y, lamp_height(light, roads)) for light in plan.lights]
+    feet = [(light.x, light.y, _ground(light, roads)) for light in plan.lights]
+    return _pairs(np.array(feet), np.array(heads))
+
+
+def _ground(light: Light, roads: Roads) -> float:
+    """Return the height of the road at a light [m]; for one without lanes, a post's length below it."""
+    if light.lanes:
+        return float(roads.points[roads.first[light.lanes[0]], 2])
+    return light.z - POST_HEIGHT if light.z > LOW_LAMP else light.z
+
+
+def lamp_height(light: Light, roads: Roads) -> float:
+    """Return the height at which a light is drawn: that of the map, or above the road where the map has none [m]."""
+    ground = _ground(light, roads)
+    return light.z if light.z - ground > LOW_LAMP else ground + POST_HEIGHT

@@ -1,0 +1,1 @@
+"""Services and topics that list, add and move sensors."""
