@@ -40,7 +40,7 @@ class Session:
         outbox: frames on their way to the peer.
         account: pays for the memory that the peer uses.
         level: status frames up to this level are sent; `error` until the peer sets another one.
-        frame_length: length of the current frame if `receive` reads it [bytes]; else 0.
+        frame_length: length of the current frame if `receive` reads it, or of the frame inside it [bytes]; else 0.
         num_received, num_refused: number of incoming frames, and of those with an invalid part.
         num_sent: number of topic messages put into the outbox.
         on_unsent: called with the spelling of a topic if a waiting message could not be encoded.
@@ -145,7 +145,10 @@ class Session:
             error.op_id = error.op_id or op.id
             self._refuse(error)
             return
-        for inner_op in decode_frame(inner) if inner is not None else ():
+        if inner is None:
+            return
+        self.frame_length = len(inner)
+        for inner_op in decode_frame(inner):
             if isinstance(inner_op, (Fragment, Png)):  # no client needs an image in an image
                 self._refuse(FrameError("A fragment or a png may not hold another one", inner_op.id))
                 yield None

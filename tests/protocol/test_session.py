@@ -14,6 +14,7 @@ from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.json_decoding import HEAVY
 from rosbridge_sim.protocol.ops import Advertise, Op, Subscribe
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
+from rosbridge_sim.protocol.png import Picture
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.protocol.subscription import Feed, SubscriptionOptions
 
@@ -371,6 +372,22 @@ def test_length_of_a_packed_frame_is_known_until_the_next_one() -> None:
     assert session.frame_length == 7
     receive(session, b'{"op":"subscribe","topic":"/t"}')
     assert session.frame_length == 0
+
+
+def test_length_of_a_frame_inside_another_one_counts() -> None:
+    session = make_session()
+    frame = b'{"op":"subscribe","topic":"/t"}'.ljust(1_000_000)
+    picture = Picture(frame)
+    while not picture.work():
+        pass
+    assert picture.frame is not None
+    assert len(picture.frame) < 10_000
+    assert [type(op) for op in receive(session, picture.frame)] == [Subscribe]
+    assert session.frame_length >= 1_000_000
+    for num in range(2):
+        part = frame[num * 500_000 : (num + 1) * 500_000].decode()
+        receive(session, json.dumps({"op": "fragment", "id": "a", "num": num, "total": 2, "data": part}).encode())
+    assert session.frame_length == 1_000_000
 
 
 def test_each_received_frame_is_counted_once() -> None:

@@ -188,8 +188,6 @@ class Client:
             return True
         if work is None:
             return not self.peer.num_holds
-        if len(message) >= LARGE_FRAME:
-            self._watch.note_large_frame()
         self._work = work
         return self._do_steps()
 
@@ -197,20 +195,26 @@ class Client:
         """Continue with the current frame until the turn is over; return True if it is finished."""
         while self._work is not None:
             if self.outbox.is_overfull or self._closing is not None:  # it does not read the answers
-                self._work = None
+                self._end_frame()
                 self.flush()
                 break
             try:
                 if not self._work.step(self._clock()):
-                    self._work = None
+                    self._end_frame()
                     break
             except Exception:  # noqa: BLE001 - as above; the rest of the frame is lost with it
                 self._regret_frame()
-                self._work = None
+                self._end_frame()
                 break
             if self.peer.is_held or perf_counter() >= self._until:
                 return False
         return not self.peer.is_held
+
+    def _end_frame(self) -> None:
+        """End the work on a frame. A small one may have held a large one, as an image, compressed or in fragments."""
+        self._work = None
+        if self.peer.session.frame_length >= LARGE_FRAME:
+            self._watch.note_large_frame()
 
     def _regret_frame(self) -> None:
         self._watch.count_bug()

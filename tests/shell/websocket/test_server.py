@@ -30,6 +30,7 @@ from rosbridge_sim.shell.monitoring.log_limits import PLACE_BURST, TRACEBACK_COS
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.connected_client import Client as Served
 from rosbridge_sim.shell.websocket.limits import ServerLimits
+from rosbridge_sim.shell.websocket.memory import LARGE_FRAME
 from rosbridge_sim.shell.websocket.server import STOPPING, Server
 from tests.shell.event_loops import EACH_LOOP, MakeLoop
 from tests.support import PATIENCE, Client, mask, open_raw
@@ -844,6 +845,23 @@ async def test_failing_request_and_failing_watcher_are_counted_and_survived(
         assert await client.settle() == []
         assert port.server.num_bugs == 2
     assert len(failures(caplog)) >= 2
+
+
+async def test_memory_is_given_back_after_a_small_frame_that_holds_a_large_one(listen: Listen) -> None:
+    port = await listen()
+    picture = png.Picture(b'{"op":"unsubscribe","topic":"/t"}'.ljust(LARGE_FRAME))
+    while not picture.work():
+        pass
+    assert picture.frame is not None
+    assert len(picture.frame) < LARGE_FRAME // 100
+    memory = port.server._memory
+    assert memory is not None
+    async with await Client.open(port.url) as client:
+        await client.settle()
+        assert memory._after_frames is None
+        await client.socket.send(picture.frame.decode())
+        await client.settle()
+        assert memory._after_frames is not None
 
 
 @pytest.mark.slow
