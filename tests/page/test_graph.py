@@ -120,7 +120,7 @@ async def test_tree_follows_the_keys_of_its_pattern_and_makes_charts(serve: Serv
     seq = view.get_by_role("treeitem").nth(1)
     await expect(seq).to_be_focused()
     await page.keyboard.press("Enter")
-    chart = view.get_by_role("img", name="Chart of header.seq")
+    chart = view.get_by_role("slider", name="Chart of header.seq")
     await expect(chart).to_be_visible()
     await expect(seq).to_be_focused()
     await page.keyboard.press("ArrowLeft")
@@ -141,7 +141,7 @@ async def test_tree_shows_the_last_of_two_messages_that_follow_fast(
     item = view.get_by_role("treeitem").filter(has_text=re.compile("^data"))
     await client.send("publish", topic="/number", msg={"data": 1})
     await item.click()  # a chart takes messages faster than the tree is drawn
-    await expect(view.get_by_role("img", name="Chart of data")).to_be_visible()
+    await expect(view.get_by_role("slider", name="Chart of data")).to_be_visible()
     await watched(page, connect, server, "/number")
     for number in (2, 3):
         await client.send("publish", topic="/number", msg={"data": number})

@@ -217,16 +217,25 @@ export const TEXTS = {
     /** @type {Record<number, string>} */
     modeHints: { 3: "A program or this page drives the ego", 6: "The ego drives itself along the lanes" },
     charts: { speed: "Speed", acceleration: "Acceleration", steering: "Front wheels (left positive)", offset: "Distance to the lane's middle" },
-    chartTexts: {
-      hold: "Hold",
-      follow: "Follow",
-      holdHint: "Hold the charts still, to read values from them",
-      none: "–",
-      /** @param {string} label */
-      chart: (label) => `${label}, last minute; arrow keys move the cursor`,
-      /** @param {string} value @param {string} secondsAgo */
-      reading: (value, secondsAgo) => `${value}, ${secondsAgo} s ago`,
-    },
+  },
+  charts: {
+    hold: "Hold",
+    follow: "Follow",
+    holdHint: "Hold the charts still, to read values from them",
+    save: "Save as CSV",
+    saveHint: "Save the values of these charts as a table",
+    none: "–",
+    noSecond: "alone",
+    secondHint: "A second signal in this chart, with its own range at the right",
+    /** @param {string} label */
+    second: (label) => `Second signal in the chart of ${label}`,
+    /** @param {string} label */
+    chart: (label) => `Chart of ${label}, last two minutes; arrow keys move the cursor`,
+    /** @param {string} value @param {string} secondsAgo */
+    reading: (value, secondsAgo) => `${value}, ${secondsAgo} s ago`,
+    /** @param {string} label */
+    remove: (label) => `Remove the chart of ${label}`,
+    full: "Six charts are the most. Remove one first.",
   },
   driving: {
     title: "Drive",
@@ -569,14 +578,6 @@ export const TEXTS = {
       label: "Message",
       cut: "There are more rows. Close some nodes to see them.",
       choose: "Show or remove a chart",
-    },
-    chart: {
-      remove: "Remove the chart of",
-      /** @param {string} name */
-      chart: (name) => `Chart of ${name} over the last minute`,
-      /** @param {string} low @param {string} high */
-      range: (low, high) => `${low} to ${high}, last minute`,
-      full: "Six charts are the most. Remove one first.",
     },
     image: {
       label: "Image of the topic",

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { ChartSeries, roundRange } from "../../../rosbridge_sim/page/js/widgets/chart_series.js";
+import { ChartSeries, csvOf, roundRange } from "../../../rosbridge_sim/page/js/widgets/chart_series.js";
 
 test("a series forgets what is older than its span", () => {
   const series = new ChartSeries(60);
@@ -53,4 +53,14 @@ test("ranges have round ends and contain 0", () => {
   assert.deepEqual(roundRange([3, 7.2], [0, 1]), [0, 10]);
   assert.deepEqual(roundRange([-0.3, 0.1], [-1, 1]), [-1, 1]);
   assert.deepEqual(roundRange([-12, 48], [0, 10]), [-20, 50]);
+});
+
+test("a table of series has a line for each time, and nothing where a series has no value", () => {
+  const [speed, gap] = [new ChartSeries(60), new ChartSeries(60)];
+  speed.push(1, 2.5);
+  speed.push(2, 3);
+  gap.push(2, NaN);
+  gap.push(3, 7);
+  const columns = [{ label: "Speed [km/h]", series: speed }, { label: 'the "gap"', series: gap }];
+  assert.equal(csvOf(columns), '"time [s]","Speed [km/h]","the ""gap"""\r\n1.000,2.5,\r\n2.000,3,\r\n3.000,,7\r\n');
 });

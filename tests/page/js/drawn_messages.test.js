@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { compose, DRAWN_TYPES, IDENTITY, keepMarkers, matrixOf, MOST_DRAWN, Sketch } from "../../../rosbridge_sim/page/js/scene/drawn_messages.js";
+import { compose, DRAWN_TYPES, IDENTITY, keepMarkers, matrixAt, matrixOf, MOST_DRAWN, Sketch } from "../../../rosbridge_sim/page/js/scene/drawn_messages.js";
 import { packedColour } from "../../../rosbridge_sim/page/js/scene/materials.js";
 
 const ORIGIN = { x: 100, y: 0, z: 0 };
@@ -93,4 +93,18 @@ test("a scan and a cloud are points; a cloud that lies about its size is cut", (
   assert.deepEqual([longer.points.length, longer.isCut], [12, true]);
   const beyond = { ...cloud, fields: fields.map((field) => ({ ...field, offset: field.offset + 9 })) };
   assert.equal(drawn("sensor_msgs/PointCloud2", beyond).points.length, 0);
+});
+
+test("the points of a lidar have the colour of their intensity", () => {
+  const data = new Uint8Array(new Float32Array([1, 2, 3, 0, 4, 5, 6, 100]).buffer);
+  const fields = ["x", "y", "z", "intensity"].map((name, i) => ({ name, offset: 4 * i, datatype: 7, count: 1 }));
+  const cloud = { width: 2, height: 1, fields, is_bigendian: false, point_step: 16, row_step: 32, data };
+  const { points } = drawn("sensor_msgs/PointCloud2", cloud);
+  assert.deepEqual([points[3], points[9]], [packedColour(0.05, 0.35, 0.95, 1), packedColour(1, 0.85, 0.1, 1)]);
+});
+
+test("a frame that moves is where it was at the time of the message", () => {
+  const pose = (/** @type {number} */ at, /** @type {number} */ x) => ({ at, matrix: Float64Array.of(1, 0, 0, 0, 1, 0, 0, 0, 1, x, 0, 0) });
+  const kept = [pose(1, 0), pose(2, 10), pose(3, 30)];
+  assert.deepEqual([1.5, 2, 2.25, 9, 0].map((at) => matrixAt(kept, at)[9]), [5, 10, 15, 30, 30]);
 });

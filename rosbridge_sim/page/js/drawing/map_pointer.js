@@ -82,7 +82,7 @@ function tap(view, point) {
   const lights = scene.map?.lights ?? [];
   const light = pickPlaceOnScreen(lights, camera, point.x, point.y, LIGHT_REACH);
   if (light >= 0) {
-    view.lightTakers.forEach((take) => take(lights[light].name));
+    view.lights.tell(lights[light].name);
   } else {
     scene.select(null);
   }

@@ -13,6 +13,7 @@ import { makePalette } from "./palette.js";
 import { Renderer } from "./renderer.js";
 import { makeSceneLabels } from "./scene_labels.js";
 import { nearestPlaces, TopCamera } from "./top_camera.js";
+import { Takers } from "../wire/takers.js";
 
 /** @typedef {import("../scene/store.js").SceneStore} SceneStore */
 /** @typedef {import("./gestures.js").Point} Point */
@@ -24,6 +25,14 @@ const ORBIT_STEP = 0.006;
 
 /** The map. */
 export class MapView {
+  views = new Takers();
+  /** Be told after each picture in which the view has changed, and of a change of the tools. */
+  onView = this.views.addNow;
+  /** @type {Takers<[string]>} */
+  lights = new Takers();
+  /** Be told of clicks on traffic lights. */
+  onLight = this.lights.add;
+
   /**
    * @param {object} parts
    * @param {SceneStore} parts.scene
@@ -61,10 +70,6 @@ export class MapView {
     this.hasNewLines = true;
     /** What the user does with the tool. */
     this.hint = "";
-    /** @type {Set<() => void>} */
-    this.viewTakers = new Set();
-    /** @type {Set<(name: string) => void>} */
-    this.lightTakers = new Set();
     this.dark = matchMedia("(prefers-color-scheme: dark)");
     this.still = matchMedia("(prefers-reduced-motion: reduce)");
     this.palette = makePalette(this.dark.matches);
@@ -76,12 +81,6 @@ export class MapView {
   }
 
   // What others use
-
-  /** @param {((origin: {x: number, y: number, z: number}) => Float32Array) | null} make - points of a lidar, as of `pointsOfCloud` */
-  showPoints(make) {
-    this.renderer.points.fill(make?.(this.renderer.origin) ?? new Float32Array());
-    this.change();
-  }
 
   /**
    * Let the user choose a place: a click is the place, a drag from it the heading.
@@ -108,17 +107,6 @@ export class MapView {
    */
   onDrop(kind, take) {
     listenToDrops(this, kind, take);
-  }
-
-  /** Be told of clicks on traffic lights. @param {(name: string) => void} take */
-  onLight(take) {
-    this.lightTakers.add(take);
-  }
-
-  /** Be told after each picture in which the view has changed, and of a change of the tools. @param {() => void} take */
-  onView(take) {
-    this.viewTakers.add(take);
-    take();
   }
 
   // Commands of buttons and keys
@@ -254,7 +242,7 @@ export class MapView {
     this.renderer.draw({ camera, palette, state: poses.last, poses, drawn });
     const marks = { leading: this.isChase ? this.targetRow() : -1, contacts: fresh, texts: drawn.texts };
     this.labels.show([...makeSceneLabels({ scene, poses, camera, ...marks }, this.texts), ...toolLabels(this)]);
-    this.viewTakers.forEach((take) => take());
+    this.views.tell();
     if (isTurning || fresh.length > 0 || this.poses.isMoving(now)) {
       this.schedule();
     }
@@ -396,7 +384,7 @@ export class MapView {
     if (this.tool !== null) {
       this.change();
     } else {
-      this.viewTakers.forEach((take) => take());
+      this.views.tell();
     }
   }
 }

@@ -1,9 +1,9 @@
-/** Points: heads of traffic lights, and what a lidar has met. */
+/** Points: heads of traffic lights, and those of programs and sensors. */
 
 import { NUM_MATERIALS } from "../scene/materials.js";
 import { FOG, HEAD } from "./shaders.js";
 
-/** Points: heads of traffic lights (place; material, direction and least size), and those of lidars (place; intensity). */
+/** Points, each with its place and some more numbers. */
 export class PointLayer {
   /** @param {WebGL2RenderingContext} gl @param {number} looks - numbers of a point behind its place */
   constructor(gl, looks) {
@@ -81,24 +81,4 @@ void main() {
   vec3 lit = shape == 0.0 ? vec3(0.42) : colour;
   result = vec4(fade(mix(ground, lit, smoothstep(-0.5 * sharp, 0.5 * sharp, inner))), disc);
 }`,
-};
-
-/** Points of a lidar, coloured by their intensity: asphalt is dark blue, paint and plates are yellow. */
-export const POINT_SHADERS = {
-  vertex: `${HEAD}
-layout(location = 0) in vec3 place;
-layout(location = 1) in float intensity;
-uniform mat4 view;
-uniform float pixel, ratio;
-flat out vec3 colour;
-void main() {
-  gl_Position = view * vec4(place, 1.0);
-  gl_Position.z -= 0.0002 * gl_Position.w;
-  gl_PointSize = ratio * clamp(0.08 / (pixel * max(gl_Position.w, 0.01)), 1.5, 4.0);
-  colour = mix(vec3(0.05, 0.35, 0.95), vec3(1.0, 0.85, 0.1), min(intensity / 100.0, 1.0));
-}`,
-  fragment: `${HEAD}
-flat in vec3 colour;
-out vec4 result;
-void main() { result = vec4(colour, 1.0); }`,
 };

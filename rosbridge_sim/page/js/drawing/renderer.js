@@ -10,7 +10,7 @@ import { fillEntities } from "./entity_filler.js";
 import { EntityLayer, LineLayer, ScreenLayer, SurfaceLayer } from "./gl_layers.js";
 import { GlProgram } from "./gl_program.js";
 import { MESH_SHADERS, MeshLayer } from "./mesh_layer.js";
-import { HEAD_SHADERS, POINT_SHADERS, PointLayer } from "./point_layer.js";
+import { HEAD_SHADERS, PointLayer } from "./point_layer.js";
 import { PlanLayer } from "./plan_layer.js";
 import {
   ENTITY_SHADERS, FAR_SHADERS, GROUND_SHADERS, LINE_SHADERS, SHADOW_SHADERS, SKY_SHADERS, SURFACE_SHADERS,
@@ -54,7 +54,6 @@ export class Renderer {
       entity: new GlProgram(gl, ENTITY_SHADERS),
       shadow: new GlProgram(gl, SHADOW_SHADERS),
       head: new GlProgram(gl, HEAD_SHADERS),
-      point: new GlProgram(gl, POINT_SHADERS),
       far: new GlProgram(gl, FAR_SHADERS),
       sky: new GlProgram(gl, SKY_SHADERS),
       ground: new GlProgram(gl, GROUND_SHADERS),
@@ -64,8 +63,6 @@ export class Renderer {
     /** What stands still, for the camera behind the car; null until it is loaded. @type {MeshLayer | null} */
     this.mesh = null;
     this.heads = new PointLayer(gl, 3);
-    /** What a lidar has met. */
-    this.points = new PointLayer(gl, 1);
     this.screen = new ScreenLayer(gl);
     this.bars = new LineLayer(gl);
     /** Trails and other lines that change. */
@@ -173,9 +170,6 @@ export class Renderer {
     this.entities.forEach((layer, shape) => shape !== FAR_FORM && layer.drawShadows());
     const spin = camera.isPerspective ? 100 : /** @type {TopCamera} */ (camera).rotation;
     const ratio = gl.drawingBufferWidth / camera.width;
-    this.programs.point.use();
-    this.programs.point.set({ ...common, ratio });
-    this.points.draw();
     this.plans.fill(picture.drawn, this.origin);
     this.plans.draw(this.programs.line, { ...flat, ratio });
     this.programs.head.use();

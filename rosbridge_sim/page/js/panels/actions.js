@@ -1,6 +1,7 @@
 // The actions of the page: done by the connection, and remembered for "Copy as code".
 
 import { callOperation, publishOperation } from "../wire/requests.js";
+import { Takers } from "../wire/takers.js";
 
 /** @typedef {import("../wire/requests.js").Operation} Operation */
 /** @typedef {import("../wire/connection.js").Connection} Connection */
@@ -25,14 +26,16 @@ const KEPT_ACTIONS = 50;
 export class ActionError extends Error {}
 
 export class Actions {
+  changes = new Takers();
+  onChange = this.changes.add;
+  tell = this.changes.tell;
+
   /** @param {Connection} connection @param {{refused: string}} texts */
   constructor(connection, texts) {
     this.connection = connection;
     this.texts = texts;
     /** @type {Action[]} the latest one first */
     this.recent = [];
-    /** @type {Set<() => void>} */
-    this.listeners = new Set();
     this.made = 0;
     this.lastWarning = "";
     connection.onStatus((/** @type {{level: string, msg: string}} */ status) => {
@@ -126,17 +129,6 @@ export class Actions {
     this.tell();
   }
 
-  /** Watch the list of actions. @param {() => void} take @returns {() => void} function that ends it */
-  onChange(take) {
-    this.listeners.add(take);
-    return () => this.listeners.delete(take);
-  }
-
-  tell() {
-    for (const take of this.listeners) {
-      take();
-    }
-  }
 }
 
 /**

@@ -24,11 +24,10 @@
  *   pickPlace: (options?: {hint?: string}) => Promise<{x: number, y: number, heading: number | null} | null>,
  *   onDrop?: (kind: string, take: (place: {x: number, y: number}) => void) => void,
  *   showChase: () => void,
- *   showPoints: (make: ((origin: {x: number, y: number, z: number}) => Float32Array) | null) => void,
  *   onLight?: (take: (name: string) => void) => void,
  * }} MapView
  *   pickPlace: the next click is the place, a drag from it the heading; heading is null without a drag, and the result is
- *   null if the user gave it up; showChase: the camera goes behind the car; showPoints: those of a lidar from an origin, or none; onDrop: something of a kind (of `DataTransfer`) was dropped on the map; onLight: the user
+ *   null if the user gave it up; showChase: the camera goes behind the car; onDrop: something of a kind (of `DataTransfer`) was dropped on the map; onLight: the user
  *   has clicked a traffic light
  */
 

@@ -1,5 +1,7 @@
 // Who drives each ego, from `/sim/drivers`.
 
+import { Takers } from "../wire/takers.js";
+
 /** @typedef {import("../wire/connection.js").Connection} Connection */
 
 /** @typedef {{unique_id: number, ctrl_mode: number, gear: number, driver: string, client: string, publishers: string[]}} EgoDriver */
@@ -7,12 +9,13 @@
 /** @typedef {{time_step: number, real_time_factor: number, master: string, master_clients: string[], egos: EgoDriver[]}} DriversMessage */
 
 export class DriversWatch {
+  changes = new Takers();
+  onChange = this.changes.addNow;
+
   /** @param {Connection} connection */
   constructor(connection) {
     /** @type {DriversMessage | null} */
     this.message = null;
-    /** @type {Set<() => void>} */
-    this.listeners = new Set();
     /** Address of this page as the server knows it, from the answer of `/sim/control_lease`; empty before. */
     this.ownAddress = "";
     connection.subscribe("/sim/drivers", "rosbridge_sim_msgs/Drivers", (message) => this.take(message));
@@ -27,16 +30,7 @@ export class DriversWatch {
   /** @param {DriversMessage | null} message */
   take(message) {
     this.message = message;
-    for (const listener of this.listeners) {
-      listener();
-    }
-  }
-
-  /** @param {() => void} take called now and after each change @returns {() => void} function that ends it */
-  onChange(take) {
-    this.listeners.add(take);
-    take();
-    return () => this.listeners.delete(take);
+    this.changes.tell();
   }
 
   /** @param {number} number of the ego @returns {EgoDriver | null} */

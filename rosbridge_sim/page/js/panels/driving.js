@@ -6,6 +6,7 @@ import { TouchPad } from "../widgets/touch_pad.js";
 import { controlModeRequest, egoName, gearRequest, leaseRequest } from "../wire/requests.js";
 import { inputOfGamepad, inputOfKeys, inputOfPads, isDrivingKey, NO_INPUT, USUAL_STEER_LIMIT } from "./driving_model.js";
 import { COMMAND_INTERVAL, DrivingSession } from "./driving_session.js";
+import { Takers } from "../wire/takers.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
 
@@ -33,13 +34,14 @@ const GEAR_KEY = "KeyR";
 
 /** The panel "Driving": the elements and the events of the page around a DrivingSession. */
 export class Driving {
+  /** @type {Takers<[boolean]>} */
+  changes = new Takers();
+
   /** @param {PanelContext} context */
   constructor(context) {
     this.context = context;
     this.texts = context.texts.driving;
     this.title = this.texts.title;
-    /** @type {Set<(isOn: boolean) => void>} */
-    this.listeners = new Set();
     this.notice = new Notice();
     /** @type {Set<string>} */
     this.codes = new Set();
@@ -144,8 +146,8 @@ export class Driving {
 
   /** @param {(isOn: boolean) => void} take called now, and when a drive begins or ends */
   onChange(take) {
-    this.listeners.add(take);
     take(this.session.isOn);
+    this.changes.add(take);
   }
 
   async toggle() {
@@ -250,10 +252,7 @@ export class Driving {
   show() {
     const { texts, session, context } = this;
     const isOn = session.isOn;
-    const { label, title } = isOn ? texts.end : texts.begin;
-    setText(this.button.element, label);
-    this.button.title = title;
-    this.button.element.title = this.button.reason || title;
+    this.button.setFace(isOn ? texts.end : texts.begin);
     this.button.element.setAttribute("aria-pressed", String(isOn));
     this.padRow.hidden = !isOn;
     document.body.classList.toggle("is-driving", isOn);
@@ -267,7 +266,7 @@ export class Driving {
     const others = context.drivers.otherPublishers(isOn ? this.ego : context.ego.number);
     this.warning.hidden = others.length === 0;
     setText(this.warning, others.length ? texts.otherPublishers(others.join(", ")) : "");
-    this.listeners.forEach((take) => take(isOn));
+    this.changes.tell(isOn);
   }
 
   /** @param {KeyboardEvent} event */

@@ -3,14 +3,11 @@
 import { controlModeRequest, gearRequest, lampsRequest } from "../wire/requests.js";
 import { ActionButton, labelled, Notice } from "../widgets/action_button.js";
 import { element, replaceChildren } from "../widgets/dom.js";
-import { StripCharts } from "../widgets/strip_chart.js";
+import { Charts } from "../widgets/charts.js";
 import { GEAR_LETTERS, LAMP_BITS } from "./ego_values.js";
 import { Instruments } from "./instruments.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
-
-/** Time that the charts show [s]. */
-const CHART_SPAN = 60;
 
 /** Control modes that the user may choose. */
 const CHOOSABLE_MODES = [3, 6];
@@ -20,16 +17,12 @@ export function makeEgoPanel(context) {
   const texts = context.texts.ego;
   const notice = new Notice();
   const instruments = new Instruments(texts);
-  const charts = new StripCharts(
-    [
-      { key: "speed", label: texts.charts.speed, unit: "km/h", digits: 1, smallest: [0, 10] },
-      { key: "acceleration", label: texts.charts.acceleration, unit: "m/s²", digits: 2, smallest: [-2, 2] },
-      { key: "steering", label: texts.charts.steering, unit: "°", digits: 1, smallest: [-5, 5] },
-      { key: "offset", label: texts.charts.offset, unit: "m", digits: 2, smallest: [-1, 1] },
-    ],
-    CHART_SPAN,
-    texts.chartTexts,
-  );
+  const charts = new Charts(context.texts.charts, [
+    { key: "speed", label: texts.charts.speed, unit: "km/h", digits: 1, smallest: [0, 10] },
+    { key: "acceleration", label: texts.charts.acceleration, unit: "m/s²", digits: 2, smallest: [-2, 2] },
+    { key: "steering", label: texts.charts.steering, unit: "°", digits: 1, smallest: [-5, 5] },
+    { key: "offset", label: texts.charts.offset, unit: "m", digits: 2, smallest: [-1, 1] },
+  ]);
   connectEgo(context, instruments, charts);
   const content = element(
     "div",
@@ -43,7 +36,7 @@ export function makeEgoPanel(context) {
   return { element: content, title: texts.title };
 }
 
-/** @param {PanelContext} context @param {Instruments} instruments @param {StripCharts} charts */
+/** @param {PanelContext} context @param {Instruments} instruments @param {Charts} charts */
 function connectEgo({ ego, drivers, scene, texts: { ego: texts } }, instruments, charts) {
   ego.onValues(() => {
     const { values, laneOffset, link } = ego;
@@ -51,12 +44,14 @@ function connectEgo({ ego, drivers, scene, texts: { ego: texts } }, instruments,
     if (!values) {
       charts.clear();
     } else if (ego.hasMessage) {
-      charts.push(values.time, {
+      /** @type {Record<string, number>} */
+      const signals = {
         speed: values.speed * 3.6,
         acceleration: values.acceleration,
         steering: (values.steering * 180) / Math.PI,
         offset: laneOffset,
-      });
+      };
+      charts.push(values.time, (key) => signals[key]);
     }
   });
   ego.onChoice(() => charts.clear());

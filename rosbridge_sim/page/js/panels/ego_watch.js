@@ -3,6 +3,7 @@
 import { egoName } from "../wire/requests.js";
 import { egoValues, sceneValues } from "./ego_values.js";
 import { LaneIndex } from "./lane_offset.js";
+import { Takers } from "../wire/takers.js";
 
 /** @typedef {import("./ego_values.js").EgoValues} EgoValues */
 
@@ -10,6 +11,13 @@ import { LaneIndex } from "./lane_offset.js";
 const EGO_THROTTLE = 100;
 
 export class EgoWatch {
+  changes = new Takers();
+  choices = new Takers();
+  /** Be told of each message of the ego, and when the values are forgotten. */
+  onValues = this.changes.add;
+  /** Be told after another ego was chosen. */
+  onChoice = this.choices.add;
+
   /**
    * @param {import("../wire/connection.js").Connection} connection
    * @param {import("../scene/store.js").SceneStore} scene
@@ -28,10 +36,6 @@ export class EgoWatch {
     this.lanes = null;
     /** @type {{close: () => void} | null} */
     this.subscription = null;
-    /** @type {Set<() => void>} */
-    this.valueTakers = new Set();
-    /** @type {Set<() => void>} */
-    this.choiceTakers = new Set();
     scene.onMap(() => {
       const lanes = /** @type {import("./lane_offset.js").LaneLine[]} */ (scene.map?.lanes ?? []);
       this.lanes = new LaneIndex(lanes);
@@ -64,16 +68,14 @@ export class EgoWatch {
       (message) => this.take(message),
       { throttleMs: EGO_THROTTLE, queueLength: 1 },
     );
-    for (const take of this.choiceTakers) {
-      take();
-    }
+    this.choices.tell();
   }
 
   /** Forget what another connection or another ego has told. */
   forget() {
     this.hasMessage = false;
     this.values = null;
-    this.tellValues();
+    this.changes.tell();
   }
 
   /** Show the ego of the scene's state until its own topic sends something. */
@@ -96,27 +98,6 @@ export class EgoWatch {
     this.values = values;
     this.link = lane?.link ?? "";
     this.laneOffset = lane?.lateral ?? NaN;
-    this.tellValues();
-  }
-
-  tellValues() {
-    for (const take of this.valueTakers) {
-      take();
-    }
-  }
-
-  /**
-   * @param {() => void} take called with each message of the ego, and when the values are forgotten
-   * @returns {() => void} function that ends it
-   */
-  onValues(take) {
-    this.valueTakers.add(take);
-    return () => this.valueTakers.delete(take);
-  }
-
-  /** @param {() => void} take called after another ego was chosen @returns {() => void} function that ends it */
-  onChoice(take) {
-    this.choiceTakers.add(take);
-    return () => this.choiceTakers.delete(take);
+    this.changes.tell();
   }
 }

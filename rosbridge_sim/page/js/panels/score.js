@@ -57,8 +57,7 @@ export function makeScorePanel({ connection, actions, ego, texts: { score: texts
       const isOn = subscription !== null;
       list.hidden = reset.element.hidden = !isOn;
       hint.hidden = isOn;
-      setText(toggle.element, isOn ? texts.stop.label : texts.start.label);
-      toggle.element.title = toggle.title = isOn ? texts.stop.title : texts.start.title;
+      toggle.setFace(isOn ? texts.stop : texts.start);
     },
   });
   const reset = new ActionButton({ ...texts.reset, notice, act: () => actions.run(texts.reset.label, scoreRequest(true)) });

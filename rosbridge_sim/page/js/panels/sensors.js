@@ -1,26 +1,21 @@
 // Cameras and lidars of the chosen ego: pictures with the boxes of what they show, and points on the map. The server reads
 // a sensor only while somebody listens, so the page listens only while this is shown.
 
-import { pointsOfCloud } from "../scene/point_cloud.js";
 import { egoName } from "../wire/requests.js";
 import { ActionButton, Notice } from "../widgets/action_button.js";
-import { element, setText } from "../widgets/dom.js";
+import { element } from "../widgets/dom.js";
 import { whileSeen } from "../widgets/seen.js";
 import { ImageView } from "./graph/image_view.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
-/** @typedef {import("../scene/point_cloud.js").Place} Place */
-/** @typedef {Place & {kind: string, frame_id: string, topics: string[], settings: string}} SensorInfo */
+/** @typedef {{kind: string, frame_id: string, topics: string[], settings: string}} SensorInfo */
 
-/** Pictures and turns of a lidar at most so often [ms]; cameras that share a topic have no such bound. */
+/** Pictures at most so often [ms]; cameras that share a topic have no such bound. */
 const PICTURE_THROTTLE = 100;
-const CLOUD_THROTTLE = 200;
-/** States of the ego that are kept, so that a turn of a lidar is placed where the ego was at its frame. */
-const NUM_PLACES = 20;
 
 /** @param {PanelContext} context @returns {{element: HTMLElement, title: string}} */
 export function makeSensorsPanel(context) {
-  const { connection, scene, ego, mapView } = context;
+  const { connection, drawn, ego } = context;
   const texts = context.texts.sensors;
   const notice = new Notice();
   const cards = element("div", { className: "sensor-cards" });
@@ -32,7 +27,6 @@ export function makeSensorsPanel(context) {
     ends.forEach((end) => end());
     ends = [];
     cards.replaceChildren();
-    mapView?.showPoints(null);
   };
   const start = async () => {
     stop();
@@ -51,7 +45,7 @@ export function makeSensorsPanel(context) {
     notice.show(answer.message || (cameras.length + lidars.length ? "" : texts.none));
     cameras.forEach((camera) => cards.append(makeCard(context, camera, cameras)));
     lidars.forEach((lidar) => {
-      ends.push(listenToLidar(context, lidar));
+      ends.push(drawn.want(lidar.topics[0] ?? egoName(number, "/lidar3D"), "sensor_msgs/PointCloud2"));
       cards.append(element("p", { className: "hint" }, texts.lidar(lidar.frame_id)));
     });
     ends.push(() => {}); // there may be none, and this list is shown
@@ -59,14 +53,12 @@ export function makeSensorsPanel(context) {
   const restart = () => void start().catch((error) => notice.showError(error));
   ego.onChoice(restart);
   connection.onState(restart);
-  scene.onMap(() => mapView?.showPoints(null));
   const toggle = new ActionButton({
     ...texts.start,
     notice,
     act: () => {
       isOn = !isOn;
-      setText(toggle.element, isOn ? texts.stop.label : texts.start.label);
-      toggle.element.title = toggle.title = isOn ? texts.stop.title : texts.start.title;
+      toggle.setFace(isOn ? texts.stop : texts.start);
       return start();
     },
   });
@@ -115,38 +107,4 @@ function drawBoxes(canvas, boxes) {
     pen.fillText(String(id), left, top - pen.lineWidth);
   }
   canvas.dataset.boxes = String(boxes.length);
-}
-
-/** @param {PanelContext} context @param {SensorInfo} lidar @returns {() => void} ends it */
-function listenToLidar({ connection, scene, ego, mapView }, lidar) {
-  if (mapView === null) {
-    return () => {};
-  }
-  /** @type {{frame: number, place: Place}[]} */
-  let places = [];
-  const keepPlace = () => {
-    const { state } = scene;
-    const row = scene.egos().find(({ number }) => number === ego.number)?.row;
-    if (state !== null && row !== undefined) {
-      const [x, y, z, roll, pitch, yaw] = [state.x, state.y, state.z, state.roll, state.pitch, state.heading].map((column) => column[row]);
-      places = [...places.slice(1 - NUM_PLACES), { frame: state.frame, place: { x, y, z, roll, pitch, yaw } }];
-    }
-  };
-  const end = scene.onState(keepPlace);
-  keepPlace();
-  const angle = Math.PI / 180;
-  const mounting = { ...lidar, roll: lidar.roll * angle, pitch: lidar.pitch * angle, yaw: lidar.yaw * angle };
-  const subscription = connection.subscribe(
-    lidar.topics[0] ?? egoName(ego.number, "/lidar3D"),
-    "sensor_msgs/PointCloud2",
-    (cloud) => {
-      const found = places.filter(({ frame }) => frame <= cloud.header.seq).at(-1) ?? places.at(-1);
-      found && mapView.showPoints((origin) => pointsOfCloud(cloud, found.place, mounting, origin));
-    },
-    { throttleMs: CLOUD_THROTTLE, queueLength: 1, encoding: "cbor" },
-  );
-  return () => {
-    subscription.close();
-    end();
-  };
 }

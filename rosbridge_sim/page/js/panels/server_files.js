@@ -1,5 +1,7 @@
 // The scenarios and recordings of the server, read once for all panels.
 
+import { Takers } from "../wire/takers.js";
+
 /** @typedef {import("../wire/connection.js").Connection} Connection */
 
 /**
@@ -21,6 +23,9 @@ const PAGE_SIZE = 50;
 const LIST_TIMEOUT = 60_000;
 
 export class ServerFiles {
+  changes = new Takers();
+  onChange = this.changes.addNow;
+
   /** @param {Connection} connection */
   constructor(connection) {
     this.connection = connection;
@@ -30,8 +35,6 @@ export class ServerFiles {
     this.recordings = [];
     /** Why there is no list; empty if there is. */
     this.problem = "";
-    /** @type {Set<() => void>} */
-    this.listeners = new Set();
     connection.onState((state) => {
       if (state === "open") {
         void this.refresh();
@@ -64,14 +67,6 @@ export class ServerFiles {
     }
     this.scenarios = scenarios;
     this.recordings = recordings;
-    for (const take of this.listeners) {
-      take();
-    }
-  }
-
-  /** @param {() => void} take called now and after each reading */
-  onChange(take) {
-    this.listeners.add(take);
-    take();
+    this.changes.tell();
   }
 }

@@ -1,6 +1,7 @@
 // The state of time for all panels: the topics behind it are subscribed once.
 
 import { timeReasons, timeStateOf } from "./time_state.js";
+import { Takers } from "../wire/takers.js";
 
 /** @typedef {import("../wire/connection.js").Connection} Connection */
 /** @typedef {import("./time_state.js").TimeState} TimeState */
@@ -16,6 +17,9 @@ const RATE_WINDOW = 2000;
 const TIME_THROTTLE = 200;
 
 export class TimeWatch {
+  changes = new Takers();
+  onChange = this.changes.addNow;
+
   /**
    * @param {Connection} connection
    * @param {string} userId of this page
@@ -32,8 +36,6 @@ export class TimeWatch {
     this.ownTimeStep = 20;
     /** @type {{at: number, frame: number}[]} */
     this.samples = [];
-    /** @type {Set<() => void>} */
-    this.listeners = new Set();
     /** The command of a driver at the keys for a step of so many seconds. @type {(seconds: number) => {ego: number, command: import("../wire/requests.js").PedalCommand} | null} */
     this.drivenCommand = () => null;
     /** @type {TimeState} */
@@ -51,17 +53,6 @@ export class TimeWatch {
     });
   }
 
-  /**
-   * Watch the state.
-   * @param {() => void} take called now and after each change
-   * @returns {() => void} function that ends it
-   */
-  onChange(take) {
-    this.listeners.add(take);
-    take();
-    return () => this.listeners.delete(take);
-  }
-
   /** @param {Partial<import("./time_state.js").TimeMessages>} change */
   take(change) {
     Object.assign(this.messages, change);
@@ -75,9 +66,7 @@ export class TimeWatch {
     if (change.sync) {
       this.addSample(performance.now(), this.state.frame);
     }
-    for (const listener of this.listeners) {
-      listener();
-    }
+    this.changes.tell();
   }
 
   /** @param {number} at [ms] @param {number} frame */

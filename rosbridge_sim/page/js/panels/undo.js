@@ -1,17 +1,18 @@
 // The way back from changes of the scene, the latest one first.
 
+import { Takers } from "../wire/takers.js";
+
 /** @typedef {{title: string, undo: () => Promise<unknown> | void}} UndoStep */
 
 /** So many changes can be taken back. */
 const UNDO_DEPTH = 20;
 
 export class UndoList {
-  constructor() {
-    /** @type {UndoStep[]} */
-    this.steps = [];
-    /** @type {Set<() => void>} */
-    this.listeners = new Set();
-  }
+  /** @type {UndoStep[]} */
+  steps = [];
+  changes = new Takers();
+  onChange = this.changes.addNow;
+  tell = this.changes.tell;
 
   /** @param {string} title of the change, for the user @param {() => Promise<unknown> | void} undo */
   add(title, undo) {
@@ -30,17 +31,5 @@ export class UndoList {
     const step = this.steps.pop();
     this.tell();
     await step?.undo();
-  }
-
-  /** @param {() => void} take called now and after each change */
-  onChange(take) {
-    this.listeners.add(take);
-    take();
-  }
-
-  tell() {
-    for (const take of this.listeners) {
-      take();
-    }
   }
 }

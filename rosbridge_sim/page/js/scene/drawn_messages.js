@@ -63,6 +63,18 @@ export function compose(a, b) {
   return c;
 }
 
+/**
+ * The matrix of a frame at a time, between the two poses around it.
+ * @param {{at: number, matrix: Matrix}[]} kept - at least one
+ * @param {number} at - [s]; outside of what is kept the last one is the best guess
+ */
+export function matrixAt(kept, at) {
+  const next = kept.findIndex((one) => one.at >= at);
+  const [before, after] = next > 0 ? [kept[next - 1], kept[next]] : [kept[kept.length - 1], kept[kept.length - 1]];
+  const share = after.at > before.at ? (at - before.at) / (after.at - before.at) : 1;
+  return before.matrix.map((value, i) => value + share * (after.matrix[i] - value));
+}
+
 /** What a topic draws, relative to the origin of the map's buffers. */
 export class Sketch {
   /** @param {Vector} origin @param {number} colour - packed; of all that has none of its own */
@@ -260,13 +272,13 @@ function drawCloud(sketch, { width, height, fields, is_bigendian: isBig, point_s
     return;
   }
   const view = new DataView(data.buffer, data.byteOffset, data.byteLength);
-  const readers = ["x", "y", "z"].map((name) => {
+  const readers = ["x", "y", "z", "intensity"].map((name) => {
     const field = fields.find((/** @type {{name: string}} */ one) => one.name === name);
     const method = POINT_READERS[field?.datatype ?? 0];
     const size = Number(/\d+$/.exec(method ?? "")?.[0] ?? 0) / 8;
     return method && field.offset + size <= step ? (/** @type {number} */ at) => view[method](at + field.offset, !isBig) : null;
   });
-  const [x, y, z] = readers;
+  const [x, y, z, intensity] = readers;
   const total = Number(width) * Number(height);
   const stride = Math.max(1, Math.ceil(total / MOST_DRAWN.points));
   sketch.isCut ||= stride > 1 || !x || !y;
@@ -276,8 +288,14 @@ function drawCloud(sketch, { width, height, fields, is_bigendian: isBig, point_s
       sketch.isCut = true; // shorter than its own figures say
       return;
     }
-    sketch.point(x(at), y(at), z ? z(at) : 0);
+    sketch.point(x(at), y(at), z ? z(at) : 0, intensity ? intensityColour(intensity(at)) : undefined);
   }
+}
+
+/** Asphalt is dark blue, paint and plates are yellow. @param {number} intensity - of a lidar, 0 to 100 */
+function intensityColour(intensity) {
+  const part = (/** @type {number} */ low, /** @type {number} */ high) => low + (high - low) * Math.min(intensity / 100, 1);
+  return packedColour(part(0.05, 1), part(0.35, 0.85), part(0.95, 0.1), 1);
 }
 
 /** @param {Colour | undefined} colour - transparent where a program has left it out @param {number} otherwise */

@@ -3,9 +3,10 @@
  * map's frame, and bounded in number and bytes.
  */
 
-import { DRAWN_TYPES, drawnType, IDENTITY, keepMarkers, matrixOf, Sketch } from "./drawn_messages.js";
+import { DRAWN_TYPES, drawnType, IDENTITY, keepMarkers, matrixAt, matrixOf, Sketch } from "./drawn_messages.js";
 import { packedColour } from "./materials.js";
 import { stampOf } from "./store.js";
+import { Takers } from "../wire/takers.js";
 
 /** @typedef {import("./drawn_messages.js").Matrix} Matrix */
 
@@ -28,6 +29,8 @@ const MARKERS = ["visualization_msgs/Marker", "visualization_msgs/MarkerArray"];
 const FRAME_ANGLE = 0.002;
 const FRAME_WAY = 0.02;
 const FRAME_RATE = 20;
+/** Poses of a frame that are kept, so that a message is placed where its frame was at its time: half a second. */
+const KEPT_POSES = 10;
 const FRAME_TIMEOUT = 10;
 /** Frames that are the map's: a program that names none means it, too. */
 const MAP_FRAMES = ["", "map", "world"];
@@ -69,21 +72,23 @@ export class DrawnTopic {
 
 /** All of them. */
 export class DrawnTopics {
+  changes = new Takers();
+  /** Be told of each change: of the list, and of what is drawn. */
+  onChange = this.changes.add;
+
   /** @param {import("../wire/connection.js").Connection} connection @param {import("./store.js").SceneStore} scene */
   constructor(connection, scene) {
     this.connection = connection;
     this.scene = scene;
     /** @type {Map<string, DrawnTopic>} */
     this.topics = new Map();
-    /** Matrices of frames. @type {Map<string, Matrix>} */
+    /** The last matrices of frames, with their times [s], the oldest first. @type {Map<string, {at: number, matrix: Matrix}[]>} */
     this.frames = new Map();
     /** Frames that are asked for. @type {Set<string>} */
     this.wanted = new Set();
     /** @type {{close: () => void} | null} */
     this.frameTaker = null;
     this.frameTopic = "";
-    /** @type {Set<() => void>} */
-    this.takers = new Set();
     /** @type {any} */
     this.timer = undefined;
     /** Number of changes. */
@@ -98,11 +103,6 @@ export class DrawnTopics {
       }
     });
     scene.onState(() => this.takeTime());
-  }
-
-  /** Be told of each change: of the list, and of what is drawn. @param {() => void} take */
-  onChange(take) {
-    this.takers.add(take);
   }
 
   /** @param {boolean} isOpen - a new connection knows nothing of the last one's topics */
@@ -142,8 +142,7 @@ export class DrawnTopics {
     for (const [i, name] of names.entries()) {
       const type = drawnType(types[i] ?? "");
       if (DRAWN_TYPES.has(type) && !this.topics.has(name) && this.topics.size < MOST_TOPICS) {
-        this.topics.set(name, new DrawnTopic(name, type, TOPIC_COLOURS[this.topics.size % TOPIC_COLOURS.length] ?? ""));
-        this.change();
+        this.add(name, type);
       }
     }
     for (const topic of this.topics.values()) {
@@ -216,7 +215,7 @@ export class DrawnTopics {
     topic.note = "";
     const prepare = (/** @type {any} */ one) => {
       topic.frame = one.header.frame_id.replace(/^\//, "").slice(0, 100);
-      const matrix = this.matrixOf(topic.frame);
+      const matrix = this.matrixOf(topic.frame, stampOf(one));
       return { message: one, frame: topic.frame, matrix, at: time };
     };
     if (MARKERS.includes(topic.type)) {
@@ -228,8 +227,8 @@ export class DrawnTopics {
     this.change();
   }
 
-  /** @param {string} frame @returns {Matrix | null} null: it is not known yet */
-  matrixOf(frame) {
+  /** @param {string} frame @param {number} at - time [s]; 0: the last one @returns {Matrix | null} null: it is not known yet */
+  matrixOf(frame, at) {
     if (MAP_FRAMES.includes(frame)) {
       return IDENTITY;
     }
@@ -237,7 +236,8 @@ export class DrawnTopics {
       this.wanted.add(frame);
       void this.wantFrames();
     }
-    return this.frames.get(frame) ?? null;
+    const kept = this.frames.get(frame);
+    return kept ? matrixAt(kept, at) : null;
   }
 
   /** Ask the server for the poses of all frames that are used. */
@@ -261,13 +261,15 @@ export class DrawnTopics {
     }
   }
 
-  /** @param {{child_frame_id: string, transform: {translation: any, rotation: any}}[]} transforms */
+  /** @param {{header: any, child_frame_id: string, transform: {translation: any, rotation: any}}[]} transforms */
   takeFrames(transforms) {
-    for (const { child_frame_id: frame, transform } of transforms) {
+    for (const { header, child_frame_id: frame, transform } of transforms) {
       const name = frame.replace(/^\//, "");
       const matrix = matrixOf(transform.translation, transform.rotation);
-      const isNew = !this.frames.has(name);
-      this.frames.set(name, matrix);
+      const kept = this.frames.get(name) ?? [];
+      const isNew = kept.length === 0;
+      const at = stampOf({ header });
+      this.frames.set(name, [...kept.filter((one) => one.at < at), { at, matrix }].slice(-KEPT_POSES));
       for (const topic of isNew ? this.topics.values() : []) {
         for (const one of topic.kept.values()) {
           if (one.matrix === null && one.message.header.frame_id.replace(/^\//, "") === name) {
@@ -305,6 +307,24 @@ export class DrawnTopics {
     }
   }
 
+  /**
+   * Draw a topic that the simulator publishes.
+   * @param {string} name @param {string} type @returns {() => void} ends it
+   */
+  want(name, type) {
+    const topic = this.topics.get(name) ?? this.add(name, type);
+    this.switch(topic, true);
+    return () => this.topics.get(name) === topic && this.switch(topic, false);
+  }
+
+  /** @param {string} name @param {string} type */
+  add(name, type) {
+    const topic = new DrawnTopic(name, type, TOPIC_COLOURS[this.topics.size % TOPIC_COLOURS.length] ?? "");
+    this.topics.set(name, topic);
+    this.change();
+    return topic;
+  }
+
   /** Texts of all topics, as drawn. */
   get texts() {
     return [...this.topics.values()].flatMap(({ sketch }) => sketch?.texts ?? []);
@@ -312,7 +332,7 @@ export class DrawnTopics {
 
   change() {
     this.version += 1;
-    this.takers.forEach((take) => take());
+    this.changes.tell();
   }
 
   /**

@@ -3,6 +3,7 @@
 import { loadMap } from "./map_loader.js";
 import { stateOfView } from "./scene_view.js";
 import { loadMesh } from "./mesh_loader.js";
+import { Takers } from "../wire/takers.js";
 
 /** @typedef {import("../wire/connection.js").Connection} Connection */
 /** @typedef {import("./map_types.js").SceneMap} SceneMap */
@@ -37,6 +38,11 @@ const MESH_RETRY = 60_000;
 
 /** The scene. */
 export class SceneStore {
+  states = new Takers();
+  maps = new Takers();
+  selections = new Takers();
+  onState = this.states.add;
+  onSelect = this.selections.add;
   /** @type {SceneMap | null} */
   map = null;
   /** @type {SceneState | null} */
@@ -49,12 +55,6 @@ export class SceneStore {
   /** @param {Connection} connection */
   constructor(connection) {
     this.connection = connection;
-    /** @type {Set<() => void>} */
-    this.stateTakers = new Set();
-    /** @type {Set<() => void>} */
-    this.mapTakers = new Set();
-    /** @type {Set<() => void>} */
-    this.selectTakers = new Set();
     this.isLoading = false;
     /** Digest of the map whose mesh was asked for. */
     this.meshDigest = "";
@@ -130,7 +130,7 @@ export class SceneStore {
     if (chosen !== this.selectedId || isNowEgo !== this.isEgoSelected) {
       this.selectedId = chosen;
       this.isEgoSelected = isNowEgo;
-      tellAll(this.selectTakers);
+      this.selections.tell();
     }
   }
 
@@ -145,22 +145,9 @@ export class SceneStore {
     }
   }
 
-  /** Be told of each selection. @param {() => void} take @returns {() => void} ends it */
-  onSelect(take) {
-    return addTaker(this.selectTakers, take);
-  }
-
-  /** Be told of each state. @param {() => void} take @returns {() => void} ends it */
-  onState(take) {
-    return addTaker(this.stateTakers, take);
-  }
-
   /** Be told of each map; at once if one is there. @param {() => void} take @returns {() => void} ends it */
   onMap(take) {
-    if (this.map !== null) {
-      take();
-    }
-    return addTaker(this.mapTakers, take);
+    return this.map === null ? this.maps.add(take) : this.maps.addNow(take);
   }
 
   /** @param {SceneState | null} state - null: this connection has told none yet */
@@ -172,7 +159,7 @@ export class SceneStore {
     if (state !== null && this.map?.digest !== state.map_digest) {
       void this.loadMap();
     }
-    tellAll(this.stateTakers);
+    this.states.tell();
   }
 
   /**
@@ -206,7 +193,7 @@ export class SceneStore {
         const map = await loadMap(this.connection);
         if (map.digest !== this.map?.digest) {
           this.map = map;
-          tellAll(this.mapTakers);
+          this.maps.tell();
         }
       } catch {
         // the reason is in the server's log, and the next attempt may succeed
@@ -219,21 +206,7 @@ export class SceneStore {
   }
 }
 
-/** Return the simulated time of a state. @param {SceneState} state @returns {number} [s] */
+/** The time of a message, in either form of ROS [s]. @param {{header: {stamp: any}}} message */
 export function stampOf({ header: { stamp } }) {
   return (stamp.secs ?? stamp.sec ?? 0) + 1e-9 * (stamp.nsecs ?? stamp.nanosec ?? 0);
-}
-
-/** @param {Set<() => void>} takers @param {() => void} take */
-function addTaker(takers, take) {
-  const taker = () => take();
-  takers.add(taker);
-  return () => void takers.delete(taker);
-}
-
-/** @param {Set<() => void>} takers */
-function tellAll(takers) {
-  for (const take of [...takers]) {
-    take();
-  }
 }

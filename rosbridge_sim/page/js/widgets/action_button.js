@@ -49,6 +49,13 @@ export class ActionButton {
     }
   }
 
+  /** Change what the button says. @param {{label: string, title: string}} face */
+  setFace({ label, title }) {
+    setText(this.element, label);
+    this.title = title;
+    this.element.title = this.reason || title;
+  }
+
   /** Do the action, unless it is under way or not possible. */
   async press() {
     if (this.reason) {

@@ -121,3 +121,18 @@ function roundUp(value) {
   const step = [1, 2, 5, 10].find((factor) => factor * power >= value * (1 - 1e-9)) ?? 10;
   return step * power;
 }
+/** Series as comma-separated values: a line for each time. @param {{label: string, series: ChartSeries}[]} columns */
+export function csvOf(columns) {
+  /** @type {Map<number, string[]>} */
+  const rows = new Map();
+  columns.forEach(({ series }, column) => {
+    for (let index = 0; index < series.length; index += 1) {
+      const row = rows.get(series.timeAt(index)) ?? new Array(columns.length).fill("");
+      rows.set(series.timeAt(index), row);
+      row[column] = Number.isFinite(series.valueAt(index)) ? String(series.valueAt(index)) : "";
+    }
+  });
+  const head = ["time [s]", ...columns.map(({ label }) => label)].map((text) => `"${text.replaceAll('"', '""')}"`);
+  const lines = [...rows].sort(([a], [b]) => a - b).map(([time, values]) => [time.toFixed(3), ...values]);
+  return [head, ...lines].map((cells) => `${cells.join(",")}\r\n`).join("");
+}

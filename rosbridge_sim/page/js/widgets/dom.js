@@ -78,6 +78,13 @@ export function setText(node, text) {
   }
 }
 
+/** Have the browser save a file. @param {string} name @param {Blob} blob */
+export function saveFile(name, blob) {
+  const url = URL.createObjectURL(blob);
+  element("a", { href: url, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(url), 10_000); // the browser reads it meanwhile
+}
+
 /** @param {Element} node @param {string} name @param {any} value */
 function setProperty(node, name, value) {
   if (HTML_PROPERTIES.has(name)) {

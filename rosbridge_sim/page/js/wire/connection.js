@@ -10,6 +10,7 @@ import { TEXTS } from "../texts.js";
 import { decodeCbor } from "./cbor.js";
 import { SilenceWatch } from "./silence.js";
 import { TopicSubscription } from "./subscriptions.js";
+import { Takers } from "./takers.js";
 
 /** @typedef {"connecting" | "token" | "open" | "lost"} ConnectionState */
 /** @typedef {import("./subscriptions.js").SubscribeOptions} SubscribeOptions */
@@ -55,6 +56,16 @@ export class CallError extends Error {
 
 /** A connection to a rosbridge server. */
 export class Connection {
+  /** @type {Takers<[ConnectionState, string]>} */
+  states = new Takers();
+  /** @type {Takers<[StatusMessage]>} */
+  statuses = new Takers();
+  /** Be told of each status message of the server. */
+  onStatus = this.statuses.add;
+  /** @type {Takers<[boolean]>} */
+  silences = new Takers();
+  /** Be told when the server no longer answers on an open socket, and when it does again. */
+  onSilence = this.silences.add;
   /** @type {ConnectionState} */
   state = "connecting";
   /** Reason of the state, for people; often empty. */
@@ -71,16 +82,7 @@ export class Connection {
     /** @type {any} */
     this.timer = undefined;
     this.numCalls = 0;
-    /** @type {Set<(state: ConnectionState, reason: string) => void>} */
-    this.stateTakers = new Set();
-    /** @type {Set<(status: StatusMessage) => void>} */
-    this.statusTakers = new Set();
-    /** @type {Set<(isSilent: boolean) => void>} */
-    this.silenceTakers = new Set();
-    this.silence = new SilenceWatch(
-      () => this.probe(),
-      (isSilent) => this.silenceTakers.forEach((take) => take(isSilent)),
-    );
+    this.silence = new SilenceWatch(() => this.probe(), this.silences.tell);
     /** @type {Map<string, TopicSubscription>} */
     this.topics = new Map();
     /** Topics that are advertised on the present socket, with their types. @type {Map<string, string>} */
@@ -111,29 +113,8 @@ export class Connection {
    * @returns {() => void} ends it
    */
   onState(take) {
-    this.stateTakers.add(take);
     take(this.state, this.reason);
-    return () => void this.stateTakers.delete(take);
-  }
-
-  /**
-   * Be told of each status message of the server.
-   * @param {(status: StatusMessage) => void} take
-   * @returns {() => void} ends it
-   */
-  onStatus(take) {
-    this.statusTakers.add(take);
-    return () => void this.statusTakers.delete(take);
-  }
-
-  /**
-   * Be told when the server no longer answers on an open socket, and when it does again.
-   * @param {(isSilent: boolean) => void} take
-   * @returns {() => void} ends it
-   */
-  onSilence(take) {
-    this.silenceTakers.add(take);
-    return () => void this.silenceTakers.delete(take);
+    return this.states.add(take);
   }
 
   /** Whether the server was shown a token. */
@@ -325,9 +306,7 @@ export class Connection {
         this.sendSubscription(subscription);
       }
     }
-    for (const take of [...this.stateTakers]) {
-      take(state, reason);
-    }
+    this.states.tell(state, reason);
   }
 
   /** @param {object} op */
@@ -386,9 +365,7 @@ export class Connection {
       this.wantToken(TEXTS.token.wrong);
       return;
     }
-    for (const take of [...this.statusTakers]) {
-      take(frame);
-    }
+    this.statuses.tell(frame);
   }
 
   // Subscriptions on the wire

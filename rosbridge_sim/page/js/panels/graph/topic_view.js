@@ -1,7 +1,7 @@
 // One topic: its figures, its messages as a tree, charts and an image, and a form that publishes.
 
 import { element, replaceChildren, setText } from "../../widgets/dom.js";
-import { ValueCharts } from "../../widgets/chart.js";
+import { Charts } from "../../widgets/charts.js";
 import { whileSeen } from "../../widgets/seen.js";
 import { MessageTree } from "../../widgets/tree.js";
 import { pathText, valueAtPath } from "../../widgets/tree_rows.js";
@@ -41,7 +41,7 @@ export class TopicView {
     this.figures = element("dl", { className: "figures" });
     this.state = element("p", { className: "hint" });
     this.note = element("p", { className: "notice", role: "status", hidden: true, dataset: { kind: "warn" } });
-    this.charts = new ValueCharts(this.texts.chart);
+    this.charts = new Charts(context.texts.charts);
     this.charts.onChange = () => void this.subscribe();
     this.tree = new MessageTree(this.texts.tree, (path) => this.chart(path));
     this.image = new ImageView(this.texts.image);
@@ -184,6 +184,6 @@ export class TopicView {
   chart(path) {
     const isDone = this.charts.toggle(path, pathText(path));
     this.note.hidden = isDone;
-    setText(this.note, isDone ? "" : this.texts.chart.full);
+    setText(this.note, isDone ? "" : this.context.texts.charts.full);
   }
 }
