@@ -72,7 +72,7 @@ async def test_game_pad_drives_and_its_triggers_are_the_pedals(serve: Serve, ope
 async def test_further_ego_is_chosen_seen_and_driven_alone(serve: Serve, open_page: OpenPage) -> None:
     server = serve("--scenario", "town")
     page = await open_page(server)
-    choice = page.get_by_role("region", name="Ego").locator("select")
+    choice = page.get_by_role("region", name="Ego").get_by_label("Ego", exact=True)
     await expect(choice).to_be_hidden()
     async with AsyncClient(server.url, timeout=PATIENCE) as client:
         number = await client.spawn(is_ego=True, x=-60.0, y=-5.25)
