@@ -19,7 +19,8 @@ from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.app import Simulator
-from rosbridge_sim.shell.config.settings import FIELDS, Settings, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, flag_of
+from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import SECRET, SWITCH, URLS
 from rosbridge_sim.world.state.world import Kind, World
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import Parser, layout
+from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
 from rosbridge_sim.shell.config.keys import flags_and_variables, read_value, show_value
-from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, flag_of
 from rosbridge_sim.shell.config.value_types import SWITCH, show_size
 from rosbridge_sim.suggestions import hint
 

@@ -8,7 +8,7 @@ from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.link.urls import hide_in_words
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
 from rosbridge_sim.shell.config.value_types import SECRET, SWITCH
 
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports

@@ -17,8 +17,9 @@ from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.shell.config.command_flags import read_flags
+from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
 from rosbridge_sim.shell.config.keys import add_value, flags_and_variables, read_switchable, read_value, variable
-from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, Settings, flag_of
+from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.settings_file import read_file
 from rosbridge_sim.shell.config.value_types import SWITCH, show_size
 from rosbridge_sim.suggestions import hint

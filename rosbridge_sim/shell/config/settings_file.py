@@ -12,8 +12,8 @@ import orjson
 
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.shell.config.flag_table import SHORT_FORMS, flag_of
 from rosbridge_sim.shell.config.keys import add_value, keys, read_switchable, tables
-from rosbridge_sim.shell.config.settings import SHORT_FORMS, flag_of
 from rosbridge_sim.shell.config.toml_text import Lines, lines_of, place_of, read_text, read_toml
 from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS
 from rosbridge_sim.suggestions import hint

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from rosbridge_sim.link.urls import shown_url
+from rosbridge_sim.shell.config.flag_table import FIELDS, flag_of
 from rosbridge_sim.shell.config.keys import tables, variable
-from rosbridge_sim.shell.config.settings import FIELDS, Settings, flag_of
+from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import FOLDERS, SECRET, SWITCH, URLS, show_size
 
 if TYPE_CHECKING:  # saves `--help` a tenth of a second of imports

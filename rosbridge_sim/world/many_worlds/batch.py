@@ -417,7 +417,7 @@ class Batch(World):
 
     def rows(self, kind: Kind) -> IntArray:
         """Return the rows of a kind, (k,) int64, rising; do not write into the array."""
-        return self.derived(_RowsByKind).rows[kind]
+        return self.derived(_rows_by_kind)[kind]
 
     def world_with(self, row: int) -> World:
         """Return the world that a row belongs to."""
@@ -495,9 +495,8 @@ class _Bodies:
         return self._batch.world_with(row).bodies[row // len(self._batch.worlds)]
 
 
-class _RowsByKind:
-    def __init__(self, world: World) -> None:
-        self.rows: dict[Kind, IntArray] = {kind: (world.alive & (world.kind == kind)).nonzero()[0] for kind in Kind}
+def _rows_by_kind(world: World) -> dict[Kind, IntArray]:
+    return {kind: (world.alive & (world.kind == kind)).nonzero()[0] for kind in Kind}
 
 
 _NO_PATHS: Final = Paths()

@@ -1,4 +1,4 @@
-"""The columns of a driven row that follow from its gear, its mode and its commands.
+"""The columns of a driven row that follow from its body, its gear, its mode and its commands.
 
 They are worked out once for each command, so that the equations of `dynamics` need no branches.
 """
@@ -12,9 +12,9 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.entity_arrays import EntityArrays
-from rosbridge_sim.world.state.entity_types import Gear, Mode
+from rosbridge_sim.world.state.entity_types import ROAD_FRICTION, Body, Gear, Mode
 
-__all__ = ["update_all_control_columns", "update_control_columns"]
+__all__ = ["fill_body_columns", "update_all_control_columns", "update_control_columns"]
 
 STICTION: Final = 1e-9
 """Resistance of a row at rest in any gear but P [m/s^2]. It is too small to notice, and the controller does not count
@@ -30,6 +30,40 @@ CREEP_ACCEL: Final = 0.5
 
 _JERK_LIMITS: Final = {Mode.PEDALS: 0.0, Mode.SPEED: JERK_LIMIT, Mode.ACCEL: math.inf}
 _GEAR_DRIVE: Final = {Gear.PARK: 0.0, Gear.REVERSE: -1.0, Gear.NEUTRAL: 0.0, Gear.DRIVE: 1.0}
+
+
+_BODY_COLUMNS: Final = {
+    "wheelbase": "wheelbase",
+    "steer_rate": "max_steer_rate",
+    "max_steer": "max_steer",
+    "max_accel": "max_accel",
+    "max_decel": "max_decel",
+    "rolling": "rolling",
+    "drag": "drag",
+    "speed_accel": "speed_mode_accel",
+    "speed_decel": "speed_mode_decel",
+    **{
+        name: name
+        for name in (
+            *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "front_drive"),
+            *("pitch_gain", "roll_gain", "launch_accel", "power", "top_speed", "air_drag", "engine_drag"),
+        )
+    },
+}
+"""Column -> field of `Body`."""
+
+
+def fill_body_columns(arrays: EntityArrays, row: int, body: Body) -> None:
+    """Write the limits of a body and the friction of a dry road into the columns of an EGO.
+
+    Args:
+        arrays: written in place.
+        row: row of an EGO.
+        body: its body.
+    """
+    for column, name in _BODY_COLUMNS.items():
+        getattr(arrays, column)[row] = getattr(body, name)
+    arrays.friction[row] = ROAD_FRICTION
 
 
 def update_control_columns(arrays: EntityArrays, row: int, *, is_creeping: bool) -> None:

@@ -25,7 +25,8 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import Signals
 from rosbridge_sim.world.roads.turn_shares import TurnShares
-from rosbridge_sim.world.state.control_columns import update_control_columns
+from rosbridge_sim.world.state import labels
+from rosbridge_sim.world.state.control_columns import fill_body_columns, update_control_columns
 from rosbridge_sim.world.state.entity_arrays import (
     BOOLS,
     INTS,
@@ -40,21 +41,11 @@ from rosbridge_sim.world.state.entity_arrays import (
 from rosbridge_sim.world.state.entity_types import (
     MAX_COORDINATE,
     MAX_SPEED,
-    ROAD_FRICTION,
     Body,
     Dynamics,
     Gear,
     Kind,
     Mode,
-)
-from rosbridge_sim.world.state.labels import (
-    box_of,
-    check_pose,
-    figures_of_all,
-    in_space,
-    label_of,
-    labels_and_boxes,
-    reach_of,
 )
 from rosbridge_sim.world.state.row_worlds import RowWorlds
 from rosbridge_sim.world.state.settling import keep_level, settle
@@ -91,30 +82,10 @@ FIRST_UID: Final = 1
 
 T = TypeVar("T")
 
-
 NO_CONTACTS: Final[IntArray] = np.empty((0, 2), dtype=np.int64)
 NO_ROADS: Final = Roads()
 NO_PLAN: Final = SignalPlan(NO_ROADS)
 
-
-_BODY_COLUMNS: Final = {
-    "wheelbase": "wheelbase",
-    "steer_rate": "max_steer_rate",
-    "max_steer": "max_steer",
-    "max_accel": "max_accel",
-    "max_decel": "max_decel",
-    "rolling": "rolling",
-    "drag": "drag",
-    "speed_accel": "speed_mode_accel",
-    "speed_decel": "speed_mode_decel",
-    **{
-        name: name
-        for name in (
-            *("front_load", "cg_height", "dynamic_index", "front_stiffness", "rear_stiffness", "grip", "front_drive"),
-            *("pitch_gain", "roll_gain", "launch_accel", "power", "top_speed", "air_drag", "engine_drag"),
-        )
-    },
-}
 
 _YIELDS: Final = INTS.index("yields")
 _LANE_CHANGE_CODES: Final = [INTS.index(name) for name in LANE_CHANGE_CODES]
@@ -142,11 +113,8 @@ class World(RowWorlds):
 
     Args:
         seed: not negative.
-        dynamics: see above.
-        is_creeping: see above.
-        has_stability_control: see above.
+        dynamics, is_creeping, has_stability_control, turn_shares: see above.
         has_impacts: see `RowMotion`.
-        turn_shares: see above.
     """
 
     def __init__(
@@ -224,7 +192,7 @@ class World(RowWorlds):
                 path or no wheelbase, or there is no such kind or gear. The world is as it was.
         """
         height, z = z, z or 0.0
-        check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch, start_within=start_within)
+        labels.check_pose(x=x, y=y, z=z, yaw=yaw, speed=speed, roll=roll, pitch=pitch, start_within=start_within)
         kind, gear = Kind(kind), Gear(gear)
         if start_within < 0.0 or (kind == Kind.EGO and start_within > 0.0):
             raise ValueError(f"start_within: expected at least 0 m, and 0 for an ego, got {start_within!r}")
@@ -235,7 +203,7 @@ class World(RowWorlds):
         if path is not None:
             if speed < 0.0:
                 raise ValueError(f"speed: expected >= 0 on a path, got {speed!r}")
-            segments = lay_segments(in_space(path, z), is_loop=is_loop, reach=reach_of(kind, body))
+            segments = lay_segments(labels.in_space(path, z), is_loop=is_loop, reach=labels.reach_of(kind, body))
             base = self.paths.add(uid, segments)
 
         # Nothing below can fail.
@@ -243,9 +211,9 @@ class World(RowWorlds):
         self._rows[uid], self._next_uid = row, next_uid
         self.names[row], self.bodies[row] = name, body
         self.alive[row], self.uid[row], self.kind[row] = True, uid, kind
-        self.label[row] = label_of(name, body)
+        self.label[row] = labels.label_of(name, body)
         self.gear[row], self.mode[row] = gear, Mode.PEDALS
-        for column, value in zip(_BOX_COLUMNS, box_of(body), strict=True):
+        for column, value in zip(_BOX_COLUMNS, labels.box_of(body), strict=True):
             getattr(self, column)[row] = value
         is_waiting = start_within > 0.0 and speed != 0.0
         self.place(row, x=x, y=y, z=z, yaw=yaw, speed=0.0 if is_waiting else speed)
@@ -297,7 +265,7 @@ class World(RowWorlds):
                 self._rows[uid], self.names[row], self.bodies[row] = row, name, body
             self._next_uid = max(self._next_uid, max(uids, default=-1) + 1)
             self.alive[rows], self.uid[rows], self.kind[rows] = True, uids, kind
-            self.label[rows], boxes = labels_and_boxes(names, bodies)
+            self.label[rows], boxes = labels.labels_and_boxes(names, bodies)
             self.gear[rows], self.mode[rows] = Gear.DRIVE, Mode.PEDALS
             for column, values in zip(_BOX_COLUMNS, boxes, strict=True):
                 getattr(self, column)[rows] = values
@@ -326,8 +294,8 @@ class World(RowWorlds):
             raise ValueError(f"path: expected an entity that is no ego and has a speed >= 0, got speed {speed!r}")
         x, y, z, yaw = (float(getattr(self, name)[row]) for name in ("x", "y", "z", "yaw"))
         is_ghost = self.is_ghost.item(row)
-        reach = reach_of(Kind(self.kind.item(row)), self.bodies[row])
-        segments = lay_segments(in_space(path, z), is_loop=is_loop, reach=reach)
+        reach = labels.reach_of(Kind(self.kind.item(row)), self.bodies[row])
+        segments = lay_segments(labels.in_space(path, z), is_loop=is_loop, reach=reach)
         self.paths.check_room(segments)
         self.place(row, x=x, y=y, z=z, yaw=yaw, speed=speed)
         self._join_path(row, self.paths.add(int(self.uid[row]), segments), segments, is_loop=is_loop)
@@ -451,7 +419,7 @@ class World(RowWorlds):
 
     def rows(self, kind: Kind) -> IntArray:
         """Return the rows of a kind in order of spawning, (k,) int64; do not write into the array."""
-        return self.derived(_RowsByKind).rows[kind]
+        return self.derived(_rows_by_kind)[kind]
 
     def placed(self) -> Iterator[int]:
         """Yield the rows in use in order of spawning."""
@@ -516,7 +484,7 @@ class World(RowWorlds):
     def model_figures(self) -> bytes:
         """Return the figures of bodies and models that `digest` leaves out, because older digests do not have them."""
         columns = self._floats[:, : self.n].tobytes() if self.dynamics == Dynamics.KINEMATIC else b""
-        return columns + figures_of_all(self.bodies)
+        return columns + labels.figures_of_all(self.bodies)
 
     def restore_driven(self, uid: int, saved: Snapshot) -> None:
         """Restore one EGO from a snapshot; the rest of the world stays as it is.
@@ -618,17 +586,13 @@ class World(RowWorlds):
 
     def _equip(self, row: int, body: Body) -> None:
         """Write what a new EGO has of its own: the limits of its body, its controls, and its score."""
-        for column in _BODY_COLUMNS:
-            getattr(self, column)[row] = getattr(body, _BODY_COLUMNS[column])
-        self.friction[row] = ROAD_FRICTION
+        fill_body_columns(self, row, body)
         update_control_columns(self, row, is_creeping=self.is_creeping)
         if self.is_scoring:
             self._begin_score(row)
 
 
-class _RowsByKind:
-    """The rows of each kind, in order of spawning."""
-
-    def __init__(self, world: World) -> None:
-        rows = np.fromiter((row for row in world.placed()), dtype=np.int64)
-        self.rows: dict[Kind, IntArray] = {kind: rows[world.kind[rows] == kind] for kind in Kind}
+def _rows_by_kind(world: World) -> dict[Kind, IntArray]:
+    """Return the rows of each kind, in order of spawning."""
+    rows = np.fromiter(world.placed(), dtype=np.int64)
+    return {kind: rows[world.kind[rows] == kind] for kind in Kind}

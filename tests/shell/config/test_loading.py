@@ -10,8 +10,9 @@ import pytest
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.link.arguments import PREFIX
 from rosbridge_sim.shell.assembly import mistakes_of_items
+from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of
 from rosbridge_sim.shell.config.loading import check_options, read_settings, strange_variables
-from rosbridge_sim.shell.config.settings import FIELDS, SHORT_FORMS, Settings, flag_of
+from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.settings_file import looks_like_path, read_network
 from rosbridge_sim.shell.config.toml_output import format_config
 from rosbridge_sim.shell.config.value_types import FILE, FOLDER_TYPE, FOLDERS, SWITCH

@@ -14,8 +14,9 @@ from typing import Literal, Union, get_args, get_origin, get_type_hints
 import pytest
 
 from rosbridge_sim import Simulator
+from rosbridge_sim.shell.config.flag_table import SHORT_FORMS
 from rosbridge_sim.shell.config.options import SimulatorOptions
-from rosbridge_sim.shell.config.settings import SHORT_FORMS, Settings
+from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice
 from tests.support import PATIENCE, ROOT, miss
 

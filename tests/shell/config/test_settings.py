@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rosbridge_sim.shell.config.settings import FIELDS, Settings, flag_of
+from rosbridge_sim.shell.config.flag_table import FIELDS, flag_of
+from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import SWITCH, show_size
 
 
