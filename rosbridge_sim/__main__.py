@@ -90,6 +90,7 @@ _COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
             "spawn",
             "sensor",
             "shot",
+            "clip",
             "watch",
             "layout",
             "wait",

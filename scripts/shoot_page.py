@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Take the pictures of the web page for README and `docs/guides/page.md`.
 
-    python scripts/shoot_page.py [--into FOLDER] [--more | --clip]
+    python scripts/shoot_page.py [--into FOLDER] [--more]
 
 It writes `page_town.png`, `page_chase.png` and `page_graph.png` to docs/images; `--more` adds views that no document
 shows, for those who change the page: a phone, a collision, and the other tabs. The scene is the same in each run: the
@@ -70,16 +70,6 @@ MAX_SPAWN: Final = 100
 AHEAD: Final = 9.0
 """Distance of the car that stands across the ego's way, for the picture of a collision [m]."""
 
-CLIP_STEP, CLIP_PICTURES = 5, 60
-"""Frames from picture to picture, and pictures of the clip: six seconds at 10 Hz."""
-
-CLIP_SIZE, CLIP_QUALITY, MAX_CLIP_BYTES = (768, 432), 55, 2_000_000
-"""Pixels, quality of WebP, and bytes that the clip may have: it is the first that a reader of README loads."""
-
-CLIP_WAIT: Final = 450
-"""Wait for each picture [ms]: longer than the page draws poses between two states."""
-
-CLIP: Final[ViewportSize] = {"width": 1400, "height": 620}
 WIDE: Final[ViewportSize] = {"width": 1440, "height": 720}
 HIGH: Final[ViewportSize] = {"width": 1280, "height": 960}
 USUAL: Final[ViewportSize] = {"width": 1280, "height": 720}
@@ -126,47 +116,6 @@ async def shoot(folder: Path, *, has_more: bool) -> None:
         if has_more:
             await _shoot_more(client, page, folder)
         await browser.close()
-
-
-async def shoot_clip(path: Path) -> None:
-    """Write six seconds of the camera behind the car in `town`, as an animated WebP.
-
-    Args:
-        path: of the file.
-    """
-    async with (
-        Simulator(port=0, start="sync", scenario="town") as sim,
-        AsyncClient(sim.url) as client,
-        async_playwright() as playwright,
-    ):
-        chromium = shutil.which("chromium-headless-shell") or shutil.which("chromium")
-        browser = await playwright.chromium.launch(executable_path=chromium, args=FLAGS)
-        await _fill_town(client)
-        await client.set_object(0, ctrl_mode=6)  # it drives itself
-        page = await _open(browser, sim.port)
-        await page.set_viewport_size(CLIP)
-        await page.locator("#map canvas").focus()
-        await page.keyboard.press("c")
-        await page.wait_for_selector("#map canvas[data-mesh]", state="attached")
-        await _step_to(page, CHASE_STEPS, "Time")
-        await page.get_by_label("Steps", exact=True).fill(str(CLIP_STEP))
-        step = page.get_by_role("button", name="Step", exact=True)
-        first, pictures = await _frame(page), []
-        for i in range(CLIP_PICTURES):
-            await step.click()
-            await expect(page.locator(".header-frame")).to_have_text(f"frame {first + (i + 1) * CLIP_STEP}")
-            await page.wait_for_timeout(CLIP_WAIT)
-            shot = Image.open(io.BytesIO(await page.locator("#map canvas").screenshot())).convert("RGB")
-            pictures.append(shot.resize(CLIP_SIZE, Image.Resampling.LANCZOS))
-        await browser.close()
-    file = io.BytesIO()
-    options = {"save_all": True, "append_images": pictures[1:], "duration": 20 * CLIP_STEP, "loop": 0}
-    pictures[0].save(file, "WEBP", quality=CLIP_QUALITY, method=6, **options)
-    num_bytes = len(file.getvalue())
-    if num_bytes > MAX_CLIP_BYTES:
-        raise SystemExit(f"{path}: expected at most {MAX_CLIP_BYTES:,} bytes, got {num_bytes:,}; lower CLIP_QUALITY")
-    await asyncio.to_thread(path.write_bytes, file.getvalue())
-    print(f"{path}: {num_bytes / 1000:.0f} kB")
 
 
 async def _shoot_more(client: AsyncClient, page: Page, folder: Path) -> None:
@@ -293,14 +242,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--into", type=Path, default=IMAGES, help="folder of the pictures [docs/images]")
     parser.add_argument("--more", action="store_true", help="also the views that no document shows")
-    parser.add_argument(
-        "--clip", action="store_true", help="instead, the moving picture at the top of README: drive.webp"
-    )
     choice = parser.parse_args()
-    if choice.clip:
-        asyncio.run(shoot_clip(choice.into / "drive.webp"))
-    else:
-        asyncio.run(shoot(choice.into, has_more=choice.more))
+    asyncio.run(shoot(choice.into, has_more=choice.more))
 
 
 if __name__ == "__main__":

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from rosbridge_sim.cli.bridge_commands import run_layout, run_record, run_service, run_topic, run_wait, run_watch
 from rosbridge_sim.cli.campaign_commands import run_campaign
 from rosbridge_sim.cli.file_commands import run_bag, run_docs, run_map, run_scenario, run_schema
+from rosbridge_sim.cli.picture_commands import run_clip, run_shot
 from rosbridge_sim.cli.ros2_commands import run_ros2
 from rosbridge_sim.cli.simulator_commands import (
     run_restore,
     run_score,
     run_sensor,
-    run_shot,
     run_snapshot,
     run_spawn,
     run_step,
@@ -42,6 +42,7 @@ TOOLS: dict[str, Callable[[Sequence[str]], int]] = {
     "spawn": run_spawn,
     "sensor": run_sensor,
     "shot": run_shot,
+    "clip": run_clip,
     "watch": run_watch,
     "layout": run_layout,
     "wait": run_wait,

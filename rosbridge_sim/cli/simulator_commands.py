@@ -16,7 +16,6 @@ __all__ = [
     "run_restore",
     "run_score",
     "run_sensor",
-    "run_shot",
     "run_snapshot",
     "run_spawn",
     "run_step",
@@ -412,35 +411,3 @@ def _sensor(options: Options) -> int:
     from rosbridge_sim.cli.tools.sensor import list_sensors  # noqa: PLC0415 - see above
 
     return with_bridge(options, lambda bridge: list_sensors(bridge, options.ego, is_json=options.json))
-
-
-def run_shot(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim shot`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim shot",
-        description="Save the next picture of a camera of a running simulator.",
-        epilog="For example: rosbridge-sim shot --camera Camera -o out.png",
-        allow_abbrev=False,
-        formatter_class=layout,
-    )
-    parser.add_argument(
-        "--camera", default="", metavar="NAME|INDEX", help="name of the camera, or 0, 1, ... among the cameras [0]"
-    )
-    parser.add_argument("--ego", type=int, default=0, metavar="N", help="number of the ego [0]")
-    parser.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="*.png, *.jpg or another picture")
-    add_bridge(parser)
-    parser.set_defaults(run=_shot)
-    return run_command(parser, argv)
-
-
-def _shot(options: Options) -> int:
-    from rosbridge_sim.cli.tools.sensor import take_shot  # noqa: PLC0415 - see above
-
-    return with_bridge(options, lambda bridge: take_shot(bridge, options.ego, options.camera, options.out))

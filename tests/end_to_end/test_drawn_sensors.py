@@ -105,3 +105,22 @@ def read_recording(path: Path) -> Iterator[tuple[str, Any]]:
     with AnyReader([path]) as reader:
         for connection, _, data in reader.messages():
             yield connection.topic, reader.deserialize(data, connection.msgtype)
+
+
+async def test_shot_of_a_scenario_is_the_picture_of_its_server(serve: Serve, connect: Connect, tmp_path: Path) -> None:
+    client = await connect(serve("--start", "sync", "--scenario", "town", "--sensors", "camera").url)
+    await client.subscribe(IMAGE)
+    await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=200)
+    await client.send(
+        "call_service", service="/SyncModeWaitForTick", id="t", args={"request": {"user_id": "me", "frame": 0}}
+    )
+    message: dict[str, Any] = {}
+    while (frame := await client.read())["op"] != "service_response":
+        message = frame["msg"] if frame["op"] == "publish" else message
+    path = tmp_path / "shot.png"
+    words = ("shot", "--scenario", "town", "--camera", "Camera", "--drive", "none", "--at", "0.2", "-o", str(path))
+    done = fork_server.run(["-m", "rosbridge_sim", *words])
+    assert done.returncode == 0, done.stderr
+    served = np.asarray(Image.open(io.BytesIO(base64.b64decode(message["data"])))).astype(int)
+    shot = np.asarray(Image.open(path)).astype(int)
+    assert np.abs(served - shot).mean() < 2.0  # the server's is a JPEG

@@ -7,10 +7,10 @@ import binascii
 import io
 from pathlib import Path
 
+from rosbridge_sim.cli.tools.picture_files import picture_of, save
 from rosbridge_sim.cli.tools.text import put, put_json, put_table
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame
 from rosbridge_sim.cli.tools.tool_subscription import Listener
-from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.suggestions import hint
@@ -109,45 +109,17 @@ def _write(message: Frame, path: Path) -> tuple[int, tuple[int, int]]:
     except binascii.Error:
         raise BridgeError("expected base64 in the `data` of the picture") from None
     if "format" not in message:
-        picture = _picture_of(message, raw)
+        size = (int(message.get("width") or 0), int(message.get("height") or 0))
+        picture = picture_of(raw, size, str(message.get("encoding")))
     else:
         try:
             picture = Image.open(io.BytesIO(raw))
             picture.load()
         except (OSError, ValueError):
             raise BridgeError("expected a JPEG in the `data` of the picture") from None
-    try:
-        if "format" in message and path.suffix.lower() in JPEG_SUFFIXES:
-            path.write_bytes(raw)
-        else:
-            picture.save(path)
-        num = path.stat().st_size
-    except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) and error.strerror else error
-        raise DocumentError(f"--out: {path} cannot be written: {why}") from None
-    return num, picture.size
-
-
-def _picture_of(message: Frame, raw: bytes):  # type: ignore[no-untyped-def] # noqa: ANN202 - of a library that is imported late
-    """Return the picture of a sensor_msgs/Image."""
-    import numpy as np  # noqa: PLC0415 - as above
-    from PIL import Image  # noqa: PLC0415
-
-    size = (int(message.get("height") or 0), int(message.get("width") or 0))
-    try:
-        encoding = message.get("encoding")
-        if encoding == "rgb8":
-            return Image.fromarray(np.frombuffer(raw, np.uint8).reshape(*size, 3))
-        if encoding == "mono8":
-            return Image.fromarray(np.frombuffer(raw, np.uint8).reshape(size))
-        if encoding == "mono16":
-            return Image.fromarray(np.frombuffer(raw, "<u2").reshape(size))
-        if encoding == "32FC1":  # as millimetres, which is how depth is kept in PNG files
-            depth = np.frombuffer(raw, "<f4").reshape(size)
-            return Image.fromarray(np.clip(np.nan_to_num(depth * 1000.0, posinf=0.0), 0, 65535).astype(np.uint16))
-    except ValueError:
-        raise BridgeError("expected as many bytes as the picture's size says") from None
-    raise BridgeError(f"expected rgb8, mono8, mono16 or 32FC1, got the encoding {safe(str(encoding))}")
+    if "format" in message and path.suffix.lower() in JPEG_SUFFIXES:
+        return save(path, lambda: path.write_bytes(raw)), picture.size
+    return save(path, lambda: picture.save(path)), picture.size
 
 
 async def _ask(bridge: Bridge, ego: int) -> list[Frame]:

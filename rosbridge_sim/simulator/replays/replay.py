@@ -20,6 +20,7 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.replays.network_replay import NetworkReplay
 from rosbridge_sim.simulator.replays.playback import Playback
+from rosbridge_sim.simulator.replays.playback_actors import ALL_TARGETS
 from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.process_service import ProcessService
 from rosbridge_sim.simulator.replays.process_status import ProcessStatus
@@ -27,7 +28,7 @@ from rosbridge_sim.simulator.replays.recorded_drive import Recording, digest_of,
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
 from rosbridge_sim.simulator.replays.replay_info import ReplayInfoPublisher
 from rosbridge_sim.simulator.replays.replay_status import ReplayStatus
-from rosbridge_sim.simulator.replays.state_machine import ReplayState
+from rosbridge_sim.simulator.replays.state_machine import ReplayEvent, ReplayState
 
 __all__ = ["RecordingKey", "Replay"]
 
@@ -87,6 +88,23 @@ class Replay(Component):
         """Take commands and network replay."""
         self._service.bind(bindings)
         self._network.bind(bindings)
+
+    def play(self, recording: Recording, now: float) -> str:
+        """Show a recording from its beginning, with all that it has.
+
+        Args:
+            recording: the recording.
+            now: monotonic time [s].
+
+        Returns:
+            Why it cannot be shown; empty if it is.
+        """
+        why = self._playback.why_unusable(recording, ALL_TARGETS)
+        if not why:
+            self._playback.choose(recording)
+            for event in (ReplayEvent.LOAD, ReplayEvent.PLAY):
+                why = why or self._process.happen(event, now).why
+        return why
 
     @property
     def recording_key(self) -> RecordingKey | None:

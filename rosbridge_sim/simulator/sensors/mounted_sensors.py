@@ -265,6 +265,24 @@ class MountedSensors(Component):
         own = Pose(*mounting.place, mounting.roll, mounting.pitch, mounting.yaw)
         return Motion(vehicle, own, world.speed.item(row), world.yaw_rate.item(row))
 
+    def job_of(self, sights: Sequence[Sight], seen: SceneFrame | None = None) -> DrawingJob:
+        """Return the job of drawing the scene as some sensors see it.
+
+        Args:
+            sights: the sensors; they need not be mounted.
+            seen: what moves; None for a copy of what can be seen now.
+        """
+        found = self._context.scene.found_map
+        return DrawingJob(
+            found.road_map,
+            found.name,
+            self._context.world.seed,
+            self._look() if seen is None else seen,
+            tuple(sights),
+            self._weather.weather,
+            is_dressed=self._is_dressed,
+        )
+
     def _look(self) -> SceneFrame:
         """Return a copy of what can be seen now."""
         context, world = self._context, self._context.world
@@ -282,16 +300,7 @@ class MountedSensors(Component):
         end: Callable[[Exception | None, float], None] | None = None,
     ) -> None:
         context, epoch = self._context, self._epoch
-        found = context.scene.found_map
-        job = DrawingJob(
-            found.road_map,
-            found.name,
-            context.world.seed,
-            seen,
-            tuple(plan.sights),
-            self._weather.weather,
-            is_dressed=self._is_dressed,
-        )
+        job = self.job_of(plan.sights, seen)
 
         def then(results: Sequence[Result] | Exception, now: float) -> None:
             try:

@@ -1,0 +1,166 @@
+"""The commands that make pictures: `rosbridge-sim shot` and `clip`."""
+
+from __future__ import annotations
+
+import re
+from argparse import ArgumentTypeError
+from collections.abc import Sequence
+from pathlib import Path
+
+from rosbridge_sim.cli.bridge_flags import add_bridge, with_bridge
+from rosbridge_sim.cli.command_line import Options, add_json, make_number, run_command
+from rosbridge_sim.errors import SettingError
+from rosbridge_sim.link.arguments import Parser, layout
+
+__all__ = ["run_clip", "run_shot"]
+
+CHASE = "chase"
+"""View from behind the ego."""
+
+MIN_SIDE, MAX_WIDTH, MAX_HEIGHT = 16, 3_840, 2_160
+"""Smallest and largest pictures [pixels]: a software renderer needs a second for a large one."""
+
+MAX_SECONDS = 600.0
+"""Longest clip [s]; its pixels have a limit of their own."""
+
+_seconds = make_number(0.02, MAX_SECONDS, f"seconds, from 0.02 to {MAX_SECONDS:g}", float)
+_at = make_number(0, 36_000, "seconds, from 0 to 36,000", float)
+_rate = make_number(0.1, 50, "pictures a second, from 0.1 to 50", float)
+_quality = make_number(1, 100, "a number from 1 to 100", int)
+_ego = make_number(0, 2**31 - 1, "the number of an ego", int)
+
+_WORLD_FLAGS = ("scenario", "map", "scenario_path", "sensors", "weather", "traffic", "seed")
+"""Flags of `serve` that these commands have, too."""
+
+
+def run_shot(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim shot`.
+
+    Args:
+        argv: words behind the name of the command.
+
+    Returns:
+        The exit code.
+    """
+    parser = Parser(
+        prog="rosbridge-sim shot",
+        description="Save a picture: of a scenario or a recording, without a server, or the next one of a camera of a"
+        " running simulator.",
+        epilog="For example: rosbridge-sim shot --scenario town --at 20 -o town.png; and of a running simulator:"
+        " rosbridge-sim shot --camera Camera -o out.png",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    _add_picture(parser, "a scenario; without it and without --recording a camera of the simulator at --url")
+    parser.add_argument(
+        "-o", "--out", type=Path, required=True, metavar="FILE", help="*.png, *.jpg, *.webp or another picture"
+    )
+    add_bridge(parser)
+    parser.set_defaults(run=_shot)
+    return run_command(parser, argv)
+
+
+def run_clip(argv: Sequence[str]) -> int:
+    """Run `rosbridge-sim clip`.
+
+    Args:
+        argv: words behind the name of the command.
+
+    Returns:
+        The exit code.
+    """
+    parser = Parser(
+        prog="rosbridge-sim clip",
+        description="Save a moving picture of a scenario or a recording, from behind the ego or by its camera. No"
+        " server and no browser is needed.",
+        epilog="For example: rosbridge-sim clip --scenario town --traffic 60 --at 20 -o town.webp",
+        allow_abbrev=False,
+        formatter_class=layout,
+    )
+    _add_picture(parser, "scenario, as for serve")
+    parser.add_argument("--seconds", type=_seconds, default=6.0, metavar="S", help="length, in simulated time [6]")
+    parser.add_argument("--fps", type=_rate, default=10.0, metavar="N", help="pictures a second [10]")
+    parser.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="*.webp, *.gif or *.png (APNG)")
+    add_json(parser)
+    parser.set_defaults(run=_clip)
+    return run_command(parser, argv)
+
+
+def _add_picture(parser: Parser, scenario: str) -> None:
+    """Add the flags of both commands."""
+    add = parser.add_argument
+    add("--scenario", metavar="NAME|FILE", help=scenario)
+    add("--recording", type=Path, metavar="FILE", help="*.bag, *.mcap or folder that moves the scenario's world")
+    add("--map", metavar="NAME|DIR", help="map in place of the scenario's")
+    add("--scenario-path", action="append", default=[], metavar="DIR", help="folder with scenarios; repeatable")
+    add("--camera", metavar="NAME|INDEX", help=f"{CHASE}, a camera, or 0, 1, ... among the cameras [{CHASE}]")
+    add("--sensors", metavar="NAME|FILE", help="cameras of the ego, as for serve [camera]")
+    add("--weather", metavar="NAME", help="noon, dusk, night, rain or fog [noon]")
+    add("--traffic", metavar="N", help="vehicles besides those of the scenario [0]")
+    add("--seed", metavar="N", help="random seed [0]")
+    add("--ego", type=_ego, default=0, metavar="N", help="number of the ego [0]")
+    add("--drive", choices=("self", "none"), help="the ego drives itself, or stands [self]")
+    add("--at", type=_at, metavar="S", help="begin after so much simulated time [0]")
+    add("--size", type=_size, metavar="WxH", help=f"of a picture [that of the camera; {CHASE}: 1280x720]")
+    add("--quality", type=_quality, metavar="N", help="of WebP and JPEG, 1 to 100 [80]")
+
+
+def _shot(options: Options) -> int:
+    if options.scenario is not None or options.recording is not None:
+        from rosbridge_sim.cli.tools.film import film_shot  # noqa: PLC0415 - it needs the world, and --help does not
+
+        return film_shot(_choice_of(options))
+    names = ("map", "scenario_path", "sensors", "weather", "traffic", "seed", "drive", "at", "size", "quality")
+    given = [name for name in names if getattr(options, name) not in (None, [])]
+    if given:
+        flag = given[0].replace("_", "-")
+        raise SettingError(f"--{flag}: expected with --scenario or --recording; a running simulator has its own")
+    if options.camera == CHASE:
+        raise SettingError("--camera chase: expected with --scenario or --recording; a running simulator has its page")
+    from rosbridge_sim.cli.tools.sensor import take_shot  # noqa: PLC0415 - as above
+
+    camera = options.camera or ""
+    return with_bridge(options, lambda bridge: take_shot(bridge, options.ego, camera, options.out))
+
+
+def _clip(options: Options) -> int:
+    from rosbridge_sim.cli.tools.film import film_clip  # noqa: PLC0415 - as above
+
+    return film_clip(_choice_of(options), options.seconds, options.fps)
+
+
+def _choice_of(options: Options):  # type: ignore[no-untyped-def] # noqa: ANN202 - of a module that is imported late
+    """Return what the flags choose.
+
+    Raises:
+        SettingError: a value cannot be used.
+    """
+    from rosbridge_sim.cli.tools.film import FilmChoice, read_world  # noqa: PLC0415 - as above
+
+    words = [] if options.sensors else ["--sensors=camera"]
+    for name in _WORLD_FLAGS:
+        value = getattr(options, name)
+        values = value if isinstance(value, list) else [value]
+        words += [f"--{name.replace('_', '-')}={each}" for each in values if each is not None]
+    return FilmChoice(
+        settings=read_world(words),
+        camera=options.camera or CHASE,
+        size=options.size,
+        ego=options.ego,
+        recording=options.recording,
+        is_driving=options.drive != "none",
+        at=options.at or 0.0,
+        out=options.out,
+        quality=options.quality or 80,
+        is_json=options.json,
+    )
+
+
+def _size(text: str) -> tuple[int, int]:
+    """Read WxH."""
+    found = re.fullmatch(r"(\d{1,5})[xX*](\d{1,5})", text)
+    width, height = (int(found[1]), int(found[2])) if found is not None else (0, 0)
+    if not (MIN_SIDE <= width <= MAX_WIDTH and MIN_SIDE <= height <= MAX_HEIGHT):
+        expected = f"WIDTHxHEIGHT in pixels, from {MIN_SIDE}x{MIN_SIDE} to {MAX_WIDTH}x{MAX_HEIGHT}, such as 1280x720"
+        raise ArgumentTypeError(f"expected {expected}; got {text!r}")
+    return width, height
