@@ -114,7 +114,7 @@ shell.bags: * graph schema schema.definitions shell.files simulator.replays
 shell.rendering: scenery scenery.moving world.geometry
 worlds: maps scenarios shell.files simulator.kernel simulator.plain simulator.scene simulator.sim_services
     world.drivers world.geometry world.many_worlds world.roads world.state
-environments: world.state worlds
+environments: world.geometry world.state worlds
 campaign_runs: * campaigns environments expressions scenarios shell shell.config shell.files version world.followers
     world.geometry world.roads world.state worlds
 cli: * cli.campaigns cli.files cli.tools cli.watch link

@@ -22,7 +22,9 @@ from rosbridge_sim.campaigns.campaign import RunValues, names_of
 from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.campaigns.results import Run
 from rosbridge_sim.campaigns.trace import Recorder
-from rosbridge_sim.environments.driving_task import MAX_ACCEL, MAX_STEER, DrivingTask, observe
+from rosbridge_sim.environments.actions import MAX_ACCEL, MAX_STEER
+from rosbridge_sim.environments.driving_task import DrivingTask
+from rosbridge_sim.environments.observations import observe
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.state.world import Kind
@@ -180,7 +182,7 @@ def _decider(loaded: LoadedJob, driver: DriverItem, worlds: Worlds, runs: Sequen
         task = DrivingTask(runs[0].scenario)
 
         def decide_policy(worlds: Worlds) -> Command:
-            action = np.clip(np.asarray(function(observe(worlds, task)[0]), dtype=np.float64), -1.0, 1.0)
+            action = np.clip(np.asarray(function(observe(worlds, task)[0, 0]), dtype=np.float64), -1.0, 1.0)
             if action.shape != (2,):
                 raise ValueError(f"expected an action of shape (2,), got {action.shape}")
             return {"steering": action[0] * MAX_STEER, "accel": action[1] * MAX_ACCEL}

@@ -7,18 +7,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from gymnasium import Env
-from gymnasium.spaces import Box
 from gymnasium.vector import AutoresetMode
 
-from rosbridge_sim.environments.driving_vector_env import FPS, DrivingVectorEnv
+from rosbridge_sim.environments.driving_vector_env import DrivingVectorEnv
+from rosbridge_sim.environments.episodes import FPS
+from rosbridge_sim.environments.judgement import goal_reward
+from rosbridge_sim.environments.observations import Seen, pick
 
 __all__ = ["DrivingEnv"]
 
 Array = npt.NDArray[Any]
 
 
-class DrivingEnv(Env[Array, Array]):
-    """An environment in which one ego is driven; see `DrivingVectorEnv` for actions, and `DrivingTask` for the options.
+class DrivingEnv(Env[Seen, Any]):
+    """An environment in which one ego is driven; see `actions` and `observations`, and `DrivingTask` for the options.
 
     Args:
         render_mode: `rgb_array` or None.
@@ -28,27 +30,48 @@ class DrivingEnv(Env[Array, Array]):
     metadata = {"render_modes": ["rgb_array"], "render_fps": FPS}  # noqa: RUF012 - Gymnasium's own form
 
     def __init__(self, *, render_mode: str | None = None, **options: Any) -> None:  # noqa: ANN401 - those of DrivingTask
-        self._many = DrivingVectorEnv(1, render_mode=render_mode, autoreset_mode=AutoresetMode.DISABLED, **options)
+        self._many = self._make_many(render_mode=render_mode, autoreset_mode=AutoresetMode.DISABLED, **options)
+        self.task, self.worlds = self._many.task, self._many.worlds
         self.render_mode = render_mode
-        self.observation_space: Box = self._many.single_observation_space
-        self.action_space: Box = self._many.single_action_space
+        self.observation_space = self._many.single_observation_space
+        self.action_space = self._many.single_action_space
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+    def _make_many(self, **options: Any) -> DrivingVectorEnv:  # noqa: ANN401 - as above
+        return DrivingVectorEnv(1, **options)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Seen, dict[str, Any]]:
         """Begin a new episode; see `gymnasium.Env.reset`. There are no `options`."""
         super().reset(seed=seed)
         del options
         seen, infos = self._many.reset(seed=seed)
-        return seen[0], _first(infos)
+        return pick(seen, 0), _first(infos)
 
-    def step(self, action: Array) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Any) -> tuple[Seen, float, bool, bool, dict[str, Any]]:  # noqa: ANN401 - of the space
         """Drive for `frame_skip` frames; see `gymnasium.Env.step`."""
         seen, rewards, terminated, truncated, infos = self._many.step(np.asarray(action)[None])
-        return seen[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first(infos)
+        return pick(seen, 0), float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first(infos)
 
     def render(self) -> Array | None:
         """Return a picture from above, (400, 600, 3) uint8; None without a `render_mode`."""
         pictures = self._many.render()
         return None if pictures is None else pictures[0]
+
+    def compute_reward(self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, info: Any) -> Any:  # noqa: ANN401
+        """Return the reward of steps that have led to goals, as environments with goals have it.
+
+        Args:
+            achieved_goal: (6,) or (n, 6) of the observations.
+            desired_goal: likewise.
+            info: of the step, or (n,) of them.
+
+        Returns:
+            A number, or (n,): that of `step`, with the weights `goal` and `failure` alone.
+        """
+        weights = self.task.all_weights
+        failed = [each["has_collided"] for each in np.atleast_1d(np.asarray(info, dtype=object))]
+        rewards = weights["goal"] * goal_reward(achieved_goal, desired_goal)
+        rewards = rewards - weights["failure"] * np.asarray(failed, dtype=np.float64).reshape(rewards.shape)
+        return float(rewards) if rewards.ndim == 0 else rewards
 
 
 def _first(infos: dict[str, Any]) -> dict[str, Any]:

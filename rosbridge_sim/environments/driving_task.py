@@ -1,47 +1,49 @@
-"""The task of an environment: scenario, observation, reward, and the end of an episode."""
+"""Options of an environment: scenario, observation, action, reward, and the begin and end of an episode."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Final, Literal
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.worlds.surroundings import OTHER_FIGURES
 from rosbridge_sim.worlds.worlds import Worlds
 
-__all__ = ["AHEAD", "CLEAR", "MAX_ACCEL", "MAX_STEER", "DrivingTask", "Judgement", "judge", "observe"]
+if TYPE_CHECKING:
+    from rosbridge_sim.environments.judgement import Judgement
 
-FloatArray = npt.NDArray[np.float32]
-BoolArray = npt.NDArray[np.bool_]
-
-MAX_STEER: Final = 0.5
-"""Angle of the front wheels at the action 1 [rad]."""
-
-MAX_ACCEL: Final = 4.0
-"""Acceleration at the action 1 [m/s^2]."""
+__all__ = ["ACTIONS", "OBSERVATIONS", "PARTS", "WEIGHTS", "DrivingTask"]
 
 CLEAR: Final = 25.0
 """Nothing else is within this distance of an ego that begins on `start_lane` [m]."""
 
-AHEAD: Final = (5.0, 10.0, 20.0, 40.0)
-"""Distances along the lane of the places that are observed [m]."""
+WEIGHTS: Final = {
+    "speed": 1.0,
+    "offset": 0.5,
+    "steering": 0.05,
+    "failure": 10.0,
+    "red_light": 0.0,
+    "arrived": 0.0,
+    "goal": 0.0,
+}
+"""Weights of the terms of the reward, see `judgement.judge`."""
 
-_SPEED, _OFFSET, _EDGE, _STEER = 40.0, 4.0, 8.0, MAX_STEER
-"""Divisors of the observations, so that they are within -1..1."""
+PARTS: Final = ("Lane", "Others", "Kinematics", "OccupancyGrid", "Lidar", "Camera")
+"""Observations that are one array, and parts of `Dict`."""
 
-_OTHER_SCALE: Final = np.array([1.0, 100.0, 100.0, 40.0, 40.0, 1.0, 1.0, 20.0, 5.0])
+OBSERVATIONS: Final = (*PARTS, "Dict", "Goal")
 
-WEIGHTS: Final = {"speed": 1.0, "offset": 0.5, "steering": 0.05, "failure": 10.0}
+ACTIONS: Final = ("Continuous", "Pedals", "DiscreteMeta")
 
-LANE_NAMES: Final = (
-    *("speed", "offset", "heading", "to_left", "to_right", "steering", "yaw_rate"),
-    *(f"{axis}_{int(distance)}" for distance in AHEAD for axis in ("x", "y")),
+_GOALS: Final = ("", "lane", "bay")
+
+_POSITIVE: Final = (
+    *("target_speed", "duration", "frame_skip", "num_starts", "num_others", "num_rays", "lidar_range"),
+    *("grid_size", "grid_step"),
 )
-"""Figures of the observation `Lane`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,133 +53,108 @@ class DrivingTask:
     Attributes:
         scenario: name or file, as for `Worlds`.
         traffic: vehicles besides those of the scenario.
-        observation: `Lane` is the ego on its lane; `Kinematics` is that and the nearest entities.
-        num_others: entities of `Kinematics`.
+        observation: name of an observation, see `observations`.
+        parts: observations that `Dict` has.
+        normalize: observations are within -1..1; else in SI units.
+        lights: `Lane` has the light ahead, too.
+        num_others: entities of `Others` and `Kinematics`.
+        grid_size: side of the square of `OccupancyGrid` [m].
+        grid_step: side of its cells [m].
+        num_rays: rays of `Lidar`.
+        lidar_range: their length [m].
+        action: name of an action, see `actions`.
+        reverses: a negative acceleration drives a standing ego backwards.
         target_speed: speed at which the reward for speed is greatest [m/s].
+        target_speeds: that `DiscreteMeta` chooses from, rising [m/s]; empty for 1/2, 3/4, 1 and 5/4 of `target_speed`.
         duration: time until an episode is truncated [s].
         frame_skip: frames of 20 ms in a step; a multiple of 5 is fastest.
         num_starts: episodes begin with so many seeds of the world; fewer need less memory.
         max_offset: an episode ends this far from the line of the lane [m]; inf for at the edge of the road alone.
-        weights: of the terms of the reward, see `judge`.
+        weights: of the terms of the reward, see `judgement.judge`; those that are not named stay as they are.
         reward: the user's function in place of these terms: `reward(worlds, judgement, actions)` returns the rewards of
             a step, (num_worlds,), with `judgement.reward` as that of the terms.
-        start_lane: name of the lane on which episodes begin; "" for where the scenario has the ego. What is within
-            `CLEAR` of it then is taken away.
-        start_s: arc length on that lane [m].
+        start_lane: name of the lane on which episodes begin, or a pattern such as `R2*`, of whose lanes chance chooses
+            one; "" for where the scenario has the ego. What is within `CLEAR` of it then is taken away.
+        start_s: arc length on that lane; negative from its end; None for anywhere by chance [m].
         start_speed: speed there [m/s].
+        goal: `lane` ends an episode well when the ego is `goal_s` m along a lane that `goal_lane` names and on which it
+            did not begin; `bay` when it stands in the one of these lanes that chance has chosen among the free ones,
+            with its nose to the lane's beginning.
+        goal_lane: name or pattern.
+        goal_s: see `goal` [m].
     """
 
     scenario: str
     traffic: int = 0
-    observation: Literal["Lane", "Kinematics"] = "Lane"
+    observation: str = "Lane"
+    parts: tuple[str, ...] = ("Lane", "Others")
+    normalize: bool = True
+    lights: bool = False
     num_others: int = 14
+    grid_size: float = 55.0
+    grid_step: float = 5.0
+    num_rays: int = 36
+    lidar_range: float = 50.0
+    action: str = "Continuous"
+    reverses: bool = False
     target_speed: float = 15.0
+    target_speeds: tuple[float, ...] = ()
     duration: float = 40.0
     frame_skip: int = 5
     num_starts: int = 64
     max_offset: float = math.inf
-    weights: dict[str, float] = field(default_factory=lambda: dict(WEIGHTS))
+    weights: dict[str, float] = field(default_factory=dict)
     reward: Callable[[Worlds, Judgement, npt.NDArray[np.float64]], npt.ArrayLike] | None = None
     start_lane: str = ""
-    start_s: float = 0.0
+    start_s: float | None = 0.0
     start_speed: float = 0.0
+    goal: Literal["", "lane", "bay"] = ""
+    goal_lane: str = ""
+    goal_s: float = 0.0
 
     def __post_init__(self) -> None:
-        unknown = set(self.weights) - set(WEIGHTS)
-        if unknown:
-            raise ValueError(f"weights: expected names of {', '.join(WEIGHTS)}, got {', '.join(sorted(unknown))}")
-        if self.observation not in {"Lane", "Kinematics"}:
-            raise ValueError(f"observation: expected Lane or Kinematics, got {self.observation!r}")
-        for name in ("target_speed", "duration", "frame_skip", "num_starts", "num_others"):
-            value = getattr(self, name)
-            if not isinstance(value, int | float) or not value > 0:
-                raise ValueError(f"{name}: expected a positive number, got {value!r}")
-        for name in ("start_s", "start_speed"):
-            value = getattr(self, name)
-            if not isinstance(value, int | float) or not 0.0 <= value < math.inf:
-                raise ValueError(f"{name}: expected a number from 0 on, got {value!r}")
+        _check_names(self)
+        _check_numbers(self)
+        if self.observation == "Goal" and self.goal != "bay":
+            raise ValueError("observation: Goal needs goal='bay'")
+        if self.goal and not self.goal_lane:
+            raise ValueError("goal_lane: expected the lanes of the goal, got ''")
         if self.reward is not None and not callable(self.reward):
             raise ValueError(f"reward: expected a function, got {self.reward!r}")
 
     @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of an observation."""
-        num = len(LANE_NAMES)
-        return (num,) if self.observation == "Lane" else (num + self.num_others * len(OTHER_FIGURES),)
+    def all_weights(self) -> dict[str, float]:
+        """The weights of all terms of the reward."""
+        return {**WEIGHTS, **self.weights}
+
+    @property
+    def speeds(self) -> tuple[float, ...]:
+        """The speeds that `DiscreteMeta` chooses from [m/s]."""
+        return self.target_speeds or tuple(share * self.target_speed for share in (0.5, 0.75, 1.0, 1.25))
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
-    """Reward and end of one step; (num_worlds,) each.
-
-    Attributes:
-        reward: sum of the terms.
-        is_over: bool, the episode has ended by a failure.
-        has_collided, is_off_road: bool, the failure.
-        speed: [m/s].
-        offset: from the line of the lane, left positive [m].
-        scores: those of `Worlds.scores`.
-    """
-
-    reward: npt.NDArray[np.float64]
-    is_over: BoolArray
-    has_collided: BoolArray
-    is_off_road: BoolArray
-    speed: npt.NDArray[np.float64]
-    offset: npt.NDArray[np.float64]
-    scores: dict[str, npt.NDArray[np.float64]]
+def _check_names(task: DrivingTask) -> None:
+    unknown = set(task.weights) - set(WEIGHTS)
+    if unknown:
+        raise ValueError(f"weights: expected names of {', '.join(WEIGHTS)}, got {', '.join(sorted(unknown))}")
+    for name, known in (("observation", OBSERVATIONS), ("action", ACTIONS), ("goal", _GOALS)):
+        if getattr(task, name) not in known:
+            names = ", ".join(each or "''" for each in known)
+            raise ValueError(f"{name}: expected one of {names}, got {getattr(task, name)!r}")
+    if isinstance(task.parts, str) or not task.parts or not set(task.parts) <= set(PARTS):
+        raise ValueError(f"parts: expected names of {', '.join(PARTS)}, got {task.parts!r}")
 
 
-def observe(worlds: Worlds, task: DrivingTask) -> FloatArray:
-    """Return observations of the first egos, (num_worlds, *task.shape), within -1..1.
-
-    `Lane`: speed / 40 m/s, offset / 4 m, heading / pi, to_left / 8 m, to_right / 8 m, steering / 0.5 rad, yaw rate in
-    rad/s, and the places of the lane's line `AHEAD` of the ego, forward and left / 40 m. `Kinematics`: behind these,
-    for each of the nearest entities, `OTHER_FIGURES`: places / 100 m, velocities / 40 m/s, length / 20 m, width / 5 m.
-    """
-    egos, lanes = worlds.egos(), worlds.lanes(AHEAD)
-    columns = [
-        *(egos["speed"] / _SPEED, lanes["offset"] / _OFFSET, lanes["heading"] / math.pi),
-        *(lanes["to_left"] / _EDGE, lanes["to_right"] / _EDGE, egos["steer"] / _STEER, egos["yaw_rate"]),
-    ]
-    lane = np.stack([column[:, 0] for column in columns], axis=1)
-    parts = [lane, lanes["points"][:, 0].reshape(worlds.num_worlds, -1) / AHEAD[-1]]
-    if task.observation == "Kinematics":
-        others = worlds.others(task.num_others)[:, 0] / _OTHER_SCALE
-        parts.append(others.reshape(worlds.num_worlds, -1))
-    return np.clip(np.concatenate(parts, axis=1), -1.0, 1.0).astype(np.float32)
-
-
-def judge(worlds: Worlds, task: DrivingTask, actions: npt.NDArray[np.float64]) -> Judgement:
-    """Return what the last step was worth.
-
-    The reward is the sum of: `speed` * max(0, 1 - |v cos(h) / target_speed - 1|), with the heading h relative to the
-    lane; -`offset` * min(|offset| / 2 m, 1); -`steering` * (first action)^2; and -`failure` in the step of a collision,
-    or in which the ego has left the road.
-
-    Args:
-        worlds: after the step.
-        task: the options.
-        actions: (num_worlds, 2) of the step.
-
-    Raises:
-        ValueError: the user's function has returned another shape.
-    """
-    lanes, scores = worlds.lanes(), {name: values[:, 0] for name, values in worlds.scores().items()}
-    speed, offset = worlds.egos()["speed"][:, 0], lanes["offset"][:, 0]
-    along = speed * np.cos(lanes["heading"][:, 0]) / task.target_speed
-    has_collided = scores["num_collisions"] > 0.0
-    is_off_road = (scores["is_off_road"] > 0.0) | (np.abs(offset) > task.max_offset)
-    is_over = has_collided | is_off_road
-    weights = {**WEIGHTS, **task.weights}
-    reward = weights["speed"] * np.maximum(0.0, 1.0 - np.abs(along - 1.0))
-    reward -= weights["offset"] * np.minimum(np.abs(offset) / 2.0, 1.0)
-    reward -= weights["steering"] * np.square(actions[:, 0])
-    reward -= weights["failure"] * is_over
-    result = Judgement(reward, is_over, has_collided, is_off_road, speed, offset, scores)
-    if task.reward is None:
-        return result
-    own = np.asarray(task.reward(worlds, result, actions), dtype=np.float64)
-    if own.shape != reward.shape:
-        raise ValueError(f"reward: expected an array of shape {reward.shape} from the function, got {own.shape}")
-    return replace(result, reward=own)
+def _check_numbers(task: DrivingTask) -> None:
+    for name in _POSITIVE:
+        value = getattr(task, name)
+        if not isinstance(value, int | float) or not 0 < value < math.inf:
+            raise ValueError(f"{name}: expected a positive number, got {value!r}")
+    for name in ("start_speed", "goal_s"):
+        value = getattr(task, name)
+        if not isinstance(value, int | float) or not 0.0 <= value < math.inf:
+            raise ValueError(f"{name}: expected a number from 0 on, got {value!r}")
+    if task.start_s is not None and not (isinstance(task.start_s, int | float) and math.isfinite(task.start_s)):
+        raise ValueError(f"start_s: expected a finite number or None, got {task.start_s!r}")
+    if list(task.target_speeds) != sorted(set(task.target_speeds)) or any(v <= 0.0 for v in task.target_speeds):
+        raise ValueError(f"target_speeds: expected rising positive numbers, got {task.target_speeds!r}")

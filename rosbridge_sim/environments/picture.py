@@ -22,13 +22,17 @@ _COLOURS: Final = {
     Kind.OBSTACLE: (90, 90, 90),
 }
 
+_BAY: Final = ((2.5, 1.25), (2.5, -1.25), (-2.5, -1.25), (-2.5, 1.25))
+"""Corners of a bay, forward and left of its middle [m]."""
 
-def draw(worlds: Worlds, number: int) -> npt.NDArray[Any]:
-    """Return a picture of one world, north up, with the ego in the middle, (400, 600, 3) uint8.
+
+def draw(worlds: Worlds, number: int, goals: npt.NDArray[np.float64] | None = None) -> npt.NDArray[Any]:
+    """Return a picture of one world, north up, with the first ego in the middle, (400, 600, 3) uint8.
 
     Args:
         worlds: the worlds.
         number: of the world.
+        goals: (num_egos, 3) bays of the egos, see `observe`; nan where there is none.
     """
     world = worlds.world(number)
     ego = int(world.rows(Kind.EGO)[0])
@@ -46,6 +50,10 @@ def draw(worlds: Worlds, number: int) -> npt.NDArray[Any]:
         line = roads.points[roads.first[lane] : roads.first[lane + 1], :2]
         if np.abs(line - middle).max(axis=1).min() < reach:
             pen.line(on_picture(line), fill=(200, 202, 205), width=int(roads.width[lane] * PIXELS_PER_METRE))
+    for x, y, yaw in () if goals is None else goals[np.isfinite(goals[:, 0])].tolist():
+        along, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
+        corners = [np.array([x, y]) + a * along + b * left for a, b in _BAY]
+        pen.polygon(on_picture(np.array(corners)), outline=_COLOURS[Kind.EGO], width=3)
     for row in world.alive.nonzero()[0].tolist():
         yaw, centre = world.yaw[row], world.centre[row]
         along, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])

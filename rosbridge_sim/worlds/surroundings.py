@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.world.drivers.lane_position import find_ahead
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.worlds.ego_table import Part
 
-__all__ = ["LANE_FIGURES", "OTHER_FIGURES", "find_lanes", "find_others"]
+__all__ = ["LANE_FIGURES", "OTHER_FIGURES", "find_lanes", "find_lights", "find_others"]
 
 OTHER_FIGURES: Final = ("is_there", "x", "y", "vx", "vy", "cos", "sin", "length", "width")
 """Figures of an entity in the frame of the ego: whether there is one; place of the middle of its box, forward and left
@@ -102,17 +102,50 @@ def find_lanes(part: Part, ahead: FloatArray) -> tuple[dict[str, npt.NDArray[np.
     figures["speed_limit"] = roads.speed_limit[places.lane]
     figures["is_on_road"] = ((left >= 0.0) & (right >= 0.0) & (beyond < 1.0)).astype(np.float64)
     if len(ahead):
-        following = roads.derived(_straight_on)
-        lanes = [places.lane]
-        for _ in range(LANES_AHEAD):
-            lanes.append(np.where(lanes[-1] >= 0, following[lanes[-1]], -1))
+        lanes = _lanes_ahead(roads, places.lane)
         num = len(ahead)
-        at = find_ahead(roads, np.stack(lanes).repeat(num, axis=1), (places.s[:, None] + ahead).ravel())
+        at = find_ahead(roads, lanes.repeat(num, axis=1), (places.s[:, None] + ahead).ravel())
         line = roads.at(*at)[0].reshape(len(rows), num, 3)
         east, north = line[..., 0] - x[:, None], line[..., 1] - y[:, None]
         cos, sin = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
         points[..., 0], points[..., 1] = east * cos + north * sin, north * cos - east * sin
     return figures, points
+
+
+def find_lights(part: Part, may_enter: BoolArray, light_of_lane: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Return where the next lights are straight ahead of egos, and which of them forbid to go on.
+
+    Args:
+        part: the egos.
+        may_enter: (k, l) bool, for each ego the lanes of the map that no light forbids now.
+        light_of_lane: (l,) int64, the light that each lane obeys; -1 for none.
+
+    Returns:
+        (k,) distances of the ends of the lanes before them, inf for none within `LANES_AHEAD` [m]; and (k,) 1 where it
+        is red or yellow, else 0.
+    """
+    columns, rows = part.columns, part.rows
+    roads = columns.roads.alone
+    distance, must_stop = np.full(len(rows), np.inf), np.zeros(len(rows))
+    if not len(roads):
+        return distance, must_stop
+    places = columns.roads.nearest(columns.x[rows], columns.y[rows], columns.yaw[rows], columns.z[rows])
+    lanes, away = _lanes_ahead(roads, places.lane), roads.length[places.lane] - places.s
+    for lane in lanes[1:]:
+        is_next = (lane >= 0) & (light_of_lane[lane] >= 0) & np.isinf(distance)
+        distance = np.where(is_next, away, distance)
+        must_stop = np.where(is_next & ~may_enter[np.arange(len(rows)), lane], 1.0, must_stop)
+        away = away + np.where(lane >= 0, roads.length[lane], 0.0)
+    return distance, must_stop
+
+
+def _lanes_ahead(roads: Roads, lane: IntArray) -> IntArray:
+    """Return lanes and those straight on after them, (1 + LANES_AHEAD, k) int64; -1 beyond a dead end."""
+    following = roads.derived(_straight_on)
+    lanes = [lane]
+    for _ in range(LANES_AHEAD):
+        lanes.append(np.where(lanes[-1] >= 0, following[lanes[-1]], -1))
+    return np.stack(lanes)
 
 
 def _straight_on(roads: Roads) -> IntArray:

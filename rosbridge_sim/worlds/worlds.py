@@ -15,12 +15,12 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.many_worlds.world_set import WorldSet
-from rosbridge_sim.world.state.commands import command_all
+from rosbridge_sim.world.state.commands import command_all, shift
 from rosbridge_sim.world.state.placement import teleport
-from rosbridge_sim.world.state.world import DT, Dynamics, Kind, Mode, World
+from rosbridge_sim.world.state.world import DT, Dynamics, Gear, Kind, Mode, World
 from rosbridge_sim.worlds.ego_table import EgoTable
 from rosbridge_sim.worlds.one_scene import TRAFFIC_INTERVAL, OneScene, SavedScene
-from rosbridge_sim.worlds.surroundings import LANE_FIGURES, OTHER_FIGURES, find_lanes, find_others
+from rosbridge_sim.worlds.surroundings import LANE_FIGURES, OTHER_FIGURES, find_lanes, find_lights, find_others
 
 __all__ = ["EGO_FIGURES", "SCORE_FIGURES", "Worlds"]
 
@@ -30,7 +30,7 @@ BoolArray = npt.NDArray[np.bool_]
 
 EGO_FIGURES: Final = (
     *("x", "y", "z", "roll", "pitch", "yaw", "speed", "lateral_speed", "accel", "lateral_accel", "yaw_rate"),
-    *("steer", "throttle", "brake"),
+    *("steer", "throttle", "brake", "gear", "centre"),
 )
 """Columns that `Worlds.egos` returns."""
 
@@ -137,7 +137,8 @@ class Worlds:
         Args:
             commands: arrays that broadcast to (num_worlds, num_egos): `steering`, the angle of the front wheels, left
                 positive [rad], and either `throttle` and `brake` 0..1, or `speed` [m/s], or `accel` [m/s^2], which
-                count in the direction of the gear. None for those of before.
+                count in the direction of the gear; and, if wanted, `gear`, a number of `Gear`, which an ego that stands
+                shifts to. None for those of before.
             n: frames of 20 ms, at least 1.
 
         Raises:
@@ -237,7 +238,8 @@ class Worlds:
 
         x, y, z [m] of the middle of the rear axle on the ground; roll, pitch, yaw [rad]; speed forward and
         lateral_speed to the left [m/s]; accel forward and lateral_accel to the left [m/s^2]; yaw_rate [rad/s]; steer,
-        angle of the front wheels, left positive [rad]; throttle and brake 0..1.
+        angle of the front wheels, left positive [rad]; throttle and brake 0..1; gear, a number of `Gear`; centre,
+        how far the middle of the box is ahead of the rear axle [m].
         """
         return {name: self._egos.gather(name) for name in EGO_FIGURES}
 
@@ -290,6 +292,22 @@ class Worlds:
                 found["points"][part.world, part.ego] = points
                 for name, values in figures.items():
                     found[name][part.world, part.ego] = values
+        return found
+
+    def lights(self) -> dict[str, FloatArray]:
+        """Return the next traffic lights ahead of the egos, on the lanes that turn least, (num_worlds, num_egos) each.
+
+        `distance` to the end of the lane before the light, from the middle of the rear axle, inf for none within five
+        lanes [m]; `must_stop`, 1 where the light for the lane behind it is red or yellow, else 0. nan where there is no
+        ego.
+        """
+        found = {name: np.full(self._egos.is_there.shape, np.nan) for name in ("distance", "must_stop")}
+        for part in self._egos:
+            if len(part.rows):
+                may_enter = [self._worlds[i].lights.may_enter for i in part.world.tolist()]
+                values = find_lights(part, np.stack(may_enter), self._worlds[part.world[0]].plan.light_of_lane)
+                for name, figures in zip(found, values, strict=True):
+                    found[name][part.world, part.ego] = figures
         return found
 
     def scores(self) -> dict[str, FloatArray]:
@@ -414,7 +432,7 @@ class Worlds:
         return which
 
     def _command(self, commands: Commands) -> None:
-        names = frozenset(commands) - {"steering"}
+        names = frozenset(commands) - {"steering", "gear"}
         if names not in _MODES or "steering" not in commands:
             raise ValueError(
                 "commands: expected steering with throttle and brake, with speed or with accel, got"
@@ -430,10 +448,21 @@ class Worlds:
                 raise ValueError(f"{name}: expected an array of shape {shape}, got {array.shape}") from None
             if not np.isfinite(arrays[name][self._egos.is_there]).all():
                 raise ValueError(f"{name}: expected finite numbers")
+        if "gear" in arrays:
+            if not np.isin(arrays["gear"][self._egos.is_there], list(Gear)).all():
+                raise ValueError(f"gear: expected numbers within {min(Gear)}..{max(Gear)}")
+            self._shift(arrays["gear"])
         for part in self._egos:
             at = part.world, part.ego
             rest = {name: arrays[name][at] for name in names}
             command_all(part.columns, part.rows, mode=_MODES[names], steer=arrays["steering"][at], **rest)
+
+    def _shift(self, gears: FloatArray) -> None:
+        """Shift the egos that stand; few do in a step, and each by itself."""
+        for i, j in np.argwhere(self._egos.is_there & (self._egos.gather("gear") != gears)).tolist():
+            world = self._worlds[i]
+            shift(world, int(world.rows(Kind.EGO)[j]), Gear(int(gears[i, j])))
+        self._set.settle()
 
 
 _DYNAMICS: Final = {"single-track": Dynamics.SINGLE_TRACK, "kinematic": Dynamics.KINEMATIC}

@@ -55,7 +55,7 @@ def test_environments_of_arrays_equal_single_ones_of_the_same_seed() -> None:
 def leave_the_road(many: Any) -> tuple[int, tuple[Any, ...]]:  # noqa: ANN401 - as above
     """Steer the first environment off the road; the number of steps and the last result."""
     actions = np.zeros((2, 2))
-    actions[0] = 1.0, 1.0
+    actions[0] = 0.3, 1.0
     for num in range(200):
         result = many.step(actions)
         if result[2][0]:
@@ -148,6 +148,63 @@ def test_episode_begins_on_its_lane_with_nothing_near() -> None:
         assert (np.hypot(others[:, 1], others[:, 2])[others[:, 0] > 0.0] > 0.2).all()
 
 
+def test_red_light_costs_and_a_lane_beyond_the_junction_is_the_goal() -> None:
+    one = gymnasium.make("rosbridge_sim/Intersection-v0", traffic=0)
+    seen, info = one.reset(seed=0)
+    assert 15.0 < 100.0 * seen[15] <= 41.0
+    ran_red = False
+    for _ in range(200):
+        must_stop, before = seen[16] > 0.0, info["score"]["num_red_lights"]
+        forward, left = 40.0 * seen[9], 40.0 * seen[10]
+        steering = np.clip(12.0 * left / max(forward**2 + left**2, 1.0), -1.0, 1.0)
+        seen, reward, terminated, _, info = one.step(np.array([steering, np.clip(8.0 - 40.0 * seen[0], -1.0, 1.0)]))
+        if info["score"]["num_red_lights"] > before:
+            ran_red = True
+            assert must_stop
+            assert reward < -8.0
+        if terminated:
+            break
+    assert ran_red
+    assert info["has_arrived"]
+    assert reward > 9.0
+
+
+def test_parked_ego_has_arrived() -> None:
+    one = gymnasium.make("rosbridge_sim/Parking-v0").unwrapped
+    goals = set()
+    for seed in range(4):
+        one.reset(seed=seed)
+        goals.add(tuple(one._many.episodes.starts.goals[0, 0]))
+    assert len(goals) > 1
+    x, y, yaw = one._many.episodes.starts.goals[0, 0]
+    centre = float(one.worlds.egos()["centre"][0, 0])
+    one.worlds.place(0, x=x - centre * np.cos(yaw), y=y - centre * np.sin(yaw), yaw=yaw)
+    seen, reward, terminated, _, info = one.step(np.zeros(2))
+    assert terminated
+    assert info["has_arrived"]
+    assert not info["has_collided"]
+    assert np.abs(seen["achieved_goal"] - seen["desired_goal"]).max() < 1e-3
+    assert reward == one.compute_reward(seen["achieved_goal"], seen["desired_goal"], info) > -0.02
+
+
+def test_ego_that_may_reverse_does_so_after_it_has_stopped() -> None:
+    one = gymnasium.make("rosbridge_sim/Parking-v0")
+    one.reset(seed=0)
+    speeds = [one.step(np.array([0.0, accel]))[4]["speed"] for accel in [0.5] * 10 + [-0.5] * 20 + [0.5] * 20]
+    assert speeds[9] > 1.0
+    assert min(speeds) < -0.5
+    assert speeds[-1] > 0.5
+
+
+def test_rewards_of_goals_are_computed_for_many_steps() -> None:
+    one = gymnasium.make("rosbridge_sim/Parking-v0").unwrapped
+    one.reset(seed=0)
+    steps = [one.step(np.array([0.1, 0.5])) for _ in range(4)]
+    achieved, desired = (np.stack([step[0][f"{name}_goal"] for step in steps]) for name in ("achieved", "desired"))
+    infos = np.array([step[4] for step in steps])
+    assert one.compute_reward(achieved, desired, infos).tolist() == [step[1] for step in steps]
+
+
 def test_picture_shows_the_ego_in_the_middle() -> None:
     one = gymnasium.make(LANE, render_mode="rgb_array")
     one.reset(seed=0)
@@ -159,11 +216,13 @@ def test_picture_shows_the_ego_in_the_middle() -> None:
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"observation": "Camera"}, "observation: expected Lane or Kinematics"),
+        ({"observation": "Lanes"}, "observation: expected one of Lane, Others"),
+        ({"parts": ("Lanes",)}, "parts: expected names of Lane"),
+        ({"goal": "bay"}, "goal_lane: expected the lanes of the goal"),
         ({"weights": {"speeed": 1.0}}, "weights: expected names of"),
         ({"frame_skip": 0}, "frame_skip: expected a positive number"),
         ({"reward": 1.0}, "reward: expected a function"),
-        ({"start_lane": "none"}, "start_lane: expected a lane of the map of 'loop', got 'none'"),
+        ({"start_lane": "none"}, "start_lane: expected a lane of the map of 'loop', or a pattern of lanes, got 'none'"),
         ({"start_speed": -1.0}, "start_speed: expected a number from 0 on"),
     ],
 )

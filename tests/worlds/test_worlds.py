@@ -12,7 +12,7 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.simulator_node import NodeSettings
 from rosbridge_sim.world.state.commands import command
-from rosbridge_sim.world.state.world import Dynamics, Kind, Mode, World
+from rosbridge_sim.world.state.world import Dynamics, Gear, Kind, Mode, World
 from tests.simulator.sim_harness import Client, make_store
 
 PEDALS = {"steering": 0.02, "throttle": 0.4, "brake": 0.0}
@@ -128,6 +128,28 @@ def test_worlds_may_have_different_scenarios() -> None:
     assert worlds.digests()[1] == _stepped("hills", 2, 20)
 
 
+def test_standing_ego_shifts_and_drives_backwards() -> None:
+    worlds = Worlds("loop", 2)
+    worlds.step({"steering": 0.0, "accel": [[2.0], [0.0]], "gear": [[Gear.REVERSE], [Gear.DRIVE]]}, 50)
+    assert worlds.egos()["gear"].tolist() == [[Gear.REVERSE], [Gear.DRIVE]]
+    assert worlds.egos()["speed"][0, 0] < -1.0
+    worlds.step({"steering": 0.0, "accel": 0.0, "gear": Gear.DRIVE})
+    assert worlds.egos()["gear"][0, 0] == Gear.REVERSE  # it is too fast
+
+
+def test_lights_are_those_ahead_of_each_ego() -> None:
+    worlds, alone = Worlds("town", 3, seed=1), Worlds("town", seed=2)
+    lights = worlds.lights()
+    assert 60.0 < lights["distance"][1, 0] < 80.0  # from x = -86 m to the junction at x = -14 m
+    states = set()
+    for _ in range(60):
+        worlds.step({"steering": 0.0, "speed": 0.0}, 50)
+        alone.step({"steering": 0.0, "speed": 0.0}, 50)
+        assert alone.lights()["must_stop"][0] == worlds.lights()["must_stop"][1]
+        states.add(float(worlds.lights()["must_stop"][1, 0]))
+    assert states == {0.0, 1.0}
+
+
 def _stepped(scenario: str, seed: int, num_frames: int) -> str:
     one = Worlds(scenario, seed=seed)
     one.step(PEDALS, num_frames)
@@ -141,6 +163,7 @@ def _stepped(scenario: str, seed: int, num_frames: int) -> str:
         ({"speed": 0.0}, "commands: expected steering"),
         ({"steering": [0.0, 1.0, 2.0], "speed": 0.0}, r"steering: expected an array of shape \(2, 1\), got \(3,\)"),
         ({"steering": 0.0, "speed": float("nan")}, "speed: expected finite numbers"),
+        ({"steering": 0.0, "speed": 1.0, "gear": 9}, r"gear: expected numbers within 1\.\.4"),
     ],
 )
 def test_wrong_commands_are_refused(commands: dict[str, object], text: str) -> None:

@@ -1,0 +1,107 @@
+"""Actions: for each name the space, and how an action becomes a command of `Worlds.step`.
+
+`Continuous`    two numbers within -1..1: steering, left positive, times `MAX_STEER`; acceleration times `MAX_ACCEL`
+`Pedals`        steering as before; the second number is the throttle where it is positive, the brake where negative
+`DiscreteMeta`  0 change to the lane on the left, 1 go on, 2 to the lane on the right, 3 faster, 4 slower: the ego
+                drives itself, as other vehicles do, and `target_speeds` has its speeds
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+from gymnasium.spaces import Box, Space
+
+from rosbridge_sim.environments.driving_task import DrivingTask
+from rosbridge_sim.environments.judgement import Index
+from rosbridge_sim.world.state.world import Gear
+from rosbridge_sim.worlds.worlds import Worlds
+
+__all__ = ["MAX_ACCEL", "MAX_STEER", "META_ACTIONS", "ActionKind", "make_action"]
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+MAX_STEER: Final = 0.5
+"""Angle of the front wheels at the action 1 [rad]."""
+
+MAX_ACCEL: Final = 4.0
+"""Acceleration at the action 1 [m/s^2]."""
+
+META_ACTIONS: Final = ("LANE_LEFT", "IDLE", "LANE_RIGHT", "FASTER", "SLOWER")
+"""Names of the actions of `DiscreteMeta`, as in highway-env."""
+
+STANDSTILL: Final = 0.05
+"""A slower ego may change gear [m/s]."""
+
+
+class ActionKind:
+    """How actions of the egos at `at` become commands.
+
+    Attributes:
+        space: of one action.
+
+    Args:
+        worlds: the worlds.
+        task: the options.
+        at: which egos, see `Index`.
+    """
+
+    space: Space[Any] = Box(-1.0, 1.0, (2,), np.float32)
+
+    def __init__(self, worlds: Worlds, task: DrivingTask, at: Index) -> None:
+        self._worlds, self._task, self._at = worlds, task, at
+
+    def begin(self, mask: BoolArray) -> None:
+        """Begin the episodes of some worlds, (num_worlds,) bool."""
+
+    def check(self, actions: npt.ArrayLike, num: int) -> FloatArray:
+        """Return actions as (num, 2) numbers within -1..1: sideways, left positive, and forward.
+
+        Raises:
+            ValueError: they have another shape, or are not finite.
+        """
+        chosen = np.asarray(actions, dtype=np.float64)
+        if chosen.shape != (num, 2):
+            raise ValueError(f"actions: expected shape ({num}, 2), got {chosen.shape}")
+        if not np.isfinite(chosen).all():
+            raise ValueError("actions: expected finite numbers")
+        return np.clip(chosen, -1.0, 1.0)
+
+    def command(self, chosen: FloatArray) -> dict[str, FloatArray] | None:
+        """Return what `Worlds.step` takes, for actions from `check`."""
+        accel = MAX_ACCEL * chosen[:, 1]
+        commands = {"steering": self._every(MAX_STEER * chosen[:, 0])}
+        if self._task.reverses:
+            egos = self._worlds.egos()
+            is_back = egos["gear"][self._at] == Gear.REVERSE
+            wants_back = np.where(np.abs(egos["speed"][self._at]) < STANDSTILL, chosen[:, 1] < 0.0, is_back)
+            commands["gear"] = self._every(np.where(wants_back, Gear.REVERSE, Gear.DRIVE), Gear.DRIVE)
+            accel = np.where(wants_back, -accel, accel)
+        return {**commands, "accel": self._every(accel)}
+
+    def _every(self, values: FloatArray, rest: float = 0.0) -> FloatArray:
+        """Return values of all egos, (num_worlds, num_egos)."""
+        found = np.full(self._worlds.has_ego.shape, rest)
+        found[self._at] = values
+        return found
+
+
+class _Pedals(ActionKind):
+    """Steering and one number for both pedals."""
+
+    def command(self, chosen: FloatArray) -> dict[str, FloatArray] | None:
+        """Return what `Worlds.step` takes."""
+        throttle, brake = np.maximum(chosen[:, 1], 0.0), np.maximum(-chosen[:, 1], 0.0)
+        steering = self._every(MAX_STEER * chosen[:, 0])
+        return {"steering": steering, "throttle": self._every(throttle), "brake": self._every(brake)}
+
+
+_KINDS: Final[dict[str, type[ActionKind]]] = {"Continuous": ActionKind, "Pedals": _Pedals}
+
+
+def make_action(worlds: Worlds, task: DrivingTask, at: Index) -> ActionKind:
+    """Return the kind of actions that the options name."""
+    return _KINDS[task.action](worlds, task, at)

@@ -1,0 +1,95 @@
+"""Begin and goal of episodes: a lane by chance, what is near it taken away, a free bay."""
+
+from __future__ import annotations
+
+from fnmatch import fnmatchcase
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from rosbridge_sim.environments.driving_task import CLEAR, DrivingTask
+from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.worlds.worlds import Worlds
+
+__all__ = ["Starts"]
+
+FREE: Final = 2.5
+"""A bay is free if the middle of nothing is this near to that of the bay [m]."""
+
+
+class Starts:
+    """Chooses where episodes begin, and what they lead to.
+
+    Attributes:
+        goals: (num_worlds, num_egos, 3) float64, see `observe`.
+        goal_lanes: (num_worlds, num_lanes) bool, lanes on which an ego has arrived; (num_worlds, 0) without such a
+            goal.
+
+    Args:
+        worlds: of one map.
+        task: the options.
+
+    Raises:
+        ValueError: the map has no such lane.
+    """
+
+    def __init__(self, worlds: Worlds, task: DrivingTask) -> None:
+        self._worlds, self._task = worlds, task
+        self._roads = worlds.world(0).roads.alone
+        self._lanes = self._find("start_lane", task.start_lane)
+        self._ends = self._find("goal_lane", task.goal_lane)
+        self.goals = np.full((*worlds.has_ego.shape, 3), np.nan)
+        num = len(self._roads) if task.goal == "lane" else 0
+        self.goal_lanes = np.zeros((worlds.num_worlds, num), dtype=bool)
+
+    def begin(self, number: int, rng: np.random.Generator) -> None:
+        """Begin an episode of one world, which was reset."""
+        task, world = self._task, self._worlds.world(number)
+        lane = -1
+        if len(self._lanes):
+            lane = int(self._lanes[rng.integers(len(self._lanes))]) if len(self._lanes) > 1 else int(self._lanes[0])
+            length = float(self._roads.length[lane])
+            s = rng.uniform(0.0, length) if task.start_s is None else task.start_s
+            self._place(number, world, lane, s + length if s < 0.0 else s)
+        if task.goal == "lane":
+            self.goal_lanes[number] = np.isin(np.arange(len(self._roads)), self._ends)
+            if lane >= 0:
+                self.goal_lanes[number, lane] = False
+        elif task.goal == "bay":
+            self.goals[number] = self._choose_bays(world, rng)
+
+    def _find(self, option: str, pattern: str) -> npt.NDArray[np.int64]:
+        """Return the rows of the lanes that a name or a pattern has."""
+        if not pattern:
+            return np.zeros(0, dtype=np.int64)
+        rows = [row for row, name in enumerate(self._roads.ids) if fnmatchcase(name, pattern)]
+        if not rows:
+            where = f"the map of {self._task.scenario!r}"
+            raise ValueError(f"{option}: expected a lane of {where}, or a pattern of lanes, got {pattern!r}")
+        return np.array(rows, dtype=np.int64)
+
+    def _place(self, number: int, world: World, lane: int, s: float) -> None:
+        """Place the ego of a world on a lane, and take away what is near it."""
+        places, yaws = self._roads.at([lane], [s])
+        x, y, z = places[0].tolist()
+        is_near = world.alive & (world.kind != Kind.EGO) & (np.hypot(world.x - x, world.y - y) < CLEAR)
+        for uid in world.uid[is_near].tolist():
+            self._worlds.remove(number, uid)
+        self._worlds.place(number, x=x, y=y, z=z, yaw=float(yaws[0]), speed=self._task.start_speed)
+
+    def _choose_bays(self, world: World, rng: np.random.Generator) -> npt.NDArray[np.float64]:
+        """Return east and north of the middle of a free bay for each ego, and the heading in it, (num_egos, 3).
+
+        Raises:
+            ValueError: there are too few free bays.
+        """
+        places, yaws = self._roads.at(self._ends, 0.5 * self._roads.length[self._ends])
+        middles = world.x + world.centre * np.cos(world.yaw), world.y + world.centre * np.sin(world.yaw)
+        away = np.hypot(middles[0] - places[:, :1], middles[1] - places[:, 1:2])
+        free = (away + np.where(world.alive, 0.0, np.inf)).min(axis=1, initial=np.inf) > FREE
+        bays, num = free.nonzero()[0], self.goals.shape[1]
+        if len(bays) < num:
+            raise ValueError(f"goal_lane: expected {num} free bays, got {len(bays)}")
+        chosen = rng.choice(bays, num, replace=False)
+        return np.column_stack([places[chosen, :2], yaws[chosen] + np.pi])
