@@ -123,11 +123,7 @@ class Expression:
 
 
 def is_name(text: str) -> bool:
-    """Return whether a text can be a name in expressions.
-
-    Args:
-        text: the text.
-    """
+    """Return whether a text can be a name in expressions."""
     return text.isidentifier() and text.isascii() and not iskeyword(text) and text not in {*FUNCTIONS, *CONSTANTS}
 
 

@@ -104,11 +104,7 @@ _SLACK = 3
 
 
 def listing(names: Iterable[str]) -> str:
-    """Return names as a list for a sentence: the first dozen, and `...` for the rest.
-
-    Args:
-        names: the names.
-    """
+    """Return names as a list for a sentence: the first dozen, and `...` for the rest."""
     first = list(islice(names, MAX_SUGGESTED + 1))
     escaped = [printable(name[: 2 * MAX_NAME_SHOWN]) for name in first[:MAX_SUGGESTED]]
     shown = [name if len(name) <= MAX_NAME_SHOWN else name[:MAX_NAME_SHOWN] + "..." for name in escaped]

@@ -67,11 +67,7 @@ class Bounds:
     extremes: int = 2_000
 
     def excess(self, weight: Weight) -> str | None:
-        """Return the part of a weight that exceeds the bounds, as words for an error; None if no part does.
-
-        Args:
-            weight: the weight.
-        """
+        """Return the part of a weight that exceeds the bounds, as words for an error; None if no part does."""
         for num, most, what in (
             (weight.containers, self.containers, "objects and lists"),
             (weight.texts, self.texts, "texts"),

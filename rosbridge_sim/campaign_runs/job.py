@@ -50,7 +50,6 @@ def read_job(path: Path, folder: Path) -> Job:
     """Read the file of a campaign.
 
     Args:
-        path: the file.
         folder: of the results.
 
     Raises:

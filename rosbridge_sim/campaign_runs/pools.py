@@ -28,7 +28,6 @@ class Pool(Protocol):
         """Drive some runs of one driver.
 
         Args:
-            runs: the runs.
             timeout: longest time of all of them together [s].
             may_keep: as for `drive_runs`.
         """

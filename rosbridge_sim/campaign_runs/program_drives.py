@@ -53,7 +53,6 @@ def drive_by_program(loaded: LoadedJob, driver: DriverItem, run: Run, *, record:
     Args:
         loaded: the campaign.
         driver: with a command.
-        run: the run.
         record: record the topics of the simulator.
 
     Returns:

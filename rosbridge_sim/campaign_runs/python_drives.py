@@ -45,7 +45,6 @@ def drive_in_python(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run]) 
     Args:
         loaded: the campaign.
         driver: of all of them; no program.
-        runs: the runs.
 
     Returns:
         An outcome for each.

@@ -33,7 +33,6 @@ def cut_into_tasks(campaign: Campaign, runs: Iterable[Run]) -> Iterator[tuple[Ru
     """Yield runs that are driven together: those of a driver that takes batches, else one each.
 
     Args:
-        campaign: the campaign.
         runs: in the order of the table.
     """
     waiting: list[Run] = []
@@ -155,11 +154,7 @@ class Progress:
     first: int = 0
 
     def line(self, now: float) -> str:
-        """Return a line of text: counts, rate, failures, time left.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Return a line of text: counts, rate, failures, time left."""
         seconds = max(now - self.began, 1e-3)
         rate = (self.done - self.first) / seconds
         left = (self.num - self.done) / rate if rate > 0 else 0.0

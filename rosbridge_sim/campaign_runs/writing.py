@@ -27,7 +27,6 @@ def write_all(folder: ResultsFolder, campaign: Campaign, results: Sequence[Resul
 
     Args:
         folder: of the results.
-        campaign: the campaign.
         results: in the order of the table.
         name: of the campaign.
 

@@ -157,9 +157,6 @@ def read_campaign(values: Mapping[str, Any], source: str) -> Campaign:
 def plan_runs(campaign: Campaign) -> list[Run]:
     """Return all runs of a campaign without a search, in the order of the table.
 
-    Args:
-        campaign: the campaign.
-
     Raises:
         DocumentError: parameters that cannot be combined, or too many runs.
     """

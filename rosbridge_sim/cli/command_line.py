@@ -100,7 +100,6 @@ def group_of(name: str, text: str) -> tuple[Parser, Callable[..., Parser]]:
     """Return the parser of `rosbridge-sim NAME`, and a function that adds a command to it.
 
     Args:
-        name: NAME.
         text: description for the help.
     """
     prog = f"rosbridge-sim {name}"

@@ -27,7 +27,6 @@ class FrameReader:
     """A reader of frames, whole or in fragments. It accepts any bytes."""
 
     def __init__(self) -> None:
-        """Create a reader without fragments."""
         self._pieces = Defragmenter(MAX_SIZE)
 
     def read(self, data: str | bytes, now: float) -> Frame | None:

@@ -89,7 +89,6 @@ class Actionlib:
 
         Args:
             bus: the bus of the action.
-            action: the action.
 
         Raises:
             GraphError: a topic already has another type.
@@ -125,11 +124,7 @@ class Actionlib:
         return self._status_due if self._status.has_listener else None
 
     def advance(self, now: float) -> None:
-        """Publish the status if it is due.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Publish the status if it is due."""
         self._now = now
         if now >= self._status_due:
             self._publish_status(now)

@@ -289,11 +289,7 @@ class Actions:
         return None if goal.is_done else goal
 
     def forget(self, goal: Goal) -> None:
-        """Remove an ended goal from its caller's list (for `Goal` alone).
-
-        Args:
-            goal: the goal.
-        """
+        """Remove an ended goal from its caller's list (for `Goal` alone)."""
         if goal.num_bytes:
             self._state.account_of(goal.caller).give(goal.num_bytes)
         held = self._goals.get(goal.caller)
@@ -306,7 +302,6 @@ class Actions:
         """Give feedback to a goal's caller (for `Goal` alone).
 
         Args:
-            goal: the goal.
             values: the feedback.
         """
         assert goal.on_feedback is not None, "checked by the goal"
@@ -321,7 +316,6 @@ class Actions:
         """Give a goal's end to its caller (for `Goal` alone). If it cannot be encoded, the goal fails.
 
         Args:
-            goal: the goal.
             outcome: its end.
         """
         try:
@@ -334,11 +328,7 @@ class Actions:
                 self._state.guard.contain(goal.caller, error)
 
     def ask_to_cancel(self, goal: Goal) -> None:
-        """Ask a goal's provider to cancel it (for `Goal` alone).
-
-        Args:
-            goal: the goal.
-        """
+        """Ask a goal's provider to cancel it (for `Goal` alone)."""
         try:
             goal.action.cancel(goal)
         except Exception as error:  # noqa: BLE001 - an internal error in the provider's own state

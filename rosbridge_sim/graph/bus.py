@@ -139,9 +139,6 @@ class Bus(BusState):
         """Give up calls after their time-out, and forget topics that are unused for a while.
 
         Subscribers that have waited for some time for a publisher are told.
-
-        Args:
-            now: monotonic time [s].
         """
         self._service_table.expire(now)
         self._topic_table.expire(now)
@@ -151,7 +148,6 @@ class Bus(BusState):
 
         Args:
             owner: the owner that leaves.
-            now: monotonic time [s].
         """
         attempt = self.guard.attempt
         attempt("the end of an owner's goals", self.actions.leave, owner)

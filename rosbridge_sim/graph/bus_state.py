@@ -60,11 +60,7 @@ class BusState:
         self._holdings: dict[Participant, Holdings] = {}
 
     def account_of(self, owner: Participant) -> Account:
-        """Return the account that pays for an owner's memory.
-
-        Args:
-            owner: the owner.
-        """
+        """Return the account that pays for an owner's memory."""
         return self.accounts.get(owner, self._own_account)
 
     def owners(self) -> list[Participant]:
@@ -72,47 +68,27 @@ class BusState:
         return list(self._holdings)
 
     def holdings(self, owner: Participant) -> Holdings:
-        """Return the things of an owner; read only.
-
-        Args:
-            owner: the owner.
-        """
+        """Return the things of an owner; read only."""
         return self._holdings.get(owner) or Holdings()
 
     def held_by(self, owner: Participant) -> Holdings:
-        """Return the things of an owner, to be changed (for the parts of the bus alone).
-
-        Args:
-            owner: the owner.
-        """
+        """Return the things of an owner, to be changed (for the parts of the bus alone)."""
         held = self._holdings.get(owner)
         if held is None:
             held = self._holdings[owner] = Holdings()
         return held
 
     def forget_owner(self, owner: Participant) -> None:
-        """Forget an owner that holds nothing any more (for the bus alone).
-
-        Args:
-            owner: the owner.
-        """
+        """Forget an owner that holds nothing any more (for the bus alone)."""
         self._holdings.pop(owner, None)
         self.accounts.pop(owner, None)
 
     def report_topic(self, topic: Topic) -> None:
-        """Call the hooks for a topic with a new publisher or subscriber (for the parts of the bus alone).
-
-        Args:
-            topic: the topic.
-        """
+        """Call the hooks for a topic with a new publisher or subscriber (for the parts of the bus alone)."""
         for hook in tuple(self.on_topic):
             self.guard.attempt(f"a look at {topic.name}", hook, topic)
 
     def report_holdings(self, owner: Participant) -> None:
-        """Call the hooks for an owner whose things have changed (for the parts of the bus alone).
-
-        Args:
-            owner: the owner.
-        """
+        """Call the hooks for an owner whose things have changed (for the parts of the bus alone)."""
         for hook in tuple(self.on_holdings):
             self.guard.attempt(f"a look at what {owner.name} holds", hook, owner)

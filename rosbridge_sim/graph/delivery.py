@@ -50,9 +50,6 @@ class Delivery:
 
         Args:
             sender: the publisher.
-            topic: the topic.
-            message: the message.
-            now: monotonic time [s].
 
         Raises:
             PeerError: a mistake that a subscriber found, or a failed encoding. All other subscribers got the message.
@@ -89,9 +86,6 @@ class Delivery:
 
         Args:
             sender: the publisher.
-            topic: the topic.
-            message: the message.
-            now: monotonic time [s].
         """
         try:
             self.publish(sender, topic, message, now)
@@ -111,10 +105,8 @@ class Delivery:
 
         Args:
             sender: the publisher.
-            topic: the topic.
             message: the message; it may have been published before.
             listeners: the subscriptions that get it.
-            now: monotonic time [s].
         """
         for subscription in listeners:
             try:

@@ -105,7 +105,6 @@ class Guard:
 
         Args:
             what: name of the failed work.
-            error: the error.
         """
         self.num_faults += 1
         _log.error("%s has failed; this is a bug of ours, and the rest goes on", what, exc_info=error)

@@ -108,11 +108,7 @@ class Parameters:
         return name in self._entries
 
     def num_held(self, owner: Participant) -> int:
-        """Return the memory of the parameters that an owner has set [bytes].
-
-        Args:
-            owner: the owner.
-        """
+        """Return the memory of the parameters that an owner has set [bytes]."""
         account = self._accounts.get(owner)
         return account.num_bytes + VALUE_OVERHEAD * (account.num + account.num_namespaces) if account else 0
 
@@ -167,11 +163,7 @@ class Parameters:
         self._read = None
 
     def disown(self, owner: Participant) -> None:
-        """Forget the owner of parameters, because it has left; the parameters stay.
-
-        Args:
-            owner: the owner.
-        """
+        """Forget the owner of parameters, because it has left; the parameters stay."""
         self._accounts.pop(owner, None)
 
     def text(self, name: str) -> str:

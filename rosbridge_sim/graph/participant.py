@@ -163,7 +163,6 @@ def explain(owner: Participant, level: str, text: str, reason: Reason) -> None:
     """Tell an owner why its request was refused. An owner that does not record reasons gets only the text.
 
     Args:
-        owner: the owner.
         level: `warning` or `error`.
         text: a line of text.
         reason: kind of mistake.
@@ -182,7 +181,6 @@ class Restricted(Protocol):
         """Raise GraphError if this owner must not subscribe to a topic.
 
         Args:
-            topic: its name.
             type_name: its type.
         """
 
@@ -191,8 +189,6 @@ def check_reading(owner: Participant, topic: str, type_name: str) -> None:
     """Check that an owner may have the messages of a topic, in an answer as by a subscription.
 
     Args:
-        owner: the owner.
-        topic: name of the topic.
         type_name: its type.
 
     Raises:
@@ -242,9 +238,6 @@ def hold(owner: Participant) -> Callable[[], None]:
 
     An owner inside this process that cannot be held only gets its answer later.
 
-    Args:
-        owner: the owner.
-
     Returns:
         Releases the owner. It must be called once; a second call does nothing.
     """
@@ -252,11 +245,7 @@ def hold(owner: Participant) -> Callable[[], None]:
 
 
 def notifier(owner: Participant) -> Notify:
-    """Return a function that tells an owner something about its current request, now or later.
-
-    Args:
-        owner: the owner.
-    """
+    """Return a function that tells an owner something about its current request, now or later."""
     return cast("Correlating", owner).notifier() if _has(type(owner), Correlating) else owner.notify
 
 
@@ -309,7 +298,6 @@ def decode_body(message_type: MessageType | OpaqueType, body: OpBody, stamp_ns: 
 
     Args:
         message_type: type of the message.
-        body: the body.
         stamp_ns: time for stamps that the body leaves open [ns].
 
     Raises:

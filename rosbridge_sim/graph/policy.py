@@ -127,7 +127,6 @@ class Policy:
         """Raise GraphError if the topic must not be published to.
 
         Args:
-            topic: its name.
             type_name: its type if it is known, because some rules depend on it.
         """
         self._check("publish to", Use.PUBLISH, topic, type_name)
@@ -136,7 +135,6 @@ class Policy:
         """Raise GraphError if the topic must not be subscribed to.
 
         Args:
-            topic: its name.
             type_name: its type if it is known.
         """
         self._check("subscribe to", Use.SUBSCRIBE, topic, type_name)
@@ -197,18 +195,13 @@ class Policy:
         return self._why_not(Use.ACTION, name) is None
 
     def may_subscribe(self, topic: str) -> bool:
-        """Return True if a client may subscribe to a topic.
-
-        Args:
-            topic: its name.
-        """
+        """Return True if a client may subscribe to a topic."""
         return self._why_not(Use.SUBSCRIBE, topic) is None
 
     def may_see(self, topic: str, type_name: str = "") -> bool:
         """Return True if a client may publish or subscribe to a topic.
 
         Args:
-            topic: its name.
             type_name: its type if it is known.
         """
         return any(self._why_not(use, topic, type_name) is None for use in (Use.PUBLISH, Use.SUBSCRIBE))
@@ -235,11 +228,7 @@ class Policy:
         return lines
 
     def needs_type(self, topic: str) -> bool:
-        """Return True if the rights for a topic depend on its type, so that the type must not change later.
-
-        Args:
-            topic: its name.
-        """
+        """Return True if the rights for a topic depend on its type, so that the type must not change later."""
         return not self.is_open and topic.rpartition("/")[2] in ACTIONLIB_TOPICS
 
     # Judging

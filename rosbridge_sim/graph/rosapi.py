@@ -378,11 +378,7 @@ class Rosapi:
         return {"names": self._usable(list(self._params))}
 
     def num_held(self, owner: Participant) -> int:
-        """Return the memory of the parameters that an owner has set [bytes].
-
-        Args:
-            owner: the owner.
-        """
+        """Return the memory of the parameters that an owner has set [bytes]."""
         return self._params.num_held(owner)
 
     def _on_leave(self, owner: Participant, _now: float) -> None:

@@ -124,7 +124,6 @@ class ServiceTable:
             name: name of the service; may be relative.
             args: fields by name (an object), by position (a list), or none.
             on_answer: gets the answer. Every failure is an answer, too.
-            now: monotonic time [s].
             timeout: time-out [s]; None means the default of all services, 0 or less means no limit.
         """
         state = self._state
@@ -163,11 +162,7 @@ class ServiceTable:
             heapq.heappush(self._deadlines, (call.deadline, next(self._ticket), call))
 
     def forget_call(self, call: Call) -> None:
-        """Remove an ended call from its caller's list (for `Call` alone).
-
-        Args:
-            call: the call.
-        """
+        """Remove an ended call from its caller's list (for `Call` alone)."""
         if call.num_bytes:
             self._state.account_of(call.caller).give(call.num_bytes)
         self._state.holdings(call.caller).calls.pop(call, None)
@@ -179,12 +174,7 @@ class ServiceTable:
                 self._num_stale = 0
 
     def hand_over(self, call: Call, answer: Answer) -> None:
-        """Give the answer of a call to its caller (for `Call` alone). If it cannot be encoded, the call is refused.
-
-        Args:
-            call: the call.
-            answer: the answer.
-        """
+        """Give the answer of a call to its caller (for `Call` alone). If it cannot be encoded, the call is refused."""
         try:
             call.on_answer(answer)
         except Exception as error:  # noqa: BLE001 - an internal error
@@ -205,11 +195,7 @@ class ServiceTable:
         return self._deadlines[0][0] if self._deadlines else None
 
     def expire(self, now: float) -> None:
-        """Give up the calls whose time is over.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Give up the calls whose time is over."""
         while self._deadlines and (self._deadlines[0][0] <= now or self._deadlines[0][2].is_done):
             refuse = self._pop_deadline().refuse
             self._state.guard.attempt("a time-out", refuse, "Timeout exceeded while waiting for service response")

@@ -43,7 +43,6 @@ class Stamps:
         """Use the clock of a bridge; no effect if the choice is already made.
 
         Args:
-            now: monotonic time [s].
             is_simulated: programs there use simulated time.
         """
         if self.is_open:

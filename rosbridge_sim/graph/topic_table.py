@@ -106,7 +106,6 @@ class TopicTable:
         Args:
             owner: the publisher.
             name: name of the topic; may be relative.
-            now: monotonic time [s].
             key: key of the advertisement; None removes all of the owner there.
         """
         topic = self.by_name.get(resolve(name))
@@ -175,7 +174,6 @@ class TopicTable:
 
         Args:
             subscription: from `subscribe`.
-            now: monotonic time [s].
         """
         topic = subscription.topic
         topic.remove(subscription)
@@ -209,7 +207,6 @@ class TopicTable:
         """Restrict a client's subscription to a type, if that is the topic's type.
 
         Args:
-            subscription: the subscription.
             type_name: the type.
 
         Returns:
@@ -293,11 +290,7 @@ class TopicTable:
         return first
 
     def expire(self, now: float) -> None:
-        """Forget topics that are unused for a while; tell subscribers that have waited long for a publisher.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Forget topics that are unused for a while; tell subscribers that have waited long for a publisher."""
         attempt = self._state.guard.attempt
         for topic in list(takewhile(lambda topic: _is_over(topic, now), self._orphans)):
             attempt("forgetting a topic", self._forget, topic)
@@ -311,7 +304,6 @@ class TopicTable:
 
         Args:
             owner: the owner that leaves.
-            now: monotonic time [s].
         """
         attempt = self._state.guard.attempt
         held = self._state.holdings(owner)

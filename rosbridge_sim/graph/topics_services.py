@@ -179,21 +179,13 @@ class Topic:
             self.subscriptions = self.all_subscriptions
 
     def add(self, subscription: Subscription) -> None:
-        """Add a subscription.
-
-        Args:
-            subscription: the subscription.
-        """
+        """Add a subscription."""
         self.all_subscriptions += (subscription,)
         if subscription.fits or not self.is_settled:
             self.subscriptions += (subscription,)
 
     def remove(self, subscription: Subscription) -> None:
-        """Remove a subscription.
-
-        Args:
-            subscription: the subscription.
-        """
+        """Remove a subscription."""
         self.subscriptions = tuple(each for each in self.subscriptions if each is not subscription)
         self.all_subscriptions = tuple(each for each in self.all_subscriptions if each is not subscription)
         if not self.is_settled:

@@ -47,7 +47,6 @@ class UnheardTopics:
             owner: the publisher.
             topic: what it has advertised.
             notify: called with the topic, at most once.
-            now: monotonic time [s].
         """
         if not is_heard(topic) and len(self._watched) < MAX_WATCHED_PUBLISHERS:
             self._watched.setdefault((owner, topic), (now + UNHEARD_AFTER, notify))
@@ -57,7 +56,6 @@ class UnheardTopics:
 
         Args:
             owner: the publisher.
-            topic: the topic.
         """
         self._watched.pop((owner, topic), None)
 
@@ -68,11 +66,7 @@ class UnheardTopics:
         return None
 
     def take_due(self, now: float) -> list[tuple[Topic, Callable[[Topic], None]]]:
-        """Return the topics without a subscriber that should be judged now, with the function that tells the publisher.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Return the topics without a subscriber that should be judged now, with what tells the publisher."""
         due = [each for each in islice(self._watched.items(), MAX_TOLD_PUBLISHERS) if each[1][0] <= now]
         for key, _ in due:
             del self._watched[key]

@@ -46,17 +46,12 @@ class UnpublishedTopics:
         Args:
             subscription: a new subscription.
             notify: called with the topic, at most once.
-            now: monotonic time [s].
         """
         if not subscription.topic.publishers and len(self._watched) < MAX_WATCHED_SUBSCRIPTIONS:
             self._watched[subscription] = (now + UNPUBLISHED_AFTER, notify)
 
     def forget(self, subscription: Subscription) -> None:
-        """Stop watching a subscription; an unknown one is not an error.
-
-        Args:
-            subscription: the subscription.
-        """
+        """Stop watching a subscription; an unknown one is not an error."""
         self._watched.pop(subscription, None)
 
     def next_due(self) -> float | None:
@@ -66,11 +61,7 @@ class UnpublishedTopics:
         return None
 
     def take_due(self, now: float) -> list[tuple[Topic, Callable[[Topic], None]]]:
-        """Return the topics whose subscribers should be told now, with the function that tells them.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Return the topics whose subscribers should be told now, with the function that tells them."""
         due = [each for each in islice(self._watched.items(), MAX_TOLD_AT_ONCE) if each[1][0] <= now]
         for subscription, _ in due:
             del self._watched[subscription]

@@ -120,11 +120,7 @@ class Ways:
         self._known.clear()
 
     def change(self, now: float) -> None:
-        """Clear the cache, because a part of the server now has other names.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Clear the cache, because a part of the server now has other names."""
         self._known.clear()
         for notify in tuple(self.on_change):
             notify(now)
@@ -194,11 +190,7 @@ _TRANSFORMS: Final = PolicyEffect("learn transforms", (*SHOWN_TOPICS[:2], *_REPU
 
 
 def topics_shown_by(way: Way) -> tuple[Way, ...]:
-    """Return the topics whose content a client gets, in other words, by this way.
-
-    Args:
-        way: the way.
-    """
+    """Return the topics whose content a client gets, in other words, by this way."""
     if way in {*_REPUBLISHERS, (Use.PUBLISH, f"{REPUBLISHER_NAME}/goal")}:
         return SHOWN_TOPICS
     if way.use is Use.SUBSCRIBE and way.name.startswith(f"{REPUBLISHER_NAME}/"):

@@ -52,9 +52,6 @@ class DialedConnection(MessageConnection, ClientConnection):
         """Give messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
 
         The library's own method costs twice as much. It is not needed, because no extensions are in use.
-
-        Args:
-            messages: the messages.
         """
         keys = os.urandom(4 * len(messages))
         parts: list[bytes] = []
@@ -76,7 +73,6 @@ class DialedConnection(MessageConnection, ClientConnection):
         """Handle a message that the library has read.
 
         Args:
-            message: the message.
             is_text: not used.
             last: not used.
         """

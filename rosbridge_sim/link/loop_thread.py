@@ -86,9 +86,6 @@ class LoopThread:
     def call(self, function: Callable[[], T]) -> T:
         """Call a function in the loop's thread; errors as for `run`.
 
-        Args:
-            function: the function.
-
         Returns:
             The result of the function.
         """

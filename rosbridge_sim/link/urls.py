@@ -50,21 +50,13 @@ def check_url(text: str) -> str:
 
 
 def port_of(url: str) -> int:
-    """Return the port of a full URL.
-
-    Args:
-        url: the URL.
-    """
+    """Return the port of a full URL."""
     parts = urllib.parse.urlsplit(url)
     return parts.port or {"ws": 80, "wss": 443}[parts.scheme]
 
 
 def shown_url(url: str) -> str:
-    """Return a URL without its secrets, for logs: without the query, which may hold a token, and user and password.
-
-    Args:
-        url: the URL.
-    """
+    """Return a URL without its secrets, for logs: without the query, which may hold a token, and user and password."""
     scheme, mark, rest = url.partition("://")
     if not mark:
         scheme, rest = "", url
@@ -79,11 +71,7 @@ LEAST_SECRET = 3
 
 
 def secrets_of(url: str) -> set[str]:
-    """Return the parts that `shown_url` leaves out, in every spelling that the far side may use.
-
-    Args:
-        url: the URL.
-    """
+    """Return the parts that `shown_url` leaves out, in every spelling that the far side may use."""
     _, _, rest = url.partition("://")
     head, _, query = rest.partition("?")
     secrets = {part.partition("=")[2] for part in re.split(r"[&;#]", query)}
@@ -94,12 +82,7 @@ def secrets_of(url: str) -> set[str]:
 
 
 def hide(text: str, secrets: Iterable[str]) -> str:
-    """Return a text from the far side without secrets.
-
-    Args:
-        text: the text.
-        secrets: the secrets.
-    """
+    """Return a text from the far side without secrets."""
     for secret in sorted(secrets, key=len, reverse=True):
         if len(secret) >= LEAST_SECRET:
             text = text.replace(secret, "...")

@@ -54,11 +54,7 @@ def _heaviest(low: FloatArray, high: FloatArray, weight: FloatArray) -> BoolArra
 
 
 def find_far_lanes(roads: Roads) -> BoolArray:
-    """Return which lanes lie kilometres away from the bulk of the map, (l,).
-
-    Args:
-        roads: the lanes.
-    """
+    """Return which lanes lie kilometres away from the bulk of the map, (l,)."""
     if not len(roads):
         return np.zeros(0, dtype=bool)
     start = roads.first[:-1]

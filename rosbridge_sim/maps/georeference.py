@@ -28,7 +28,6 @@ class Georeference:
     """Converter of positions, for the map of its last call."""
 
     def __init__(self) -> None:
-        """Set up nothing yet."""
         self._map: RoadMap | None = None
         self._transformer: Transformer | None = None
         self._has_warned = False

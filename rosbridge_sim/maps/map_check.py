@@ -136,7 +136,6 @@ def describe_map(files: Mapping[str, bytes], road_map: RoadMap) -> Entry:
 
     Args:
         files: contents of those of `MAP_FILES` that exist; the map was read from them.
-        road_map: the map.
 
     Returns:
         The object; `gaps` lists what the map lacks.

@@ -167,7 +167,6 @@ class Defragmenter:
 
         Args:
             op: the fragment.
-            now: monotonic time [s].
 
         Returns:
             The whole frame if no fragment is missing now; else None.

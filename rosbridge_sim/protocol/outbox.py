@@ -125,11 +125,7 @@ class Outbox:
         return len(self._frames)
 
     def send(self, frame: bytes | LateFrames) -> None:
-        """Add an answer or a status frame, which is never dropped.
-
-        Args:
-            frame: the frame.
-        """
+        """Add an answer or a status frame, which is never dropped."""
         if not self._frames:
             self._schedule_flush()
         size = len(frame) if isinstance(frame, bytes) else self._size_of(frame)
@@ -142,7 +138,6 @@ class Outbox:
         """Add a message of a topic. It may be dropped as a whole if the peer does not read.
 
         Args:
-            topic: name of the topic.
             frame: the message.
         """
         waiting = self._frames

@@ -111,7 +111,6 @@ class Session:
 
         Args:
             frame: content of a text or binary frame.
-            now: monotonic time [s].
 
         Yields:
             An op; or None after a slice of work, so that others can have their turn.
@@ -261,7 +260,6 @@ class Session:
         """Let `flush` look at a feed with waiting messages (for `Feed` alone).
 
         Args:
-            feed: the feed.
             due: monotonic time of its next message [s].
         """
         if feed not in self._waiting:
@@ -272,7 +270,6 @@ class Session:
         """Send the messages whose time has come, and set the alarm for the next one.
 
         Args:
-            now: monotonic time [s].
             stamp_ns: time that cbor-raw frames carry [ns].
         """
         due = float("inf")
@@ -300,11 +297,7 @@ class Session:
         self._defragmenter.forget()
 
     def drop_feed(self, feed: Feed) -> None:
-        """Drop the waiting messages of a feed that has ended.
-
-        Args:
-            feed: the feed.
-        """
+        """Drop the waiting messages of a feed that has ended."""
         feed.throttle.forget()
         self._waiting.pop(feed, None)
         self.outbox.bursts.pop(feed.spelling, None)

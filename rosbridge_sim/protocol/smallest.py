@@ -26,11 +26,7 @@ class Smallest:
         self._num_there = 0
 
     def add(self, number: float) -> None:
-        """Add a number.
-
-        Args:
-            number: the number.
-        """
+        """Add a number."""
         count = self._counts.get(number)
         if count is None:
             heapq.heappush(self._heap, number)
@@ -38,11 +34,7 @@ class Smallest:
         self._num_there += not count
 
     def remove(self, number: float) -> None:
-        """Remove a number once; it must be there.
-
-        Args:
-            number: the number.
-        """
+        """Remove a number once; it must be there."""
         self._counts[number] -= 1
         self._num_there -= not self._counts[number]
         if len(self._heap) > 2 * self._num_there + _SPARE:
@@ -50,11 +42,7 @@ class Smallest:
             self._heap = sorted(self._counts)
 
     def remove_all(self, numbers: Iterable[float]) -> None:
-        """Remove each of these numbers once; they must be there.
-
-        Args:
-            numbers: the numbers.
-        """
+        """Remove each of these numbers once; they must be there."""
         for number in numbers:
             self.remove(number)
 

@@ -235,10 +235,6 @@ class Throttle(Generic[T]):
     def admit(self, message: T, now: float) -> bool:
         """Decide about a new message: send it now, let it wait, or drop it.
 
-        Args:
-            message: the message.
-            now: monotonic time [s].
-
         Returns:
             True if the message should be sent now.
         """
@@ -255,11 +251,7 @@ class Throttle(Generic[T]):
         return self._free_at if self._waiting else None
 
     def release(self, now: float) -> T | None:
-        """Remove and return the next waiting message if its time has come; else None. Call again until it returns None.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Remove and return the next waiting message if its time has come; else None. Call until it returns None."""
         if not self._waiting or now < self._free_at:
             return None
         # count from the due time, so that a late timer does not slow the feed; after a long delay, count from now
@@ -294,7 +286,6 @@ class FeedWire(Protocol):
         """Call the `flush` of a feed at a given time.
 
         Args:
-            feed: the feed.
             due: monotonic time [s].
         """
 
@@ -302,7 +293,6 @@ class FeedWire(Protocol):
         """Send a status frame.
 
         Args:
-            level: its level.
             text: the message.
         """
 
@@ -410,8 +400,6 @@ class Feed:
         """Send a message now or later, or drop it, as the options say.
 
         Args:
-            message: the message.
-            now: monotonic time [s].
             stamp_ns: time that cbor-raw frames carry [ns].
         """
         if self._is_free and message.text_length < HEAVY:  # nearly all of them: no throttle, plain JSON
@@ -429,7 +417,6 @@ class Feed:
         """Send the waiting messages whose time has come.
 
         Args:
-            now: monotonic time [s].
             stamp_ns: time that cbor-raw frames carry [ns].
         """
         while (message := self.throttle.release(now)) is not None:
@@ -439,7 +426,6 @@ class Feed:
         """Send a message in the wanted encoding. If it cannot be encoded so, tell the subscriber once.
 
         Args:
-            message: the message.
             stamp_ns: time that cbor-raw frames carry [ns].
 
         Raises:
@@ -468,7 +454,6 @@ class Feed:
         """Encode a message that has waited in the outbox; None if it cannot be encoded (the subscriber was told).
 
         Args:
-            message: the message.
             stamp_ns: time that cbor-raw frames carry [ns].
         """
         try:

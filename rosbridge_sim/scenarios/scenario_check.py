@@ -172,7 +172,6 @@ def place_draft(scenario: Scenario, road_map: RoadMap) -> tuple[Scenario, list[s
 
     Args:
         scenario: as it was read.
-        road_map: the map.
 
     Returns:
         The scenario with notes about oddities on this map; and the mistakes that only the map shows.

@@ -216,7 +216,6 @@ def sort_phases(scenario: Scenario, plan: SignalPlan | None) -> tuple[tuple[Phas
     other text is a controller's id. If it could be both, the position is used, and a line tells so.
 
     Args:
-        scenario: the scenario.
         plan: of the map's lights; None if it has none.
 
     Returns:

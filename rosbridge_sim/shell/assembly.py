@@ -74,9 +74,6 @@ _log = logging.getLogger("rosbridge_sim.app")
 def list_items(settings: Settings) -> list[ListedInterface]:
     """Return the topics and services of a simulator with these settings. It is built in the built-in scene for that.
 
-    Args:
-        settings: the settings.
-
     Raises:
         DocumentError: a file cannot be used, or network settings are not valid.
     """
@@ -108,9 +105,6 @@ def mistakes_of_items(settings: Settings) -> list[str]:
 
     The readers of settings use it when there are other mistakes, to show all of them together. Otherwise the simulator
     finds these mistakes itself at its start.
-
-    Args:
-        settings: the settings.
     """
     if not (settings.publishers or settings.subscribers or settings.services):
         return []

@@ -55,7 +55,6 @@ class DrawingProcess:
     """The parent's side. Its methods may be called by one thread at a time; `kill` by any other."""
 
     def __init__(self) -> None:
-        """Start nothing yet."""
         self._child: subprocess.Popen[bytes] | None = None
         self._shared: tuple[RoadMap, SignalPlan] | None = None
         self._num_ends = 0

@@ -113,8 +113,6 @@ def draw_map(road_map: RoadMap, path: Path, agents: Sequence[Spawn] = ()) -> str
     """Write a picture of a map. The suffix of the file's name selects the format: `.png`, `.jpg` or `.jpeg`.
 
     Args:
-        road_map: the map.
-        path: the file.
         agents: entities to draw; each must have a position.
 
     Returns:
@@ -140,7 +138,6 @@ def draw_thumbnail(road_map: RoadMap, width: int, height: int, agents: Sequence[
     """Return a small picture of a map as a PNG file, without legend and scale; north is up.
 
     Args:
-        road_map: the map.
         width: [pixels].
         height: [pixels].
         agents: entities to draw.

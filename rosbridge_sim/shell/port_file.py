@@ -24,7 +24,6 @@ class PortFile:
 
         Args:
             path: path of the file; its folder must exist. A link is followed.
-            port: the port.
 
         Raises:
             DocumentError: it cannot be written; nothing has changed.

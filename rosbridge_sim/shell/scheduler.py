@@ -33,18 +33,10 @@ class Clock(Protocol):
     """A part of the simulator that has work at certain times."""
 
     def next_due(self, now: float) -> float | None:
-        """Return when `advance` has something to do next [s]; None while that depends on other parts.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Return when `advance` has something to do next [s]; None while that depends on other parts."""
 
     def advance(self, now: float) -> None:
-        """Do everything that is due; nothing if it is too early.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Do everything that is due; nothing if it is too early."""
 
 
 @runtime_checkable
@@ -95,11 +87,7 @@ class Scheduler:
         return self.failure.done()
 
     def add(self, clock: Clock) -> None:
-        """Add a clock.
-
-        Args:
-            clock: the clock.
-        """
+        """Add a clock."""
         self._clocks += (clock,)
 
     def look(self) -> None:

@@ -15,11 +15,6 @@ class Departures:
     """
 
     def __init__(self, context: SimulatorContext) -> None:
-        """Watch the bus.
-
-        Args:
-            context: of the simulator.
-        """
         self._context = context
         self._waiting: list[Participant] = []  # those that left while frames were computed
         context.hooks.after_move.append(self._tell_waiting)

@@ -142,18 +142,11 @@ class SimulatorNode:
         return advise_release(name) if not name.startswith("/") or self.context.interfaces.is_elsewhere(name) else ""
 
     def advance(self, now: float) -> None:
-        """Compute the frames that real time owes; see `RealTime.advance`.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Compute the frames that real time owes; see `RealTime.advance`."""
         self._real_time.advance(now)
 
     def next_due(self, now: float) -> float | None:
         """Return the time of the next call of `advance`; see `RealTime.next_due`.
-
-        Args:
-            now: monotonic time [s].
 
         Returns:
             Monotonic time [s]; None while only a service call can move the world.
@@ -165,7 +158,6 @@ class SimulatorNode:
 
         Args:
             seed: random seed; None keeps the current one.
-            now: monotonic time [s].
         """
         self.context.scene_changes.reset(seed, now)
 
@@ -174,7 +166,6 @@ class SimulatorNode:
 
         Args:
             read_ns: returns the time of day [ns], which must never go back; called once for each frame.
-            now: monotonic time [s].
         """
         context = self.context
         if context.pacer.factor != 1.0:
@@ -255,9 +246,6 @@ class SimulatorNode:
 
     def real_time_lag(self, now: float) -> float:
         """Return the delay of the world behind real time.
-
-        Args:
-            now: monotonic time [s].
 
         Returns:
             The delay [s]; 0.0 while real time does not move the world.

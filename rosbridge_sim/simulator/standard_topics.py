@@ -58,7 +58,6 @@ class StandardTopics(Component):
         """Make the makers of messages.
 
         Args:
-            context: of the simulator.
             commands: applies commands.
             noise: errors of the GPS, the same as on `/gps`; None for exact readings.
         """

@@ -99,7 +99,6 @@ def safe_speed_at(roads: Roads, lane: int, s: float) -> float:
     """Return the speed that the limit and the bends allow at a place [m/s].
 
     Args:
-        roads: the lanes.
         lane: row of a lane.
         s: arc length on it [m].
     """

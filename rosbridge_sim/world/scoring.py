@@ -307,11 +307,7 @@ def _judge_lanes(world: World, rows: IntArray, middle: ComplexArray, heading: Co
 
 
 class _Edges:
-    """Painted edges of the lanes of a map.
-
-    Args:
-        roads: the lanes.
-    """
+    """Painted edges of the lanes of a map."""
 
     def __init__(self, roads: Roads) -> None:
         num = np.diff(roads.first_successor)

@@ -380,7 +380,6 @@ def calls(
         provider: answers at once.
         frame: the masked call.
         out_size: length of the answer that a caller gets [bytes].
-        service: its name.
         values: JSON text of the provider's answer.
         seconds: duration.
 

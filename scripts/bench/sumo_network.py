@@ -342,7 +342,6 @@ def convert(roads: Roads, plan: SignalPlan | None = None) -> Network:
     """Return a map in SUMO's terms.
 
     Args:
-        roads: the lanes.
         plan: their lights; None for none.
     """
     return Network(roads, plan)

@@ -167,7 +167,6 @@ def ours(roads: Roads, plan: SignalPlan | None, demand: Demand, seed: int = 0) -
     """Return a world with the vehicles of a demand; without routes, chance chooses theirs.
 
     Args:
-        roads: the lanes.
         plan: their lights.
         demand: where the vehicles start.
         seed: of the world.

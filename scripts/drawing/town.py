@@ -68,7 +68,6 @@ class Crossing:
         """Return a point on a leg.
 
         Args:
-            leg: the leg.
             away: distance from the crossing's middle [m].
             left: distance from the leg's middle line, to the left when looking away from the crossing [m].
 

@@ -149,9 +149,6 @@ class Track:
 def read_points(file: Path) -> list[tuple[float, float]]:
     """Read a path file; heights are ignored, because the road gives the height.
 
-    Args:
-        file: the file.
-
     Returns:
         x, y of each point [m].
 
@@ -220,7 +217,6 @@ class SyncMode:
         """Call a service of the simulator; every one wraps one message, named `request` and `response`.
 
         Args:
-            service: its name.
             request: fields of the request.
 
         Returns:

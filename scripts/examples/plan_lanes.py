@@ -151,7 +151,6 @@ def candidate(
         begin: the car's own place, or where this change began: a plan that began anew each time would forget its error.
         goal: offset at the end [m].
         speed: of the car [m/s].
-        road: the road.
         others: the other vehicles.
     """
     change = max(LEAST_LENGTH, CHANGE_TIME * speed)

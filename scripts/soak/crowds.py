@@ -23,7 +23,6 @@ def call(service: str, **args: object) -> bytes:
     """Return a call of a service.
 
     Args:
-        service: its name.
         args: of the call.
 
     Returns:

@@ -640,8 +640,6 @@ async def run_case(case: Case, folder: Path, scale: Scale) -> Verdict:
     """Run a case in an empty folder.
 
     Args:
-        case: the case.
-        folder: the folder.
         scale: size of the run.
 
     Returns:

@@ -158,7 +158,6 @@ class Visitor:
 
         Args:
             socket: the connection.
-            act: the act.
         """
         match act.form:
             case "text":

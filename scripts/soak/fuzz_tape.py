@@ -35,7 +35,6 @@ class Tape:
 
         Args:
             client: its number.
-            act: the act.
         """
         self.acts.append((client, act))
         self.num_bytes += len(act.data)

@@ -535,7 +535,6 @@ class Client:
         """Call a service.
 
         Args:
-            service: its name.
             args: of the call.
             fields: further fields of the op.
 
@@ -556,7 +555,6 @@ class Client:
         """Call a service of the simulator, which wraps its request and its response.
 
         Args:
-            service: its name.
             request: fields of the request.
 
         Returns:
@@ -572,9 +570,6 @@ class Client:
 
     async def next_message(self, topic: str) -> Frame:
         """Wait for the next message of a topic that is subscribed to already.
-
-        Args:
-            topic: its name.
 
         Returns:
             The message.

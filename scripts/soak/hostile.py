@@ -93,11 +93,7 @@ class Attacker:
         return cls(*await open_raw(port))
 
     async def send(self, *frames: bytes) -> None:
-        """Send whole WebSocket frames.
-
-        Args:
-            frames: the frames.
-        """
+        """Send whole WebSocket frames."""
         for frame in frames:
             self._writer.write(frame)
         with suppress(ConnectionError):
@@ -154,11 +150,7 @@ class CompressingAttacker(Attacker):
         return cls(await connect(f"ws://127.0.0.1:{port}", max_size=None, ping_interval=None, proxy=None))
 
     async def send(self, *frames: bytes) -> None:
-        """Send the texts of WebSocket frames.
-
-        Args:
-            frames: the frames.
-        """
+        """Send the texts of WebSocket frames."""
         for frame in frames:
             with suppress(ConnectionClosed):
                 await self._connection.send(unmasked(frame), text=True)
@@ -178,9 +170,6 @@ class CompressingAttacker(Attacker):
 
 def unmasked(frame: bytes) -> bytes:
     """Return the payload of a frame that `masked` has made.
-
-    Args:
-        frame: the frame.
 
     Returns:
         The payload.
@@ -242,9 +231,6 @@ def op(**fields: object) -> bytes:
 def png(text: bytes) -> bytes:
     """Return a png op whose picture holds a text, as small as possible.
 
-    Args:
-        text: the text.
-
     Returns:
         JSON text of the op.
     """
@@ -267,7 +253,6 @@ def list_of(topic: str, message_type: str, name: str) -> bytes:
     """Return a publish of five million empty elements.
 
     Args:
-        topic: the topic.
         message_type: its type.
         name: of the list's field.
 
@@ -329,7 +314,6 @@ def calls(service: str, num: int, args: dict[str, Any] | None = None) -> bytes:
     """Return calls of a service, glued into one frame.
 
     Args:
-        service: its name.
         num: number of calls.
         args: of each call.
 

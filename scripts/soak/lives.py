@@ -106,7 +106,6 @@ class Place:
         """End a connection in one of the ways of real programs.
 
         Args:
-            client: the client.
             chance: the random generator.
         """
         way = chance.random()

@@ -83,7 +83,6 @@ class Listener:
         """Call a service.
 
         Args:
-            service: its name.
             args: of the call.
 
         Returns:
@@ -107,7 +106,6 @@ class Listener:
         """Call a service of the simulator.
 
         Args:
-            service: its name.
             request: fields of the request.
 
         Returns:

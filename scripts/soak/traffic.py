@@ -268,7 +268,6 @@ def run_cell(cell: Cell, minutes: float = MINUTES) -> Outcome:
     """Run a cell.
 
     Args:
-        cell: the cell.
         minutes: simulated.
     """
     begun = time.perf_counter()

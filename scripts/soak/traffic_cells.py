@@ -84,7 +84,6 @@ def populate(roads: Roads, plan: SignalPlan | None, cell: Cell, world: World | N
     """Return a world with the vehicles of a cell, or as many as there is room for, all at rest.
 
     Args:
-        roads: the lanes.
         plan: their lights.
         cell: what is wanted.
         world: one with these lanes, to add to; None for a new one.

@@ -91,7 +91,6 @@ async def show_rate(
     """Print the rate each second, and once more after `count` messages.
 
     Args:
-        bridge: the rosbridge.
         name: name of the topic.
         type_name: its type; None means that of an existing topic.
         window: number of messages to measure over; None means MAX_WINDOW.

@@ -56,7 +56,6 @@ async def record(
     """Record until Ctrl-C, another stop signal, the server's end, or the given number of messages.
 
     Args:
-        bridge: the rosbridge.
         path: path of the new bag.
         patterns: patterns of topics; empty means all.
         choice: selects the known definitions; the ROS generation is that of the bag.

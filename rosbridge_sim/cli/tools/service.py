@@ -21,7 +21,6 @@ async def list_services(bridge: Bridge, *, is_verbose: bool, is_json: bool) -> i
     """Print all services, sorted by name.
 
     Args:
-        bridge: the rosbridge.
         is_verbose: with type and provider.
         is_json: print JSON for programs.
 
@@ -67,7 +66,6 @@ async def show_service(bridge: Bridge, name: str, *, is_json: bool) -> int:
     """Print a service's type and provider, and its request and response as far as they are known.
 
     Args:
-        bridge: the rosbridge.
         name: name of the service.
         is_json: print JSON for programs.
 
@@ -174,7 +172,6 @@ async def call(bridge: Bridge, name: str, args: object, patience: float | None, 
     """Call a service; print its answer and the server's status messages about it.
 
     Args:
-        bridge: the rosbridge.
         name: name of the service.
         args: the request, by name or by position.
         patience: longest wait for the answer [s]; None means no limit.

@@ -55,11 +55,7 @@ class SyncInfo:
 
 
 async def read_sync_info(bridge: Bridge) -> SyncInfo | None:
-    """Return the state of synchronous mode; None without a simulator. Other frames that come meanwhile are ignored.
-
-    Args:
-        bridge: the rosbridge.
-    """
+    """Return the state of synchronous mode; None without a simulator. Other frames that come meanwhile are ignored."""
     msg = await _read_latched(bridge, SYNC_INFO)
     if msg is None:
         return None
@@ -99,7 +95,6 @@ async def why_silent(bridge: Bridge, topic: str, patience: float) -> RefusedErro
     """Return the error that no message came in time, with the cause if the server tells it.
 
     Args:
-        bridge: the rosbridge.
         topic: absolute name of the topic.
         patience: time that was waited [s].
     """
@@ -114,11 +109,7 @@ async def why_silent(bridge: Bridge, topic: str, patience: float) -> RefusedErro
 
 
 async def why_standing(bridge: Bridge) -> str:
-    """Return why the world does not move, for the end of an error; empty if that is not known.
-
-    Args:
-        bridge: the rosbridge.
-    """
+    """Return why the world does not move, for the end of an error; empty if that is not known."""
     info = await read_sync_info(bridge)
     if info is None:
         return ""

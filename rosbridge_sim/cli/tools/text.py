@@ -35,20 +35,12 @@ def put(text: str) -> None:
 
 
 def put_json(value: object) -> None:
-    """Print a value as one line of JSON.
-
-    Args:
-        value: the value.
-    """
+    """Print a value as one line of JSON."""
     put(orjson.dumps(value).decode())
 
 
 def put_record(value: object) -> None:
-    """Print a value as one document of a YAML stream, with its separator line.
-
-    Args:
-        value: the value.
-    """
+    """Print a value as one document of a YAML stream, with its separator line."""
     put(f"{render(value)}\n---")
 
 
@@ -79,11 +71,7 @@ def put_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
 
 
 def render(value: object) -> str:
-    """Return a JSON value as YAML: objects as blocks, lists of simple values on one line.
-
-    Args:
-        value: the value.
-    """
+    """Return a JSON value as YAML: objects as blocks, lists of simple values on one line."""
     line = _inline(value)
     return line if line is not None else "\n".join(_block(value, ""))
 

@@ -106,7 +106,6 @@ class Bridge:
 
         Args:
             op: name of the op.
-            fields: its fields.
 
         Returns:
             The id of the op.
@@ -131,7 +130,6 @@ class Bridge:
         """Return the answer of a service; None if none comes in time.
 
         Args:
-            service: name of the service.
             args: the request, by name or by position.
             patience: longest wait [s]; None means no limit. The server gets the same time-out, and this side waits a
                 moment longer, so that the server's own error text arrives.
@@ -144,7 +142,6 @@ class Bridge:
         """Return the values of a rosapi service.
 
         Args:
-            service: name of the service.
             args: fields of the request.
 
         Raises:
@@ -199,11 +196,7 @@ _LAST_WORD = 0.5
 
 
 def answer_of(frame: Frame) -> ToolAnswer:
-    """Return the content of a service_response; a missing `result` counts as success.
-
-    Args:
-        frame: the frame.
-    """
+    """Return the content of a service_response; a missing `result` counts as success."""
     return ToolAnswer(frame.get("result", True) is not False, frame.get("values", {}))
 
 

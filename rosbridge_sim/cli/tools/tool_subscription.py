@@ -33,7 +33,6 @@ class Listener:
         """Subscribe to a topic.
 
         Args:
-            bridge: the rosbridge.
             topic: absolute name of the topic.
             type_name: its type; None means that of an existing topic.
             throttle_ms: least time between two messages [ms].
@@ -132,7 +131,6 @@ async def no_topic(bridge: Bridge, topic: str, advice: str = "") -> RefusedError
     """Return the error for a missing topic, with a suggestion.
 
     Args:
-        bridge: the rosbridge.
         topic: absolute name of the topic.
         advice: further text for the end of the error.
     """

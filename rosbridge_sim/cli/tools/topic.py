@@ -23,7 +23,6 @@ async def list_topics(bridge: Bridge, *, is_verbose: bool, has_types: bool, is_j
     """Print all topics, sorted by name.
 
     Args:
-        bridge: the rosbridge.
         is_verbose: with types, and with the nodes that publish and subscribe.
         has_types: with types.
         is_json: print JSON for programs.
@@ -97,7 +96,6 @@ async def show_topic(bridge: Bridge, name: str, *, is_json: bool) -> int:
     """Print a topic's type, and its publishers and subscribers.
 
     Args:
-        bridge: the rosbridge.
         name: name of the topic.
         is_json: print JSON for programs.
 
@@ -141,7 +139,6 @@ async def echo(
     """Print each message as it comes, up to a number.
 
     Args:
-        bridge: the rosbridge.
         name: name of the topic.
         type_name: its type; None means that of an existing topic.
         field: a part of each message; None means all of it.
@@ -229,7 +226,6 @@ async def publish(
     """Publish a message `count` times, or until Ctrl-C.
 
     Args:
-        bridge: the rosbridge.
         name: name of the topic.
         type_name: its type.
         msg: the message.

@@ -137,7 +137,6 @@ def draw(
         scene: what is known.
         view: what is shown of it; its middle follows the ego.
         size: columns and rows of the terminal.
-        now: monotonic time [s].
         title: text of the first row, such as the address of the server.
         has_keys: show the row about the keys.
 

@@ -33,7 +33,6 @@ class Screen:
     """The terminal of this process, as a context: it is restored at the end, whatever happens."""
 
     def __init__(self) -> None:
-        """Change nothing yet."""
         self._rows: list[str] = []
         self._size = (0, 0)
         self._is_in = False

@@ -191,7 +191,6 @@ class TimeMeter:
     """Measures how fast simulated time runs, from the stamps of messages."""
 
     def __init__(self) -> None:
-        """Begin without messages."""
         self._times: deque[tuple[float, float]] = deque()
 
     def add(self, now: float, stamp: float) -> None:

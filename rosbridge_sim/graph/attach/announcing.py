@@ -151,11 +151,7 @@ class Announcer:
         item.connection.forget(item.name)
 
     def withdraw(self, item: MirroredItem) -> None:
-        """Tell the far side that an item ends; without that, rosbridge_suite keeps a service whose provider has gone.
-
-        Args:
-            item: the item.
-        """
+        """Tell the far side that an item ends; else rosbridge_suite keeps a service whose provider has gone."""
         connection = item.connection
         if connection.is_open:
             if item.kind == "service":
@@ -170,12 +166,7 @@ class Announcer:
     # A connection
 
     def begin(self, connection: BridgeConnection, now: float) -> None:
-        """Announce all items of a connection that has just got a socket.
-
-        Args:
-            connection: the connection.
-            now: monotonic time [s].
-        """
+        """Announce all items of a connection that has just got a socket."""
         stamps = self._far_side.stamps
         if stamps is not None and stamps.is_open and self._far_side.bus.store.ros == 1:
             self.ask_time(connection, now, lambda now: self._announce_all(connection, now))
@@ -187,11 +178,7 @@ class Announcer:
             self.ask_time(connection, now)
 
     def end(self, connection: BridgeConnection) -> None:
-        """Stop publishing over a connection that has lost its socket.
-
-        Args:
-            connection: the connection.
-        """
+        """Stop publishing over a connection that has lost its socket."""
         self.is_attached = False
         self._known_types.clear()
         for item in self._registry.items_of(connection):
@@ -206,7 +193,6 @@ class Announcer:
 
         Args:
             connection: the connection for the question.
-            now: monotonic time [s].
             then: called with monotonic time [s] after that.
         """
         stamps = self._far_side.stamps
@@ -284,11 +270,7 @@ class Announcer:
                 self._announce(item)
 
     def take_back(self, now: float) -> None:
-        """Unadvertise the topics there until the bridge has dropped its publishers.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Unadvertise the topics there until the bridge has dropped its publishers."""
         self.return_at = now + UNREGISTER_TIME
         for item in self._registry.items.values():
             if item.kind == "topic":

@@ -165,7 +165,6 @@ class BridgeConnection:
 
         Args:
             op: name of the op.
-            fields: its fields.
         """
         self.session.say(op, {}, None, **fields)
 
@@ -173,9 +172,7 @@ class BridgeConnection:
         """Send a topic message, which may be left out if the far side is too slow.
 
         Args:
-            topic: name of the topic.
             frame: the message.
-            now: monotonic time [s].
             is_ordered: it must not be replaced by a newer one, and leaves before all later ordered frames.
         """
         if is_ordered:
@@ -187,11 +184,7 @@ class BridgeConnection:
         self.fresh.offer(WaitingMessage(topic, frame, now))
 
     def forget(self, topic: str) -> None:
-        """Drop the messages of a topic that wait, because it is not advertised any more.
-
-        Args:
-            topic: name of the topic.
-        """
+        """Drop the messages of a topic that wait, because it is not advertised any more."""
         self.fresh.forget(topic)
 
     @property
@@ -209,7 +202,6 @@ class BridgeConnection:
 
         Args:
             max_bytes: about how much to return [bytes].
-            now: monotonic time [s].
         """
         flow_control = self.flow_control
         frames: list[bytes] = []
@@ -255,9 +247,7 @@ class BridgeConnection:
         """Call a service there. If the socket is lost first, `on_answer` is never called.
 
         Args:
-            service: name of the service.
             on_answer: gets the answer; None for a refusal, an invalid answer, or a time-out.
-            now: monotonic time [s].
             args: fields of the request.
         """
         self._num_asked += 1
@@ -274,7 +264,6 @@ class BridgeConnection:
 
         Args:
             frame: content of a text or binary frame.
-            now: monotonic time [s].
 
         Yields:
             An op, or None after a slice of work.
@@ -287,7 +276,6 @@ class BridgeConnection:
 
         Args:
             frame: content of a text or binary frame.
-            now: monotonic time [s].
         """
         if not self.waiting:
             self._num_waiting_bytes = 0
@@ -359,11 +347,7 @@ class BridgeConnection:
         return min(dues, default=None)
 
     def expire(self, now: float) -> None:
-        """Give up questions without an answer in time.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Give up questions without an answer in time."""
         for name, question in list(self._questions.items()):
             if now < question.until:
                 continue

@@ -104,7 +104,6 @@ class Diagnostics:
         Args:
             level: level of `logging`.
             text: the line.
-            now: monotonic time [s].
         """
         if now >= self._lines_until:
             if self._num_suppressed:
@@ -125,7 +124,6 @@ class Diagnostics:
         Args:
             op: the status op.
             ours: the announced items.
-            now: monotonic time [s].
 
         Returns:
             The package that it does not know; empty if it says something else.

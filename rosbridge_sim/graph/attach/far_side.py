@@ -76,7 +76,6 @@ class FarSide:
 
         Args:
             level: `info`, `warning` or `error`.
-            text: the text.
         """
         self._note_notice(level, text, self.op)
 
@@ -85,7 +84,6 @@ class FarSide:
 
         Args:
             level: `warning` or `error`.
-            text: the text.
             reason: kind of mistake.
         """
         assert level != "info", "an info is not a mistake"
@@ -128,7 +126,6 @@ class FarSide:
         Args:
             level: level of `logging`.
             text: the line.
-            now: monotonic time [s].
         """
         self.diagnostics.log_limited(level, text, now)
 

@@ -211,9 +211,6 @@ class FlowControl:
     def probe(self, now: float) -> int:
         """Register a probe that is sent now.
 
-        Args:
-            now: monotonic time [s].
-
         Returns:
             Its number.
         """
@@ -232,11 +229,7 @@ class FlowControl:
         return min(MAX_PATIENCE, max(PATIENCE, ROUND_TRIPS_OF_PATIENCE * (self.round_trip or 0.0)))
 
     def note_refusal(self, now: float) -> None:
-        """Pause probes for a while, because one was refused.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Pause probes for a while, because one was refused."""
         self._num_refusals += 1
         if self.round_trip is not None and self._num_refusals <= MAX_REFUSALS:
             self._probes.clear()
@@ -252,7 +245,6 @@ class FlowControl:
 
         Args:
             number: number of the probe.
-            now: monotonic time [s].
         """
         while self._probes and self._probes[0].number <= number:
             probe = self._probes.popleft()
@@ -281,9 +273,6 @@ class FlowControl:
         """Return how old topic messages are when the far side handles them, by the last round trip [s].
 
         While an answer is missing, it is at least the time since the question.
-
-        Args:
-            now: monotonic time [s].
         """
         if not self._probes:
             return self._last_age
@@ -299,9 +288,6 @@ class FlowControl:
         """Check the time-out of the last probe. After a time-out, more may be sent.
 
         If probes were refused, they are tried again when the pause is over.
-
-        Args:
-            now: monotonic time [s].
 
         Returns:
             True if the answer is overdue.

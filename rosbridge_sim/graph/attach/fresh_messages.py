@@ -77,22 +77,14 @@ class FreshMessages:
             self._fall_behind()
 
     def forget(self, topic: str) -> None:
-        """Drop the messages of a topic, because it is not advertised any more.
-
-        Args:
-            topic: name of the topic.
-        """
+        """Drop the messages of a topic, because it is not advertised any more."""
         self._newest.pop(topic, None)
         if any(one.topic == topic for one in self._all):
             self._all = deque(one for one in self._all if one.topic != topic)
             self._num_bytes = sum(len(one.frame) for one in self._all)
 
     def take(self, now: float) -> WaitingMessage | None:
-        """Remove and return the next message; None if none waits.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Remove and return the next message; None if none waits."""
         if self._all and now - self._all[0].since > MAX_WAIT:
             self._fall_behind()
         if not self.is_behind:

@@ -107,11 +107,7 @@ class Mirror(FarSide):
             self._registry.refresh()
 
     def leave(self, now: float) -> None:
-        """Tell the far side that everything ends, and remove it from the bus. Later input is ignored.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Tell the far side that everything ends, and remove it from the bus. Later input is ignored."""
         self.is_gone = True
         self.bus.on_holdings.remove(self._note_holdings)
         for item in reversed(self._registry.items.values()):
@@ -133,7 +129,6 @@ class Mirror(FarSide):
             connection: one of `connections`.
             schedule_flush: as for `BridgeConnection.open`.
             flush: as for `BridgeConnection.open`.
-            now: monotonic time [s].
         """
         self.now = now
         connection.open(schedule_flush, flush)
@@ -144,7 +139,6 @@ class Mirror(FarSide):
 
         Args:
             connection: one of `connections`.
-            now: monotonic time [s].
         """
         self.now = now
         connection.shut()
@@ -166,11 +160,7 @@ class Mirror(FarSide):
         return any(each.is_behind for each in self.connections.values())
 
     def age(self, now: float) -> float:
-        """Return how old topic messages are when the slowest connection's far side handles them [s].
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Return how old topic messages are when the slowest connection's far side handles them [s]."""
         return max(each.flow_control.age(now) for each in self.connections.values())
 
     # From the far side
@@ -181,7 +171,6 @@ class Mirror(FarSide):
         Args:
             connection: connection of the frame.
             frame: content of a text or binary frame.
-            now: monotonic time [s].
 
         Returns:
             True if more ops could be done at once, as for `go_on`.
@@ -195,7 +184,6 @@ class Mirror(FarSide):
 
         Args:
             connection: one of `connections`.
-            now: monotonic time [s].
 
         Returns:
             True if more ops could be done at once: call again in the next turn.
@@ -325,11 +313,7 @@ class Mirror(FarSide):
         return min((due for due in (*dues, *own) if due is not None), default=None)
 
     def advance(self, now: float) -> None:
-        """Handle time-outs, and ask questions that are due.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Handle time-outs, and ask questions that are due."""
         self.now = now
         for each in list(self.connections.values()):
             each.expire(now)

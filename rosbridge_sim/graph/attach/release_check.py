@@ -67,9 +67,6 @@ class ReleaseCheck:
         """Ask for the fields of our types. A type that the far side does not have is left out.
 
         A question about an unknown type may end rosapi of ROS 2, so only types of listed topics are asked for.
-
-        Args:
-            now: monotonic time [s].
         """
         first = self._registry.first
         names = dict.fromkeys(

@@ -39,17 +39,12 @@ class RosapiWatch:
     """
 
     def __init__(self) -> None:
-        """Begin without a connection."""
         self.due: float | None = None
         self._is_known = self._is_lost = False
         self._num_refusals = 0
 
     def start(self, now: float) -> None:
-        """Begin to watch, because everything is announced on a connection. A second call changes nothing.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Begin to watch, because everything is announced on a connection. A second call changes nothing."""
         if self.due is None:
             self.due = now + LOOK_PERIOD
 
@@ -60,18 +55,13 @@ class RosapiWatch:
         self._num_refusals = 0
 
     def note_asked(self, now: float) -> None:
-        """Note that a call was made or left out.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Note that a call was made or left out."""
         self.due = now + (LOST_PERIOD if self._is_lost else LOOK_PERIOD)
 
     def note_reply(self, now: float, *, is_answered: bool) -> RosapiChange:
         """Note the answer or refusal of a call.
 
         Args:
-            now: monotonic time [s].
             is_answered: it was answered, not refused.
 
         Returns:

@@ -50,11 +50,7 @@ class Survey:
         self._began_at = 0.0
 
     def begin(self, now: float) -> None:
-        """Start the requests, as planned by `SURVEY_DELAYS`.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Start the requests, as planned by `SURVEY_DELAYS`."""
         self._num_asked = self._num_delayed = 0
         self.due = self._began_at = now
 
@@ -62,9 +58,6 @@ class Survey:
         """Request the lists; plan another request if items are missing or no answer comes.
 
         Rosapi may start later than the bridge.
-
-        Args:
-            now: monotonic time [s].
         """
         self.due = None
         self._num_asked += 1

@@ -37,9 +37,6 @@ class Work(Protocol):
     def step(self, now: float) -> bool:
         """Do the next op, or the next slice of reading.
 
-        Args:
-            now: monotonic time [s].
-
         Returns:
             True if anything was left to do.
         """
@@ -74,7 +71,6 @@ class Peer(PeerBase):
         """Create a client that holds nothing yet.
 
         Args:
-            bus: the bus.
             session: its wire.
             address: its network address, for people.
             policy: its rights.
@@ -112,7 +108,6 @@ class Peer(PeerBase):
 
         Args:
             frame: content of a text or binary frame.
-            now: monotonic time [s].
         """
         work = self.begin(frame, now)
         while work is not None and work.step(now):
@@ -123,7 +118,6 @@ class Peer(PeerBase):
 
         Args:
             frame: content of a text or binary frame.
-            now: monotonic time [s].
 
         Returns:
             None if everything is done. Otherwise the work for a long frame or one with several ops; none of it is done
@@ -137,20 +131,11 @@ class Peer(PeerBase):
         return None
 
     def flush(self, now: float) -> None:
-        """Send the messages whose time has come, as announced by the session's alarm.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Send the messages whose time has come, as announced by the session's alarm."""
         self.session.flush(now, self.bus.stamp_ns)
 
     def do(self, op: ops.Op, now: float) -> None:
-        """Do one op; tell the client about a mistake in it.
-
-        Args:
-            op: the op.
-            now: monotonic time [s].
-        """
+        """Do one op; tell the client about a mistake in it."""
         self.op_id = op.id
         self.op = op
         try:
@@ -179,11 +164,7 @@ class Peer(PeerBase):
         self.remark("error", why)
 
     def leave(self, now: float) -> None:
-        """Remove everything of this client from the bus. A second call does nothing.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Remove everything of this client from the bus. A second call does nothing."""
         self.forget_release()
         self.policy.ways.on_change.pop(self.topics.recheck, None)
         try:

@@ -35,11 +35,7 @@ class PeerActions:
         return len(self._provided)
 
     def advertise(self, op: ops.AdvertiseAction, _now: float) -> None:
-        """Offer an action.
-
-        Args:
-            op: the request of the client.
-        """
+        """Offer an action."""
         self._peer.policy.check_offer(op.action)
         self._check_room(None)
         provided = PendingWork[Goal]("action_goal", op.action)
@@ -72,20 +68,12 @@ class PeerActions:
         self._provided[action.name] = provided
 
     def unadvertise(self, op: ops.UnadvertiseAction, _now: float) -> None:
-        """Stop offering an action.
-
-        Args:
-            op: the request of the client.
-        """
+        """Stop offering an action."""
         self._actions.withdraw(self._peer, op.action)
         self._provided.pop(resolve(op.action), None)
 
     def send_goal(self, op: ops.SendActionGoal, _now: float) -> None:
-        """Send a goal; a mistake ends the goal.
-
-        Args:
-            op: the request of the client.
-        """
+        """Send a goal; a mistake ends the goal."""
         key = (op.action, op.id)
 
         def on_feedback(values: Message) -> None:
@@ -118,11 +106,7 @@ class PeerActions:
             self._sent[key] = goal
 
     def cancel_goal(self, op: ops.CancelActionGoal, _now: float) -> None:
-        """Cancel a goal. An unknown or ended goal is not a mistake, as in rosbridge_suite.
-
-        Args:
-            op: the request of the client.
-        """
+        """Cancel a goal. An unknown or ended goal is not a mistake, as in rosbridge_suite."""
         goal = self._sent.get((op.action, op.id))
         if goal is not None:
             goal.cancel()

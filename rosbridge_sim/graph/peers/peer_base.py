@@ -53,7 +53,6 @@ class PeerBase:
         """Create a client that holds nothing yet; the arguments are its attributes.
 
         Args:
-            bus: the bus.
             session: its wire.
             address: its network address, for people.
             policy: its rights.
@@ -121,7 +120,6 @@ class PeerBase:
         """See `Restricted`.
 
         Args:
-            topic: its name.
             type_name: its type.
 
         Raises:
@@ -141,7 +139,6 @@ class PeerBase:
         """Refuse an op, if it waits for an answer.
 
         Args:
-            op: the op.
             why: reason, for the client.
             reason: kind of mistake.
 

@@ -52,12 +52,7 @@ class PeerServices:
         return len(self._provided)
 
     def call(self, op: ops.CallService, now: float) -> None:
-        """Call a service; a mistake becomes the answer.
-
-        Args:
-            op: the request of the client.
-            now: monotonic time [s].
-        """
+        """Call a service; a mistake becomes the answer."""
         service, op_id = split_id(op)
         try:
             self._policy.check_call(service)
@@ -75,11 +70,7 @@ class PeerServices:
         self._bus.call(self._peer, service, op.args, on_answer, now=now, timeout=op.timeout)
 
     def advertise(self, op: ops.AdvertiseService, _now: float) -> None:
-        """Offer a service.
-
-        Args:
-            op: the request of the client.
-        """
+        """Offer a service."""
         self._policy.check_offer(op.service)
         self._check_room(None)
         provided = PendingWork[Call]("service_request", op.service)
@@ -100,11 +91,7 @@ class PeerServices:
         self._provided[service.name] = provided
 
     def unadvertise(self, op: ops.UnadvertiseService, _now: float) -> None:
-        """Stop offering a service.
-
-        Args:
-            op: the request of the client.
-        """
+        """Stop offering a service."""
         self._bus.withdraw(self._peer, op.service)
         self._provided.pop(resolve(op.service), None)
 

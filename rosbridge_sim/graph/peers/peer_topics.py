@@ -72,12 +72,7 @@ class PeerTopics:
     # Publishing
 
     def advertise(self, op: ops.Advertise, now: float) -> None:
-        """Make this client a publisher.
-
-        Args:
-            op: the request of the client.
-            now: monotonic time [s].
-        """
+        """Make this client a publisher."""
         self._peer.policy.check_publish(op.topic, op.type)
         self._publications[op.topic] = self._begin_publishing(op, op.type, op.id, now)
 
@@ -111,12 +106,7 @@ class PeerTopics:
         return len(topic.publishers.get(self._peer, ())) if topic is not None else 0
 
     def unadvertise(self, op: ops.Unadvertise, now: float) -> None:
-        """Remove one advertisement, or all of a topic if the op has no id.
-
-        Args:
-            op: the request of the client.
-            now: monotonic time [s].
-        """
+        """Remove one advertisement, or all of a topic if the op has no id."""
         num_keys = self._count_keys(op.topic)
         self._bus.unadvertise(self._peer, op.topic, now, key=op.id)
         self.num_held += self._count_keys(op.topic) - num_keys
@@ -127,12 +117,7 @@ class PeerTopics:
                 del self._publications[spelling]
 
     def publish(self, op: ops.Publish, now: float) -> None:
-        """Publish a message; without an earlier advertise, this op advertises, too.
-
-        Args:
-            op: the request of the client.
-            now: monotonic time [s].
-        """
+        """Publish a message; without an earlier advertise, this op advertises, too."""
         bus = self._bus
         topic = self._publications.get(op.topic)
         message_type = self._type_to_publish(op) if topic is None else topic.type
@@ -154,12 +139,7 @@ class PeerTopics:
         return topic.type.name if topic is not None else None
 
     def subscribe(self, op: ops.Subscribe, now: float) -> None:
-        """Subscribe to a topic, or change the options of a subscription.
-
-        Args:
-            op: the request of the client.
-            now: monotonic time [s].
-        """
+        """Subscribe to a topic, or change the options of a subscription."""
         type_name = op.type
         if type_name is None and self._peer.policy.needs_type(op.topic):
             type_name = self._type_name(op.topic)
@@ -206,12 +186,7 @@ class PeerTopics:
         self._peer.remark("info", text)
 
     def unsubscribe(self, op: ops.Unsubscribe, now: float) -> None:
-        """End one subscription, or all of a topic if the op has no id. Having none is not a mistake.
-
-        Args:
-            op: the request of the client.
-            now: monotonic time [s].
-        """
+        """End one subscription, or all of a topic if the op has no id. Having none is not a mistake."""
         held = self._subscriptions.get(op.topic)
         if held is None:
             return
@@ -228,11 +203,7 @@ class PeerTopics:
     # All topics
 
     def recheck(self, now: float) -> None:
-        """End what the policy does not allow any more, because a name now belongs to another thing.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """End what the policy does not allow any more, because a name now belongs to another thing."""
         policy = self._peer.policy
         for spelling, topic in list(self._publications.items()):
             try:

@@ -41,7 +41,6 @@ class FarNode(Protocol):
         """Publish on a topic; other nodes see it from now on.
 
         Args:
-            topic: its name.
             cdr_type: its type.
             quality: what is offered.
 
@@ -53,7 +52,6 @@ class FarNode(Protocol):
         """Subscribe to a topic. Its messages go to the gateway.
 
         Args:
-            topic: its name.
             cdr_type: its type.
             quality: what is asked for.
 
@@ -62,24 +60,15 @@ class FarNode(Protocol):
         """
 
     def close_writer(self, topic: str) -> None:
-        """Stop to publish on a topic.
-
-        Args:
-            topic: its name.
-        """
+        """Stop to publish on a topic."""
 
     def close_reader(self, topic: str) -> None:
-        """Stop to subscribe to a topic.
-
-        Args:
-            topic: its name.
-        """
+        """Stop to subscribe to a topic."""
 
     def write(self, topic: str, raw: bytes) -> bool:
         """Send a message on a topic that has a writer. It never waits for a slow subscriber.
 
         Args:
-            topic: its name.
             raw: the message as CDR.
 
         Returns:

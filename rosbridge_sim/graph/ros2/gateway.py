@@ -161,11 +161,7 @@ class Ros2Gateway:
         self.leave(self._now)
 
     def leave(self, now: float) -> None:
-        """End everything, on the bus and on the graph. A second call does nothing.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """End everything, on the bus and on the graph. A second call does nothing."""
         if self._note_topic not in self._bus.on_topic:
             return
         self._bus.on_topic.remove(self._note_topic)
@@ -187,7 +183,6 @@ class Ros2Gateway:
         Args:
             found: new or changed endpoints.
             lost: keys of those that are gone.
-            now: monotonic time [s].
         """
         for key in lost:
             gone = self._endpoints.pop(key, None)
@@ -209,7 +204,6 @@ class Ros2Gateway:
         Args:
             name: name of the topic on the bus.
             raw: the message as CDR.
-            now: monotonic time [s].
         """
         reader, topic = self._readers.get(name), self._bus.find_topic(name)
         if reader is None or topic is None or topic.type.name != reader.type.type.name:
@@ -232,11 +226,7 @@ class Ros2Gateway:
         return self._due
 
     def advance(self, now: float) -> None:
-        """Make the wanted writers and readers, if something has changed.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Make the wanted writers and readers, if something has changed."""
         self._now = now
         if self._due is None or now < self._due:
             return

@@ -130,11 +130,7 @@ class WebRepublisher:
     name = REPUBLISHER_NAME
 
     def __init__(self, bus: Bus) -> None:
-        """Subscribe to transforms, and offer the service and the actions, for the whole run.
-
-        Args:
-            bus: the bus.
-        """
+        """Subscribe to transforms, and offer the service and the actions, for the whole run."""
         self._bus = bus
         self._frames = TransformBuffer()
         self._streams: dict[Goal | Topic, _Stream] = {}
@@ -192,11 +188,7 @@ class WebRepublisher:
         return min((due for due in dues if due is not None), default=None)
 
     def advance(self, now: float) -> None:
-        """Check transforms that came late in their slot, publish the status of goals, remove unused topics.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Check transforms that came late in their slot, publish the status of goals, remove unused topics."""
         if self._has_ended:
             return
         if self._alarm is not None and now >= self._alarm:

@@ -60,9 +60,6 @@ __all__ = ["Converter", "maker", "time_text"]
 def time_text(frame: int) -> str:
     """Return simulated time as decimal seconds, exact: frame 617 is 12.34.
 
-    Args:
-        frame: the world's.
-
     Returns:
         Seconds with two decimals.
     """
@@ -160,9 +157,6 @@ class Converter:
     def clock(self, frame: int) -> Struct:
         """Return the time that the headers of a frame have, so that no header is ahead of the clock.
 
-        Args:
-            frame: the world's.
-
         Returns:
             A rosgraph_msgs/Clock.
         """
@@ -170,9 +164,6 @@ class Converter:
 
     def stamp_ns(self, frame: int) -> int:
         """Return the stamp of all messages of the current frame.
-
-        Args:
-            frame: the world's.
 
         Returns:
             Simulated time, or the time of day if that is chosen [ns].
@@ -302,9 +293,6 @@ class Converter:
 
     def map_spec(self, road_map: RoadMap) -> Struct:
         """Return the projection of a map.
-
-        Args:
-            road_map: the map.
 
         Returns:
             A morai_msgs/MapSpec.

@@ -123,11 +123,7 @@ def _paint_table(frame: SceneFrame | SceneLayout, rows: IntArray, shape: Shape) 
 
 
 def paints(entities: SceneFrame | SceneLayout) -> NDArray[np.uint32]:
-    """Return the main colour of each entity as 65,536 red + 256 green + blue, (n,): that of `tint_table`.
-
-    Args:
-        entities: the entities.
-    """
+    """Return the main colour of each entity as 65,536 red + 256 green + blue, (n,): that of `tint_table`."""
     found = np.zeros((len(entities.shapes), 3), dtype=np.uint32)
     for shape in Shape:
         rows = np.flatnonzero(entities.shapes == shape)

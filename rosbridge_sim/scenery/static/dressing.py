@@ -62,7 +62,6 @@ def add_dressing(
 
     Args:
         builder: of the mesh.
-        roads: the lanes.
         cover: of these.
         terrain: the ground.
         name: of the map.

@@ -35,7 +35,6 @@ def guess_borders(roads: Roads, cover: RoadCover) -> list[Border]:
     """Return lines: white at edges, broken between lanes of one direction, yellow between both; none in intersections.
 
     Args:
-        roads: the lanes.
         cover: of these.
     """
     borders = []

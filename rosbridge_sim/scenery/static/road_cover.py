@@ -19,11 +19,7 @@ _PLACE_FIELDS: Final = ("lane", "s", "lateral", "distance", "yaw")
 
 
 class RoadCover:
-    """The area of all lanes of a map.
-
-    Args:
-        roads: the lanes.
-    """
+    """The area of all lanes of a map."""
 
     def __init__(self, roads: Roads) -> None:
         self._roads = roads

@@ -66,7 +66,6 @@ def add_asphalt(builder: MeshBuilder, roads: Roads) -> None:
 
     Args:
         builder: of the mesh.
-        roads: the lanes.
     """
     for lane in range(len(roads)):
         line, borders, bank = _lane(roads, lane)
@@ -91,7 +90,6 @@ def add_edges(builder: MeshBuilder, roads: Roads, cover: RoadCover, terrain: Ter
 
     Args:
         builder: of the mesh.
-        roads: the lanes.
         cover: of these.
         terrain: the ground, to which the edges lead down.
         has_pavement: people walk here.

@@ -26,7 +26,6 @@ def static_mesh(road_map: RoadMap, name: str, seed: int, *, is_dressed: bool = T
     """Return what stands still of a map. It takes up to a second for a small town: call it in a thread.
 
     Args:
-        road_map: the map.
         name: chooses the dressing, with the seed: the name of the map.
         seed: of the world.
         is_dressed: with buildings, trees and posts beside the roads.

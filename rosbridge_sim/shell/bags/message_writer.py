@@ -101,8 +101,6 @@ class BagMessageWriter:
         """Add a message of the source.
 
         Args:
-            topic: name of the topic.
-            message: the message.
             stamp_ns: its time [ns].
 
         Raises:
@@ -127,7 +125,6 @@ class BagMessageWriter:
         """Add a message that is given as JSON text.
 
         Args:
-            topic: name of the topic.
             body: the message as JSON text.
             stamp_ns: its time [ns].
 

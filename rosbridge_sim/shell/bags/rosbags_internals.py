@@ -111,11 +111,7 @@ def new_writer1(path: Path) -> Writer1:
 
 
 def file_of1(writer: Writer1) -> BinaryIO | None:
-    """Return the open file; None if the bag is not open.
-
-    Args:
-        writer: the writer.
-    """
+    """Return the open file; None if the bag is not open."""
     return writer.bio
 
 
@@ -183,7 +179,6 @@ def open_file2(writer: Writer2, path: Path) -> None:
 
     Args:
         writer: from `new_writer2`.
-        path: path of the file.
     """
     one_file = cast("Path", _OneFile(path))
     writer.storage = McapWriter(one_file, CompressionMode.NONE)
@@ -194,11 +189,7 @@ def _storage(writer: Writer2) -> McapWriter | None:
 
 
 def file_of2(writer: Writer2) -> tuple[Path, BinaryIO] | None:
-    """Return the path and the open file; None if the bag is not open.
-
-    Args:
-        writer: the writer.
-    """
+    """Return the path and the open file; None if the bag is not open."""
     storage = _storage(writer)
     return None if storage is None else (storage.path, storage.bio)
 

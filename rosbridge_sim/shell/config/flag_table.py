@@ -26,11 +26,7 @@ SHORT_FORMS: dict[str, Flag] = {
 
 
 def flag_of(key: str) -> Flag:
-    """Return group, values and help text of a setting or short form.
-
-    Args:
-        key: its key.
-    """
+    """Return group, values and help text of a setting or short form."""
     if key in SHORT_FORMS:
         return SHORT_FORMS[key]
     known: Flag = FIELDS[key].metadata["flag"]

@@ -33,11 +33,7 @@ _log = logging.getLogger("rosbridge_sim.storage")
 
 
 def read_file(path: Path) -> tuple[dict[str, object], list[tuple[str, DocumentError]]]:
-    """Return the valid settings of a file, and its mistakes, each with the key of its setting.
-
-    Args:
-        path: path of the file.
-    """
+    """Return the valid settings of a file, and its mistakes, each with the key of its setting."""
     from rosbridge_sim.simulator.bus.network_settings import path_text  # noqa: PLC0415 - see above
 
     values: dict[str, object] = {}
@@ -108,9 +104,6 @@ def read_network(path: Path) -> NetworkSettings:
     """Return the network settings in a file of ours or of MORAI.
 
     In a complete settings file, other keys are ignored and logged.
-
-    Args:
-        path: path of the file.
 
     Raises:
         SettingError: the first mistake.

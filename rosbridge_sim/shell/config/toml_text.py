@@ -21,9 +21,6 @@ MAX_CONFIG_SIZE = 2**20
 def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     """Return text and values of a TOML file.
 
-    Args:
-        path: path of the file.
-
     Raises:
         SettingError: it cannot be read, or is not valid TOML.
     """
@@ -41,9 +38,6 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
 
 def read_text(path: Path) -> str:
     """Return the text of a settings file.
-
-    Args:
-        path: path of the file.
 
     Raises:
         SettingError: it cannot be read, is too long, or is not UTF-8.

@@ -86,11 +86,7 @@ def text_of(expects: str, sign: str) -> ValueType:
 
 
 def choice_of(*words: str) -> ValueType:
-    """Return the type of one of some words.
-
-    Args:
-        words: the words.
-    """
+    """Return the type of one of some words."""
 
     def read(value: object) -> str:
         if value not in words:
@@ -241,7 +237,6 @@ def or_none(kind: ValueType, word: str) -> ValueType:
 
     Args:
         kind: the type of all other values.
-        word: the word.
     """
 
     def read(value: object) -> object:

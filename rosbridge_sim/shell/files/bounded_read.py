@@ -20,7 +20,6 @@ def read_bounded(path: Path, max_bytes: int) -> bytes:
     A pipe is refused, because a read of it waits for as long as nothing writes.
 
     Args:
-        path: path of the file.
         max_bytes: longest content.
 
     Raises:

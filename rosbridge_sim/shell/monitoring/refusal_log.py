@@ -149,11 +149,7 @@ class RefusalLog:
         return sorted((noted for each in self._kept.values() for noted in each), key=lambda noted: noted.order)
 
     def flush(self, now: float) -> None:
-        """Write a line for each ended period that has refusals without a line.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Write a line for each ended period that has refusals without a line."""
         for key, kind in list(self._kinds.items()):
             if kind.until > now:
                 continue
@@ -208,7 +204,6 @@ def cut(text: str, max_length: int = MAX_REFUSAL_TEXT) -> str:
     """Return a text, or both ends of a text that is too long, because the advice of an error is at its end.
 
     Args:
-        text: the text.
         max_length: longest result [characters].
     """
     if len(text) <= max_length:
@@ -221,7 +216,6 @@ def escape(text: str, max_length: int = MAX_REFUSAL_TEXT) -> str:
     """Return a client's text as one printable line.
 
     Args:
-        text: the text.
         max_length: longest result [characters].
     """
     shown = cut(text, max_length)

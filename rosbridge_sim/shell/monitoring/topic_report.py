@@ -67,7 +67,6 @@ class TopicReport:
 
         Args:
             clients: those that may have lost messages.
-            now: monotonic time [s].
         """
         seconds = 0.0 if self._since is None else now - self._since
         if self._since is None:

@@ -30,7 +30,6 @@ class MadeOnce(Generic[_Value]):
         """Return a value, once it is made; after a failure the next request tries again.
 
         Args:
-            name: its name.
             make: makes it, in a thread.
         """
         value = self._values.get(name)

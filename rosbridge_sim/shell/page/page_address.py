@@ -25,7 +25,6 @@ def page_urls(host: str, port: int, *, is_tls: bool) -> tuple[str, ...]:
 
     Args:
         host: host name or address on which the server listens.
-        port: its port.
         is_tls: it has a certificate.
     """
     hosts = [host]

@@ -73,9 +73,6 @@ class LateDeflate(Extension):
     def encode(self, frame: Frame) -> Frame:
         """Compress an outgoing frame.
 
-        Args:
-            frame: the frame.
-
         Returns:
             The frame to send.
         """
@@ -85,7 +82,6 @@ class LateDeflate(Extension):
         """Mark an incoming compressed frame; leave other frames as they are.
 
         Args:
-            frame: the frame.
             max_size: not used.
 
         Returns:

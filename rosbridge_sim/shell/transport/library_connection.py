@@ -49,11 +49,7 @@ class LibraryConnection(ReceivingConnection):
         return super().num_bytes_held + sum(map(len, self._waiting))
 
     def listen(self, receiver: Receiver) -> None:
-        """Give all messages to a receiver from now on, beginning with those that have already come.
-
-        Args:
-            receiver: the receiver.
-        """
+        """Give all messages to a receiver from now on, beginning with those that have already come."""
         self._receiver = receiver
         self.is_held = bool(self._waiting)
         if self.is_held:
@@ -67,11 +63,7 @@ class LibraryConnection(ReceivingConnection):
         """Do nothing: while messages are held back, `recv` is not called, and the library stops reading by itself."""
 
     def put_back(self, message: bytes) -> None:
-        """Deliver a message again, before all waiting ones. For a receiver that accepted no next message.
-
-        Args:
-            message: the message.
-        """
+        """Deliver a message again, before all waiting ones. For a receiver that accepted no next message."""
         self._waiting.appendleft(message)
 
     def go_on(self, until: float) -> bool:

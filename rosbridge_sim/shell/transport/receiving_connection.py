@@ -52,9 +52,6 @@ class Receiver(Protocol):
     def receive(self, message: bytes) -> bool:
         """Handle a message. Must not raise.
 
-        Args:
-            message: the message.
-
         Returns:
             True if the next one may come.
         """
@@ -105,11 +102,7 @@ class ReceivingConnection(MessageConnection, ServerConnection):
     # Methods that differ between the two kinds
 
     def listen(self, receiver: Receiver) -> None:
-        """Give all messages to a receiver from now on, beginning with those that have already come.
-
-        Args:
-            receiver: the receiver.
-        """
+        """Give all messages to a receiver from now on, beginning with those that have already come."""
         raise NotImplementedError
 
     def pause(self) -> None:
@@ -117,11 +110,7 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         raise NotImplementedError
 
     def put_back(self, message: bytes) -> None:
-        """Deliver a message again, before all waiting ones. For a receiver that accepted no next message.
-
-        Args:
-            message: the message.
-        """
+        """Deliver a message again, before all waiting ones. For a receiver that accepted no next message."""
         raise NotImplementedError
 
     def go_on(self, until: float) -> bool:
@@ -153,9 +142,6 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         """Give messages to the transport: `BinaryFrame` as binary, others as text. The connection must be open.
 
         With compression, only so many are sent as take little time: see `unsent`.
-
-        Args:
-            messages: the messages.
 
         Returns:
             Number of bytes given to the transport.

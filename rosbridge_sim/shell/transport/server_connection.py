@@ -72,11 +72,7 @@ class DirectConnection(ReceivingConnection):
         return super().num_bytes_held + len(self._kept) + checked
 
     def listen(self, receiver: Receiver) -> None:
-        """Give all messages to a receiver from now on, beginning with those that have already come.
-
-        Args:
-            receiver: the receiver.
-        """
+        """Give all messages to a receiver from now on, beginning with those that have already come."""
         self._receiver = receiver
         self.is_held = True
         if self._kept or self._has_ended or self._is_paused:
@@ -91,11 +87,7 @@ class DirectConnection(ReceivingConnection):
             self.transport.pause_reading()
 
     def put_back(self, message: bytes) -> None:
-        """Deliver a message again, before all waiting ones. For a receiver that accepted no next message.
-
-        Args:
-            message: the message.
-        """
+        """Deliver a message again, before all waiting ones. For a receiver that accepted no next message."""
         frame = head_of(message, mask_bit=0x80) + bytes(4) + message  # a masking key of zeros changes nothing
         self._kept[:0] = frame
         self._num_scanned += len(frame)

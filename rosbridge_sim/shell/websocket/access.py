@@ -150,11 +150,7 @@ class Access:
         return any(True for _ in _shown_tokens(request))
 
     def is_token(self, text: str) -> bool:
-        """Return True if a text is the token. The time does not depend on the position of the first difference.
-
-        Args:
-            text: the text.
-        """
+        """Return True if a text is the token. The time does not depend on the position of the first difference."""
         wanted = "" if self.token is None else self.token
         return hmac.compare_digest(text.encode("utf-8", "surrogatepass"), wanted.encode())
 
@@ -179,7 +175,6 @@ class TokenBucket:
         Args:
             rate: frames per second.
             burst: capacity [frames].
-            now: monotonic time [s].
         """
         self._rate = rate
         self._burst = self._level = burst
@@ -187,9 +182,6 @@ class TokenBucket:
 
     def take(self, now: float) -> bool:
         """Take one frame out.
-
-        Args:
-            now: monotonic time [s].
 
         Returns:
             True if there was one.
@@ -211,7 +203,6 @@ class RateGate:
         Args:
             peer: handles the frames that are let through.
             max_rate: frames per second.
-            now: monotonic time [s].
         """
         self._peer = peer
         self._max_rate = max_rate
@@ -225,7 +216,6 @@ class RateGate:
 
         Args:
             frame: content of a text or binary frame.
-            now: monotonic time [s].
 
         Returns:
             As `Peer.begin`.

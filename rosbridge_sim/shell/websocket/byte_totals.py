@@ -33,11 +33,7 @@ class Traffic:
     num_messages_dropped: int = 0
 
     def add(self, client: Client) -> None:
-        """Add the counts of a client.
-
-        Args:
-            client: the client.
-        """
+        """Add the counts of a client."""
         session = client.peer.session
         self.num_clients += 1
         self.num_bytes_sent += client.num_bytes_sent
@@ -46,11 +42,7 @@ class Traffic:
         self.num_messages_dropped += sum(client.outbox.dropped.values())
 
     def plus(self, clients: Iterable[Client]) -> Traffic:
-        """Return the totals with those of more clients.
-
-        Args:
-            clients: the clients.
-        """
+        """Return the totals with those of more clients."""
         total = Traffic(
             self.num_clients,
             self.num_bytes_sent,

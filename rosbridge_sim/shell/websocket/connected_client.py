@@ -82,8 +82,6 @@ class Client:
 
         Args:
             socket: its open connection.
-            bus: the bus.
-            limits: its limits.
             turns: gives it its turns.
             watch: gets events that concern the whole server.
         """

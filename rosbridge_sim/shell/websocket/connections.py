@@ -129,10 +129,6 @@ def make_connection(
 
 
 def address_of(connection: ServerConnection) -> str:
-    """Return address and port of the other side, for people; empty if there is none.
-
-    Args:
-        connection: the connection.
-    """
+    """Return address and port of the other side, for people; empty if there is none."""
     address = connection.remote_address
     return f"{address[0]}:{address[1]}" if address else ""

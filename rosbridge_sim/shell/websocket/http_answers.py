@@ -54,7 +54,6 @@ def answer_file(connection: ServerConnection, request: Request, file: PageFile, 
     Args:
         connection: the connection of the request.
         request: a GET or HEAD request.
-        file: the file.
         headers: further headers.
     """
     is_compressed = accepts(request, "Accept-Encoding", "gzip")
@@ -106,7 +105,6 @@ def not_allowed(connection: ServerConnection, request: Request) -> Response | No
 
     Args:
         connection: the connection of the request.
-        request: the request.
     """
     method = method_of(request)
     if method in {"GET", "HEAD"}:
@@ -122,11 +120,7 @@ def method_of(request: Request) -> str:
 
 
 def is_upgrade(request: Request) -> bool:
-    """Return True if a request is a WebSocket handshake, or one that a proxy has robbed of its `Upgrade` header.
-
-    Args:
-        request: the request.
-    """
+    """Return True if a request is a WebSocket handshake, or one that a proxy has robbed of its `Upgrade` header."""
     headers = request.headers
     return "Upgrade" in headers or any(name in headers for name in ("Sec-WebSocket-Key", "Sec-WebSocket-Version"))
 
@@ -135,7 +129,6 @@ def accepts(request: Request, header: str, value: str) -> bool:
     """Return True if a header such as `Accept` names a value, and not with `q=0`. Wildcards do not count.
 
     Args:
-        request: the request.
         header: name of the header.
         value: the value, such as `text/html`.
     """

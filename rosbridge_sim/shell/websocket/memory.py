@@ -59,11 +59,7 @@ class MemoryReturn:
         self._base: int | None = None  # memory of the process after it was given back last [bytes]
 
     def note_large_frame(self, now: float) -> None:
-        """Note that a large frame was received or sent.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Note that a large frame was received or sent."""
         self._after_frames = now + DELAY
 
     def look(self, num_bytes_held: int, now: float) -> None:
@@ -73,7 +69,6 @@ class MemoryReturn:
 
         Args:
             num_bytes_held: bytes held for all clients.
-            now: monotonic time [s].
         """
         resident = self._resident()
         if self._base is None:

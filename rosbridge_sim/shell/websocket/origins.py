@@ -167,7 +167,6 @@ class RefusedOrigins:
     __slots__ = ("_known",)
 
     def __init__(self) -> None:
-        """Begin without origins."""
         self._known: set[str] = set()
 
     @property
@@ -177,9 +176,6 @@ class RefusedOrigins:
 
     def add(self, origin: str) -> bool:
         """Store an origin, if there is room.
-
-        Args:
-            origin: the origin.
 
         Returns:
             True if it is new.

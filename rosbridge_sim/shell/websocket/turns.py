@@ -82,11 +82,7 @@ class Turns:
         self.begin()  # begins a round, whose end serves the worker
 
     def leave(self, worker: Worker) -> None:
-        """Forget a worker; one that does not wait is not an error.
-
-        Args:
-            worker: the worker.
-        """
+        """Forget a worker; one that does not wait is not an error."""
         for waiting in (self._new, self._old):
             if worker in waiting:
                 waiting.remove(worker)

@@ -129,9 +129,6 @@ class UnauthenticatedConnection:
     def receive(self, message: bytes) -> bool:
         """Read a message.
 
-        Args:
-            message: the message.
-
         Returns:
             True if the next one may come.
         """

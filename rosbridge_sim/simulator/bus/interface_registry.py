@@ -62,9 +62,7 @@ class Interface(ABC):
 
         Args:
             owner: the simulator.
-            bus: the bus.
             name: the item's name on it.
-            now: monotonic time [s].
 
         Raises:
             GraphError: the name cannot be used.
@@ -76,8 +74,6 @@ class Interface(ABC):
 
         Args:
             owner: the simulator.
-            bus: the bus.
-            now: monotonic time [s].
             is_gone: for good, and not to come back under another name.
         """
 
@@ -87,8 +83,6 @@ class Interface(ABC):
 
         Args:
             owner: the simulator.
-            bus: the bus.
-            name: the name.
 
         Returns:
             A text for an error; None if the name is free.
@@ -111,7 +105,6 @@ def why_no_topic(owner: Participant, bus: Bus, name: str, type_name: str) -> str
 
     Args:
         owner: the simulator.
-        bus: the bus.
         name: of the topic.
         type_name: package and type.
 
@@ -159,7 +152,6 @@ class InterfaceRegistry:
 
         Args:
             owner: the simulator.
-            bus: the bus.
             settings: the network settings.
         """
         self.settings = settings
@@ -179,7 +171,6 @@ class InterfaceRegistry:
             is_everywhere: every release has its type. If false, the item is left out where the release lacks the type,
                 and
                 settings may still name it, so that one file serves for all releases.
-            now: monotonic time [s].
 
         Raises:
             GraphError: the name cannot be used; the item is not added.
@@ -225,7 +216,6 @@ class InterfaceRegistry:
 
         Args:
             items: the items; one that is not on the bus is no error.
-            now: monotonic time [s].
         """
         for item in items:
             if item.name is not None:
@@ -236,9 +226,6 @@ class InterfaceRegistry:
 
     def check(self, settings: NetworkSettings) -> None:
         """Check that these settings can be used now; nothing changes.
-
-        Args:
-            settings: the settings.
 
         Raises:
             DocumentError: the first mistake: an unknown item, a rate for an item without one, or a name that cannot be
@@ -268,7 +255,6 @@ class InterfaceRegistry:
 
         Args:
             settings: they passed `check`, and nothing on the bus has changed since.
-            now: monotonic time [s].
         """
         moving = [item for item in self._items if _wanted(item, settings) != item.name]
         for item in moving:

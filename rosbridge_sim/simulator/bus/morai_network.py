@@ -47,11 +47,7 @@ MAX_ITEMS: Final = 1_000
 
 
 def is_morai_network(document: object) -> bool:
-    """Return True if a JSON document is a network file of MORAI.
-
-    Args:
-        document: the document.
-    """
+    """Return True if a JSON document is a network file of MORAI."""
     return isinstance(document, Mapping) and isinstance(document.get(_TOP), list)
 
 

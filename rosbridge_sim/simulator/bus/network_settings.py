@@ -114,9 +114,6 @@ class NetworkSettings:
     def choices(self, kind: InterfaceKind) -> Mapping[str, InterfaceChoice]:
         """Return the choices for one kind of items.
 
-        Args:
-            kind: the kind.
-
         Returns:
             Default name -> choice.
         """

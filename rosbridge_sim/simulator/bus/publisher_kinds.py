@@ -164,9 +164,6 @@ class PeriodicPublisher(TopicPublisher):
     def num_due(self, frame: int) -> int:
         """Return the number of publications of a frame at the topic's rate.
 
-        Args:
-            frame: the world's.
-
         Returns:
             0, 1 or, above 50 Hz, more.
         """

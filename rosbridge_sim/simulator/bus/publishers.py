@@ -60,7 +60,6 @@ class Publishers:
 
         Args:
             owner: the simulator.
-            bus: the bus.
             items: take the topics.
         """
         self._owner = owner
@@ -163,7 +162,6 @@ class Publishers:
         Args:
             publisher: from `keep`.
             value: a generated struct of its type.
-            now: monotonic time [s].
         """
         publisher.value = value
         if publisher.topic is not None:
@@ -180,7 +178,6 @@ class Publishers:
 
         Args:
             prefix: of their names.
-            now: monotonic time [s].
         """
         gone = [publisher for publisher in self._periodic if publisher.prefix == prefix]
         self._periodic = [publisher for publisher in self._periodic if publisher.prefix != prefix]
@@ -200,12 +197,7 @@ class Publishers:
             publisher.limit(_max_rate(factor))
 
     def show_every(self, frame: int, now: float) -> None:
-        """Publish the world's current state on every topic with subscribers; sampled topics only if they are due.
-
-        Args:
-            frame: the world's.
-            now: monotonic time [s].
-        """
+        """Publish the world's current state on every topic with subscribers; sampled topics only if they are due."""
         self._num_shown += 1
         for publisher in self._periodic:
             topic = publisher.topic
@@ -224,9 +216,7 @@ class Publishers:
         """Publish the world's current state on the topics that are due, and schedule their repetitions.
 
         Args:
-            frame: the world's.
             shown_at: monotonic time at which the frame was due [s].
-            now: monotonic time [s].
         """
         self._num_shown += 1
         for publisher in self._periodic:
@@ -257,7 +247,6 @@ class Publishers:
 
         Args:
             publisher: from `add`; its `make` must return a message now.
-            now: monotonic time [s].
         """
         if publisher.topic is not None:
             self._bus.announce(self._owner, publisher.topic, Message(publisher.topic.type, publisher.make()), now)
@@ -268,7 +257,6 @@ class Publishers:
         Args:
             publisher: from `add`; its `make` returns None, so that nothing goes out with the frame.
             value: a generated struct of its type.
-            now: monotonic time [s].
         """
         if publisher.topic is None:
             return
@@ -282,17 +270,12 @@ class Publishers:
 
         Args:
             publisher: from `add`.
-            now: monotonic time [s].
         """
         self._periodic.remove(publisher)
         self._items.remove([publisher], now)
 
     def show_latched(self, now: float) -> None:
-        """Publish all latched topics anew, because their stamp has changed.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Publish all latched topics anew, because their stamp has changed."""
         for publisher in self._periodic:
             if publisher.is_latched:
                 self.show_now(publisher, now)
@@ -347,7 +330,6 @@ class Publishers:
 
         Args:
             is_paused: a pause stops real time; false while the world waits for ticks.
-            now: monotonic time [s].
         """
         if not is_paused:
             self._pause_at = None
@@ -360,9 +342,6 @@ class Publishers:
     def pause_due(self, now: float) -> float | None:
         """Return the time of the next call of `show_in_pause`.
 
-        Args:
-            now: monotonic time [s].
-
         Returns:
             Monotonic time [s]; None if there is nothing to show.
         """
@@ -373,11 +352,7 @@ class Publishers:
         return self._pause_at if self._listeners_in_pause() else None
 
     def show_in_pause(self, now: float) -> None:
-        """Publish the world's current state in a pause: to all subscribers once a period, and to new ones at once.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Publish the world's current state in a pause: to all subscribers once a period, and to new ones at once."""
         if self._pause_at is None:
             return
         is_time = now >= self._pause_at
@@ -413,7 +388,6 @@ class Publishers:
         """Publish the current state on topics for viewers: to new subscribers, and to all after a change.
 
         Args:
-            now: monotonic time [s].
             is_flowing: see `has_viewer_to_show`.
         """
         for publisher in self._for_viewers:
@@ -454,11 +428,7 @@ class Publishers:
         return self._repeats[0][0] if self._repeats else None
 
     def repeat(self, now: float) -> None:
-        """Publish the repetitions that are due.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Publish the repetitions that are due."""
         while self._repeats and self._repeats[0][0] <= now:
             _, _, publisher, message = heapq.heappop(self._repeats)
             topic = publisher.topic

@@ -105,11 +105,7 @@ class SubscribersServices:
         return [item.name for item in self._own if item.kind is InterfaceKind.SERVICE and item.name is not None]
 
     def release(self, now: float) -> None:
-        """Remove everything; clients that wait for an answer get an error.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Remove everything; clients that wait for an answer get an error."""
         self._items.remove(self._own, now)
         self._own = []
 

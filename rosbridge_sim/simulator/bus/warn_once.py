@@ -12,7 +12,6 @@ class WarnOnce:
     """Record of the texts, or subjects, that each participant has been warned with."""
 
     def __init__(self) -> None:
-        """Start with an empty record."""
         self._texts: dict[Participant, set[str]] = {}
 
     def __len__(self) -> int:

@@ -63,7 +63,6 @@ class CommandWait:
         """Take note that an ego follows a command.
 
         Args:
-            ego: the ego.
             message: the command as it came.
         """
         if not self.is_on:

@@ -22,7 +22,6 @@ class Component:
         """Publish the topics of one ego; called for each ego that is added.
 
         Args:
-            ego: the ego.
             prefix: before the topics' names: `/`, or `/Ego-2/` for a further ego.
             publishers: take the topics.
         """
@@ -45,7 +44,6 @@ class Component:
         """Offer the services and subscribe to the topics of one ego; called for each ego that is added.
 
         Args:
-            ego: the ego.
             bindings: take the services and input topics; the prefix of their names is the ego's.
         """
 
@@ -61,7 +59,6 @@ class Component:
 
         Args:
             data: from `save_state`, perhaps of another process, or made up: it must be checked.
-            now: monotonic time [s].
 
         Raises:
             ValueError: it is no such data. Everything will be restored to what it was.

@@ -39,9 +39,6 @@ class EgoInterfaces:
     def bind(self, ego: Ego) -> None:
         """Add the topics and services of a further ego.
 
-        Args:
-            ego: the ego.
-
         Raises:
             GraphError: a client has given one of the topics another type. `drop` removes what was added.
         """
@@ -53,12 +50,7 @@ class EgoInterfaces:
         _log.info("ego %d added: %s...", ego.index, bindings.prefix)
 
     def drop(self, ego: Ego, now: float) -> None:
-        """Remove the topics and services of a further ego.
-
-        Args:
-            ego: the ego.
-            now: monotonic time [s].
-        """
+        """Remove the topics and services of a further ego."""
         bindings = self._bindings.pop(ego.index)
         for name in bindings.services:
             self._gone.pop(name, None)

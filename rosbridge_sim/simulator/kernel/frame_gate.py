@@ -33,11 +33,7 @@ class FrameGate:
         self._num_closed += 1
 
     def open(self, now: float) -> None:
-        """Undo one `close`.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Undo one `close`."""
         assert self._num_closed, "the gate is open"
         self._num_closed -= 1
         if not self._num_closed:

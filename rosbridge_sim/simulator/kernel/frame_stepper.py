@@ -91,7 +91,6 @@ class FrameStepper:
         """Move the world by one frame and publish it.
 
         Args:
-            now: monotonic time [s].
             is_tick: a tick asked for the frame, so every topic is published. Otherwise real time did, and rates apply.
             is_last: no other frame of the same tick follows.
             is_complete: real time asked for it, and every topic is published all the same.

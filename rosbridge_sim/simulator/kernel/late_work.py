@@ -71,9 +71,6 @@ class LateWork:
     def take_turn(self, now: float) -> bool:
         """Do one part of the oldest work, in every second call.
 
-        Args:
-            now: monotonic time [s].
-
         Returns:
             False if none was done, because none waits or it is the world's turn.
         """

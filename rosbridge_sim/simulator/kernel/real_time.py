@@ -30,9 +30,7 @@ def set_real_time_factor(context: SimulatorContext, factor: float, now: float) -
     """Have another real-time factor from now on.
 
     Args:
-        context: of the simulator.
         factor: one of which `why_no_factor` says nothing.
-        now: monotonic time [s].
     """
     context.pacer.set_factor(factor, now)
     context.publishers.set_factor(factor)
@@ -53,9 +51,6 @@ class RealTime:
 
     def advance(self, now: float) -> None:
         """Compute what real time owes by now, a few frames at most; end a lease that has run out.
-
-        Args:
-            now: monotonic time [s].
 
         Call it again at `next_due`.
 

@@ -53,12 +53,7 @@ class ShowLimit:
         self._free_at = -math.inf
 
     def is_open(self, frame: int, now: float) -> bool:
-        """Return whether a message may go out with this frame; each may be asked once.
-
-        Args:
-            frame: the world's.
-            now: monotonic time [s].
-        """
+        """Return whether a message may go out with this frame; each may be asked once."""
         factor = self._pacer.factor
         if 0.0 < factor <= MAX_WALL_RATE * DT:
             return True
@@ -123,7 +118,6 @@ class RealTimePacer:
 
         Args:
             factor: one of which `why_no_factor` says nothing.
-            now: monotonic time [s].
         """
         self.factor = factor
         if self.is_started:

@@ -86,7 +86,6 @@ class SceneChanges:
         Args:
             load: from `Scene.prepare`.
             is_pausing: pause the world afterwards.
-            now: monotonic time [s].
             network: network settings from then on; None keeps the current ones.
 
         Raises:
@@ -122,7 +121,6 @@ class SceneChanges:
 
         Args:
             seed: random seed; None keeps the current one.
-            now: monotonic time [s].
 
         Raises:
             GraphError: frames are being computed, for example because a subscriber asks for a reset when it gets a
@@ -153,7 +151,6 @@ class SceneChanges:
 
         Args:
             settings: number, pose and gear of each ego.
-            now: monotonic time [s].
             is_last: no others follow in the same change. Fixed frames are announced with the last ones, because each
                 announcement has those of all egos.
 
@@ -191,7 +188,6 @@ class SceneChanges:
 
         Args:
             gone: none of them is the first.
-            now: monotonic time [s].
         """
         for ego in gone:
             self._ego_interfaces.drop(ego, now)

@@ -263,7 +263,6 @@ class SyncDriver:
             named: the frame that it asks for.
             caller: held for as long as its tick waits; not while it waits for other members.
             on_end: called once, perhaps before this returns.
-            now: monotonic time [s].
 
         Raises:
             GraphError: a step has failed, now or before: the world stands still for good.
@@ -318,7 +317,6 @@ class SyncDriver:
             user_id: the master that the caller takes itself for.
             steps: what is to be done, at least one tick. Its `end` is called once, perhaps before this returns.
             caller: held until then.
-            now: monotonic time [s].
         """
         sync = self._sync
         call = WaitingCall(steps, sync.num_frames)
@@ -470,7 +468,6 @@ class SyncDriver:
         Args:
             num_frames: up to the end of the last of these ticks. All of them have as many frames, the first one perhaps
                 less since it has begun.
-            now: monotonic time [s].
 
         Returns:
             How many frames have been computed, at least one.

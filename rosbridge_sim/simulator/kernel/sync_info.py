@@ -41,7 +41,6 @@ class SyncInfo:
         """Publish the current state of the mode.
 
         Args:
-            now: monotonic time [s].
             may_tick: false within a tick, because the next tick cannot be sent before the last frame of this one.
         """
         sync = self._sync

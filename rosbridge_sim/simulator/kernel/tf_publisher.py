@@ -161,31 +161,20 @@ class StaticTf:
         self._mounts: tuple[Mount, ...] | None = None
 
     def announce(self, now: float) -> None:
-        """Publish the fixed frames, if they differ from the ones published last.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Publish the fixed frames, if they differ from the ones published last."""
         mounts = self._transforms.mounts(self._egos)
         if mounts != self._mounts:
             self._mounts = mounts
             self._publishers.update(self._topic, self._transforms.static(mounts), now)
 
     def announce_again(self, now: float) -> None:
-        """Publish the fixed frames even if they have not changed, because their stamp has.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Publish the fixed frames even if they have not changed, because their stamp has."""
         self._mounts = None
         self.announce(now)
 
 
 def frame_prefix(ego: Ego) -> str:
     """Return the prefix of an ego's frame names; the same as in its topic names, without the first slash.
-
-    Args:
-        ego: the ego.
 
     Returns:
         Empty for the first ego, else for example `Ego-2/`.

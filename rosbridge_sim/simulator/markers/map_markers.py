@@ -58,7 +58,6 @@ def make_map_markers(make: MarkerMaker, header: Struct, road_map: RoadMap) -> li
     Args:
         make: maker of the markers.
         header: header of the message.
-        road_map: the map.
 
     Returns:
         First the deletion of what was there before, then the markers.

@@ -89,7 +89,6 @@ class SceneMarkers(Component):
         """Publish nothing yet.
 
         Args:
-            context: of the simulator.
             reader: makes the markers of a map.
         """
         self._context = context

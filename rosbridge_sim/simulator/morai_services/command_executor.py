@@ -34,7 +34,6 @@ class CommandExecutor:
         """Register with the frame stepper.
 
         Args:
-            context: of the simulator.
             sensors: save what they see with a command.
         """
         self._context = context
@@ -46,7 +45,6 @@ class CommandExecutor:
 
         Args:
             command: one that is ready.
-            now: monotonic time [s].
         """
         match command.action:
             case ControlEgo() as action:

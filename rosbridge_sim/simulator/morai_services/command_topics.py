@@ -99,7 +99,6 @@ class CommandTopics(Component):
         """Apply a command of a client to an ego, if it may move the ego now; else warn it, once.
 
         Args:
-            ego: the ego.
             bindings: of the ego.
             name: default name of the topic that it came by.
             control: in the world's units.

@@ -69,7 +69,6 @@ class Loads(Component):
         """Read nothing yet.
 
         Args:
-            context: of the simulator.
             reader: runs the functions that read documents.
             networks: reads network settings of scenarios; None if there are none.
             has_traffic: each new scene is filled with traffic.

@@ -53,11 +53,6 @@ class Services(Component):
     """Component of the services, and of the topics of synchronous mode. It holds no state of its own."""
 
     def __init__(self, context: SimulatorContext) -> None:
-        """Offer nothing yet.
-
-        Args:
-            context: of the simulator.
-        """
         self._context = context
         store = context.bus.store
         self._make_cmd = maker(store, "morai_msgs/SyncModeCmdResponse", "user_id", "frame", "result", "time_step")

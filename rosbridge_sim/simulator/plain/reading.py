@@ -29,7 +29,6 @@ class Reader(Protocol):
             then: called once with the result and monotonic time [s]; perhaps before this method returns, but never
                 while
                 frames are being computed.
-            now: monotonic time [s].
         """
 
 
@@ -47,7 +46,6 @@ def read_while_held(
         work: see `Reader.read`.
         then: see `Reader.read`.
         hold: holds the client; returns what releases it. It is not called if the result is there at once.
-        now: monotonic time [s].
     """
     is_done = False
     release: Callable[[float], None] | None = None

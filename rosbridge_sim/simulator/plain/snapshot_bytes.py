@@ -126,7 +126,6 @@ class OwnBytes:
     """Digests of the snapshots that this process has made: bytes that come back unchanged need no distrust."""
 
     def __init__(self) -> None:
-        """Know none."""
         self._known: dict[bytes, tuple[OwnKey, str, SnapshotHead]] = {}  # by their checksums
 
     def note(self, key: OwnKey, name: str, head: SnapshotHead) -> None:

@@ -43,7 +43,6 @@ class NetworkReplay:
         """No client is followed yet.
 
         Args:
-            context: of the simulator.
             process: changes its state with the messages; gets the effect IGNORE from here.
             playback: shows the messages.
             info: recognises the messages that the simulator has published itself.
@@ -67,11 +66,7 @@ class NetworkReplay:
         self._bindings = bindings
 
     def settle(self, now: float) -> None:
-        """End the replay if the source has stopped to publish; called after each frame.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """End the replay if the source has stopped to publish; called after each frame."""
         if self._process.state is ReplayState.FOLLOWING and not self._publishes(self._source):
             self._lose(now)
         if self._ignored is not None:
@@ -83,7 +78,6 @@ class NetworkReplay:
 
         Args:
             owner: the participant that has left.
-            now: monotonic time [s].
         """
         if owner is self._source and self._process.state is ReplayState.FOLLOWING:
             self._lose(now)

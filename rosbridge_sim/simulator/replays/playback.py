@@ -141,7 +141,6 @@ class Playback:
         """Return the reason why a recording cannot move any of the targets.
 
         Args:
-            recording: the recording.
             targets: a sum of EGO, VEHICLES and PEDESTRIANS.
 
         Returns:
@@ -157,7 +156,6 @@ class Playback:
         """Return remarks for the user about the egos of a recording.
 
         Args:
-            recording: the recording.
             targets: a sum of EGO, VEHICLES and PEDESTRIANS.
 
         Returns:

@@ -67,7 +67,6 @@ class ReplayProcess:
 
         Args:
             event: one that the table has for this state.
-            now: monotonic time [s].
 
         Returns:
             The row of the table; its `why` is empty unless the event is refused.
@@ -86,11 +85,7 @@ class ReplayProcess:
         return outcome
 
     def check_end(self, now: float) -> None:
-        """Pause at the end of a bag, and again if another command has ended that pause. Called after each frame.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Pause at the end of a bag, and again if another command has ended that pause. Called after each frame."""
         if self.state is ReplayState.REPLAYING and self._playback.is_over:
             _log.info("%s: the end is reached", self._playback.recording.name)
             self.happen(ReplayEvent.RUN_OUT, now)
@@ -98,11 +93,7 @@ class ReplayProcess:
             self.happen(ReplayEvent.RUN_OUT, now)
 
     def evict(self, now: float) -> None:
-        """End the replay, because a scenario or a reset is about to change the world.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """End the replay, because a scenario or a reset is about to change the world."""
         if self.state is not ReplayState.SIMULATING:
             _log.info("the replay has ended: a scenario or a reset changes the world")
         # A client that has pressed play since then wants the new scene to run.

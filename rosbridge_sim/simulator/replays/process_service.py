@@ -39,7 +39,6 @@ class ProcessService:
         """No command has come yet.
 
         Args:
-            context: of the simulator.
             process: carries out the commands.
             playback: gets the recordings.
             status: publishes how the commands end.

@@ -33,7 +33,6 @@ class ProcessStatus:
         """Nothing is published before `publish`.
 
         Args:
-            context: of the simulator.
             process: gives the mode, and whether the end is reached.
         """
         self.is_held = False
@@ -68,7 +67,6 @@ class ProcessStatus:
 
         Args:
             result: of the command.
-            now: monotonic time [s].
         """
         self._result = result
         self._published = ()
@@ -100,22 +98,14 @@ class ProcessStatus:
             self._published, self._sync_state = (), None
 
     def settle(self, now: float) -> None:
-        """Publish a pause or its end; called after each frame. All other changes are announced where they happen.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Publish a pause or its end; called after each frame. All other changes are announced where they happen."""
         state = self._sync.state
         if state is not self._sync_state:
             self._sync_state = state
             self.announce(now)
 
     def announce(self, now: float) -> None:
-        """Publish the status if it has changed. The topic is latched, so it is published even without subscribers.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Publish the status if it has changed. The topic is latched, so it is published even without subscribers."""
         status = self._status()
         if status != self._published and not self.is_held:
             self._published = status

@@ -54,7 +54,6 @@ class Replay(Component):
         """Nothing is replayed yet.
 
         Args:
-            context: of the simulator.
             recordings: reads recordings; None where there are none.
             is_showing_drives: publish ReplayInfo of a drive for every subscriber; see `ReplayInfoPublisher`.
         """

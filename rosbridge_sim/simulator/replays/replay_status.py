@@ -27,7 +27,6 @@ class ReplayStatus:
         """Publish nothing yet.
 
         Args:
-            context: of the simulator.
             process: whether a recording moves the world.
             playback: its position.
         """

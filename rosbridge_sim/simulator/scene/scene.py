@@ -148,7 +148,6 @@ class Scene:
         """Prepare a load: check everything that may be wrong.
 
         Args:
-            scenario: the scenario.
             options: parts of it to load.
             own_map: the map that it names, if it was read already.
             base: the map to use if the scenario names none, or names this one; None for the map in use.
@@ -214,7 +213,6 @@ class Scene:
         """Add an object to the world, at rest.
 
         Args:
-            model: its model.
             x: east [m].
             y: north [m].
             z: up [m].
@@ -338,8 +336,6 @@ class Scene:
 
         Args:
             like: id of the ego that has the same model.
-            pose: its pose.
-            gear: its gear.
             model: another model, with an engine; None for that of `like`.
 
         Returns:

@@ -55,7 +55,6 @@ class Sensors(Component):
         """Keep the sensors' data nowhere yet.
 
         Args:
-            context: of the simulator.
             archive: saves captures; None if there is no folder for them.
             noise: errors of all sensors; None for exact readings.
             mounted: the sensors.
@@ -123,7 +122,6 @@ class Sensors(Component):
         """Save the data of an ego's sensors in this frame; that of cameras and lidars has to be drawn before.
 
         Args:
-            ego: the ego.
             folder: see `SensorDataStore.save`.
             name: of the capture; empty for the frame's number.
             source: see `SensorDataStore.save`.

@@ -35,7 +35,6 @@ class SensorService(Component):
         """Offer nothing yet.
 
         Args:
-            context: of the simulator.
             mounted: the sensors.
         """
         self._context = context

@@ -209,7 +209,6 @@ def draw(job: DrawingJob, makers: Makers) -> list[Result]:
     """Return what the sensors of a job see, in their order.
 
     Args:
-        job: the job.
         makers: what draws.
     """
     static = makers.build(job.road_map, job.map_name, job.seed, job.is_dressed)

@@ -64,8 +64,6 @@ class EgoRig:
         """Begin without sensors.
 
         Args:
-            context: of the simulator.
-            ego: the ego.
             prefix: of its topics.
             read: reads a sensor whose message is published with its frame.
         """

@@ -97,7 +97,6 @@ class MountedSensors(Component):
         """Read nothing yet.
 
         Args:
-            context: of the simulator.
             rig: of each ego at the start.
             worker: draws; None where nothing can, so that there are radars alone.
             weather: of what is drawn; None for noon.
@@ -355,7 +354,6 @@ class MountedSensors(Component):
         """Have the cameras and 3D lidars of an ego drawn for files: the frame of now.
 
         Args:
-            ego: the ego.
             then: called once with the contents by file names, and monotonic time [s]; `{}` in a name stands for the
                 name of the capture. In synchronous mode the next tick waits for it.
 

@@ -33,7 +33,6 @@ class Sensor(ABC):
         """Read nothing yet.
 
         Args:
-            context: of the simulator.
             noise: errors of the readings; None for exact ones.
         """
         self._context = context

@@ -31,7 +31,6 @@ class WeatherControl(Component):
         """Begin with a weather.
 
         Args:
-            context: of the simulator.
             weather: at the start, and after a reset.
         """
         self.weather = self._start = weather

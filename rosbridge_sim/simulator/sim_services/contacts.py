@@ -37,11 +37,6 @@ class Contacts(Component):
     """The component of new contacts. Its state is the contacts of the frame before, which are the world's."""
 
     def __init__(self, context: SimulatorContext) -> None:
-        """Publish nothing yet.
-
-        Args:
-            context: of the simulator.
-        """
         self._context = context
         self._publisher: PeriodicPublisher | None = None
         self._before: IntArray = NO_CONTACTS

@@ -47,11 +47,6 @@ class ControlLeases(Component):
     """The component of leases. Each client has at most one lease for each ego."""
 
     def __init__(self, context: SimulatorContext) -> None:
-        """Watch nothing yet.
-
-        Args:
-            context: of the simulator.
-        """
         self._context = context
         self._leases: dict[tuple[Participant, int], _Lease] = {}
         context.hooks.after_frame.append(self._after_frame)

@@ -47,11 +47,6 @@ class Describe(Component):
     """The component of the description. It holds no state."""
 
     def __init__(self, context: SimulatorContext) -> None:
-        """Offer nothing yet.
-
-        Args:
-            context: of the simulator.
-        """
         self._context = context
 
     def bind(self, bindings: SubscribersServices) -> None:

@@ -30,11 +30,6 @@ class Drivers(Component):
     """The component of drivers. It holds no state."""
 
     def __init__(self, context: SimulatorContext) -> None:
-        """Publish nothing yet.
-
-        Args:
-            context: of the simulator.
-        """
         self._context = context
         store = context.bus.store
         self._make = maker(

@@ -252,7 +252,6 @@ def take_lane(roads: Roads, spot: Spot, route: Sequence[int], where: str) -> tup
     """Return the lane that a driver at a spot keeps to, and the arc length on it [m].
 
     Args:
-        roads: the lanes.
         spot: where the driver stands.
         route: rows of lanes; the first one is its lane. Empty for none.
         where: the object's place in the request, for errors.
@@ -295,7 +294,6 @@ def find_link(roads: Roads, link: str, where: str) -> int:
     """Return the row of the lane that a client names.
 
     Args:
-        roads: the lanes.
         link: its id.
         where: the field, for errors.
 

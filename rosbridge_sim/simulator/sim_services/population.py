@@ -67,11 +67,6 @@ class Population(Component):
     """The component of objects: what comes, goes and is changed by services."""
 
     def __init__(self, context: SimulatorContext) -> None:
-        """Offer nothing yet.
-
-        Args:
-            context: of the simulator.
-        """
         self._context = context
         self._make_model = maker(
             context.bus.store,
@@ -91,7 +86,6 @@ class Population(Component):
         """Do what a call asks for and answer it, or say why not; if a tick has begun, behind that tick.
 
         Args:
-            call: the call.
             act: does it; returns the numbers of new objects.
             has_ids: the response has them.
         """

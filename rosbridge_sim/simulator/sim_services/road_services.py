@@ -52,7 +52,6 @@ class RoadServices(Component):
         """Offer nothing yet.
 
         Args:
-            context: of the simulator.
             reader: finds routes on large maps.
         """
         self._context = context

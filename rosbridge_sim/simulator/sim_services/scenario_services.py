@@ -112,7 +112,6 @@ class Scenarios(Component):
         """Offer nothing yet.
 
         Args:
-            context: of the simulator.
             reader: reads and draws.
             shelf: the source; None where there is none.
         """
@@ -184,10 +183,8 @@ class Scenarios(Component):
         """Have work done by the reader, and answer a call with its result.
 
         Args:
-            call: the call.
             choose: checks the request, and returns the work.
             answer: returns the fields of the response.
-            now: monotonic time [s].
         """
         try:
             if self._shelf is None:

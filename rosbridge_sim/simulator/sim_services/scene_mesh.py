@@ -37,7 +37,6 @@ class SceneMesh(Component):
         """Offer nothing yet.
 
         Args:
-            context: of the simulator.
             reader: makes the mesh.
             road_services: has the digest of the map.
             is_dressed: with buildings, trees and posts beside the roads.

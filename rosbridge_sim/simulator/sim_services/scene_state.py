@@ -66,7 +66,6 @@ class SceneState(Component):
         """Publish nothing yet.
 
         Args:
-            context: of the simulator.
             road_services: has the digest of the map.
         """
         self._context = context

@@ -40,7 +40,6 @@ class Scores(Component):
         """Publish and offer nothing yet.
 
         Args:
-            context: of the simulator.
             is_always: keep scores from frame 0 on, whether anybody asks or not.
         """
         self._context = context

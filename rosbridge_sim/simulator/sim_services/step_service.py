@@ -201,7 +201,6 @@ class StepService(Component):
     """
 
     def __init__(self, context: SimulatorContext) -> None:
-        """Offer nothing yet."""
         self.context = context
         self._make_sample = maker(context.bus.store, "rosbridge_sim_msgs/TopicSample", "topic", "type", "message")
 

@@ -127,7 +127,6 @@ class NodeState:
         """Save nothing yet.
 
         Args:
-            context: of the simulator.
             components: all of them; their names in the state are those of their classes.
         """
         self._context = context
@@ -181,7 +180,6 @@ class NodeState:
 
         Args:
             saved: from `save`, or from `parse` and tried out.
-            now: monotonic time [s].
             expected_hash: what `hash` must be then; empty for a state of this process, which need not be checked.
             before_undo: called if the restore fails, before the state of now is put back: a component may need to be
                 given again what is not in its state.

@@ -85,7 +85,6 @@ class Snapshots(Component):
         """Keep nothing yet.
 
         Args:
-            context: of the simulator.
             components: all of the simulator, this one perhaps among them.
             replay: has the recording that moves the world.
             reader: reads maps.

@@ -201,7 +201,6 @@ class Barrier:
             step_ms: the time step [ms]; 0 takes the one in force, or one frame.
             deadline: longest wait for the others [s]; 0 takes the one in force, or the default.
             holder: the peer who asks.
-            now: monotonic time [s].
 
         Returns:
             The outcome and, if it is accepted, the member's user id.
@@ -245,7 +244,6 @@ class Barrier:
             user_id: the id that asks.
             step_ms: the time step that it wants [ms]; 0 takes the one in force.
             holder: the peer who asks.
-            now: monotonic time [s].
         """
         if self._is_shared(user_id, holder):
             event = BarrierEvent.JOIN_SHARED
@@ -297,9 +295,7 @@ class Barrier:
         Args:
             user_id: the member, as the peer believes.
             named: the frame that it asks for; without meaning unless frames are strict.
-            frame: the world's.
             holder: the peer who asks.
-            now: monotonic time [s].
             on_end: called once if the tick is accepted, perhaps before this returns.
         """
         if self._is_shared(user_id, holder):

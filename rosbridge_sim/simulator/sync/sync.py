@@ -204,7 +204,6 @@ class Sync(WaitingCommands[C]):
             user_id: the wanted id; with an empty one an id is made.
             step_ms: the time step [ms]; 0 means one frame.
             holder: the peer who asks.
-            now: monotonic time [s].
 
         Returns:
             The outcome. `master_id` and `step_ms` then hold what the answer says, whether accepted or not.
@@ -221,7 +220,6 @@ class Sync(WaitingCommands[C]):
 
         Args:
             user_id: the id that the peer stops with.
-            now: monotonic time [s].
 
         Returns:
             The outcome.
@@ -246,9 +244,7 @@ class Sync(WaitingCommands[C]):
         Args:
             user_id: the id that the peer ticks with.
             named: the frame that it asks for; without meaning unless frames are strict.
-            frame: the world's.
             holder: the peer who asks.
-            now: monotonic time [s].
             on_wait: called if the tick waits. Then call `take_turn`, and whenever a command has become ready or was
                 withdrawn.
             is_in_turns: let a tick of several frames wait, so that `take_turn` can divide it.
@@ -277,7 +273,6 @@ class Sync(WaitingCommands[C]):
             user_id: the master, as the peer believes.
             num_ticks: time steps.
             holder: the peer who asks.
-            now: monotonic time [s].
             on_wait: called once if the ticks wait.
         """
         if not self._is_master(user_id):
@@ -290,7 +285,6 @@ class Sync(WaitingCommands[C]):
 
         Args:
             num_ticks: how many; there must be as many.
-            now: monotonic time [s].
         """
         self._is_in_tick = False
         self._give_up_frames(sum(self._ticks.popleft() for _ in range(num_ticks)))
@@ -298,11 +292,7 @@ class Sync(WaitingCommands[C]):
             self._follow(SyncHappening(SyncEvent.LAST_DONE, now))
 
     def has_turn(self, frame: int) -> bool:
-        """Return whether `take_turn` would carry out a tick.
-
-        Args:
-            frame: the world's.
-        """
+        """Return whether `take_turn` would carry out a tick."""
         return bool(self._ticks) and not self._is_early(frame + self._ticks[0])
 
     def take_turn(
@@ -311,8 +301,6 @@ class Sync(WaitingCommands[C]):
         """Let the first tick that waits have its turn, if all commands of its frames are ready.
 
         Args:
-            frame: the world's.
-            now: monotonic time [s].
             prepare: called before the first frame of the tick is computed; see `enter`.
             most_ticks: how many ticks may be carried out one after the other; there must be as many.
 
@@ -357,9 +345,7 @@ class Sync(WaitingCommands[C]):
         Args:
             command: returned by `due`.
             named: the frame before whose computation it is to be carried out.
-            frame: the world's.
             holder: the peer that sends it; every peer may.
-            now: monotonic time [s].
             is_ready: it can be carried out. Otherwise no tick computes its frame before `ready` or `withdraw`.
         """
         self._note_life(holder, now)
@@ -382,7 +368,6 @@ class Sync(WaitingCommands[C]):
 
         Args:
             holder: the peer.
-            now: monotonic time [s].
         """
         self._mute[holder] -= 1
         if self._mute[holder] <= 0:
@@ -430,7 +415,6 @@ class Sync(WaitingCommands[C]):
 
         Args:
             holder: the peer.
-            now: monotonic time [s].
 
         Returns:
             The outcome if the master is lost by that, else None.
@@ -442,9 +426,6 @@ class Sync(WaitingCommands[C]):
 
     def expire(self, now: float) -> SyncOutcome | None:
         """End the lease of a master that has been silent for too long.
-
-        Args:
-            now: monotonic time [s].
 
         Returns:
             The outcome; None if the lease has not ended.

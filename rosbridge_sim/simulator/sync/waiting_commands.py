@@ -26,7 +26,6 @@ class WaitingCommands(Generic[C]):
 
         Args:
             command: what `due` gives back.
-            frame: the world's.
         """
         self._num_arrived += 1
         heapq.heappush(self._waiting, (frame + 1, self._num_arrived, command))

@@ -51,7 +51,6 @@ def perceive(
     """Return what each driver perceives. Claims are given out and given back.
 
     Args:
-        conflicts: of the roads.
         may_enter: (l,) which lanes the traffic lights allow to enter.
         drivers: `claim`, `held` and `exit_lane` are written.
         others: entries of the entities that do not follow lanes.
@@ -103,7 +102,6 @@ def observe(
     """Return what one driver sees, and why it stops or slows down. The arguments are those of `perceive`.
 
     Args:
-        conflicts: of the roads.
         may_enter: (l,) which lanes the traffic lights allow to enter.
         drivers: copies, since `claim`, `held` and `exit_lane` are written.
         others: entries of the entities that do not follow lanes.
@@ -149,7 +147,6 @@ def _find_rival(conflicts: LaneConflicts, drivers: Drivers, moving: IntArray, la
     """Return who has or claims a rival of a lane: an index as in `Sight`, -1 for none.
 
     Args:
-        conflicts: of the roads.
         drivers: after claims were given.
         moving: (m,) lanes of the moving vehicles that do not follow lanes.
         lane: row of the lane.

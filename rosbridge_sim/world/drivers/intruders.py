@@ -38,7 +38,6 @@ def stop_for_intruders(conflicts: LaneConflicts, drivers: Drivers, perception: P
     """Have drivers with a claim or a hold stop for intruders on rival lanes.
 
     Args:
-        conflicts: of the roads.
         drivers: after claims were given.
         perception: `stop_distance` is written.
         moving: entries of the vehicles that do not follow lanes and move.

@@ -147,7 +147,6 @@ def find_entries(
     """Return the entries of boxes that do not follow lanes. All arguments but `roads` are (n,), in the map frame.
 
     Args:
-        roads: the lanes.
         x: middle of the box, east [m].
         y: middle of the box, north [m].
         z: height of the box; it has no entries on lanes of another level, unless the map is flat [m].
@@ -187,7 +186,6 @@ def sibling_entries(conflicts: LaneConflicts, own: Entries) -> Entries:
     """Return the entries on the siblings of lanes, for drivers that are still where both lanes overlap.
 
     Args:
-        conflicts: of the roads.
         own: (k,) the entries of the drivers on their own lanes.
     """
     siblings = conflicts.siblings
@@ -211,7 +209,6 @@ class EntryQueue:
         lane, s, tail, speed, accel, source: (num + 1,) as in `Entries`, in the order of the queue.
 
     Args:
-        roads: the lanes.
         entries: in any order.
     """
 

@@ -179,7 +179,6 @@ def check_route(roads: Roads, route: Sequence[int], *, is_loop: bool) -> None:
     """Check that a route leads along lanes.
 
     Args:
-        roads: the lanes.
         route: rows of lanes; may be empty.
         is_loop: its first lane follows its last one.
 
@@ -261,7 +260,6 @@ def headings(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArr
     """Return the headings of vehicles that have both axles on the line of their lanes.
 
     Args:
-        roads: the lanes.
         lanes: (6, k) int64, see `find_ahead`.
         arc: (k,) arc lengths of the rear axles on the first lane [m].
         wheelbase: (k,) [m].
@@ -291,7 +289,6 @@ def headings_ahead(
     """Return the same as `headings` for vehicles that move; where both axles are on one straight, in less time.
 
     Args:
-        roads: the lanes.
         lanes: (6, k) int64, as for `headings`.
         arc: (k,) arc lengths [m].
         wheelbase: (k,) [m].
@@ -332,7 +329,6 @@ def find_ahead(roads: Roads, lanes: IntArray, arc: FloatArray) -> tuple[IntArray
     """Return lane and arc length of places that may lie beyond the end of the first lane.
 
     Args:
-        roads: the lanes.
         lanes: (6, k) int64, the lane of each row and the five ahead of it; -1 beyond a dead end.
         arc: (k,) arc lengths from the start of the first lane [m].
 

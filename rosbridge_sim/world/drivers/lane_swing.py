@@ -123,7 +123,6 @@ def _beyond(
     """Return how far points are beyond the left and the right border, with `MARGIN`, (m,) each [m].
 
     Args:
-        roads: the lanes.
         lanes: (n, m) int64, lanes that follow one another.
         s: (m,) about where the points are, counted from the start of the first lane [m].
         x: (m,) east [m].

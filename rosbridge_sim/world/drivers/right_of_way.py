@@ -54,7 +54,6 @@ def update_holds(conflicts: LaneConflicts, drivers: Drivers) -> None:
     """Turn claims into holds where the front bumper is past the wait point; end holds where the tail is out.
 
     Args:
-        conflicts: of the roads.
         drivers: `claim` and `held` are written.
     """
     at = ((drivers.claim >= 0) & (drivers.claim == drivers.lanes[0])).nonzero()[0]
@@ -78,7 +77,6 @@ def give_claims(
     """Give lanes to the drivers that ask, one after another, where no rival is taken. The rest must stop.
 
     Args:
-        conflicts: of the roads.
         drivers: `claim` and `exit_lane` are written.
         perception: `gap` and `lead` are read; `stop_distance`, `is_shut_out` and `is_blocked` are written.
         requests: of the same drivers.

@@ -43,7 +43,6 @@ def follow_in_joins(conflicts: LaneConflicts, drivers: Drivers, moving: Entries,
     """Have drivers before a join follow those on the other lane that will be there first.
 
     Args:
-        conflicts: of the roads.
         drivers: all of them.
         moving: entries of the vehicles that do not follow lanes and move.
         accel: (k,) that the drivers chose without regard to joins [m/s^2].

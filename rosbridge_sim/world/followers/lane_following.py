@@ -516,7 +516,6 @@ def _find_passed_first(roads: Roads, drivers: Drivers, entries: Entries, arrival
     then see the entry.
 
     Args:
-        roads: the lanes.
         drivers: all of them.
         entries: (m,) of people who cross.
         arrival: (m,) when they will be in the way [s].

@@ -57,9 +57,6 @@ class LaneNeighbours:
         place: (l,) int64, number of lanes to the right.
         keeps_right: (l,) bool, drivers keep right here.
         before: for each lane those that lead to it. The numbers mean nothing.
-
-    Args:
-        roads: the lanes.
     """
 
     __slots__ = (

@@ -128,9 +128,6 @@ class LaneConflicts:
         shared: (l,) the greatest of the latter, 0 without siblings [m].
         gives_way: (l,) bool, a stop line lies before the lane. Rivals without one have the right of way.
         joins: pairs of lanes that become one at a small angle; they are no rivals.
-
-    Args:
-        roads: the lanes.
     """
 
     __slots__ = (
@@ -237,7 +234,6 @@ def _braking_before(roads: Roads, lane: IntArray, speed: FloatArray) -> FloatArr
     """Return speeds at the points of the roads, (n,), low enough to brake with `COMFORT` to those that come [m/s].
 
     Args:
-        roads: the lanes.
         lane: (n,) int64, the lane of each point.
         speed: (n,) the greatest speed at each point [m/s].
     """

@@ -57,7 +57,6 @@ def find_joins(  # noqa: PLR0917 - columns of the pairs of near lanes
     """Return the joins of a map.
 
     Args:
-        roads: the lanes.
         gives_way: (l,) which lanes have a stop line before them; they keep to the right of way.
         lane: (k,) int64, rows of lanes that come near others, each pair in both orders.
         other: (k,) int64, rows of the others.

@@ -41,7 +41,6 @@ def find_lane(roads: Roads, x: float, y: float, yaw: float | None = None, z: flo
     """Return the place on the lane nearest to a point.
 
     Args:
-        roads: the lanes.
         x: east, finite [m].
         y: north, finite [m].
         yaw: heading; lanes of another direction then count as farther away, see `Roads.nearest` [rad]. None compares
@@ -60,7 +59,6 @@ def place_on_lane(roads: Roads, lane: int, x: float, y: float, reach: float) -> 
     """Return the place of a point on a given lane.
 
     Args:
-        roads: the lanes.
         lane: row of the lane.
         x: east, finite [m].
         y: north, finite [m].
@@ -78,7 +76,6 @@ def is_on_road(roads: Roads, x: float, y: float) -> bool:
     """Return whether a point is between the edges of any lane.
 
     Args:
-        roads: the lanes.
         x: east, finite [m].
         y: north, finite [m].
     """

@@ -50,7 +50,6 @@ def find_route(roads: Roads, start_lane: int, start: float, goal_lane: int, goal
     """Return the shortest way from a place on a lane to another one.
 
     Args:
-        roads: the lanes.
         start_lane: row of the lane to begin on.
         start: arc length on it [m].
         goal_lane: row of the lane to end on.
@@ -95,7 +94,6 @@ def route_points(roads: Roads, route: Route, most: int = MAX_ROUTE_POINTS) -> Fl
     """Return the line of a route: the points of its lanes, from its start to its goal.
 
     Args:
-        roads: the lanes.
         route: from `find_route`.
         most: points at most, 2 or more. Of more points each second, third, ... is given, and always the last.
 
@@ -127,7 +125,6 @@ class KnownRoutes:
     """
 
     def __init__(self, roads: Roads) -> None:
-        """Know none yet."""
         self._roads = roads
         self._found: dict[tuple[int, float, int, float], Route | None] = {}
         self._num_lanes = 0

@@ -255,7 +255,6 @@ def light_ahead(roads: Roads, plan: SignalPlan, lane: int, s: float, reach: floa
     gives the light: without a known turn it is the main one.
 
     Args:
-        roads: the lanes.
         plan: their lights.
         lane: row of the lane of the vehicle.
         s: arc length on the lane [m].

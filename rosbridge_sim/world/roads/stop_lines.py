@@ -50,11 +50,7 @@ class Passed:
 
 
 class StopLines:
-    """The ends of all lanes of a map; get it by `roads.derived(StopLines)`. Which of them are stop lines, lights say.
-
-    Args:
-        roads: the lanes.
-    """
+    """The ends of all lanes of a map; get it by `roads.derived(StopLines)`. Lights say which are stop lines."""
 
     __slots__ = ("_ahead", "_end", "_grid", "_height", "_left", "_right", "_roads")
 
@@ -111,7 +107,6 @@ def find_red_lanes(roads: Roads, signals: Signals, lane: IntArray, first: IntArr
     those who cannot stop.
 
     Args:
-        roads: the lanes.
         signals: their lights.
         lane: (m,) int64, rows of the lanes that end at the lines.
         first: (m,) int64, where in `signals.shown` the lights begin that count.
@@ -140,7 +135,6 @@ def settle(
     """Find out which lane was taken behind open stop lines.
 
     Args:
-        roads: the lanes.
         line: (m,) int64, rows of the lanes that end at the lines.
         red: (m,) int64, the lanes behind it that were red; see `find_red_lanes`.
         place: (m,) middles of the front bumpers, east + i north [m].

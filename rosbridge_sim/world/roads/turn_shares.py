@@ -61,9 +61,6 @@ class Turns:
     Attributes:
         lane: (k,) int64, for each successor in `LaneConflicts.onward` the lane before it.
         kind: (k,) int64, its place among the fields of `TurnShares`.
-
-    Args:
-        roads: the lanes.
     """
 
     __slots__ = ("_bounds", "_first", "kind", "lane")

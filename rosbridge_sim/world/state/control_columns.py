@@ -59,7 +59,6 @@ def fill_body_columns(arrays: EntityArrays, row: int, body: Body) -> None:
     Args:
         arrays: written in place.
         row: row of an EGO.
-        body: its body.
     """
     for column, name in _BODY_COLUMNS.items():
         getattr(arrays, column)[row] = getattr(body, name)
