@@ -204,7 +204,8 @@ class Policy:
         Args:
             type_name: its type if it is known.
         """
-        return any(self._why_not(use, topic, type_name) is None for use in (Use.PUBLISH, Use.SUBSCRIBE))
+        uses = (Use.PUBLISH, Use.SUBSCRIBE)
+        return self.is_open or any(self._why_not(use, topic, type_name) is None for use in uses)
 
     def left_open(self) -> list[str]:
         """Return log lines, one for each pattern that closes one way to something and leaves other ways open."""

@@ -229,15 +229,18 @@ class Rosapi:
     def _topics_and_raw_types(self, _request: _Request) -> _Fields:
         """Return the definitions of all topics, for Lichtblick's readers; for an unknown type, a comment."""
         topics = self._sorted_topics()
+        # Of each type once: there may be thousands of topics.
+        names = {topic.type.name for topic in topics}
+        types = {name: (self._spelled(name, "msg"), self._full_text(name)) for name in names}
         texts: list[str] = []
         num_chars = 0
         for topic in topics:
-            text = self._full_text(topic.type.name)
+            text = types[topic.type.name][1]
             num_chars += len(text)
             texts.append(text if num_chars <= MAX_RAW_CHARS else _OMITTED)
         return {
             "topics": [t.name for t in topics],
-            "types": [self._spelled(t.type.name, "msg") for t in topics],
+            "types": [types[t.type.name][0] for t in topics],
             "typedefs_full_text": texts,
         }
 

@@ -84,7 +84,10 @@ def response_frame(service: str, values: bytes, *, is_ok: bool, op_id: Id) -> by
     """
     tail = b"}" if op_id is None else b',"id":' + _encode_id(op_id) + b"}"
     result = b',"result":true' if is_ok else b',"result":false'
-    return b'{"op":"service_response","service":' + orjson.dumps(service) + b',"values":' + values + result + tail
+    # Joined, because each `+` would copy the values once more.
+    return b"".join(
+        (b'{"op":"service_response","service":', orjson.dumps(service), b',"values":', values, result, tail)
+    )
 
 
 def op_frame(op: str, bodies: Mapping[str, bytes], **fields: object) -> bytes:
