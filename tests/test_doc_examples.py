@@ -65,6 +65,8 @@ OTHERS = (
     "park",
     "sensors",
     "campaign-drivers",
+    "campaign-limits",
+    "campaign-over-time",
     "campaign-search",
 )
 """Examples that have a test of their own here."""
@@ -344,7 +346,7 @@ def test_sensors_of_a_file_are_read(tmp_path: Path) -> None:
     ]
 
 
-def test_drivers_and_search_of_a_campaign_are_read() -> None:
+def test_drivers_limits_and_search_of_a_campaign_are_read() -> None:
     drivers = read_campaign(tomllib.loads(f'scenario = "town"\nseconds = 8\n{example("campaign-drivers")}'), "drivers")
     assert {name: (one.batch, one.real_time) for name, one in drivers.drivers.items()} == {
         "mine": (0, False),
@@ -353,6 +355,11 @@ def test_drivers_and_search_of_a_campaign_are_read() -> None:
         "stack": (0, False),
         "slow": (0, True),
     }
+    limits = read_campaign(tomllib.loads(f'scenario = "town"\n{example("campaign-limits")}'), "limits")
+    assert {each.topic for each in limits.fields} == {"/Ego_topic", "/planner/state"}
+    assert list(limits.limits.python) == ["mine"]
+    over_time = read_campaign(tomllib.loads(f'scenario = "town"\n{example("campaign-over-time")}'), "over time")
+    assert {*over_time.limits.always, *over_time.limits.end} == {"fast", "smooth", "planned"}
     ranges = "[parameters]\ngap = { low = 5, high = 36, num = 32 }\n"
     search = read_campaign(tomllib.loads(f'scenario = "town"\nseconds = 8\n{ranges}{example("campaign-search")}'), "s")
     check_search(search)

@@ -14,6 +14,8 @@ from rosbridge_sim.expressions import (
     FUNCTIONS,
     MAX_EXPRESSION_DEPTH,
     MAX_EXPRESSION_LENGTH,
+    RUNNING,
+    Following,
     Value,
     is_name,
     parse_expression,
@@ -128,4 +130,86 @@ def test_arithmetic_equals_that_of_python(tree: object) -> None:
 
 def test_names_of_functions_and_words_of_the_language_are_no_names() -> None:
     assert is_name("gap")
-    assert not any(is_name(name) for name in [*FUNCTIONS, "pi", "if", "lambda", "2x", "a-b", "a.b", "é", ""])
+    assert not any(is_name(name) for name in [*FUNCTIONS, *RUNNING, "pi", "if", "lambda", "2x", "a-b", "a.b", "é", ""])
+
+
+def followed(text: str, frames: list[dict[str, Value]]) -> list[Value | None]:
+    following = Following(parse_expression(text, "f", frozenset({"x", "word"}), is_followed=True))
+    found = []
+    for values in frames:
+        following.take(values)
+        found.append(following.value(values))
+    return found
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("max(x)", [1, 4, 4, 4]),
+        ("min(x)", [1, 1, 1, -2]),
+        ("mean(x)", [1, 2.5, 2.5, 1]),
+        ("first(x)", [1, 1, 1, 1]),
+        ("last(x)", [1, 4, 4, -2]),
+        ("count(x > 0)", [1, 2, 2, 2]),
+        ("ever(x > 3)", [False, True, True, True]),
+        ("always(x > 0)", [True, True, True, False]),
+        ("max(x) - min(x) + max(x, 0)", [1, 7, None, 6]),
+        ("max(abs(mean(x)))", [1, 2.5, 2.5, 2.5]),
+        ("x", [1, 4, None, -2]),
+    ],
+)
+def test_functions_over_time_keep_what_was_so_far(text: str, expected: list[Value | None]) -> None:
+    assert followed(text, [{"x": 1}, {"x": 4}, {}, {"x": -2}]) == pytest.approx(expected)
+
+
+def test_function_over_time_has_no_value_before_its_argument_has() -> None:
+    assert followed("count(/a.b > 0) >= 0", [{}, {"/a.b": 1}]) == [None, True]
+
+
+@pytest.mark.parametrize(
+    ("text", "fields", "names"),
+    [
+        ("/Ego_topic.velocity.x < 20", {("/Ego_topic", ("velocity", "x"))}, set()),
+        ("x / 2 / /a/b.c[3].d", {("/a/b", ("c", 3, "d"))}, {"x"}),
+        ("not /a.b and (x)/x", {("/a", ("b",))}, {"x"}),
+        ("word == '/a.b'", set(), {"word"}),
+        ("-/a.b + /a.b", {("/a", ("b",))}, set()),
+        ("x //2", set(), {"x"}),
+    ],
+)
+def test_slash_begins_a_topic_where_a_value_is_expected(text: str, fields: set[object], names: set[str]) -> None:
+    found = parse_expression(text, "f", frozenset({"x", "word"}), is_followed=True)
+    assert {(each.topic, each.path) for each in found.fields} == fields
+    assert found.names == names | {each.text for each in found.fields}
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("/Ego_topic < 3", "expected a field behind the topic /Ego_topic"),
+        ("/a[0] < 3", "expected a field behind the topic /a"),
+        ("max() < 3", "max(): expected 2 to 8 arguments"),
+        ("count(x, x)", "count(): expected 1 argument"),
+        ("evre(x)", "did you mean ever"),
+        ("x.real", "without points"),
+        ("/a.b.c(3)", "expected no parentheses behind /a.b.c"),
+    ],
+)
+def test_what_is_followed_is_refused_with_its_place(text: str, what: str) -> None:
+    with pytest.raises(DocumentError, match=r"^file: ") as caught:
+        parse_expression(text, "file", frozenset({"x"}), is_followed=True)
+    assert what in str(caught.value)
+
+
+def test_functions_over_time_and_topics_are_for_what_is_followed() -> None:
+    for text in ("max(x)", "ever(x > 1)", "/a.b > 1"):
+        with pytest.raises(DocumentError):
+            parse_expression(text, "f", frozenset({"x"}))
+
+
+@given(st.text(alphabet="/ab.[0]x<>'\"( )max,-\\", max_size=60))
+def test_no_text_that_is_followed_raises_anything_else(text: str) -> None:
+    with suppress(DocumentError):
+        following = Following(parse_expression(text, "f", frozenset({"x"}), is_followed=True))
+        following.take({"x": 1.0})
+        following.value({"x": 1.0})

@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 from rosbridge_sim.campaign_runs.job import Job, LoadedJob, open_job
-from rosbridge_sim.campaign_runs.python_drives import PYTHON_SETTINGS
+from rosbridge_sim.campaign_runs.simulator_options import check_settings
 from rosbridge_sim.campaigns.campaign import Campaign, check_search, plan_runs
 from rosbridge_sim.errors import DocumentError
 
@@ -58,13 +58,7 @@ def _check_drivers(loaded: LoadedJob) -> None:
     campaign, source = loaded.campaign, loaded.campaign.source
     settings = [str(each.path[0]) for each in campaign.assignments if each.room == "setting"]
     for name, driver in campaign.drivers.items():
-        if driver.command is None:
-            for key in settings:
-                if key not in PYTHON_SETTINGS:
-                    raise DocumentError(
-                        f"{source}: set.'setting.{key}': the driver {name!r} has no server; drivers in Python know"
-                        f" {', '.join(PYTHON_SETTINGS)}"
-                    )
+        check_settings(settings, f"{source}: drivers.{name}: ", has_server=driver.is_program)
         if driver.python is not None or driver.policy is not None:
             loaded.drivers_function(driver)
         elif driver.command is not None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Final
 
 from rosbridge_sim.campaigns.assignments import Change, change_document
 from rosbridge_sim.campaigns.campaign import Campaign, read_campaign
@@ -23,10 +23,15 @@ from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
+from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.toml_text import read_toml
 from rosbridge_sim.shell.files.library import DiskLibrary
 
 __all__ = ["Job", "LoadedJob", "load_callable", "open_job", "read_job"]
+
+
+MAX_LIBRARIES: Final = 16
+"""Most libraries of own maps and catalogues that are kept."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +83,25 @@ class LoadedJob:
         self.campaign: Campaign = read_campaign(tomllib.loads(job.text), job.source)
         self.library = DiskLibrary()
         self._documents: dict[str, tuple[Any, str]] = {}
+        self._libraries: dict[object, DiskLibrary] = {}
+
+    def library_for(self, settings: Settings) -> DiskLibrary:
+        """Return scenarios and maps for a simulator; the same ones for all that have the same folders.
+
+        Args:
+            settings: of the simulator.
+
+        Raises:
+            DocumentError: a folder or the catalogue cannot be used.
+        """
+        own = settings.scenario_path, settings.map, settings.catalogue
+        if own == (Settings().scenario_path, None, None):
+            return self.library
+        if own not in self._libraries:
+            if len(self._libraries) >= MAX_LIBRARIES:
+                self._libraries.clear()
+            self._libraries[own] = DiskLibrary(*own)
+        return self._libraries[own]
 
     def scenario_text(self, name: str, changes: tuple[Change, ...]) -> tuple[bytes, str]:
         """Return a scenario's document with the changes of a run, and its path.

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.expressions import Value
-from rosbridge_sim.worlds.worlds import Worlds
+from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 
 __all__ = ["Observation"]
 
@@ -28,7 +28,7 @@ class Observation:
         parameters: of the run, by name; for n worlds a list of such.
     """
 
-    def __init__(self, worlds: Worlds, parameters: Sequence[Mapping[str, Value]], *, is_single: bool) -> None:
+    def __init__(self, worlds: DrivableWorlds, parameters: Sequence[Mapping[str, Value]], *, is_single: bool) -> None:
         self._worlds, self._is_single = worlds, is_single
         self.time = float(worlds.frames[0]) * worlds.dt
         self.seed: Any = worlds.seeds[0] if is_single else worlds.seeds

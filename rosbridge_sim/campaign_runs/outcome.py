@@ -6,6 +6,7 @@ import io
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rosbridge_sim.campaigns.own_limits import OwnLimits
 from rosbridge_sim.campaigns.trace import Trace
 
 __all__ = ["KeptOutput", "Outcome"]
@@ -21,6 +22,7 @@ class Outcome:
 
     Attributes:
         trace: of the frames that were driven.
+        own: the user's own limits, judged so far.
         state_hash: of the world at the end.
         error: why it could not be driven to its end; empty if it was.
         log: what the driver printed, and how it ended.
@@ -29,6 +31,7 @@ class Outcome:
     """
 
     trace: Trace
+    own: OwnLimits
     state_hash: str = ""
     error: str = ""
     log: str = ""

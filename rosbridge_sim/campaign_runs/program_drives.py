@@ -12,7 +12,6 @@ import os
 import signal
 import subprocess
 import sys
-import tempfile
 import threading
 import time
 from collections.abc import Iterator
@@ -21,14 +20,12 @@ from typing import IO, Final
 
 from rosbridge_sim.campaign_runs.job import LoadedJob
 from rosbridge_sim.campaign_runs.outcome import KeptOutput, Outcome
-from rosbridge_sim.campaign_runs.surroundings import find_roads
-from rosbridge_sim.campaigns.campaign import names_of
+from rosbridge_sim.campaign_runs.simulator_options import make_work_folder, simulator_options
+from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.campaigns.results import Run
-from rosbridge_sim.campaigns.trace import Recorder
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.app import Simulator
-from rosbridge_sim.shell.config.options import SimulatorOptions
 
 try:
     import resource
@@ -43,9 +40,6 @@ PATIENCE: Final = 1.0
 HURRY: Final = 0.2
 """The same after Ctrl-C [s]."""
 
-OWN_SETTINGS: Final = frozenset({"scenario", "seed", "port", "host", "start", "score", "record", "data_dir", "config"})
-"""Settings that belong to the campaign."""
-
 
 def drive_by_program(loaded: LoadedJob, driver: DriverItem, run: Run, *, record: bool) -> Outcome:
     """Drive a run by a program.
@@ -58,17 +52,15 @@ def drive_by_program(loaded: LoadedJob, driver: DriverItem, run: Run, *, record:
     Returns:
         The outcome; its files are in its folder `work`, which the caller removes.
     """
-    campaign = loaded.campaign
-    drive = _Drive(Recorder(campaign.document.seconds, campaign.end_when, names_of(run)))
+    drive = _Drive(loaded, run)
     outcome = drive.outcome
     try:
-        outcome.work = work = Path(tempfile.mkdtemp(prefix=f"run-{run.number}-", dir=_work_folder(loaded)))
-        options = _options(loaded, driver, run, work)
+        outcome.work = work = make_work_folder(loaded, run)
+        options = simulator_options(loaded, run, work, is_real_time=driver.real_time)
         if record:
             options["record"] = str(work / "drive.mcap")
         simulator = Simulator(**options)
-        if not {"map", "catalogue", "scenario_path"} & options.keys():
-            simulator.library = loaded.library
+        simulator.library = loaded.library_for(simulator.settings)
         with _logged(drive), simulator:
             simulator.run_inside(lambda: drive.watch(simulator))
             with _program(loaded, driver, run, simulator.url, work) as program:
@@ -102,77 +94,31 @@ def _logged(drive: _Drive) -> Iterator[None]:
         drive.outcome.log += f"\nthe simulator's log:\n{output.text}"
 
 
-def _work_folder(loaded: LoadedJob) -> Path | None:
-    folder = Path(loaded.job.folder) / ".work"
-    with contextlib.suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True)
-        return folder
-    return None
-
-
-def _options(loaded: LoadedJob, driver: DriverItem, run: Run, work: Path) -> SimulatorOptions:
-    """Return the options of a run's simulator.
-
-    Raises:
-        DocumentError: the scenario or a setting cannot be used.
-    """
-    values = loaded.campaign.values_of(run)
-    changes = values.scenario
-    if values.vehicle is not None:
-        changes = (*changes, (("egoVehicle", "modelName"), values.vehicle))
-    text, source = loaded.scenario_text(run.scenario, changes)
-    if changes:
-        file = work / "scenario.json"
-        file.write_bytes(text)
-        source = str(file)
-    for key in values.settings:
-        if key in OWN_SETTINGS:
-            raise DocumentError(f"setting.{key}: expected another setting; this one belongs to the campaign")
-    options: SimulatorOptions = {
-        "scenario": source,
-        "seed": run.seed,
-        "port": 0,
-        "page": False,
-        "start": "run" if driver.real_time else "sync",
-        "score": True,
-        "data_dir": str(work / "SaveFile"),
-    }
-    options.update(values.settings)  # type: ignore[typeddict-item] # `Simulator` checks names and values
-    return options
-
-
 class _Drive:
     """One drive: what the world's thread notes, and when it has ended."""
 
-    def __init__(self, recorder: Recorder) -> None:
-        self.outcome = Outcome(recorder.trace)
-        self._recorder = recorder
+    def __init__(self, loaded: LoadedJob, run: Run) -> None:
+        self._watched = WatchedDrive(loaded.campaign, run)
+        self.outcome = self._watched.outcome
         self._is_over = threading.Event()
 
     def watch(self, simulator: Simulator) -> None:
         """Note each frame from now on. Runs in the simulator's thread."""
         assert simulator.node is not None
+        assert simulator.bus is not None
         world = simulator.node.world
+        self._watched.listen(simulator.bus)
 
         def take(_now: float) -> None:
-            if self._is_over.is_set():
-                return
-            try:
-                if not self._recorder.take(world):
-                    return
-            except DocumentError as error:
-                self.outcome.error = str(error)
-            self.close(simulator)
+            if not self._is_over.is_set() and self._watched.take(world):
+                self.close(simulator)
 
         simulator.node.context.hooks.after_frame.append(take)
 
     def close(self, simulator: Simulator) -> None:
         """Note the state at the end. Runs in the simulator's thread."""
         assert simulator.node is not None
-        world = simulator.node.world
-        self.outcome.state_hash = world.digest()
-        if self.outcome.trace.rows:
-            self.outcome.roads = find_roads(world, self.outcome.trace)
+        self._watched.finish(simulator.node.world)
         self._is_over.set()
 
     def follow(self, program: _Program, timeout: float) -> None:

@@ -1,5 +1,8 @@
 """Drives without a server: our own driver, Python functions and policies, one world or many of them together.
 
+`Worlds` moves them in one step. Where the campaign reads topics, or sets what `Worlds` does not know, each has the node
+of a simulator instead, see `node_worlds`.
+
 World i of a batch moves as it would alone, to the bit, so a batch changes nothing in the table. If a function that
 drives many worlds raises an error, each of them is driven again alone: then the error belongs to its own run.
 """
@@ -7,36 +10,39 @@ drives many worlds raises an error, each of them is driven again alone: then the
 from __future__ import annotations
 
 import contextlib
+import errno
 import math
+import shutil
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
 from rosbridge_sim.campaign_runs.job import LoadedJob
+from rosbridge_sim.campaign_runs.node_worlds import NodeWorlds
 from rosbridge_sim.campaign_runs.observation import Observation
 from rosbridge_sim.campaign_runs.outcome import KeptOutput, Outcome
-from rosbridge_sim.campaign_runs.surroundings import find_roads
+from rosbridge_sim.campaign_runs.simulator_options import WORLD_SETTINGS, check_settings, make_work_folder
+from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.campaign import RunValues, names_of
 from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.campaigns.results import Run
-from rosbridge_sim.campaigns.trace import Recorder
 from rosbridge_sim.environments.actions import MAX_ACCEL, MAX_STEER
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.observations import observe
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.state.world import Kind
+from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 from rosbridge_sim.worlds.worlds import Worlds
 
-__all__ = ["PYTHON_SETTINGS", "drive_in_python"]
-
-PYTHON_SETTINGS: Final = {"traffic": "traffic", "dynamics": "dynamics", "on_collision": "impacts"}
-"""Settings that count without a server -> argument of `Worlds`."""
+__all__ = ["drive_in_python"]
 
 Command = Mapping[str, Any]
-Decide = Callable[[Worlds], Command]
+Decide = Callable[[Any], Command]
+"""Returns commands for worlds."""
 
 
 def drive_in_python(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run]) -> list[Outcome]:
@@ -67,29 +73,24 @@ def drive_in_python(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run]) 
 
 
 def _broken(loaded: LoadedJob, run: Run, why: str) -> Outcome:
-    return Outcome(_recorder(loaded, run).trace, error=why)
-
-
-def _recorder(loaded: LoadedJob, run: Run) -> Recorder:
-    campaign = loaded.campaign
-    return Recorder(campaign.document.seconds, campaign.end_when, names_of(run))
+    outcome = WatchedDrive(loaded.campaign, run).outcome
+    outcome.error = why
+    return outcome
 
 
 def _drive(loaded: LoadedJob, driver: DriverItem, group: Sequence[tuple[Run, RunValues]]) -> list[Outcome] | None:
     """Drive worlds together; None if several failed together, and must be driven alone."""
     output = KeptOutput()
+    drives = [WatchedDrive(loaded.campaign, run) for run, _ in group]
     try:
-        worlds = _make_worlds(loaded, group)
+        worlds = _make_worlds(loaded, group, drives)
         with _captured(output):
             decide = _decider(loaded, driver, worlds, [run for run, _ in group])
     except Exception as error:  # noqa: BLE001 - the user's code, or the user's scenario
-        if len(group) > 1:
-            return None
-        outcome = _broken(loaded, group[0][0], _why(error))
-        outcome.log = output.text + ("" if isinstance(error, DocumentError) else _trace_of(error))
-        return [outcome]
-    recorders = [_recorder(loaded, run) for run, _ in group]
-    outcomes = [Outcome(recorder.trace) for recorder in recorders]
+        outcome = _failed(drives, error)
+        if outcome is not None:
+            outcome.log = output.text + ("" if isinstance(error, DocumentError) else _trace_of(error))
+        return None if outcome is None else [outcome]
     active, frame = list(range(len(group))), 0
     while active:
         try:
@@ -99,80 +100,75 @@ def _drive(loaded: LoadedJob, driver: DriverItem, group: Sequence[tuple[Run, Run
                     commands = decide(worlds)
             worlds.step(commands)
         except Exception as error:  # noqa: BLE001 - the user's code
-            if len(group) > 1:
+            outcome = _failed(drives, error)
+            if outcome is None:
                 return None
-            outcomes[0].error = _why(error)
             output.write(_trace_of(error))
-            _finish(outcomes[0], worlds, 0)
+            drives[0].finish(worlds.world(0))
             break
         frame += 1
-        active = [i for i in active if not _note(recorders[i], outcomes[i], worlds, i)]
-    for outcome in outcomes:
-        outcome.log = output.text
-    return outcomes
+        ended = [i for i in active if drives[i].take(worlds.world(i))]
+        for i in ended:
+            drives[i].finish(worlds.world(i))
+        active = [i for i in active if i not in ended]
+    for drive in drives:
+        drive.outcome.log = output.text
+    return [drive.outcome for drive in drives]
 
 
-def _note(recorder: Recorder, outcome: Outcome, worlds: Worlds, i: int) -> bool:
-    """Note a frame of one world; return whether its drive has ended."""
-    try:
-        is_over = recorder.take(worlds.world(i))
-    except DocumentError as error:
-        outcome.error, is_over = str(error), True
-    if is_over:
-        _finish(outcome, worlds, i)
-    return is_over
+def _failed(drives: Sequence[WatchedDrive], error: Exception) -> Outcome | None:
+    """Return the outcome of a drive that failed; None if several did, whose folders are removed."""
+    if len(drives) == 1:
+        drives[0].outcome.error = _why(error)
+        return drives[0].outcome
+    for drive in drives:
+        if drive.outcome.work is not None:
+            shutil.rmtree(drive.outcome.work, ignore_errors=True)
+    return None
 
 
-def _finish(outcome: Outcome, worlds: Worlds, i: int) -> None:
-    outcome.state_hash = worlds.world(i).digest()
-    if outcome.trace.rows:
-        outcome.roads = find_roads(worlds.world(i), outcome.trace)
-
-
-def _make_worlds(loaded: LoadedJob, group: Sequence[tuple[Run, RunValues]]) -> Worlds:
+def _make_worlds(
+    loaded: LoadedJob, group: Sequence[tuple[Run, RunValues]], drives: Sequence[WatchedDrive]
+) -> Worlds | NodeWorlds:
     """Return the worlds of some runs.
 
     Raises:
         DocumentError: a scenario or a setting cannot be used.
+        OSError: the disk takes no more.
     """
+    values, runs = group[0][1], [run for run, _ in group]
+    check_settings(values.settings, "", has_server=False)
+    if loaded.campaign.fields or not values.settings.keys() <= WORLD_SETTINGS.keys():
+        for drive, run in zip(drives, runs, strict=True):
+            drive.outcome.work = make_work_folder(loaded, run)
+        worlds: Worlds | NodeWorlds = NodeWorlds(loaded, drives, runs)
+    else:
+        worlds = _make_fast_worlds(loaded, group)
+    for i in range(worlds.num_worlds):
+        if not len(worlds.world(i).rows(Kind.EGO)):
+            raise DocumentError(f"{runs[i].scenario}: expected a scenario with an ego")
+    return worlds
+
+
+def _make_fast_worlds(loaded: LoadedJob, group: Sequence[tuple[Run, RunValues]]) -> Worlds:
     values = group[0][1]
-    options: dict[str, Any] = {}
-    for key, value in values.settings.items():
-        if key not in PYTHON_SETTINGS:
-            raise DocumentError(
-                f"setting.{key}: drivers in Python have no server; they know {', '.join(PYTHON_SETTINGS)}. A driver"
-                " with a command has all settings"
-            )
-        options[PYTHON_SETTINGS[key]] = value == "impact" if key == "on_collision" else value
-    if options.get("dynamics", "kinematic") not in {"kinematic", "single-track"}:
-        raise DocumentError(f"setting.dynamics: expected single-track or kinematic, got {options['dynamics']!r}")
-    traffic = options.get("traffic", 0)
-    if not isinstance(traffic, int) or not 0 <= traffic <= MAX_TRAFFIC:
-        raise DocumentError(f"setting.traffic: expected a whole number from 0 to {MAX_TRAFFIC:,}, got {traffic!r}")
+    settings = check_options(values.settings)
+    options: dict[str, Any] = {WORLD_SETTINGS[key]: getattr(settings, key) for key in values.settings}
+    if "impacts" in options:
+        options["impacts"] = options["impacts"] == "impact"
     scenarios = [loaded.scenario(run.scenario, each.scenario) for run, each in group]
     try:
-        worlds = Worlds(
+        return Worlds(
             scenarios, seed=[run.seed for run, _ in group], vehicle=values.vehicle, library=loaded.library, **options
         )
     except ValueError as error:
         raise DocumentError(str(error)) from None
-    for i in range(worlds.num_worlds):
-        if not len(worlds.world(i).rows(Kind.EGO)):
-            raise DocumentError(f"{group[i][0].scenario}: expected a scenario with an ego")
-    return worlds
 
 
-MAX_TRAFFIC: Final = 10_000
-
-
-def _decider(loaded: LoadedJob, driver: DriverItem, worlds: Worlds, runs: Sequence[Run]) -> Decide | None:
+def _decider(loaded: LoadedJob, driver: DriverItem, worlds: Worlds | NodeWorlds, runs: Sequence[Run]) -> Decide | None:
     """Return what gives commands; None for egos that drive themselves."""
     if driver.own is not None:
-        for i, run in enumerate(runs):
-            world = worlds.world(i)
-            speed = math.inf if driver.speed is None else driver.speed
-            if not start_self_driving(world, world.rows(Kind.EGO).item(0), desired_speed=speed):
-                raise DocumentError(f"{run.scenario}: our own driver needs an ego on a lane, and along it")
+        _let_drive(worlds, math.inf if driver.speed is None else driver.speed, runs)
         return None
     function = loaded.drivers_function(driver)
     if isinstance(function, type):
@@ -180,7 +176,7 @@ def _decider(loaded: LoadedJob, driver: DriverItem, worlds: Worlds, runs: Sequen
     if driver.policy is not None:
         task = DrivingTask(runs[0].scenario)
 
-        def decide_policy(worlds: Worlds) -> Command:
+        def decide_policy(worlds: DrivableWorlds) -> Command:
             action = np.clip(np.asarray(function(observe(worlds, task)[0, 0]), dtype=np.float64), -1.0, 1.0)
             if action.shape != (2,):
                 raise ValueError(f"expected an action of shape (2,), got {action.shape}")
@@ -189,7 +185,7 @@ def _decider(loaded: LoadedJob, driver: DriverItem, worlds: Worlds, runs: Sequen
         return decide_policy
     parameters = [names_of(run) for run in runs]
 
-    def decide(worlds: Worlds) -> Command:
+    def decide(worlds: DrivableWorlds) -> Command:
         command = function(Observation(worlds, parameters, is_single=not driver.batch))
         if not isinstance(command, Mapping):
             raise TypeError(f"expected a command such as {{'steering': 0.0, 'accel': 1.0}}, got {command!r:.60}")
@@ -198,9 +194,27 @@ def _decider(loaded: LoadedJob, driver: DriverItem, worlds: Worlds, runs: Sequen
     return decide
 
 
+def _let_drive(worlds: Worlds | NodeWorlds, speed: float, runs: Sequence[Run]) -> None:
+    """Let the first ego of each world follow the lanes, at most at a speed [m/s].
+
+    Raises:
+        DocumentError: one stands on no lane.
+    """
+    for i, run in enumerate(runs):
+        if isinstance(worlds, NodeWorlds):
+            is_driving = worlds.drive_itself(i, speed)
+        else:
+            world = worlds.world(i)
+            is_driving = start_self_driving(world, world.rows(Kind.EGO).item(0), desired_speed=speed)
+        if not is_driving:
+            raise DocumentError(f"{run.scenario}: our own driver needs an ego on a lane, and along it")
+
+
 def _why(error: Exception) -> str:
     if isinstance(error, DocumentError):
         return str(error)
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        return f"{error.filename or 'the disk'}: {error.strerror}"
     text = str(error).partition("\n")[0][:200]
     return (
         f"the driver failed: {type(error).__name__}: {text}" if text else f"the driver failed: {type(error).__name__}"

@@ -147,12 +147,14 @@ def _judge(loaded: LoadedJob, outcome: Outcome) -> tuple[Verdict, str, tuple[Bre
     breaches: tuple[Breach, ...] = ()
     if outcome.trace.rows:
         try:
-            breaches = judge_trace(outcome.trace, loaded.campaign.limits, loaded.checks)
+            own = outcome.own.end()
+            breaches = judge_trace(outcome.trace, loaded.campaign.limits, loaded.checks, own)
         except DocumentError as error:
             outcome.error = outcome.error or str(error)
         except Exception as error:  # noqa: BLE001 - the user's function
             outcome.error = outcome.error or f"a limit's function failed: {type(error).__name__}: {error}"
             outcome.log += "".join(traceback.format_exception(error))
+        outcome.error = outcome.error or outcome.own.trouble
     if outcome.error:
         return "error", outcome.error, breaches
     if breaches:

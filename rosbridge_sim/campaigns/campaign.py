@@ -13,7 +13,7 @@ from rosbridge_sim.campaigns.parameters import Point, expand_parameters, ranges_
 from rosbridge_sim.campaigns.results import Run
 from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.expressions import Expression, Value, is_name, parse_expression
+from rosbridge_sim.expressions import Expression, TopicField, Value, is_name, parse_expression
 
 __all__ = ["Campaign", "Group", "RunValues", "check_search", "is_skipped", "names_of", "plan_runs", "read_campaign"]
 
@@ -73,6 +73,11 @@ class Campaign:
     def parameters(self) -> Sequence[str]:
         """Names of the parameters, in the order of the columns."""
         return tuple(self.document.parameters)
+
+    @property
+    def fields(self) -> frozenset[TopicField]:
+        """Fields of topics that its expressions read."""
+        return self.limits.fields | (frozenset() if self.end_when is None else self.end_when.fields)
 
     def groups(self) -> Iterator[Group]:
         """Yield every scenario with every driver and seed."""
@@ -139,7 +144,7 @@ def read_campaign(values: Mapping[str, Any], source: str) -> Campaign:
         raise DocumentError(f"{source}: seeds: expected numbers that are not negative, got {min(seeds)}")
     known = frozenset({*FIGURES, *names, "seed"})
     given = document.end_when
-    end_when = None if given is None else parse_expression(given, f"{source}: end_when", known)
+    end_when = None if given is None else parse_expression(given, f"{source}: end_when", known, is_followed=True)
     given = document.skip_when
     skip_when = None if given is None else parse_expression(given, f"{source}: skip_when", frozenset({*names, "seed"}))
     return Campaign(

@@ -176,7 +176,9 @@ class Place(_Item):
 class LimitItem(_Item):
     """A limit of the user's own: an expression, or a Python function."""
 
-    always: Annotated[_Text | None, Field(description="an expression that must hold in every frame")] = None
+    always: Annotated[
+        _Text | None, Field(description="an expression that must hold in every frame that has a value")
+    ] = None
     end: Annotated[_Text | None, Field(description="an expression that must hold in the last frame")] = None
     python: Annotated[
         _Text | None,

@@ -2,7 +2,7 @@
 
 Each limit is judged alone and gives at most one breach, at the first frame that broke it. The verdict of a drive is
 `fail` if there is a breach, and the earliest one is its reason. Nothing here depends on the order or number of other
-runs.
+runs. The user's own expressions are judged while the drive goes on, see `own_limits`.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rosbridge_sim.campaigns.campaign_model import LimitsItem, Place
 from rosbridge_sim.campaigns.results import Breach
 from rosbridge_sim.campaigns.trace import FIGURES, Trace
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.expressions import Expression, parse_expression
+from rosbridge_sim.expressions import Expression, TopicField, parse_expression
 from rosbridge_sim.printable import printable
 
 __all__ = ["Limits", "OwnCheck", "judge_trace", "read_limits"]
@@ -59,6 +59,12 @@ class Limits:
     end: Mapping[str, Expression]
     python: Mapping[str, str]
 
+    @property
+    def fields(self) -> frozenset[TopicField]:
+        """Fields of topics that its expressions read."""
+        expressions = [*(each for each, _ in self.always.values()), *self.end.values()]
+        return frozenset(field for each in expressions for field in each.fields)
+
 
 def read_limits(item: LimitsItem, parameters: Sequence[str], source: str) -> Limits:
     """Parse the limits of a campaign.
@@ -78,9 +84,9 @@ def read_limits(item: LimitsItem, parameters: Sequence[str], source: str) -> Lim
     for name, own in item.own.items():
         where = f"{source}: limits.own.{name}"
         if own.always is not None:
-            always[name] = (parse_expression(own.always, f"{where}.always", known), own.after)
+            always[name] = (parse_expression(own.always, f"{where}.always", known, is_followed=True), own.after)
         elif own.end is not None:
-            end[name] = parse_expression(own.end, f"{where}.end", known)
+            end[name] = parse_expression(own.end, f"{where}.end", known, is_followed=True)
         elif own.python is not None:
             python[name] = own.python
     chosen = {name: getattr(item, name) for name in _MOST}
@@ -88,18 +94,21 @@ def read_limits(item: LimitsItem, parameters: Sequence[str], source: str) -> Lim
     return Limits(most, item.time_to_collision, item.distance, item.arrival, always, end, python)
 
 
-def judge_trace(trace: Trace, limits: Limits, checks: Mapping[str, OwnCheck]) -> tuple[Breach, ...]:
+def judge_trace(
+    trace: Trace, limits: Limits, checks: Mapping[str, OwnCheck], own: Sequence[Breach] = ()
+) -> tuple[Breach, ...]:
     """Return the limits that a drive did not keep, the earliest first.
 
     Args:
         trace: of at least one frame.
         limits: of the campaign.
         checks: the user's functions by the name of the limit.
+        own: breaches of the user's expressions, see `OwnLimits`.
 
     Raises:
-        DocumentError: an expression has no value, such as a division by zero.
+        DocumentError: a function returns something else than None or a text.
     """
-    found = [*_standard(trace, limits), *_own(trace, limits, checks)]
+    found = [*_standard(trace, limits), *own, *_checked(trace, checks)]
     return tuple(sorted(found, key=lambda breach: breach.time))
 
 
@@ -139,18 +148,7 @@ def _arrival(trace: Trace, place: Place) -> Iterator[Breach]:
         yield _breach(trace, at, "arrival", text)
 
 
-def _own(trace: Trace, limits: Limits, checks: Mapping[str, OwnCheck]) -> Iterator[Breach]:
-    for name, (expression, after) in limits.always.items():
-        for i, row in enumerate(trace.rows):
-            if row[0] >= after and not expression(trace.at(i)):
-                yield _breach(
-                    trace, i, name, f"expected {printable(expression.text, 120)}{_told(trace, i, expression)}"
-                )
-                break
-    for name, expression in limits.end.items():
-        if not expression(trace.at(-1)):
-            text = f"expected {printable(expression.text, 120)} at the end{_told(trace, -1, expression)}"
-            yield _breach(trace, -1, name, text)
+def _checked(trace: Trace, checks: Mapping[str, OwnCheck]) -> Iterator[Breach]:
     for name, check in checks.items():
         told = check(trace)
         if told is None or told is True:
@@ -161,13 +159,6 @@ def _own(trace: Trace, limits: Limits, checks: Mapping[str, OwnCheck]) -> Iterat
                 f" {printable(repr(told), 60)}"
             )
         yield _breach(trace, -1, name, printable(told, 200))
-
-
-def _told(trace: Trace, i: int, expression: Expression) -> str:
-    """Return the values of an expression's names in a frame."""
-    values = trace.at(i)
-    shown = [f"{name} {values[name]:.5g}" for name in sorted(expression.names) if isinstance(values[name], int | float)]
-    return f"; {', '.join(shown)}" if shown else ""
 
 
 def _breach(trace: Trace, i: int, limit: str, text: str) -> Breach:

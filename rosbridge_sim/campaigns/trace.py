@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
+from rosbridge_sim.campaigns.topic_values import TopicValues
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.expressions import Expression, Value
+from rosbridge_sim.expressions import Expression, Following, Value
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["FIGURES", "SCORES", "Neighbours", "Recorder", "Trace"]
+__all__ = ["FIGURES", "SCORES", "Judge", "Neighbours", "Recorder", "Trace"]
 
 _COLUMNS: Final = {
     **{name: name for name in ("x", "y", "z", "yaw", "speed", "lateral_speed", "accel", "lateral_accel", "yaw_rate")},
@@ -116,6 +117,17 @@ class Trace:
         return [(round(row[1], 1), round(row[2], 1)) for row in places]
 
 
+class Judge(Protocol):
+    """Judges frames as they come."""
+
+    @property
+    def is_judging(self) -> bool:
+        """Whether it wants frames."""
+
+    def take(self, values: Mapping[str, Value]) -> None:
+        """Judge one frame; the values are those of expressions."""
+
+
 class Recorder:
     """Follows the first ego of a world, frame by frame, and says when the drive has ended.
 
@@ -126,12 +138,22 @@ class Recorder:
         seconds: simulated time of the drive [s].
         end_when: ends it earlier; None for never.
         parameters: of the run, and `seed`.
+        judge: gets the values of each frame.
+        topics: has the values of fields of topics.
     """
 
-    def __init__(self, seconds: float, end_when: Expression | None, parameters: Mapping[str, Value]) -> None:
+    def __init__(
+        self,
+        seconds: float,
+        end_when: Expression | None,
+        parameters: Mapping[str, Value],
+        judge: Judge,
+        topics: TopicValues,
+    ) -> None:
         self.trace = Trace([], parameters, deque(maxlen=int(KEPT_SECONDS / DT / _EVERY)))
         self._frames = max(round(seconds / DT), 1)
-        self._end_when = end_when
+        self._end_when = None if end_when is None else Following(end_when)
+        self._judge, self._topics = judge, topics
         self._last = 0
 
     def take(self, world: World) -> bool:
@@ -141,7 +163,8 @@ class Recorder:
             world: after a frame.
 
         Raises:
-            DocumentError: there is no ego, the frames were not one after another, or `end_when` has no value.
+            DocumentError: there is no ego, the frames were not one after another, `end_when` cannot be computed, or a
+                topic lacks a field.
         """
         rows = world.rows(Kind.EGO)
         if not len(rows):
@@ -157,9 +180,18 @@ class Recorder:
         self.trace.rows.append(tuple(figures))
         if world.frame % _EVERY == 0:
             self.trace.neighbours.append(_look_around(world, row))
-        if self._last >= self._frames:
-            return True
-        return self._end_when is not None and bool(self._end_when(self.trace.at(-1)))
+        is_over = self._last >= self._frames
+        if self._topics.trouble:
+            raise DocumentError(self._topics.trouble)
+        if self._end_when is None and not self._judge.is_judging:
+            return is_over
+        values = self.trace.at(-1) | self._topics.values
+        if self._judge.is_judging:
+            self._judge.take(values)
+        if self._end_when is not None:
+            self._end_when.take(values)
+            is_over = bool(self._end_when.value(values)) or is_over
+        return is_over
 
 
 _OFF_ROAD: Final = FIGURES.index("off_road")

@@ -24,7 +24,7 @@ import numpy.typing as npt
 from gymnasium.spaces import Box, Dict, Space
 
 from rosbridge_sim.environments.driving_task import DrivingTask
-from rosbridge_sim.worlds.worlds import Worlds
+from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 
 __all__ = [
     "AHEAD",
@@ -77,7 +77,7 @@ def _lane_bounds(task: DrivingTask) -> FloatArray:
     return np.array([*LANE_FIGURES.values(), *(LIGHT_FIGURES.values() if task.lights else ())])
 
 
-def _see_lane(worlds: Worlds, task: DrivingTask) -> FloatArray:
+def _see_lane(worlds: DrivableWorlds, task: DrivingTask) -> FloatArray:
     egos, lanes = worlds.egos(), worlds.lanes(AHEAD)
     columns = [
         *(egos["speed"], lanes["offset"], lanes["heading"], lanes["to_left"], lanes["to_right"]),
@@ -95,7 +95,7 @@ def _others_bounds(task: DrivingTask) -> FloatArray:
     return np.tile(np.array(OTHER_BOUNDS), (task.num_others, 1))
 
 
-def _see_others(worlds: Worlds, task: DrivingTask) -> FloatArray:
+def _see_others(worlds: DrivableWorlds, task: DrivingTask) -> FloatArray:
     return worlds.others(task.num_others)
 
 
@@ -103,13 +103,13 @@ def _kinematics_bounds(task: DrivingTask) -> FloatArray:
     return np.concatenate([_lane_bounds(task), _others_bounds(task).ravel()])
 
 
-def _see_kinematics(worlds: Worlds, task: DrivingTask) -> FloatArray:
+def _see_kinematics(worlds: DrivableWorlds, task: DrivingTask) -> FloatArray:
     others = _see_others(worlds, task)
     return np.concatenate([_see_lane(worlds, task), others.reshape(*others.shape[:2], -1)], axis=-1)
 
 
 OBSERVATION_PARTS: Final[
-    dict[str, tuple[Callable[[DrivingTask], FloatArray], Callable[[Worlds, DrivingTask], FloatArray]]]
+    dict[str, tuple[Callable[[DrivingTask], FloatArray], Callable[[DrivableWorlds, DrivingTask], FloatArray]]]
 ] = {
     "Lane": (_lane_bounds, _see_lane),
     "Others": (_others_bounds, _see_others),
@@ -134,7 +134,7 @@ def space_of(task: DrivingTask) -> Space[Any]:
     return _box(bounds_of(task.observation, task), task)
 
 
-def observe(worlds: Worlds, task: DrivingTask, goals: FloatArray | None = None) -> Seen:
+def observe(worlds: DrivableWorlds, task: DrivingTask, goals: FloatArray | None = None) -> Seen:
     """Return the observations of all egos, (num_worlds, num_egos, ...) float32, or a dict of them.
 
     Args:
@@ -162,7 +162,7 @@ def _box(bounds: FloatArray, task: DrivingTask) -> Box:
     return Box(-high, high, bounds.shape, np.float32)
 
 
-def _see(name: str, worlds: Worlds, task: DrivingTask) -> npt.NDArray[Any]:
+def _see(name: str, worlds: DrivableWorlds, task: DrivingTask) -> npt.NDArray[Any]:
     bounds_in, measure = OBSERVATION_PARTS[name]
     bounds = bounds_in(task)
     figures = measure(worlds, task)
@@ -171,7 +171,7 @@ def _see(name: str, worlds: Worlds, task: DrivingTask) -> npt.NDArray[Any]:
     return np.clip(figures, -bounds, bounds).astype(np.float32)
 
 
-def achieved_goals(worlds: Worlds) -> npt.NDArray[np.float32]:
+def achieved_goals(worlds: DrivableWorlds) -> npt.NDArray[np.float32]:
     """Return `GOAL_FIGURES` of the egos, divided by their bounds, (num_worlds, num_egos, 6)."""
     egos = worlds.egos()
     cos, sin = np.cos(egos["yaw"]), np.sin(egos["yaw"])

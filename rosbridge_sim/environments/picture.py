@@ -9,7 +9,7 @@ import numpy.typing as npt
 from PIL import Image, ImageDraw
 
 from rosbridge_sim.world.state.world import Kind
-from rosbridge_sim.worlds.worlds import Worlds
+from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
 
 __all__ = ["draw"]
 
@@ -26,7 +26,7 @@ _BAY: Final = ((2.5, 1.25), (2.5, -1.25), (-2.5, -1.25), (-2.5, 1.25))
 """Corners of a bay, forward and left of its middle [m]."""
 
 
-def draw(worlds: Worlds, number: int, goals: npt.NDArray[np.float64] | None = None) -> npt.NDArray[Any]:
+def draw(worlds: DrivableWorlds, number: int, goals: npt.NDArray[np.float64] | None = None) -> npt.NDArray[Any]:
     """Return a picture of one world, north up, with the first ego in the middle, (400, 600, 3) uint8.
 
     Args:

@@ -124,6 +124,7 @@ def make_simulator_node(
     *,
     worker: SensorWorker | None = None,
     library: DiskLibrary | None = None,
+    make_world: type[World] = World,
 ) -> SimulatorNode:
     """Return the node of a simulator, in its opening scene.
 
@@ -135,6 +136,7 @@ def make_simulator_node(
         quota: limits the files that are written for clients; None for no limit.
         worker: draws what cameras and lidars see; None where nothing can.
         library: scenarios and maps; None for that of the settings.
+        make_world: class of its world.
 
     Raises:
         DocumentError: a file, a map or a setting cannot be used.
@@ -180,7 +182,7 @@ def make_simulator_node(
     try:
         node = make_node(
             bus,
-            World(
+            make_world(
                 settings.seed,
                 Dynamics[settings.dynamics.upper().replace("-", "_")],
                 is_creeping=settings.creep,

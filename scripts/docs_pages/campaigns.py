@@ -8,6 +8,7 @@ from typing import Any, Final, get_args
 
 from pydantic_core import PydanticUndefined
 
+from rosbridge_sim.campaign_runs.simulator_options import GROUPS, NEED_A_SERVER, OWN_SETTINGS
 from rosbridge_sim.campaigns.campaign_model import (
     CampaignDocument,
     DriverItem,
@@ -20,7 +21,7 @@ from rosbridge_sim.campaigns.campaign_model import (
 )
 from rosbridge_sim.campaigns.trace import FIGURES, SCORES
 from rosbridge_sim.documents import Document
-from rosbridge_sim.expressions import FUNCTIONS
+from rosbridge_sim.expressions import FUNCTIONS, RUNNING
 
 __all__ = ["write_campaigns"]
 
@@ -50,11 +51,45 @@ Numbers, texts in quotes, `True`, `False`, names, `+ - * / // % **`, `< <= > >= 
 `inf`, and the functions {functions}. At most 500 characters and 200 parts.
 
 - In `set` and `skip_when`: the parameters and `seed`.
-- In `end_when`, `always` and `end`: these, and the figures of the ego in a frame: {figures}.
 - In `worst`: the parameters, and the scores of a drive: {scores}.
+- In `end_when`, `always` and `end`: the parameters, `seed`, and the figures of the ego in a frame: {figures}.
+- Besides, in these three: fields of topics, and functions over time.
 
 Times are in s, lengths in m, speeds in m/s, accelerations in m/s², angles in rad. `off_road` is a time, `time_to_collision` is
 `inf` where there is none, `lane_offset` is positive to the left.
+
+### Fields of topics
+
+`/Ego_topic.velocity.x` is the value in the last message of the topic; `/Object_topic.npc_list[0].position.x` takes an entry of a
+list. Any topic will do: of the simulator, or of the program that drives. Numbers, texts, `True` and `False` are values. A slash
+begins a topic where a value is expected; behind a value it divides. A field has no value before its first message, and none while
+the list is shorter. A frame without a value is not judged. A limit that has no value until the end makes the run an `error`.
+
+### Functions over time
+
+They take one argument, which may be any expression, and look at it once in each frame (20 ms):
+
+| function | value |
+|---|---|
+{running}
+Frames in which the argument has no value do not count. In `always` with `after`, they begin at that time. The values themselves are
+not kept, so a drive of hours costs no more memory. With two or more arguments `max` and `min` choose among these.
+
+<!-- run: campaign-over-time -->
+```toml
+[limits.own.fast]
+always = "/Ego_topic.velocity.x < 20"
+[limits.own.smooth]
+end = "max(abs(lateral_accel)) < 4 and mean(speed) > 8"
+[limits.own.planned]
+end = "ever(/planner/state.is_ready) and count(/planner/state.is_late) * 0.02 < 1.5"
+```
+
+## Settings
+
+`setting.KEY` is a [setting](settings.md) of the server. A driver with a `command` takes all but those that belong to the campaign
+({own}). A driver in Python and our own have no server, and take those of the groups *{groups}*, but for {needs}. A setting that a
+driver does not take is refused before anything is driven. Files are looked for beside the campaign's file first.
 
 ## What a driver in Python sees
 
@@ -93,8 +128,17 @@ def write_campaigns() -> str:
     for title, kind in _TABLES:
         parts.append(f"\n## {title}\n\n| key | default | meaning |\n|---|---|---|\n")
         parts += [_row(name, field) for name, field in kind.model_fields.items()]
-    lists = {"functions": FUNCTIONS, "figures": FIGURES, "scores": SCORES}
-    parts.append(_TAIL.format(**{key: ", ".join(f"`{name}`" for name in names) for key, names in lists.items()}))
+    lists = {
+        "functions": FUNCTIONS,
+        "figures": FIGURES,
+        "scores": SCORES,
+        "own": sorted(key.replace("_", "-") for key in OWN_SETTINGS),
+        "needs": [key.replace("_", "-") for key in NEED_A_SERVER],
+    }
+    filled = {key: ", ".join(f"`{name}`" for name in names) for key, names in lists.items()}
+    filled["running"] = "".join(f"| `{name}` | {text} |\n" for name, text in RUNNING.items())
+    filled["groups"] = "*, *".join(sorted(GROUPS))
+    parts.append(_TAIL.format(**filled))
     return "".join(parts)
 
 

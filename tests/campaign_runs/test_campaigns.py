@@ -9,7 +9,6 @@ import re
 import signal
 import subprocess
 import sys
-import textwrap
 import time
 from pathlib import Path
 
@@ -19,12 +18,10 @@ from rosbridge_sim.campaign_runs.checking import check_job, find_scenario_mistak
 from rosbridge_sim.campaign_runs.job import Job, read_job
 from rosbridge_sim.campaign_runs.outcome import HEAD, TAIL, KeptOutput
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
-from rosbridge_sim.campaign_runs.running import cut_into_tasks
-from rosbridge_sim.campaign_runs.worker import drive_runs
-from rosbridge_sim.campaigns.campaign import plan_runs
 from rosbridge_sim.campaigns.results import Result
 from rosbridge_sim.campaigns.tables import write_table
 from rosbridge_sim.errors import DocumentError
+from tests.campaign_runs.conftest import CampaignFolder
 
 DRIVERS = """
 import os, time
@@ -99,16 +96,11 @@ def base(tmp_path: Path) -> Path:
 
 
 def job_of(base: Path, text: str) -> Job:
-    file = base / "c.toml"
-    file.write_text(textwrap.dedent(text))
-    return read_job(file, base / "out")
+    return CampaignFolder(base).job(text)
 
 
 def drive(base: Path, text: str) -> list[Result]:
-    """Drive in this process, as a worker does."""
-    job = job_of(base, text)
-    campaign = check_job(job)
-    return [each for task in cut_into_tasks(campaign, plan_runs(campaign)) for each in drive_runs(job, task)]
+    return CampaignFolder(base).drive(text)
 
 
 SHORT = 'scenario = "loop"\nseconds = 0.4\nseeds = 2\n'
@@ -253,7 +245,10 @@ def test_run_whose_drives_differ_is_flaky(base: Path) -> None:
         ('[drivers]\na = "drivers.py:nobody"', "has no function or class 'nobody'"),
         ('[drivers]\na = "no_such_package.x:f"', "the import failed"),
         ('[drivers.a]\ncommand = ["no-such-program"]', "there is no program 'no-such-program'"),
-        ('[set]\n"setting.weather" = "\'rain\'"', "has no server"),
+        ('[set]\n"setting.max-clients" = 3', "drivers.ours: setting.max_clients: a driver in Python does not take it"),
+        ('[set]\n"setting.sensors" = "\'camera\'"', "it sees numbers, no pictures. A driver with a command does"),
+        ('[set]\n"setting.trafic" = 3', "there is no such setting (did you mean traffic?)"),
+        ('[set]\n"setting.port" = 3', "this one belongs to the campaign"),
         ('[limits.own.a]\npython = "drivers.py:nobody"', "has no function"),
     ],
 )

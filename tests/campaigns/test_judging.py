@@ -14,6 +14,7 @@ from rosbridge_sim.campaign_runs.searching import load_strategy
 from rosbridge_sim.campaigns.campaign import read_campaign
 from rosbridge_sim.campaigns.comparison import compare_results
 from rosbridge_sim.campaigns.limits import OwnCheck, judge_trace
+from rosbridge_sim.campaigns.own_limits import OwnLimits
 from rosbridge_sim.campaigns.results import Breach, Result, Run, Verdict
 from rosbridge_sim.campaigns.search import Search
 from rosbridge_sim.campaigns.tables import write_junit, write_table
@@ -34,7 +35,12 @@ def trace_of(**columns: list[float]) -> Trace:
 def breaches(limits: dict[str, object], trace: Trace, **checks: OwnCheck) -> list[tuple[str, float]]:
     values = {"scenario": "town", "parameters": {"gap": [1.0]}, "limits": limits}
     campaign = read_campaign(values, "c")
-    return [(breach.limit, breach.time) for breach in judge_trace(trace, campaign.limits, checks)]
+    own = OwnLimits(campaign.limits)
+    for i in range(len(trace.rows)):
+        own.take(trace.at(i))
+    found = judge_trace(trace, campaign.limits, checks, own.end())
+    assert own.trouble == ""
+    return [(breach.limit, breach.time) for breach in found]
 
 
 @pytest.mark.parametrize(
@@ -51,6 +57,10 @@ def breaches(limits: dict[str, object], trace: Trace, **checks: OwnCheck) -> lis
         ({"arrival": {"x": 9.0, "y": 0.0}}, [("arrival", 0.08)]),
         ({"own": {"slow": {"always": "speed < 2.5"}}}, [("slow", 0.06)]),
         ({"own": {"slow": {"always": "speed < 1.5", "after": 0.07}}}, [("slow", 0.08)]),
+        ({"own": {"slow": {"always": "max(speed) < 2.5"}}}, [("slow", 0.06)]),
+        ({"own": {"slow": {"end": "max(speed) < 3.5 and mean(speed) == 2 and count(speed > 1) == 3"}}}, []),
+        ({"own": {"slow": {"end": "max(speed) < 2.5"}}}, [("slow", 0.08)]),
+        ({"own": {"slow": {"always": "max(speed) < 2.5", "after": 0.07}}}, []),
         ({"own": {"near": {"end": "distance < gap"}}}, []),
         ({"own": {"far": {"end": "distance > gap"}}}, [("far", 0.08)]),
         ({"collisions": 0, "time_to_collision": 1.0}, [("time_to_collision", 0.04), ("collisions", 0.06)]),
