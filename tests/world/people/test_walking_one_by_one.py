@@ -87,12 +87,13 @@ class Walker:
     def by_solid(self) -> tuple[complex, complex]:
         """The push of boxes, and the way around those that are met."""
         world, total, around = self.world, 0j, 0j
+        longest = float(world.half_length[world.kind != Kind.PEDESTRIAN].max(initial=0.0))
         for other in range(world.n):
             if world.kind[other] == Kind.PEDESTRIAN:
                 continue
             turn = cmath.rect(1.0, -world.yaw[other])
             local = (self.place - complex(world.x[other], world.y[other])) * turn - world.centre[other]
-            if abs(local) >= REACH + CAR.length / 2.0:
+            if abs(local) >= REACH + longest:
                 continue
             half_length, half_width = world.half_length[other], world.half_width[other]
             beyond = complex(
