@@ -231,11 +231,9 @@ class LaneLook:
             last = self._lanes[count, ends]
             wanted = choice.find_wanted(which[ends], world.turns[rows[ends]] + count)
             is_route = (wanted >= 0) & (wanted != last)
-            is_route &= neighbours.group[wanted] == neighbours.group[last]
-            steps = np.where(is_route, neighbours.place[wanted] - neighbours.place[last], 0)
-            to_side = np.where(steps > 0, 1, np.where(steps < 0, 2, 0))
-            to_side = np.where((wanted < 0) | (wanted == last), neighbours.merge_side[last], to_side)
-            begins_at = np.maximum(np.abs(steps), 1) * np.fmax(MUST_WAY, MUST_TIME * self._speed[ends])
+            steps = np.where(is_route, neighbours.place[wanted] - neighbours.place[last], 1)
+            to_side = np.where(is_route, np.where(steps > 0, 1, 2), neighbours.merge_side[last])
+            begins_at = np.abs(steps) * np.fmax(MUST_WAY, MUST_TIME * self._speed[ends])
             is_near = (to_side > 0) & (self._run[ends] < begins_at)
             at = ends[is_near]
             reason[at] = np.where(is_route[is_near], LaneChange.ROUTE, LaneChange.LANE_END)
