@@ -13,17 +13,29 @@ import pytest
 
 from rosbridge_sim.world.drivers.driver_perception import Sight, Stop, _Look, observe
 from rosbridge_sim.world.drivers.lane_entries import Entries
-from rosbridge_sim.world.geometry.planar import BoolArray
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from tests.world.drivers.random_drivers import Situation, situation
-from tests.world.road_factory import built_in
+from tests.world.road_factory import built_in, line, make
 
 NONE = -1
 
 
+def blocks() -> LaneConflicts:
+    """Two streets each way that cross in the middle of their lanes, 100 m apart."""
+    lanes: dict[str, tuple[FloatArray, str]] = {}
+    for k in range(2):
+        for i in range(4):
+            start, end, aside = 100.0 * i - 150.0, 100.0 * i - 50.0, 100.0 * k
+            follows = i < 3
+            lanes[f"h{k}{i}"] = line(*[(x, aside) for x in np.arange(start, end + 1, 10)]), f"h{k}{i + 1}" * follows
+            lanes[f"v{k}{i}"] = line(*[(aside, y) for y in np.arange(start, end + 1, 10)]), f"v{k}{i + 1}" * follows
+    return LaneConflicts(make(**lanes))
+
+
 @pytest.fixture(scope="module")
-def town() -> LaneConflicts:
-    return LaneConflicts(built_in("town").roads)
+def maps() -> list[LaneConflicts]:
+    return [LaneConflicts(built_in("town").roads), blocks()]
 
 
 class Entry(NamedTuple):
@@ -51,16 +63,21 @@ class Seen:
     refused: int = NONE  # the claimed lane whose light does not allow to enter any more
 
 
-def a_situation(town: LaneConflicts, seed: int) -> tuple[Situation, BoolArray]:
+def a_situation(maps: list[LaneConflicts], seed: int) -> tuple[Situation, BoolArray]:
     """Drivers at an intersection, some of which change lanes; and which lanes their lights allow to enter."""
-    case = situation(town, seed, num=14, few=0.25)
-    rng, drivers, roads = np.random.default_rng(seed), case.drivers, town.roads
+    conflicts = maps[seed % 5 == 4]
+    case = situation(conflicts, seed, num=14, few=0.25)
+    rng, drivers, roads = np.random.default_rng(seed), case.drivers, conflicts.roads
+    if conflicts is maps[1]:
+        drivers.arc *= rng.choice([0.4, 0.5, 1.0], 14)
     ends = rng.random((6, 14)) < 0.08
     drivers.lanes[1:][np.logical_or.accumulate(ends[1:])] = NONE
     drivers.point[:] = roads.locate(drivers.lanes[0], drivers.arc)[0]
     drivers.accel[:] = rng.uniform(-5.0, 2.0, len(drivers.arc))
     drivers.speed[::4] *= 2.0
-    drivers.held[1::3] = np.where(np.isfinite(town.wait_point[drivers.lanes[0, 1::3]]), drivers.lanes[0, 1::3], NONE)
+    drivers.held[1::3] = np.where(
+        np.isfinite(conflicts.wait_point[drivers.lanes[0, 1::3]]), drivers.lanes[0, 1::3], NONE
+    )
     if seed % 3:
         which = np.arange(0, len(drivers.arc), seed % 3 + 1)
         lane, s = rng.choice(drivers.lanes[0], len(which)), drivers.arc[which]
@@ -189,11 +206,11 @@ class OneByOne:
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_drivers_perceive_lead_vehicles_stops_and_speeds_as_one_by_one(seed: int, town: LaneConflicts) -> None:
-    case, may_enter = a_situation(town, seed)
+def test_drivers_perceive_lead_vehicles_stops_and_speeds_as_one_by_one(seed: int, maps: list[LaneConflicts]) -> None:
+    case, may_enter = a_situation(maps, seed)
     expected = OneByOne(again(case), may_enter)
     claims = case.drivers.claim.copy()
-    look = _Look(town, may_enter, case.drivers, case.others)
+    look = _Look(case.conflicts, may_enter, case.drivers, case.others)
     look.look_ahead()
     perception, requests, seen = look.perception, look.requests, expected.seen
     leads = [each.lead or Entry(NONE, 0.0, 0.0, 0.0, 0.0, NONE, NONE) for each in seen]
@@ -265,11 +282,11 @@ def sight_of(case: Situation, may_enter: BoolArray, i: int) -> Sight:
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_view_of_a_driver_tells_what_it_stops_for_as_one_by_one(seed: int, town: LaneConflicts) -> None:
-    case, may_enter = a_situation(town, seed)
+def test_view_of_a_driver_tells_what_it_stops_for_as_one_by_one(seed: int, maps: list[LaneConflicts]) -> None:
+    case, may_enter = a_situation(maps, seed)
     case.drivers.held[:] = NONE  # so the look begins with the same holds
     case.drivers.claim[np.isin(case.drivers.claim, case.drivers.lanes[0])] = NONE
     for i in range(seed % 3, len(case.drivers.arc), 3):
         same = again(case)
-        found = observe(town, may_enter, same.drivers, same.others, same.num_moving, which=i)
+        found = observe(case.conflicts, may_enter, same.drivers, same.others, same.num_moving, which=i)
         assert found == sight_of(again(case), may_enter, i)

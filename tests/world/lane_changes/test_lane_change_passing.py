@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import cmath
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, is_clear
-from rosbridge_sim.world.roads.lane_change_map import RIGHT
-from tests.world.lane_drives import world_of
-from tests.world.road_factory import car, ego
+from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT
+from rosbridge_sim.world.state.world import World
+from tests.world.lane_drives import BUS, world_of
+from tests.world.road_factory import CAR, car, ego
 from tests.world.wide_roads import wide_road
 
 
@@ -92,3 +95,103 @@ def test_driver_that_moves_over_slowly_needs_a_longer_gap() -> None:
     ]
     # Both come beside the lead vehicle after the same share of the way across.
     assert least[1] / least[0] == pytest.approx(5.0 / 3.3, rel=0.06)
+
+
+def things_ahead(world: World, row: int, side: int, nose: float, across: float) -> list[tuple[float, float]]:
+    """What is near a vehicle in the lane that it leaves: how far to the side it must come, and how far ahead it is."""
+    course = float(world.yaw[row] - world.drift[row])
+    sign = 1.0 if side == LEFT else -1.0
+    moved = float(world.lateral[row] - world.lateral_from[row]) if world.leaving[row] else 0.0
+    found = []
+    for other in range(world.n):
+        offset = complex(world.x[other] - world.x[row], world.y[other] - world.y[row])
+        if other == row or not world.alive[other] or abs(offset.real) + abs(offset.imag) >= 20.0:
+            continue
+        middle = (offset + cmath.rect(float(world.centre[other]), float(world.yaw[other]))) * cmath.rect(1.0, -course)
+        turn = float(world.yaw[other]) - course
+        half_length, half_width = float(world.half_length[other]), float(world.half_width[other])
+        half_along = abs(math.cos(turn)) * half_length + abs(math.sin(turn)) * half_width
+        half_across = abs(math.sin(turn)) * half_length + abs(math.cos(turn)) * half_width
+        aside = sign * (middle.imag + moved)
+        if middle.real > 0.0 and middle.real + half_along > nose and abs(aside) < 0.5 * across:
+            found.append((aside + half_across + 0.15, middle.real - half_along - nose))
+    return found
+
+
+def blocked_at(world: World, shifts: Shifts, i: int, speed: float) -> float:
+    """The gap from one vehicle to the first thing that it would touch."""
+    row, side, is_tight = int(shifts.rows[i]), int(shifts.side[i]), bool(shifts.is_tight[i])
+    gap, across = float(shifts.gap[i]), float(shifts.across[i])
+    nose, length, lead = float(shifts.nose[i]), float(shifts.length[i]), float(shifts.lead_speed[i])
+    if math.isinf(gap):
+        return math.inf
+    speed, bend = max(speed, 0.1), 0.0
+    part = math.sqrt(min(across / 3.5, 1.0))
+    if is_tight:
+        bend, radius = 20.0 / 3.0 * across, float(world.wheelbase[row]) / math.tan(math.radians(36.25))
+        way = max(math.sqrt(bend * radius), 1.8 * 2.0 * float(world.half_length[row]) * part)
+    else:
+        seconds = min(max(float(shifts.change_time[i]) * (1.0 + 0.009 * (speed - 20.0)), 3.0), 6.0)
+        way = max((10.0 + 2.5 * max(length - 4.5, 0.0)) * part, seconds * speed)
+    driven = max(gap, 0.0) * speed / (speed - lead) if speed > lead else math.inf
+
+    def passes_at(p: float, distance: float) -> float:
+        slope = (across * 30.0 * (p * (1.0 - p)) ** 2 + bend * (p - 4.5 * p**2 + 6.0 * p**3 - 2.5 * p**4)) / way
+        reach = max(nose + min(distance, 0.0), 0.0) if is_tight else nose
+        aside = across * (10.0 * p**3 - 15.0 * p**4 + 6.0 * p**5) + bend * (p**2 - 3.0 * p**3 + 3.0 * p**4 - p**5) / 2.0
+        return aside + reach * math.sin(math.atan(slope)) - float(world.half_width[row])
+
+    is_seen = gap < 20.0 and (is_tight or lead < 0.5)
+    things = things_ahead(world, row, side, nose, across) if is_seen else []
+    done = float(shifts.done[i])
+    blocked = math.inf
+    if not (is_tight and things) and passes_at(min(done + driven / way, 1.0), gap) <= 1.4:
+        blocked = gap  # a usual car in the middle of its lane
+    for edge, tail in things:
+        if tail <= gap + 1.0:
+            if passes_at(min(done + driven / way, 1.0), gap) <= edge:
+                blocked = min(blocked, gap)
+            continue
+        share = done + max(tail, driven) / way
+        if share < 1.0 and passes_at(share, tail) <= edge:
+            blocked = min(blocked, tail)
+    return blocked
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_many_vehicles_find_what_they_would_touch_as_one_by_one(seed: int) -> None:
+    rng, num = np.random.default_rng(seed), 12
+    world = world_of(wide_road(3))
+    bodies = rng.choice(2, num)
+    rows = np.array(
+        [
+            car(world, f"l{rng.integers(0, 3)}", rng.uniform(50.0, 110.0), body=BUS if is_bus else CAR)
+            for is_bus in bodies.tolist()
+        ]
+    )
+    for _ in range(4):
+        ego(world, rng.uniform(50.0, 110.0), rng.uniform(-9.0, 2.0), yaw=rng.choice([0.0, rng.uniform(-3.0, 3.0)]))
+    world.remove(int(world.uid[rows[0]]))
+    rows = rows[1:]
+    num = len(rows)
+    world.yaw[rows] += rng.uniform(-0.3, 0.3, num)
+    world.drift[rows] = rng.choice([0.0, 1.0], num) * rng.uniform(-0.3, 0.3, num)
+    world.leaving[rows] = rng.choice(3, num)
+    world.lateral[rows], world.lateral_from[rows] = rng.uniform(-3.0, 3.0, (2, num))
+    half, centre = world.half_length[rows], world.centre[rows]
+    shifts = Shifts(
+        rows=rows,
+        nose=half + centre,
+        length=2.0 * half,
+        side=rng.choice([LEFT, RIGHT], num),
+        done=rng.choice([0.0, 1.0], num) * rng.uniform(0.0, 1.0, num),
+        across=rng.choice([3.5, 3.5, 2.0, 4.0], num),
+        gap=rng.choice([*rng.uniform(-3.0, 25.0, 6), 60.0, np.inf], num),
+        lead_speed=rng.choice([0.0, 0.4, 0.6, 5.0], num),
+        is_tight=rng.random(num) < 0.4,
+        change_time=rng.uniform(2.5, 6.5, num),
+    )
+    speed = rng.choice([0.0, 0.5, 1.0], num) * rng.uniform(0.0, 20.0, num)
+    expected = [blocked_at(world, shifts, i, value) for i, value in enumerate(speed.tolist())]
+    assert find_blocked(world, shifts, speed) == pytest.approx(np.array(expected))
+    assert is_clear(world, shifts, speed).tolist() == [math.isinf(gap) for gap in expected]
