@@ -42,7 +42,7 @@ _WORLD = (
     "world/drivers world/lane_changes world/followers world/people world/vehicle world/test_step.py "
     "simulator/sim_services/test_describe.py simulator/test_drivers.py"
 )
-_DRIVES = "world/test_kinematic_drives.py world/test_single_track_drives.py world/test_traffic_drives.py"
+_DRIVES = "world/test_ego_drives.py world/test_traffic_drives.py"
 
 TESTS = {
     "protocol/outbox.py": "protocol",

@@ -112,7 +112,7 @@ DENIALS = (
 
 LIMITS = re.compile(r"^\*\*(?:Limits of validity|What is not moved)\.\*\* ((?:.+\n)+)", re.MULTILINE)
 
-NO_DENIALS = ("Contacts with them are told", "`tests/world/test_kinematic_drives.py` holds its bits")
+NO_DENIALS = ("Contacts with them are told", "`tests/world/test_ego_drives.py` holds its bits")
 """Beginnings of sentences among the limits that tell what is there."""
 
 

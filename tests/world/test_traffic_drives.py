@@ -1,7 +1,7 @@
 """Traffic with single track egos in it drives as it did: a change that nobody means shows here, wherever it is made.
 
 Each drive has a few numbers at each of some moments: means over all rows, each with a weight of its own. They agree to
-`CLOSE`, for the reason that `test_single_track_drives.py` has. After a change that is meant to change how traffic
+`CLOSE`, for the reason that `test_ego_drives.py` has. After a change that is meant to change how traffic
 drives, `python -m tests.world.test_traffic_drives` prints them anew. What is right is for other tests to say.
 """
 

@@ -1,4 +1,4 @@
-"""Drives of the kinematic model whose digests are known: the same commands must give the same bits for ever."""
+"""Drives of egos whose digests are known: the same commands must give the same bits for ever."""
 
 from __future__ import annotations
 
