@@ -10,12 +10,12 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import COMFORT, LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Body, World
 
-__all__ = ["LaneSlots", "has_room", "keep_clear", "safe_speed_at"]
+__all__ = ["LaneSlots", "has_room", "keep_clear", "safe_speed_at", "stand_at_ends"]
 
 STANDING_SPACING: Final = 12.0
 """From one slot to the next at standstill [m]: a car of 4.7 m, and twice as much again for trucks and lane ends."""
@@ -107,7 +107,7 @@ def safe_speed_at(roads: Roads, lane: int, s: float) -> float:
     return float(np.interp(np.array([s]), roads.s[at], safe[at])[0])
 
 
-def keep_clear(world: World, slots: LaneSlots, radius: float) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def keep_clear(world: World, slots: LaneSlots, radius: float) -> BoolArray:
     """Return which slots are clear of all entities, (k,) bool.
 
     Args:
@@ -124,6 +124,11 @@ def keep_clear(world: World, slots: LaneSlots, radius: float) -> np.ndarray[tupl
         near = dx * dx + dy * dy < np.square(reach[part])
         is_clear &= ~(near & (np.abs(slots.z[:, None] - world.z[part]) < LEVEL)).any(axis=1)
     return is_clear
+
+
+def stand_at_ends(world: World) -> BoolArray:
+    """Return (n,) which rows have stopped on a lane that leads nowhere: at its end, or in a queue before it."""
+    return np.asarray(world.alive & world.has_lane & (world.ahead_1 < 0) & (world.speed == 0.0))
 
 
 def has_room(world: World, lane: int, s: float, body: Body, speed: float, *, gap: float, time: float) -> bool:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.world.demand import stand_at_ends
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.many_worlds.world_set import WorldSet
@@ -124,13 +125,16 @@ class Worlds(DrivableWorlds):
         if commands is not None:
             self.command(commands)
         busy = [one for one in self._scenes if one.has_traffic]
+        frames = np.array([one.world.frame for one in busy], dtype=np.int64)
         while n > 0:
-            part = min([n, *(TRAFFIC_INTERVAL - one.world.frame % TRAFFIC_INTERVAL for one in busy)])
+            part = min(n, int((TRAFFIC_INTERVAL - frames % TRAFFIC_INTERVAL).min(initial=n)))
             self._set.advance(part)
             n -= part
-            for one in busy:
-                if one.world.frame % TRAFFIC_INTERVAL == 0:
-                    one.after_frame()
+            frames += part
+            due = (frames % TRAFFIC_INTERVAL == 0).nonzero()[0].tolist()
+            arrived = self._set.worlds_with(stand_at_ends) if due else set()
+            for i in due:
+                busy[i].after_frame(has_arrivals=busy[i].world in arrived)
         if busy:
             self._set.settle()
 

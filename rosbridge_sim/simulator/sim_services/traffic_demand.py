@@ -27,7 +27,7 @@ from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.scene.load import Load
 from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.simulator.scene.scene_limits import MAX_ENTITIES
-from rosbridge_sim.world.demand import LaneSlots, has_room, keep_clear, safe_speed_at
+from rosbridge_sim.world.demand import LaneSlots, has_room, keep_clear, safe_speed_at, stand_at_ends
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.drivers.lane_wander import USUAL_WANDER
 from rosbridge_sim.world.geometry.planar import IntArray
@@ -151,6 +151,12 @@ class Traffic(Component):
     def is_active(self) -> bool:
         """Whether vehicles come and go."""
         return bool(self._points or self._target)
+
+    @property
+    def can_wait(self) -> bool:
+        """Whether a look at this frame changes nothing, as long as no vehicle is at the end of its road."""
+        is_full = self._fill_due == 0 and self._num_filled() == self._target
+        return is_full and not self._points and self._context.world.frame % COUNT_INTERVAL != 0
 
     def save_state(self) -> PlainData:
         """Return when each point is due, what it has made, and which vehicles are whose."""
@@ -312,8 +318,7 @@ class Traffic(Component):
         world, points = self._context.world, self._points
         if not self._owner:
             return
-        is_end = world.alive & world.has_lane & (world.ahead_1 < 0) & (world.speed == 0.0)
-        rows = is_end.nonzero()[0]
+        rows = stand_at_ends(world).nonzero()[0]
         if not points and not len(rows):
             return
         rows = rows[world.arc[rows] + world.half_length[rows] + world.centre[rows] > self._length(rows) - AT_END]
@@ -366,7 +371,7 @@ class Traffic(Component):
             return
         scene, world = self._context.scene, self._context.world
         slots = world.roads.derived(LaneSlots.of)
-        num_there = sum(owner == _FILL for owner in self._owner.values())
+        num_there = self._num_filled()
         free = np.flatnonzero(keep_clear(world, slots, CLEAR))
         order = np.random.Generator(np.random.PCG64((world.seed, world.frame))).permutation(len(free))
         num = min(self._wanted - num_there, len(free), MAX_ENTITIES - len(world))
@@ -386,10 +391,14 @@ class Traffic(Component):
         level = logging.INFO if self._target == self._wanted else logging.WARNING
         _log.log(level, "traffic: %d of %d fit on the lanes of %s", self._target, self._wanted, scene.road_map.name)
 
+    def _num_filled(self) -> int:
+        """Return the number of vehicles of `--traffic`."""
+        return list(self._owner.values()).count(_FILL)
+
     def _replace_missing(self) -> None:
         """Bring a vehicle for one that has left, some time later; its place is random and out of sight."""
         world = self._context.world
-        num_missing = self._target - sum(owner == _FILL for owner in self._owner.values())
+        num_missing = self._target - self._num_filled()
         if num_missing <= 0:
             self._fill_due = 0
             return

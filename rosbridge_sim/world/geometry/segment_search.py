@@ -16,7 +16,7 @@ import numpy as np
 from rosbridge_sim.world.geometry.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
 
-__all__ = ["SAME_HEIGHT", "LaneSegments", "SegmentSearch", "first_least", "height_cost"]
+__all__ = ["BESIDE", "SAME_HEIGHT", "LaneSegments", "SegmentSearch", "first_least", "height_cost"]
 
 BLOCK_SEGMENTS: Final = 32
 """Segments in a block: about the root of their number on a small map, and 16 to 32 m of road."""

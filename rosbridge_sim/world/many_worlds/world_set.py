@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 
+import numpy as np
+
+from rosbridge_sim.world.geometry.planar import BoolArray
 from rosbridge_sim.world.many_worlds.batch import MAX_ROWS, PHASES, Batch, OneOfMany
 from rosbridge_sim.world.many_worlds.many_roads import most_worlds
+from rosbridge_sim.world.state.world import World
 from rosbridge_sim.world.step import step
 
 __all__ = ["WorldSet"]
@@ -38,6 +42,14 @@ class WorldSet:
         for world in self._alone:
             for _ in range(num_frames):
                 step(world)
+
+    def worlds_with(self, test: Callable[[World], BoolArray]) -> set[OneOfMany]:
+        """Return the worlds in which a test of all rows, (n,), is true for one of them."""
+        found = {world for world in self._alone if test(world).any()}
+        for batch in self._batches:
+            slots = np.unique(test(batch).nonzero()[0] % len(batch.worlds)).tolist()
+            found.update(world for slot in slots if (world := batch.worlds[slot]) is not None)
+        return found
 
     def settle(self) -> None:
         """Put all worlds into the batches that they belong to now; `advance` does it, too."""

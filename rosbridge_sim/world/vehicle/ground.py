@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.geometry.segment_search import BESIDE
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.entity_types import ROAD_FRICTION
 from rosbridge_sim.world.state.world import World
@@ -57,7 +58,7 @@ def are_on_road(roads: Roads, x: FloatArray, y: FloatArray, z: FloatArray) -> Bo
         y: (k,) north [m].
         z: (k,) heights; lanes on another level do not count, unless the map is flat [m].
     """
-    owner, places = roads.within(x, y, np.full(len(x), MAX_EDGE))
+    owner, places = roads.within(x, y, np.full(len(x), roads.derived(_farthest_edge)))
     to_left, to_right = roads.beside(places)
     is_within = (to_left >= 0.0) & (to_right >= 0.0)
     if not roads.is_flat:
@@ -65,3 +66,11 @@ def are_on_road(roads: Roads, x: FloatArray, y: FloatArray, z: FloatArray) -> Bo
     is_on = np.zeros(len(x), dtype=bool)
     is_on[owner[is_within]] = True
     return is_on
+
+
+def _farthest_edge(roads: Roads) -> float:
+    """Return a distance of chords within which all places of roads lie [m]. A search this narrow is fast."""
+    segments = roads.segments
+    start, growth = roads.curve[segments.point].T
+    bulge = 0.25 * segments.length**2 * np.fmax(np.abs(start), np.abs(start + growth * segments.length))
+    return min(float(roads.border.max(initial=0.0) + bulge.max(initial=0.0)) + BESIDE, MAX_EDGE)

@@ -61,3 +61,14 @@ def test_placed_car_starts_with_the_friction_of_a_road() -> None:
 def test_places_between_the_edges_are_on_the_road() -> None:
     found = are_on_road(ROAD, np.array([10.0, 10.0, -30.0]), np.array([1.0, -9.0, 0.0]), np.zeros(3))
     assert found.tolist() == [True, False, False]
+
+
+def test_places_within_a_bend_of_few_points_are_on_the_road() -> None:
+    """The line bulges 0.35 m beyond its chords, and the far edge lies as much farther from them."""
+    angle = np.radians(np.arange(0.0, 91.0, 15.0))
+    points = 40.0 * np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    bend = Roads(["a"], [points], [[]], [3.5], [20.0])
+    middle = np.radians(37.5)
+    radius = np.array([38.2, 38.4, 41.6, 41.8])
+    x, y = radius * np.cos(middle), radius * np.sin(middle)
+    assert are_on_road(bend, x, y, np.zeros(4)).tolist() == [False, True, True, False]
