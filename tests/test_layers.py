@@ -115,7 +115,7 @@ shell.rendering: scenery scenery.moving world.geometry
 worlds: maps scenarios shell.files simulator.kernel simulator.plain simulator.scene simulator.sim_services world
     world.drivers world.geometry world.many_worlds world.roads world.state
 environments: world.geometry world.state worlds
-campaign_runs: * campaigns environments expressions graph morai scenarios schema shell shell.config shell.files
+campaign_runs: * campaigns environments expressions graph scenarios schema shell shell.config shell.files
     simulator version world.followers world.geometry world.many_worlds world.roads world.state worlds
 cli: * cli.campaigns cli.files cli.tools cli.watch link
 cli.tools: * client graph graph.ros2 link morai schema schema.definitions shell.bags shell.config shell.files

@@ -26,6 +26,7 @@ from rosbridge_sim.scenarios.scenario_reader import read_scenario
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.toml_text import read_toml
 from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.shell.message_types import MessageTypes
 
 __all__ = ["Job", "LoadedJob", "load_callable", "open_job", "read_job"]
 
@@ -76,12 +77,14 @@ class LoadedJob:
         job: as it was sent.
         campaign: parsed.
         library: scenarios, maps and models.
+        types: message types of the runs' simulators.
     """
 
     def __init__(self, job: Job) -> None:
         self.job = job
         self.campaign: Campaign = read_campaign(tomllib.loads(job.text), job.source)
         self.library = DiskLibrary()
+        self.types = MessageTypes()
         self._documents: dict[str, tuple[Any, str]] = {}
         self._libraries: dict[object, DiskLibrary] = {}
 

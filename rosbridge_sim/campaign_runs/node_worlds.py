@@ -13,11 +13,8 @@ from rosbridge_sim.campaign_runs.simulator_options import simulator_options
 from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.results import Run
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.morai.releases import LENIENCY
-from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.assembly import make_simulator_node, mistakes_of_items
 from rosbridge_sim.shell.config.loading import check_options
-from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.simulator.simulator_node import SimulatorNode
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.worlds.drivable_worlds import Commands, DrivableWorlds
@@ -70,8 +67,8 @@ class NodeWorlds(DrivableWorlds):
 def _make_node(loaded: LoadedJob, drive: WatchedDrive, run: Run) -> SimulatorNode:
     assert drive.outcome.work is not None
     settings = check_options(simulator_options(loaded, run, drive.outcome.work), mistakes_of_items)
-    texts = read_definitions(settings.release, settings.schema_path)
-    bus = Bus(Store(texts, leniency=LENIENCY, ros=settings.ros), is_strict=settings.strict_types)
+    _, store = loaded.types.read(settings)
+    bus = Bus(store, is_strict=settings.strict_types)
     node = make_simulator_node(bus, settings, None, None, library=loaded.library_for(settings), make_world=OneOfMany)
     drive.listen(bus)
     return node

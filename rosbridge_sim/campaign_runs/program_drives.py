@@ -60,7 +60,7 @@ def drive_by_program(loaded: LoadedJob, driver: DriverItem, run: Run, *, record:
         if record:
             options["record"] = str(work / "drive.mcap")
         simulator = Simulator(**options)
-        simulator.library = loaded.library_for(simulator.settings)
+        simulator.library, simulator.types = loaded.library_for(simulator.settings), loaded.types
         with _logged(drive), simulator:
             simulator.run_inside(lambda: drive.watch(simulator))
             with _program(loaded, driver, run, simulator.url, work) as program:

@@ -50,6 +50,7 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.quota import DataQuota, in_thread
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
 from rosbridge_sim.shell.map_page import MapPage
+from rosbridge_sim.shell.message_types import MessageTypes, read_types
 from rosbridge_sim.shell.monitoring.descriptors import DescriptorWatch
 from rosbridge_sim.shell.monitoring.log_limits import LineLimiter
 from rosbridge_sim.shell.monitoring.masking import mask_of
@@ -101,6 +102,7 @@ class Simulator:
         before the start. node: the simulator's node; None before the start, and without a world. library: scenarios
         and maps; one that is kept saves the next simulators reading them. Set it before the start, if
             at all, and only with the settings' own folders, map and catalogue.
+        types: message types; those that are kept save the next simulators compiling them. Set them before the start.
         attachments: the bridges that it connects to; empty before the start.
         descriptors: logs a line when no file descriptor is left; None before the start.
     """
@@ -121,6 +123,7 @@ class Simulator:
         self.bus: Bus | None = None
         self.node: SimulatorNode | None = None
         self.library: DiskLibrary | None = None
+        self.types: MessageTypes | None = None
         self.attachments: tuple[Attachment, ...] = ()
         self._server: Server | None = None
         self._scheduler: Scheduler | None = None
@@ -267,8 +270,7 @@ class Simulator:
         settings = self.settings
         check_sense(settings)
         certificate = load_certificate(settings.certfile, settings.keyfile)
-        texts = read_definitions(settings.release, settings.schema_path)
-        store = Store(texts, leniency=LENIENCY, ros=settings.ros)
+        texts, store = read_types(settings) if self.types is None else self.types.read(settings)
         make_bus = Bus if settings.world else _WallClockBus
         bus = make_bus(
             store,
