@@ -107,7 +107,7 @@ def _add_picture(parser: Parser, scenario: str) -> None:
 
 def _shot(options: Options) -> int:
     if options.scenario is not None or options.recording is not None:
-        from rosbridge_sim.cli.tools.film import film_shot  # noqa: PLC0415 - it needs the world, and --help does not
+        from rosbridge_sim.cli.files.film import film_shot  # noqa: PLC0415 - it needs the world, and --help does not
 
         return film_shot(_choice_of(options))
     names = ("map", "scenario_path", "sensors", "weather", "traffic", "seed", "drive", "at", "size", "quality")
@@ -124,7 +124,7 @@ def _shot(options: Options) -> int:
 
 
 def _clip(options: Options) -> int:
-    from rosbridge_sim.cli.tools.film import film_clip  # noqa: PLC0415 - as above
+    from rosbridge_sim.cli.files.film import film_clip  # noqa: PLC0415 - as above
 
     return film_clip(_choice_of(options), options.seconds, options.fps)
 
@@ -135,7 +135,7 @@ def _choice_of(options: Options):  # type: ignore[no-untyped-def] # noqa: ANN202
     Raises:
         SettingError: a value cannot be used.
     """
-    from rosbridge_sim.cli.tools.film import FilmChoice, read_world  # noqa: PLC0415 - as above
+    from rosbridge_sim.cli.files.film import FilmChoice, read_world  # noqa: PLC0415 - as above
 
     words = [] if options.sensors else ["--sensors=camera"]
     for name in _WORLD_FLAGS:
