@@ -237,6 +237,38 @@ export const TEXTS = {
     remove: (label) => `Remove the chart of ${label}`,
     full: "Six charts are the most. Remove one first.",
   },
+  timeline: {
+    title: "Timeline",
+    position: "Place in the last two minutes",
+    live: "live",
+    /** @param {string} seconds */
+    ago: (seconds) => `-${seconds} s`,
+    /** @param {string} seconds @param {number} frame */
+    banner: (seconds, frame) => `${seconds} s ago, frame ${frame}`,
+    worldGoesOn: "You see the past.",
+    backToLive: { label: "Back to live", title: "Show what happens now" },
+    play: { label: "▶", title: "Play from here" },
+    hold: { label: "❚❚", title: "Hold" },
+    scrollFirst: "Scroll back first: move the slider to the left.",
+    marks: { collision: "Collision", red: "Red light passed", lane: "Lane change", refusal: "Refused request" },
+    /** @param {string} kind @param {string} text @param {string} seconds */
+    mark: (kind, text, seconds) => `${kind}, ${seconds} s ago: ${text}`,
+    /** @param {number} count */
+    keep: (count) => (count > 0 ? `Keep snapshots (${count})` : "Keep snapshots"),
+    keepHint: "The server keeps a snapshot every 10 s, twelve at most, so that you can branch from the past",
+    /** @param {string} reason */
+    keepFailed: (reason) => `No more snapshots are kept: ${reason}`,
+    branch: { label: "Branch here …", title: "Return the world to the nearest snapshot, and move it by steps" },
+    noSnapshot: "The server has no snapshot of this time. Switch on Keep snapshots before you need one.",
+    branchDialog: {
+      title: "Branch from the past?",
+      /** @param {number} frame @param {string} seconds */
+      body: (frame, seconds) => `The world of all clients returns to the snapshot of frame ${frame} (${seconds} s from the moment that you see), and stands in synchronous mode of this page. What has happened since then is lost.`,
+      confirm: "Branch",
+    },
+    /** @param {number} frame */
+    branched: (frame) => `The world stands at frame ${frame}. Step or run it in the panel Time.`,
+  },
   driving: {
     title: "Drive",
     action: "Drive",
@@ -298,6 +330,7 @@ export const TEXTS = {
     hint: "The server draws them only while somebody looks, and that takes it a core.",
     none: "This ego has neither. Start the server with --sensors teaching, or add some by /sim/sensors.",
     start: { label: "Show cameras and lidars", title: "Pictures here, with boxes; points of lidars on the map" },
+    live: "as it is now",
     stop: { label: "Hide cameras and lidars", title: "Listen to them no longer" },
     /** @param {string} name */
     lidar: (name) => `The points of ${name} are on the map.`,

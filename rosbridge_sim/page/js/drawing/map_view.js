@@ -88,6 +88,7 @@ export class MapView {
    * @returns {Promise<import("./map_tools.js").PickedPlace | null>} null if the user gave it up
    */
   pickPlace({ hint = "" } = {}) {
+    this.scene.showPast(null);
     this.endTool();
     return new Promise((resolve) => {
       this.tool = new PlaceTool((place) => {
@@ -229,7 +230,7 @@ export class MapView {
     // The time of a frame is that of its beginning; a state may have come after it.
     this.poses.update(now);
     const isTurning = this.moveCameras(seconds);
-    const fresh = this.contacts.fresh(performance.now());
+    const fresh = this.contacts.fresh(performance.now(), this.scene.past?.frame);
     if (this.isChase) {
       void this.scene.wantMesh((parts) => {
         this.renderer.setMesh(parts);
@@ -239,8 +240,9 @@ export class MapView {
     }
     this.makeLines(fresh);
     const { scene, poses, palette, camera, drawn } = this;
-    this.renderer.draw({ camera, palette, state: poses.last, poses, drawn });
-    const marks = { leading: this.isChase ? this.targetRow() : -1, contacts: fresh, texts: drawn.texts };
+    const isLive = scene.past === null;
+    this.renderer.draw({ camera, palette, state: poses.last, poses, drawn: isLive ? drawn : null });
+    const marks = { leading: this.isChase ? this.targetRow() : -1, contacts: fresh, texts: isLive ? drawn.texts : [] };
     this.labels.show([...makeSceneLabels({ scene, poses, camera, ...marks }, this.texts), ...toolLabels(this)]);
     this.views.tell();
     if (isTurning || fresh.length > 0 || this.poses.isMoving(now)) {
@@ -344,7 +346,9 @@ export class MapView {
     } else {
       this.poses.take(state, performance.now());
       this.poses.update(-Infinity); // rows of the new state, for whoever asks before the next picture
-      this.trails.take(state, this.scene.selectedRow());
+      if (this.scene.past === null) {
+        this.trails.take(state, this.scene.selectedRow());
+      }
     }
     this.change();
   }

@@ -23,7 +23,8 @@ import {
  * What is drawn.
  * @typedef {{camera: TopCamera | ChaseCamera, palette: import("./palette.js").Palette,
  *   state: import("../scene/store.js").SceneState | null, poses: import("./picking.js").Poses,
- *   drawn: import("../scene/drawn_topics.js").DrawnTopics}} Picture
+ *   drawn: import("../scene/drawn_topics.js").DrawnTopics | null}} Picture
+ *   drawn: null in the past, of which the page keeps no plans
  */
 
 /** Arrows are drawn from this scale on, and lanes as lines below that one [pixels/m]. */
@@ -170,8 +171,10 @@ export class Renderer {
     this.entities.forEach((layer, shape) => shape !== FAR_FORM && layer.drawShadows());
     const spin = camera.isPerspective ? 100 : /** @type {TopCamera} */ (camera).rotation;
     const ratio = gl.drawingBufferWidth / camera.width;
-    this.plans.fill(picture.drawn, this.origin);
-    this.plans.draw(this.programs.line, { ...flat, ratio });
+    if (picture.drawn !== null) {
+      this.plans.fill(picture.drawn, this.origin);
+      this.plans.draw(this.programs.line, { ...flat, ratio });
+    }
     this.programs.head.use();
     this.programs.head.set({ ...common, ...fog, palette: palette.materials, spin, ratio });
     this.fillHeads(scale);

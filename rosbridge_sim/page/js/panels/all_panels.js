@@ -17,6 +17,7 @@ import { makeSensorsPanel } from "./sensors.js";
 import { ServerFiles } from "./server_files.js";
 import { makeTimePanel } from "./time.js";
 import { makeStartCard } from "./start_card.js";
+import { makeTimelineBar } from "./timeline_bar.js";
 import { TimeControls } from "./time_controls.js";
 import { TimeWatch } from "./time_watch.js";
 
@@ -40,7 +41,7 @@ export function makePanelContext(base) {
 export function addPanels(context, layout) {
   const driving = new Driving(context);
   layout.header.append(makeHeaderValues(context, driving));
-  layout.stage.append(makeStartCard(context, driving));
+  layout.stage.append(makeStartCard(context, driving), makeTimelineBar(context, driving));
   layout.addPanel("ego", driving);
   layout.addPanel("ego", makeEgoPanel(context));
   layout.addPanel("ego", makeSensorsPanel(context));

@@ -1,6 +1,7 @@
 /** The latest collisions, over the map. */
 
 import { contactName } from "../drawing/scene_labels.js";
+import { stampOf } from "../scene/store.js";
 import { element, replaceChildren, setText } from "../widgets/dom.js";
 
 /** @typedef {import("../scene/contacts.js").Contact} Contact */
@@ -43,6 +44,8 @@ export function makeContactList({ connection, scene, texts }, contacts, view) {
     "rosbridge_sim_msgs/Contact",
     (message) => {
       contacts.add(message, performance.now());
+      const [contact] = contacts.contacts;
+      scene.timeline.mark("collision", `${nameOf(contact, 0)}, ${nameOf(contact, 1)}`, stampOf(message));
       show();
     },
     { encoding: "cbor", queueLength: 10 },
@@ -54,8 +57,8 @@ export function makeContactList({ connection, scene, texts }, contacts, view) {
       show();
     }
   });
-  scene.onState(() => {
-    const { frame = 0, scenario = "", map_digest: digest = "" } = scene.state ?? {};
+  scene.onLive(() => {
+    const { frame = 0, scenario = "", map_digest: digest = "" } = scene.live ?? {};
     const isElsewhere = place !== "" && place !== `${digest} ${scenario}` && contacts.contacts.length > 0;
     place = `${digest} ${scenario}`;
     if (isElsewhere) {

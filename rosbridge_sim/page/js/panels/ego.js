@@ -39,27 +39,24 @@ export function makeEgoPanel(context) {
 /** @param {PanelContext} context @param {Instruments} instruments @param {Charts} charts */
 function connectEgo({ ego, drivers, scene, texts: { ego: texts } }, instruments, charts) {
   ego.onValues(() => {
-    const { values, laneOffset, link } = ego;
-    instruments.showValues(values, link);
-    if (!values) {
+    instruments.showValues(ego.values, ego.link);
+    if (!ego.values) {
       charts.clear();
-    } else if (ego.hasMessage) {
-      /** @type {Record<string, number>} */
-      const signals = {
-        speed: values.speed * 3.6,
-        acceleration: values.acceleration,
-        steering: (values.steering * 180) / Math.PI,
-        offset: laneOffset,
-      };
-      charts.push(values.time, (key) => signals[key]);
     }
+  });
+  ego.onMessage((values, offset) => {
+    const steering = (values.steering * 180) / Math.PI;
+    /** @type {Record<string, number>} */
+    const signals = { speed: values.speed * 3.6, acceleration: values.acceleration, steering, offset };
+    charts.push(values.time, (key) => signals[key]);
   });
   ego.onChoice(() => charts.clear());
   const showState = () => {
-    const driver = drivers.ofEgo(ego.number);
+    charts.pin(scene.past?.time ?? null);
+    const driver = scene.past === null ? drivers.ofEgo(ego.number) : null; // of the past nothing tells who drove
     const mode = driver ? (texts.modes[driver.ctrl_mode] ?? String(driver.ctrl_mode)) : texts.none;
     const who = driver ? driverText(driver, drivers.ownAddress, texts) : texts.none;
-    instruments.showState({ gear: driver?.gear ?? 0, mode, driver: who, lamps: driver ? lampsOf(scene, ego.number) : 0 });
+    instruments.showState({ gear: driver?.gear ?? 0, mode, driver: who, lamps: driver || scene.past ? lampsOf(scene, ego.number) : 0 });
   };
   scene.onState(showState);
   drivers.onChange(showState);

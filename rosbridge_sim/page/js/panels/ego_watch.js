@@ -1,5 +1,8 @@
 // The ego that the panels show and drive, and its messages.
 
+import { lightMaterial } from "../scene/light_bars.js";
+import { MATERIALS } from "../scene/materials.js";
+import { kindOfWay, TIMELINE_SPAN } from "../scene/timeline.js";
 import { egoName } from "../wire/requests.js";
 import { egoValues, sceneValues } from "./ego_values.js";
 import { LaneIndex } from "./lane_offset.js";
@@ -10,10 +13,20 @@ import { Takers } from "../wire/takers.js";
 /** Messages of the ego at most so often [ms]: as fast as an eye reads a moving instrument. */
 const EGO_THROTTLE = 100;
 
+/** A value of the past is shown for so long [s]: longer there was none. */
+const VALUE_HOLDS = 0.5;
+
+/** Values that are kept at most: two minutes of ten a second. */
+const MOST_VALUES = 1300;
+
 export class EgoWatch {
   changes = new Takers();
   choices = new Takers();
-  /** Be told of each message of the ego, and when the values are forgotten. */
+  /** @type {Takers<[EgoValues, number]>} */
+  messages = new Takers();
+  /** Be told of each message of the ego with its distance to the lane's middle [m], also while the past is shown. */
+  onMessage = this.messages.add;
+  /** Be told of each change of the values that are shown. */
   onValues = this.changes.add;
   /** Be told after another ego was chosen. */
   onChoice = this.choices.add;
@@ -36,9 +49,12 @@ export class EgoWatch {
     this.lanes = null;
     /** @type {{close: () => void} | null} */
     this.subscription = null;
+    /** Values of the last two minutes, the oldest first. @type {EgoValues[]} */
+    this.history = [];
+    /** Lane of the last message. */
+    this.lastLink = "";
     scene.onMap(() => {
-      const lanes = /** @type {import("./lane_offset.js").LaneLine[]} */ (scene.map?.lanes ?? []);
-      this.lanes = new LaneIndex(lanes);
+      this.lanes = new LaneIndex(scene.map?.lanes ?? []);
       this.takeScene();
     });
     scene.onState(() => {
@@ -52,7 +68,7 @@ export class EgoWatch {
   /** Show the first ego again if the chosen one has gone. */
   keepChoice() {
     const egos = this.scene.egos();
-    if (this.number !== 0 && egos.length && !egos.some((ego) => ego.number === this.number)) {
+    if (this.scene.past === null && this.number !== 0 && egos.length && !egos.some((ego) => ego.number === this.number)) {
       this.choose(0);
     }
   }
@@ -73,15 +89,21 @@ export class EgoWatch {
 
   /** Forget what another connection or another ego has told. */
   forget() {
+    this.history = [];
+    this.lastLink = "";
     this.hasMessage = false;
     this.values = null;
     this.changes.tell();
   }
 
-  /** Show the ego of the scene's state until its own topic sends something. */
+  /** Show the ego of the past, or that of the scene's state until its own topic sends something. */
   takeScene() {
-    const ego = this.hasMessage ? undefined : this.scene.egos().find((one) => one.number === this.number);
-    if (ego) {
+    const { past } = this.scene;
+    const ego = this.hasMessage && past === null ? undefined : this.scene.egos().find((one) => one.number === this.number);
+    const values = past === null ? this.history.at(-1) : this.history.filter(({ time }) => time <= past.time + 1e-6).at(-1);
+    if (values && !(past !== null && past.time - values.time > VALUE_HOLDS)) {
+      this.setValues(values);
+    } else if (ego) {
       this.setValues(sceneValues(ego));
     }
   }
@@ -89,12 +111,45 @@ export class EgoWatch {
   /** @param {any} message */
   take(message) {
     this.hasMessage = true;
-    this.setValues(egoValues(message));
+    const values = egoValues(message);
+    const { history } = this;
+    while (history.length > 0 && (history[history.length - 1]?.time ?? 0) >= values.time) {
+      history.pop(); // time has gone back
+    }
+    history.push(values);
+    while ((history[0]?.time ?? 0) < values.time - TIMELINE_SPAN || history.length > MOST_VALUES) {
+      history.shift();
+    }
+    const lane = this.laneOf(values);
+    this.markWay(lane?.link ?? "", values.time);
+    this.messages.tell(values, lane?.lateral ?? NaN);
+    if (this.scene.past === null) {
+      this.setValues(values);
+    }
+  }
+
+  /** Mark on the timeline where the ego has changed its lane or passed a red light. @param {string} link @param {number} time [s] */
+  markWay(link, time) {
+    const { map, live, timeline } = this.scene;
+    const [before, after] = [this.lastLink, link].map((name) => map?.lanes.find((lane) => lane.link === name));
+    this.lastLink = link;
+    if (before && after && before !== after) {
+      const light = map?.lights.findIndex(({ name }) => name === after.light) ?? -1;
+      const kind = kindOfWay(before, after, light >= 0 && lightMaterial(live?.light_state[light] ?? 0) === MATERIALS.lightRed);
+      if (kind !== null) {
+        timeline.mark(kind, kind === "red" ? after.light : `${before.link}, ${after.link}`, time);
+      }
+    }
+  }
+
+  /** @param {EgoValues} values */
+  laneOf({ x, y, heading }) {
+    return this.lanes?.nearest(x, y, heading) ?? null;
   }
 
   /** @param {EgoValues} values */
   setValues(values) {
-    const lane = this.lanes?.nearest(values.x, values.y, values.heading) ?? null;
+    const lane = this.laneOf(values);
     this.values = values;
     this.link = lane?.link ?? "";
     this.laneOffset = lane?.lateral ?? NaN;

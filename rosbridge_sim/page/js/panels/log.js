@@ -32,7 +32,7 @@ const TOAST_LENGTH = 240;
  * @param {import("../layout.js").Layout} layout
  * @returns {{element: HTMLElement, title: string}}
  */
-export function makeLogPanel({ connection, showTab, texts: { log: texts } }, layout) {
+export function makeLogPanel({ connection, scene, showTab, texts: { log: texts } }, layout) {
   const store = new LogStore();
   const list = element("ol", { className: "log-lines", "aria-label": texts.title, tabIndex: 0 });
   const note = element("p", { className: "hint" });
@@ -80,6 +80,9 @@ export function makeLogPanel({ connection, showTab, texts: { log: texts } }, lay
     }
   });
   refusals.onNew = (text) => {
+    if (!isFirst) {
+      scene.timeline.mark("refusal", cutText(text, TOAST_LENGTH));
+    }
     if (isSeen) {
       return;
     }

@@ -67,6 +67,7 @@ function makeSelected(context, undo) {
   };
   /** @param {MapPlace} place */
   const move = async (place) => {
+    scene.showPast(null); // what moves is where it is now
     const target = targetOf(context);
     const before = placeOf(target.id, target.isEgo);
     const title = texts.moveTitle(target.name);

@@ -1,7 +1,8 @@
 // Replays: play a recording of the server, with a slider for the place in it.
 
 import { ActionButton, labelled, Notice } from "../widgets/action_button.js";
-import { element, replaceChildren, setText } from "../widgets/dom.js";
+import { element, replaceChildren } from "../widgets/dom.js";
+import { Scrubber } from "../widgets/scrubber.js";
 import { REPLAY_COMMANDS } from "../wire/requests.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
@@ -21,11 +22,8 @@ export function makeReplayControls({ connection, files, time, timeControls: cont
   const notice = new Notice();
   const file = element("select", {});
   const speed = element("select", {}, ...SPEEDS.map((factor) => element("option", { value: String(factor) }, `${factor} ×`)));
-  const slider = element("input", { type: "range", min: "0", step: String(SLIDER_STEP), "aria-label": texts.replay.position });
-  const clock = element("output", {});
   /** @type {Readonly<ReplayMessage>} */
   let replay = NO_REPLAY;
-  let isDragged = false;
 
   const isOn = () => replay.state !== "none";
   const play = new ActionButton({
@@ -39,38 +37,27 @@ export function makeReplayControls({ connection, files, time, timeControls: cont
   });
   const pause = new ActionButton({ ...texts.replay.pause, notice, act: () => controls.replay(texts.replay.pause.title, REPLAY_COMMANDS.pause) });
   const stop = new ActionButton({ ...texts.replay.stop, notice, act: () => controls.replay(texts.replay.stop.title, REPLAY_COMMANDS.stop) });
-  const seek = async () => {
-    isDragged = false;
+  /** @param {number} seconds */
+  const seek = async (seconds) => {
     const command = replay.state === "playing" ? REPLAY_COMMANDS.play : REPLAY_COMMANDS.pause;
-    const startMs = Number(slider.value) * 1000;
     try {
-      await controls.replay(texts.replay.seekTitle(Number(slider.value).toFixed(1)), command, { startMs });
+      await controls.replay(texts.replay.seekTitle(seconds.toFixed(1)), command, { startMs: seconds * 1000 });
     } catch (error) {
       notice.showError(error);
     }
   };
-  slider.addEventListener("input", () => {
-    isDragged = true;
-    showClock();
+  const scrubber = new Scrubber({
+    label: texts.replay.position,
+    step: SLIDER_STEP,
+    clock: (seconds) => (isOn() ? texts.replay.clock(seconds.toFixed(1), replay.duration.toFixed(1)) : ""),
+    onChange: (seconds) => void seek(seconds),
   });
-  slider.addEventListener("change", () => void seek());
-
-  const showClock = () => {
-    const position = isDragged ? Number(slider.value) : replay.position;
-    setText(clock, isOn() ? texts.replay.clock(position.toFixed(1), replay.duration.toFixed(1)) : "");
-    slider.setAttribute("aria-valuetext", clock.textContent ?? "");
-  };
   const show = () => {
     const none = files.recordings.length || isOn() ? "" : texts.replay.noFiles;
     play.setReason(time.reasons.replay || none || (replay.state === "playing" && file.value === replay.name ? texts.replay.plays : ""));
     pause.setReason(time.reasons.replay || (replay.state === "playing" ? "" : texts.replay.none));
     stop.setReason(time.reasons.replay || (isOn() ? "" : texts.replay.none));
-    slider.disabled = !isOn() || time.reasons.replay !== "";
-    slider.max = String(replay.duration);
-    if (!isDragged) {
-      slider.value = String(replay.position);
-    }
-    showClock();
+    scrubber.show({ from: 0, to: replay.duration, time: replay.position, isDisabled: !isOn() || time.reasons.replay !== "" });
   };
   const showFiles = () => {
     const { value } = file;
@@ -102,7 +89,7 @@ export function makeReplayControls({ connection, files, time, timeControls: cont
     {},
     element("div", { className: "button-row" }, labelled(texts.replay.file, file), labelled(texts.replay.speed, speed)),
     element("div", { className: "button-row" }, play.element, pause.element, stop.element),
-    element("div", { className: "slider-row" }, slider, clock),
+    scrubber.element,
     notice.element,
   );
 }

@@ -75,7 +75,7 @@ function makeCard({ connection, texts }, camera, cameras) {
   const view = new ImageView({ ...texts.graph.image, label: camera.frame_id });
   const { picture, encoding, width, height } = JSON.parse(camera.settings);
   const canvas = element("canvas", { className: "sensor-boxes", width, height });
-  const card = element("figure", { className: "sensor-card" }, element("div", { className: "sensor-picture" }, view.element, canvas), element("figcaption", {}, camera.frame_id));
+  const card = element("figure", { className: "sensor-card" }, element("div", { className: "sensor-picture" }, view.element, canvas), element("figcaption", { dataset: { live: texts.sensors.live } }, camera.frame_id));
   const [topic, , boxesTopic] = camera.topics;
   const type = picture === "rgb" && encoding === "jpeg" ? "sensor_msgs/CompressedImage" : "sensor_msgs/Image";
   const throttleMs = cameras.some((other) => other !== camera && other.topics[0] === topic) ? 0 : PICTURE_THROTTLE;

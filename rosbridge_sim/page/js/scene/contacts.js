@@ -40,8 +40,12 @@ export class ContactList {
     this.total = 0;
   }
 
-  /** @param {number} now - [ms] @returns {Contact[]} those that are marked on the map */
-  fresh(now) {
-    return this.contacts.filter((contact) => now < contact.at + CONTACT_SHOWN);
+  /**
+   * @param {number} now - [ms]
+   * @param {number} [frame] - of the past that is shown
+   * @returns {Contact[]} those that are marked on the map
+   */
+  fresh(now, frame) {
+    return this.contacts.filter((contact) => (frame === undefined ? now < contact.at + CONTACT_SHOWN : contact.frame <= frame && frame < contact.frame + CONTACT_SHOWN / 20));
   }
 }

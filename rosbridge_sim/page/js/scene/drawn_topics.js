@@ -102,7 +102,7 @@ export class DrawnTopics {
         this.switch(topic, false, "refused");
       }
     });
-    scene.onState(() => this.takeTime());
+    scene.onLive(() => this.takeTime());
   }
 
   /** @param {boolean} isOpen - a new connection knows nothing of the last one's topics */
@@ -284,12 +284,12 @@ export class DrawnTopics {
 
   /** Forget what is older than wanted, and what is of a time before a reset. */
   takeTime() {
-    const { state } = this.scene;
-    if (state === null) {
+    const { live } = this.scene;
+    if (live === null) {
       return;
     }
     const before = this.time;
-    this.time = stampOf(state);
+    this.time = stampOf(live);
     for (const topic of this.topics.values()) {
       if (this.time < before - 0.01) {
         topic.clear();

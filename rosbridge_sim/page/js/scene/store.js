@@ -3,6 +3,7 @@
 import { loadMap } from "./map_loader.js";
 import { stateOfView } from "./scene_view.js";
 import { loadMesh } from "./mesh_loader.js";
+import { Timeline } from "./timeline.js";
 import { Takers } from "../wire/takers.js";
 
 /** @typedef {import("../wire/connection.js").Connection} Connection */
@@ -41,12 +42,21 @@ export class SceneStore {
   states = new Takers();
   maps = new Takers();
   selections = new Takers();
+  lives = new Takers();
+  /** Be told of each state that is shown: the last one, or one of the past. */
   onState = this.states.add;
+  /** Be told of each state of the server, also while the past is shown. */
+  onLive = this.lives.add;
   onSelect = this.selections.add;
   /** @type {SceneMap | null} */
   map = null;
-  /** @type {SceneState | null} */
+  /** The state that is shown. @type {SceneState | null} */
   state = null;
+  /** The last state of the server. @type {SceneState | null} */
+  live = null;
+  timeline = new Timeline();
+  /** The moment that is shown in place of the last one. @type {import("./timeline.js").Moment | null} */
+  past = null;
   /** Number of the selected entity; null without one. @type {number | null} */
   selectedId = null;
   /** The selected entity is an ego; an ego and an object may have the same number. */
@@ -77,6 +87,7 @@ export class SceneStore {
       this.subscription = this.subscribe();
       old.close();
     }
+    this.timeline.add(view, stampOf(view));
     this.takeState(stateOfView(view));
   }
 
@@ -152,6 +163,33 @@ export class SceneStore {
 
   /** @param {SceneState | null} state - null: this connection has told none yet */
   takeState(state) {
+    const { past, timeline } = this;
+    const isGone = past !== null && (past.view.scenario !== state?.scenario || (past.time > timeline.start && !timeline.moments.includes(past)));
+    if (state === null) {
+      timeline.clear();
+    }
+    this.live = state;
+    if (past === null || isGone) {
+      this.past = null;
+      this.show(state);
+    }
+    this.lives.tell();
+  }
+
+  /** Show the last moment at a time, or what is live. @param {number | null} time - [s]; null: live */
+  showPast(time) {
+    const moment = time === null ? undefined : this.timeline.at(time);
+    if (moment !== undefined) {
+      this.past = moment;
+      this.show(stateOfView(moment.view));
+    } else if (this.past !== null) {
+      this.past = null;
+      this.show(this.live);
+    }
+  }
+
+  /** @param {SceneState | null} state */
+  show(state) {
     this.state = state;
     if (this.selectedId !== null && this.selectedRow() < 0) {
       this.select(null);

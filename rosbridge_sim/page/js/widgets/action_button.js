@@ -54,6 +54,9 @@ export class ActionButton {
     setText(this.element, label);
     this.title = title;
     this.element.title = this.reason || title;
+    if (this.element.hasAttribute("aria-label")) {
+      this.element.setAttribute("aria-label", title);
+    }
   }
 
   /** Do the action, unless it is under way or not possible. */

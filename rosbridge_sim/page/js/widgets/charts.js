@@ -36,6 +36,8 @@ export class Charts {
     this.onChange = () => undefined;
     /** Time before the latest sample [s]. @type {number | null} */
     this.cursor = null;
+    /** Time of the cursor while the past is shown [s]. @type {number | null} */
+    this.pinned = null;
     this.isHeld = false;
     this.drawnAt = -Infinity;
     this.isWaiting = false;
@@ -111,6 +113,14 @@ export class Charts {
   setCursor(secondsAgo) {
     this.cursor = secondsAgo === null ? null : Math.min(CHART_SPAN, Math.max(0, secondsAgo));
     this.draw(true);
+  }
+
+  /** Keep the cursor at a time. @param {number | null} time [s]; null: where the pointer is */
+  pin(time) {
+    if (time !== this.pinned) {
+      this.pinned = time;
+      this.draw(true);
+    }
   }
 
   /** All samples as a table, with a line for each time. */
@@ -256,15 +266,17 @@ class Chart {
    * @param {(time: number) => number} xOf @param {(value: number) => number} yOf @param {Chart | undefined} other
    */
   drawReading(context, ink, xOf, yOf, other) {
-    const { cursor, texts } = this.charts;
-    const at = this.shown.lastTime - (cursor ?? 0);
+    const { cursor, pinned, texts } = this.charts;
+    const { lastTime } = this.shown;
+    const isRead = cursor !== null || pinned !== null;
+    const at = cursor === null ? (pinned ?? lastTime) : lastTime - cursor;
     const { text, value, time } = this.reading(at);
     const both = other ? `${text}; ${other.reading(at).text}` : text;
-    const reading = texts.reading(both, (this.shown.lastTime - time).toFixed(1));
-    setText(this.value, cursor === null ? both : reading);
-    this.canvas.setAttribute("aria-valuenow", (time - this.shown.lastTime).toFixed(1));
+    const reading = texts.reading(both, (lastTime - time).toFixed(1));
+    setText(this.value, isRead ? reading : both);
+    this.canvas.setAttribute("aria-valuenow", (time - lastTime).toFixed(1));
     this.canvas.setAttribute("aria-valuetext", reading);
-    if (cursor === null) {
+    if (!isRead) {
       return;
     }
     context.strokeStyle = context.fillStyle = ink;
