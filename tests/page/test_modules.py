@@ -28,6 +28,6 @@ def test_pure_parts_of_the_page_pass_their_tests(path: Path) -> None:
 
 def test_page_sends_no_goals_of_actions() -> None:
     sources = "".join(path.read_text("utf-8") for path in (ROOT / "rosbridge_sim" / "page" / "js").rglob("*.js"))
-    assert sorted(set(re.findall(r'op: "(\w+)"', sources))) == [
+    assert sorted(set(re.findall(r'\bop: "(\w+)"', sources))) == [
         *("advertise", "auth", "call_service", "publish", "subscribe", "unadvertise", "unsubscribe")
     ]

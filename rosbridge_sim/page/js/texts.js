@@ -1,4 +1,7 @@
-/** All texts of the page that a person reads, one object for each part. A function makes a text with values. */
+/**
+ * All texts of the page that a person reads, one object for each part. A function makes a text with values.
+ * `texts_ko.js` has the same in Korean: a new text needs a line there, too.
+ */
 
 export const TEXTS = {
   page: {
@@ -6,6 +9,7 @@ export const TEXTS = {
     skip: "Skip to the controls",
     map: "Map of the simulation",
     controls: "Controls",
+    language: "Language",
   },
   mapView: {
     canvas: "Map of the simulation. Arrow keys move it, + and - zoom, C changes the camera, ? lists all keys.",
@@ -343,7 +347,7 @@ export const TEXTS = {
       unknown: "Not connected",
       running: "Running in real time",
       paused: "Paused",
-      /** @param {boolean} isPaused */
+      /** @param {boolean} isPaused @returns {string} */
       replay: (isPaused) => (isPaused ? "Replay, paused" : "Replay"),
       /** @param {string} master @param {boolean} isPaused */
       synchronous: (master, isPaused) => `Synchronous, master: ${master}${isPaused ? "; paused" : ""}`,

@@ -2,6 +2,7 @@
 
 This is no parser of JavaScript: it knows the few forms of `import` and `export` that the page uses, at the start of a
 line, and refuses others with file and line. All modules share one scope then, so their top-level names must differ.
+A module that few need is not joined: `import("./x.js")` loads it late. It stands beside the main module.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ def join_modules(main: str, read: Callable[[str], str]) -> str:
             export, or modules import each other in a circle.
         OSError: a file cannot be read.
     """
-    joiner = _Joiner(read)
+    joiner = _Joiner(read, posixpath.dirname(main))
     joiner.add(main, (), main)
     return "\n".join(f"// {path}\n{body.strip()}\n" for path, body in joiner.bodies.items())
 
@@ -60,12 +61,14 @@ class _Joiner:
 
     Attributes:
         read: returns the text of a file.
+        folder: of the main module.
         bodies: texts without imports and exports by path, in the order of the joined file.
         exports: names that others may import, by path.
         owners: place of each top-level name.
     """
 
     read: Callable[[str], str]
+    folder: str
     bodies: dict[str, str] = field(default_factory=dict)
     exports: dict[str, frozenset[str]] = field(default_factory=dict)
     owners: dict[str, str] = field(default_factory=dict)
@@ -94,6 +97,11 @@ class _Joiner:
             match = pattern.search(code)
             if match is not None:
                 raise JoinError(f"{_place(path, code, match.start())}: expected {expected}; got {match[0].strip()!r}")
+        for match in _LATE_IMPORT.finditer(code):
+            literal = _LATE_SOURCE.match(body, match.start())
+            if literal is None or posixpath.dirname(path) != self.folder:
+                where = _place(path, code, match.start())
+                raise JoinError(f'{where}: expected import("./x.js"), in a module beside the main one')
         for match in _DECLARATION.finditer(code):
             self._own(match["name"], _place(path, code, match.start()))
         self.exports[path] = frozenset(match["name"] for match in _DECLARATION.finditer(code) if match["export"])
@@ -146,11 +154,14 @@ _REFUSED: Final = (
         re.compile(r"^export\s+(?!(?:async\s+)?function\b|class\b|const\b).*", re.MULTILINE),
         "`export` before a function, a class or a const",
     ),
-    (re.compile(r"\bimport\s*[(.].*"), "an import at the start of the file"),
+    (re.compile(r"\bimport\s*\..*"), "an import at the start of the file"),
     (re.compile(r"^(?:const|let|var)\s*[\[{].*", re.MULTILINE), "one name for each declaration of the top level"),
     (re.compile(r"^(?:for\s+)?await\b.*", re.MULTILINE), "no `await` outside of functions"),
 )
 """Forms that would not work in the joined file, and what is expected in their place."""
+
+_LATE_IMPORT: Final = re.compile(r"\bimport\s*\(")
+_LATE_SOURCE: Final = re.compile(r"import\(\"\./\w+\.js\"\)")
 
 _NOT_CODE: Final = re.compile(
     r"//[^\n]*|/\*.*?\*/|\"(?:\\.|[^\"\\\n])*\"|'(?:\\.|[^'\\\n])*'|`(?:\\.|[^`\\])*`", re.DOTALL

@@ -27,6 +27,7 @@ PATHS: Final = {
     "/page.css": ("page.css", "text/css; charset=utf-8"),
     "/docs.css": ("docs.css", "text/css; charset=utf-8"),
     "/page.js": ("js/main.js", "text/javascript; charset=utf-8"),
+    "/texts_ko.js": ("js/texts_ko.js", "text/javascript; charset=utf-8"),
     "/icon.svg": ("icon.svg", "image/svg+xml"),
 }
 """Source file and content type by path. No other file of the folder is served."""
@@ -98,7 +99,7 @@ def page_files() -> Mapping[str, PageFile]:
 
 
 def page_source(name: str) -> bytes:
-    """Return the bytes of a file of the page; for a module, with all that it imports.
+    """Return the bytes of a file of the page; for the main module, with all that it imports.
 
     Args:
         name: path in the page's folder.
@@ -106,6 +107,6 @@ def page_source(name: str) -> bytes:
     Raises:
         JoinError: a module cannot be joined.
     """
-    if name.endswith(".js"):
+    if name == PATHS["/page.js"][0]:
         return join_modules(name, lambda path: (_FOLDER / path).read_text(encoding="utf-8")).encode()
     return (_FOLDER / name).read_bytes()

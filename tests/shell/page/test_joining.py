@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim.shell.page.joining import JoinError, join_modules
+from rosbridge_sim.shell.page.web_page import PATHS
 from tests.support import PATIENCE, ROOT, require_tool
 
 PAGE = ROOT / "rosbridge_sim" / "page"
@@ -55,6 +56,13 @@ def test_words_in_comments_and_texts_are_no_code() -> None:
     assert body.strip() in join(main=body)
 
 
+def test_module_that_is_loaded_late_stays_apart_and_its_place_is_checked() -> None:
+    text = join(main='export async function f() {\n  return (await import("./late.js")).g;\n}\n')
+    assert 'import("./late.js")' in text
+    late = 'export const f = () => import("./late.js");\n'
+    assert "js/deep/x.js:1" in refuse(**{"main": 'import { f } from "./deep/x.js";\nf();\n', "deep/x": late})
+
+
 @pytest.mark.parametrize(
     ("text", "where", "got"),
     [
@@ -68,7 +76,8 @@ def test_words_in_comments_and_texts_are_no_code() -> None:
         ("const x = 1;\nexport { x };", "js/main.js:2", "export { x };"),
         ('export * from "./a.js";', "js/main.js:1", "export * from"),
         ("export let x = 1;", "js/main.js:1", "export let x = 1;"),
-        ('const x = import("./a.js");', "js/main.js:1", "import("),
+        ('\nconst x = import("./b/a.js");', "js/main.js:2", 'import("./x.js")'),
+        ("const x = import(`./a.js`);", "js/main.js:1", 'import("./x.js")'),
         ("const x = import.meta.url;", "js/main.js:1", "import.meta"),
         ("const { x } = y;", "js/main.js:1", "const { x } = y;"),
         ("await x();", "js/main.js:1", "await x();"),
@@ -100,9 +109,16 @@ def test_json_file_has_one_name() -> None:
     assert "expected the name that other modules have for data.json; got 'b'" in message
 
 
+def joined_modules(text: str) -> list[Path]:
+    """The modules of the page but those that it loads late; these must be served."""
+    late = {f"js/{name}" for name in re.findall(r'await import\("\./(\w+\.js)"\)', text)}
+    assert late <= {name for name, _ in PATHS.values()}
+    return sorted({*PAGE.glob("js/**/*.js")} - {PAGE / name for name in late})
+
+
 def test_joined_page_has_each_module_of_the_page() -> None:
     text = join_modules("js/main.js", lambda path: (PAGE / path).read_text("utf-8"))
-    for path in sorted(PAGE.glob("js/**/*.js")):
+    for path in joined_modules(text):
         assert f"// {path.relative_to(PAGE).as_posix()}\n" in text, f"{path} is imported by no module of the page"
 
 
@@ -112,7 +128,7 @@ def test_joined_page_is_one_script_and_declares_what_its_modules_export(tmp_path
     text = join_modules("js/main.js", lambda path: (PAGE / path).read_text("utf-8"))
     head, _, main = text.rpartition("// js/main.js\n")  # which needs a browser
     exports = re.compile(r"^export (?:async )?(?:function\*?|class|const) (\w+)", re.MULTILINE)
-    names = [name for path in PAGE.glob("js/**/*.js") for name in exports.findall(path.read_text("utf-8"))]
+    names = [name for path in joined_modules(text) for name in exports.findall(path.read_text("utf-8"))]
     kinds = ", ".join(f"typeof {name}" for name in names)
     script = tmp_path / "page.mjs"
     script.write_text(f"{head}\nfunction main() {{\n{main}\n}}\nconsole.log(JSON.stringify([{kinds}]));")

@@ -1,5 +1,6 @@
 // The values in the header: the scenario, whether time runs, and who drives. A person sees them on each tab.
 
+import { chooseLanguage, otherLanguage } from "../language.js";
 import { element, setText } from "../widgets/dom.js";
 import { driverText } from "./ego.js";
 import { SCENARIOS_ID, timeStateText } from "./time.js";
@@ -38,5 +39,13 @@ export function makeHeaderValues({ time, drivers, ego, scene, showTab, texts }, 
   time.onChange(show);
   drivers.onChange(show);
   ego.onChoice(show);
-  return element("span", { className: "header-panel" }, scenario, state, frame, driver, end);
+  return element("span", { className: "header-panel" }, scenario, makeLanguageSwitch(texts.page), state, frame, driver, end);
+}
+
+/** @param {PanelContext["texts"]["page"]} texts @returns {HTMLElement} */
+function makeLanguageSwitch(texts) {
+  const { language, label } = otherLanguage();
+  const button = element("button", { type: "button", className: "small header-language", title: texts.language, lang: language }, label);
+  button.onclick = () => chooseLanguage(language);
+  return button;
 }
