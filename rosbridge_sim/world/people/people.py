@@ -17,16 +17,14 @@ come would arrive after it or are drivers on lanes that can stop. Once it goes, 
 from __future__ import annotations
 
 import math
-from hashlib import blake2b
 from typing import Final
 
 import numpy as np
 
 from rosbridge_sim.world.geometry.neighbours import find_neighbours
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray
-from rosbridge_sim.world.people.crossings import Crossings, find_crossings
+from rosbridge_sim.world.people.known_crossings import FARTHEST, KnownCrossings
 from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
-from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Lamp
 from rosbridge_sim.world.state.world import DT, Kind, World
 
@@ -95,7 +93,7 @@ a side 0.46 m away, as of a bus that turns."""
 LOOK_AHEAD: Final = 1.2
 """Distance along the path of the place that is walked to [m]: a step or two."""
 
-SIDES: Final = (0.3, 0.9)
+SIDES: Final = (0.3, FARTHEST)
 """Least and greatest distance to the right of the path [m], tuned by us: people who meet pass, all within a crosswalk
 of 3 m."""
 
@@ -125,10 +123,6 @@ SIGHT: Final = 70.0
 
 ASIDE: Final = 2.0
 """A vehicle that will pass the ends of a crossing by more than this does not come onto it [m]."""
-
-MAX_KNOWN: Final = 24_000
-"""Paths whose crossings are kept: more than a full scene has entities, so those in use stay. A path takes 1 kB, and 0.2
-to 1 ms to look at."""
 
 SLOW: Final = 0.5
 """Least speed at which drivers expect a pedestrian to go on in a crossing [m/s]."""
@@ -215,16 +209,13 @@ class _People:
         `owner` and `number` say for each crossing whose it is, and which one on that path.
         """
         world = self.world
-        known = world.roads.derived(_KnownCrossings)
-        found = [known.of(world.world_with(row), int(world.uid[row])) for row in self.rows.tolist()]
-        count = np.array([len(each.start) for each in found], dtype=np.int64)
+        known = world.roads.derived(KnownCrossings)
+        count, found = known.of([world.world_with(row) for row in self.rows.tolist()], world.uid[self.rows].tolist())
         self.first = np.append(0, np.cumsum(count))
         self.owner = np.arange(self.num).repeat(count)
         self.number = np.arange(len(self.owner)) - self.first[self.owner]
-        self.start = np.concatenate([each.start for each in found])
-        self.end = np.concatenate([each.end for each in found])
-        self.light = world.own_lights(self.rows[self.owner], np.concatenate([each.light for each in found]))
-        self.ends = np.concatenate([each.ends for each in found])
+        self.start, self.end, self.ends = found.start, found.end, found.ends
+        self.light = world.own_lights(self.rows[self.owner], found.light)
 
     def decide(self) -> None:
         """Choose speeds and headings until the next decision."""
@@ -466,23 +457,3 @@ class _People:
         needs = pace * (DRIVER_DELAY + pace / (2.0 * DRIVER_BRAKE)) + STOP_ROOM
         endangers = is_on | (comes & np.where(is_driver, gap < needs, is_early))
         return np.asarray(np.bincount(one[endangers], minlength=len(crossing)) > 0)
-
-
-class _KnownCrossings:
-    """The crossings of the paths that were looked at last, on some roads: they stay while actors come and go."""
-
-    def __init__(self, _roads: Roads) -> None:
-        self._found: dict[tuple[bytes, bytes], Crossings] = {}
-
-    def of(self, world: World, uid: int) -> Crossings:
-        """Return the crossings of an entity's path."""
-        segments = world.paths.of(uid)
-        key = world.plan.digest, blake2b(segments.tobytes(), digest_size=16).digest()
-        found = self._found.pop(key, None)
-        if found is None:
-            found = find_crossings(segments, world.roads, world.plan, SIDES[1])
-            if len(self._found) >= MAX_KNOWN:
-                for old in list(self._found)[: MAX_KNOWN // 8]:  # a rehearsal in another thread may do the same now
-                    self._found.pop(old, None)
-        self._found[key] = found  # the last one now
-        return found

@@ -24,7 +24,7 @@ removals needs memory for the paths in use alone.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from hashlib import blake2b
 from typing import Final
@@ -227,12 +227,14 @@ class PathsSnapshot:
         keys: (k,) int64.
         spans: for each path its first segment and their count.
         next_base: the first free key.
+        contents: those hashes of single paths that are known, see `Paths.content_of`.
     """
 
     segments: Segments
     keys: IntArray
     spans: dict[int, tuple[int, int]]
     next_base: int
+    contents: dict[int, bytes] = field(default_factory=dict, compare=False)
 
 
 class Paths:
@@ -245,6 +247,7 @@ class Paths:
     """
 
     __slots__ = (
+        "_contents",
         "_digest",
         "_keys",
         "_next_base",
@@ -267,6 +270,7 @@ class Paths:
         self._segments: Segments = np.empty((MIN_SEGMENTS, NUM_COLUMNS))
         self._keys: IntArray = np.empty(MIN_SEGMENTS, dtype=np.int64)
         self._spans: dict[int, tuple[int, int]] = {}  # in the order of the store
+        self._contents: dict[int, bytes] = {}
         self._next_base = 0
         self.num_live = 0
         self._bind(0)
@@ -312,6 +316,7 @@ class Paths:
             True when the store was compacted, so that every `base` must be read again.
         """
         _, count = self._spans.pop(path)
+        self._contents.pop(path, None)
         self._digest = self._snapshot = None
         self.num_live -= count
         if 2 * self.num_live >= self.num and self._next_base < MAX_KEY // 2:
@@ -333,6 +338,13 @@ class Paths:
         first, count = self._spans[path]
         return self.segments[first : first + count]
 
+    def content_of(self, path: int) -> bytes:
+        """Return a hash of the segments of a path. It is kept, for all are asked for when an actor comes or goes."""
+        content = self._contents.get(path)
+        if content is None:
+            content = self._contents[path] = blake2b(self.of(path).tobytes(), digest_size=16).digest()
+        return content
+
     def find(self, base: IntArray, arc: FloatArray) -> Segments:
         """Return the segments, (k, 10), at arc lengths (k,) of the paths whose bases (k,) are given."""
         keys = base + (arc * KEYS_PER_METRE).astype(np.int64)
@@ -350,7 +362,9 @@ class Paths:
     def snapshot(self) -> PathsSnapshot:
         """Return a copy for `restore`, the same one until the store changes: it is most of a world."""
         if self._snapshot is None:
-            self._snapshot = PathsSnapshot(self.segments.copy(), self.keys.copy(), dict(self._spans), self._next_base)
+            self._snapshot = PathsSnapshot(
+                self.segments.copy(), self.keys.copy(), dict(self._spans), self._next_base, dict(self._contents)
+            )
         return self._snapshot
 
     def restore(self, saved: PathsSnapshot) -> None:
@@ -359,7 +373,7 @@ class Paths:
         num = len(saved.keys)
         self._reserve(num)
         self._segments[:num], self._keys[:num] = saved.segments, saved.keys
-        self._spans = dict(saved.spans)
+        self._spans, self._contents = dict(saved.spans), dict(saved.contents)
         self._next_base = saved.next_base
         self.num_live = sum(count for _, count in self._spans.values())
         self._bind(num)
@@ -374,11 +388,12 @@ class Paths:
 
     def _compact(self) -> None:
         kept = [(path, self.segments[first : first + count]) for path, (first, count) in self._spans.items()]
-        capacity = 2 * self.num_live
+        capacity, contents = 2 * self.num_live, self._contents
         self.clear()
         self._reserve(capacity)
         for path, segments in kept:
             self.add(path, segments)
+        self._contents = contents
 
     def _bind(self, num: int) -> None:
         self._digest = self._snapshot = None

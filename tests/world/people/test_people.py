@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.geometry.neighbours import find_neighbours
-from rosbridge_sim.world.people import people
 from rosbridge_sim.world.people.crossings import find_crossings
 from rosbridge_sim.world.people.people import COMMITTED, find_ways_over
 from rosbridge_sim.world.roads.paths import lay_segments
@@ -368,24 +367,6 @@ def test_long_path_has_all_its_crossings() -> None:
     path = np.stack([np.repeat(np.arange(1.0, 31.0, 0.05), 2), np.tile([-4.0, 4.0, 4.0, -4.0], 300)], axis=-1)
     segments = lay_segments(np.column_stack([path, np.zeros(len(path))]), is_loop=False, reach=0.5)
     assert len(find_crossings(segments, roads, SignalPlan(roads)).start) == 600
-
-
-def test_crossings_of_the_paths_in_use_stay_known_beside_any_number_of_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(people, "MAX_KNOWN", 16)
-    world = world_of(road())
-    for i in range(10):
-        walker(world, OVER + 0.1 * i)
-    known = world.roads.derived(people._KnownCrossings)
-    for i in range(30):
-        for _ in range(5):
-            step(world)
-        in_use = list(known._found.values())[-10 - (i > 0) :]
-        other = walker(world, OVER + 20.0 + 0.1 * i)
-        for _ in range(5):
-            step(world)
-        assert not {id(one) for one in in_use[:10]} - {id(one) for one in known._found.values()}
-        assert len(known._found) <= 16
-        world.remove(int(world.uid[other]))
 
 
 def test_neighbours_are_all_pairs_within_reach() -> None:
