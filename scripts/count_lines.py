@@ -7,8 +7,8 @@ A line counts as code if a token other than a comment stands on it, and it is no
 
 from __future__ import annotations
 
+import argparse
 import ast
-import sys
 import tokenize
 from collections import Counter
 from pathlib import Path
@@ -41,7 +41,9 @@ def docstring_lines(tree: ast.AST) -> set[int]:
 
 def main() -> None:
     """Print a line for each room, the largest first, and the sum."""
-    root = Path(sys.argv[1]) if len(sys.argv) > 1 else PACKAGE
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", nargs="?", type=Path, default=PACKAGE)
+    root = parser.parse_args().folder
     code: Counter[str] = Counter()
     whole: Counter[str] = Counter()
     files: Counter[str] = Counter()

@@ -12,6 +12,7 @@ because a font or a numpy build may change a pixel.
 
 from __future__ import annotations
 
+import argparse
 import asyncio
 import json
 import sys
@@ -175,6 +176,7 @@ def main() -> int:
     Returns:
         The exit code.
     """
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     IMAGES.mkdir(parents=True, exist_ok=True)
     for name in ("town", "hills", "motorway", "roundabout", "parking"):
         draw_scene(name, IMAGES / f"{name}.png")

@@ -10,6 +10,7 @@ result.
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -62,6 +63,7 @@ def drawn() -> dict[Path, bytes]:
 
 def main() -> None:
     """Write the files."""
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     for path, text in drawn().items():
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(text)
