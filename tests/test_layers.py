@@ -113,8 +113,8 @@ shell.files: * maps scenarios schema.definitions shell.config simulator.bus simu
 shell.bags: * graph schema schema.definitions shell.files simulator.replays
 shell.rendering: scenery scenery.moving world.geometry
 worlds: maps scenarios shell.files simulator.kernel simulator.plain simulator.scene simulator.sim_services world
-    world.drivers world.geometry world.many_worlds world.roads world.state
-environments: world.geometry world.state worlds
+    world.drivers world.followers world.geometry world.many_worlds world.roads world.state world.vehicle
+environments: scenery scenery.static shell.rendering world.geometry world.state worlds
 campaign_runs: * campaigns environments expressions graph scenarios schema shell shell.config shell.files
     simulator version world.followers world.geometry world.many_worlds world.roads world.state worlds
 cli: * cli.campaigns cli.files cli.tools cli.watch link

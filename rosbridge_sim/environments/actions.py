@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
-from gymnasium.spaces import Box, Space
+from gymnasium.spaces import Box, Discrete, Space
 
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.judgement import Index
@@ -99,7 +99,53 @@ class _Pedals(ActionKind):
         return {"steering": steering, "throttle": self._every(throttle), "brake": self._every(brake)}
 
 
-_KINDS: Final[dict[str, type[ActionKind]]] = {"Continuous": ActionKind, "Pedals": _Pedals}
+class _DiscreteMeta(ActionKind):
+    """Lanes and speeds, driven by our own drivers."""
+
+    space = Discrete(len(META_ACTIONS))
+
+    def __init__(self, worlds: Worlds, task: DrivingTask, at: Index) -> None:
+        super().__init__(worlds, task, at)
+        self._speeds = np.array(task.speeds)
+        self._level = np.zeros(worlds.has_ego.shape, dtype=np.int64)
+
+    def begin(self, mask: BoolArray) -> None:
+        """Begin with the speed that is nearest to the start's."""
+        speed = self._worlds.egos()["speed"]
+        nearest = np.abs(self._speeds - speed[..., None]).argmin(axis=-1)
+        self._level[mask] = nearest[mask]
+        self._want(mask)
+
+    def check(self, actions: npt.ArrayLike, num: int) -> FloatArray:
+        """Return actions (num,) as (num, 2) numbers: to the left, and faster."""
+        chosen = np.asarray(actions)
+        if chosen.shape != (num,) or not np.isin(chosen, range(len(META_ACTIONS))).all():
+            most = len(META_ACTIONS) - 1
+            raise ValueError(
+                f"actions: expected {num} numbers within 0..{most}, got shape {chosen.shape}, {chosen!r:.50}"
+            )
+        return np.stack([(chosen == 0) * 1.0 - (chosen == 2), (chosen == 3) * 1.0 - (chosen == 4)], axis=1)  # noqa: PLR2004
+
+    def command(self, chosen: FloatArray) -> dict[str, FloatArray] | None:
+        """Give the egos their wishes; `Worlds.step` needs no command then."""
+        before = self._level.copy()
+        self._level += self._every(chosen[:, 1]).astype(np.int64)
+        np.clip(self._level, 0, len(self._speeds) - 1, out=self._level)
+        self._want((self._level != before).any(axis=1))
+        self._worlds.change_lanes(self._every(chosen[:, 0]))
+        return None
+
+    def _want(self, mask: BoolArray) -> None:
+        """Give the egos of some worlds their speeds; the egos that are not ours drive so, too."""
+        speeds = np.where(mask[:, None], self._speeds[self._level], np.nan)
+        self._worlds.drive_itself(speeds)
+
+
+_KINDS: Final[dict[str, type[ActionKind]]] = {
+    "Continuous": ActionKind,
+    "Pedals": _Pedals,
+    "DiscreteMeta": _DiscreteMeta,
+}
 
 
 def make_action(worlds: Worlds, task: DrivingTask, at: Index) -> ActionKind:

@@ -42,7 +42,7 @@ _GOALS: Final = ("", "lane", "bay")
 
 _POSITIVE: Final = (
     *("target_speed", "duration", "frame_skip", "num_starts", "num_others", "num_rays", "lidar_range"),
-    *("grid_size", "grid_step"),
+    *("grid_size", "grid_step", "camera_width", "camera_height"),
 )
 
 
@@ -62,6 +62,8 @@ class DrivingTask:
         grid_step: side of its cells [m].
         num_rays: rays of `Lidar`.
         lidar_range: their length [m].
+        camera_width: of `Camera` [pixels].
+        camera_height: likewise.
         action: name of an action, see `actions`.
         reverses: a negative acceleration drives a standing ego backwards.
         target_speed: speed at which the reward for speed is greatest [m/s].
@@ -95,6 +97,8 @@ class DrivingTask:
     grid_step: float = 5.0
     num_rays: int = 36
     lidar_range: float = 50.0
+    camera_width: int = 96
+    camera_height: int = 64
     action: str = "Continuous"
     reverses: bool = False
     target_speed: float = 15.0
@@ -121,6 +125,11 @@ class DrivingTask:
             raise ValueError("goal_lane: expected the lanes of the goal, got ''")
         if self.reward is not None and not callable(self.reward):
             raise ValueError(f"reward: expected a function, got {self.reward!r}")
+
+    @property
+    def has_camera(self) -> bool:
+        """Whether the observation has pictures of a camera."""
+        return self.observation == "Camera" or (self.observation == "Dict" and "Camera" in self.parts)
 
     @property
     def all_weights(self) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +13,9 @@ from rosbridge_sim.environments.judgement import Index, Judgement, judge
 from rosbridge_sim.environments.observations import Seen, observe, pick
 from rosbridge_sim.environments.starts import Starts
 from rosbridge_sim.worlds.worlds import Worlds
+
+if TYPE_CHECKING:
+    from rosbridge_sim.environments.camera import EgoCameras
 
 __all__ = ["FIRST_EGOS", "FPS", "Episodes"]
 
@@ -52,6 +55,7 @@ class Episodes:
         self._rngs = [np.random.default_rng() for _ in range(worlds.num_worlds)]
         self._num = len(worlds.has_ego[at])
         self._red_lights = np.zeros(self._num)
+        self._cameras = _mount_cameras(worlds, task) if task.has_camera else None
 
     def seed(self, number: int, seed: int) -> None:
         """Set the chance of the episodes of one world."""
@@ -99,7 +103,7 @@ class Episodes:
 
     def observe(self) -> Seen:
         """Return the observations, (n, ...)."""
-        return pick(observe(self.worlds, self.task, self.starts.goals), self._at)
+        return pick(observe(self.worlds, self.task, self.starts.goals, self._cameras), self._at)
 
     def is_late(self) -> BoolArray:
         """Return which worlds have driven for the duration of an episode, (num_worlds,)."""
@@ -109,3 +113,9 @@ class Episodes:
         """Return what `infos` have of a judgement, (n,) each, and the figures of the score in `score`."""
         figures = {name: getattr(result, name) for name in _FIGURES}
         return {**figures, "distance": result.scores["score_distance"], "score": dict(result.scores)}
+
+
+def _mount_cameras(worlds: Worlds, task: DrivingTask) -> EgoCameras:
+    from rosbridge_sim.environments.camera import EgoCameras  # noqa: PLC0415 - what draws is in the extra `sensors`
+
+    return EgoCameras(worlds, task.camera_width, task.camera_height)

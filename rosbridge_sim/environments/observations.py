@@ -8,7 +8,7 @@ by them, so they are within -1..1; the others are in SI units and radians.
 `Kinematics`     `Lane` and `Others` in one row
 `OccupancyGrid`  (4, n, n), `worlds.occupancy.GRID_FIGURES`
 `Lidar`          (num_rays, 2), `worlds.rays.RAY_FIGURES`
-`Camera`         (64, 96, 3) uint8, a picture from behind the windscreen; see `camera`
+`Camera`         (camera_height, camera_width, 3) uint8, a picture from behind the windscreen; see `camera`
 `Dict`           the option `parts` by name
 `Goal`           as environments with goals have it: `observation` (`Kinematics`), `achieved_goal` and `desired_goal`
 """
@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,10 @@ from gymnasium.spaces import Box, Dict, Space
 
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.worlds.drivable_worlds import DrivableWorlds
+from rosbridge_sim.worlds.occupancy import num_cells
+
+if TYPE_CHECKING:
+    from rosbridge_sim.environments.camera import EgoCameras
 
 __all__ = [
     "AHEAD",
@@ -64,6 +68,10 @@ LIGHT_FIGURES: Final = {"to_light": 100.0, "must_stop": 1.0}
 """Distance to the end of the lane before the next light straight on, at most 100 m; and 1 if it is red or yellow."""
 
 OTHER_BOUNDS: Final = (1.0, 100.0, 100.0, 40.0, 40.0, 1.0, 1.0, 20.0, 5.0)
+
+GRID_BOUNDS: Final = (1.0, 40.0, 40.0, 1.0)
+
+RAY_SPEED: Final = 40.0
 
 GOAL_FIGURES: Final = {"x": 100.0, "y": 100.0, "vx": 5.0, "vy": 5.0, "cos": 1.0, "sin": 1.0}
 """Figures of goals in the frame of the map: middle of the body, velocity, heading; bounds only scale places."""
@@ -108,12 +116,22 @@ def _see_kinematics(worlds: DrivableWorlds, task: DrivingTask) -> FloatArray:
     return np.concatenate([_see_lane(worlds, task), others.reshape(*others.shape[:2], -1)], axis=-1)
 
 
+def _grid_bounds(task: DrivingTask) -> FloatArray:
+    num = num_cells(task.grid_size, task.grid_step)
+    return np.tile(np.array(GRID_BOUNDS)[:, None, None], (1, num, num))
+
+
 OBSERVATION_PARTS: Final[
     dict[str, tuple[Callable[[DrivingTask], FloatArray], Callable[[DrivableWorlds, DrivingTask], FloatArray]]]
 ] = {
     "Lane": (_lane_bounds, _see_lane),
     "Others": (_others_bounds, _see_others),
     "Kinematics": (_kinematics_bounds, _see_kinematics),
+    "OccupancyGrid": (_grid_bounds, lambda worlds, task: worlds.grids(task.grid_size, task.grid_step)),
+    "Lidar": (
+        lambda task: np.tile(np.array([task.lidar_range, RAY_SPEED]), (task.num_rays, 1)),
+        lambda worlds, task: worlds.rays(task.num_rays, task.lidar_range),
+    ),
 }
 
 
@@ -125,16 +143,18 @@ def bounds_of(name: str, task: DrivingTask) -> FloatArray:
 def space_of(task: DrivingTask) -> Space[Any]:
     """Return the space of the observations of one ego."""
     if task.observation == "Dict":
-        return Dict({name: _box(bounds_of(name, task), task) for name in task.parts})
+        return Dict({name: _box(name, task) for name in task.parts})
     if task.observation == "Goal":
         figures = np.array(list(GOAL_FIGURES.values()))
         goal = Box(-MAX_GOAL, MAX_GOAL, figures.shape, np.float32)
-        seen = _box(bounds_of("Kinematics", task), task)
+        seen = _box("Kinematics", task)
         return Dict({"observation": seen, "achieved_goal": goal, "desired_goal": goal})
-    return _box(bounds_of(task.observation, task), task)
+    return _box(task.observation, task)
 
 
-def observe(worlds: DrivableWorlds, task: DrivingTask, goals: FloatArray | None = None) -> Seen:
+def observe(
+    worlds: DrivableWorlds, task: DrivingTask, goals: FloatArray | None = None, cameras: EgoCameras | None = None
+) -> Seen:
     """Return the observations of all egos, (num_worlds, num_egos, ...) float32, or a dict of them.
 
     Args:
@@ -142,14 +162,15 @@ def observe(worlds: DrivableWorlds, task: DrivingTask, goals: FloatArray | None 
         task: the options.
         goals: (num_worlds, num_egos, 3) east and north of the middle of the bay, and the heading in it; nan without.
             Only `Goal` has them.
+        cameras: of these worlds; only `Camera` needs them.
     """
     if task.observation == "Dict":
-        return {name: _see(name, worlds, task) for name in task.parts}
+        return {name: _see(name, worlds, task, cameras) for name in task.parts}
     if task.observation == "Goal":
         assert goals is not None
         seen = _see("Kinematics", worlds, task)
         return {"observation": seen, "achieved_goal": achieved_goals(worlds), "desired_goal": desired_goals(goals)}
-    return _see(task.observation, worlds, task)
+    return _see(task.observation, worlds, task, cameras)
 
 
 def pick(seen: Seen, index: Any) -> Seen:  # noqa: ANN401 - whatever numpy takes
@@ -157,12 +178,18 @@ def pick(seen: Seen, index: Any) -> Seen:  # noqa: ANN401 - whatever numpy takes
     return {name: part[index] for name, part in seen.items()} if isinstance(seen, dict) else seen[index]
 
 
-def _box(bounds: FloatArray, task: DrivingTask) -> Box:
+def _box(name: str, task: DrivingTask) -> Box:
+    if name == "Camera":
+        return Box(0, 255, (task.camera_height, task.camera_width, 3), np.uint8)
+    bounds = bounds_of(name, task)
     high = np.ones(bounds.shape, np.float32) if task.normalize else bounds.astype(np.float32)
     return Box(-high, high, bounds.shape, np.float32)
 
 
-def _see(name: str, worlds: DrivableWorlds, task: DrivingTask) -> npt.NDArray[Any]:
+def _see(name: str, worlds: DrivableWorlds, task: DrivingTask, cameras: EgoCameras | None = None) -> npt.NDArray[Any]:
+    if name == "Camera":
+        assert cameras is not None
+        return cameras.draw()
     bounds_in, measure = OBSERVATION_PARTS[name]
     bounds = bounds_in(task)
     figures = measure(worlds, task)

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from collections.abc import Callable, Mapping, Sequence
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from rosbridge_sim.world.followers.self_driving import change_lane, start_self_driving
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
+from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT
 from rosbridge_sim.world.state.commands import command_all, shift
 from rosbridge_sim.world.state.world import DT, Gear, Kind, Mode, World
-from rosbridge_sim.worlds.ego_table import EgoTable
+from rosbridge_sim.worlds.arguments import broadcast, check_number, make_out
+from rosbridge_sim.worlds.ego_table import EgoTable, Part
+from rosbridge_sim.worlds.occupancy import GRID_FIGURES, find_grids, num_cells
+from rosbridge_sim.worlds.rays import RAY_FIGURES, cast_rays
 from rosbridge_sim.worlds.surroundings import LANE_FIGURES, OTHER_FIGURES, find_lanes, find_lights, find_others
 
-__all__ = ["EGO_FIGURES", "SCORE_FIGURES", "Commands", "DrivableWorlds", "check_number"]
+__all__ = ["EGO_FIGURES", "SCORE_FIGURES", "Commands", "DrivableWorlds"]
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -105,11 +110,7 @@ class DrivableWorlds:
             ValueError: num is below 1, or `out` has another shape.
         """
         check_number("num", num)
-        found = _out(out, (*self._egos.is_there.shape, num, len(OTHER_FIGURES)))
-        for part in self._egos:
-            if len(part.rows):
-                found[part.world, part.ego] = find_others(part, num)
-        return found
+        return self._gather((num, len(OTHER_FIGURES)), lambda part: find_others(part, num), out)
 
     def lanes(self, ahead: Sequence[float] = ()) -> dict[str, FloatArray]:
         """Return where the egos are on their lanes, and where the lanes lead.
@@ -139,6 +140,43 @@ class DrivableWorlds:
                 for name, values in figures.items():
                     found[name][part.world, part.ego] = values
         return found
+
+    def rays(self, num: int, reach: float) -> FloatArray:
+        """Return what flat rays around the egos meet first: boxes of entities, or borders of the road.
+
+        Args:
+            num: rays of each ego, at equal angles, the first one forward, the second one to the left of it.
+            reach: length of the rays, which begin in the middle of the box [m].
+
+        Returns:
+            (num_worlds, num_egos, num, 2) `RAY_FIGURES`: distance, `reach` where there is nothing [m]; and the speed at
+            which it moves away along the ray, seen from the ego [m/s].
+
+        Raises:
+            ValueError: num is below 1, or the reach is not a positive number.
+        """
+        check_number("num", num)
+        if not 0.0 < reach < np.inf:
+            raise ValueError(f"reach: expected a positive number, got {reach!r}")
+        return self._gather((num, len(RAY_FIGURES)), lambda part: cast_rays(part, num, reach))
+
+    def grids(self, size: float, step: float) -> FloatArray:
+        """Return square grids around the egos, in their axes; see `occupancy.find_grids`.
+
+        Args:
+            size: side of the square, with the middle of the rear axle in its middle [m].
+            step: side of a cell [m].
+
+        Returns:
+            (num_worlds, num_egos, 4, n, n) `GRID_FIGURES`: 1 where an entity is; its velocity relative to the ego's,
+            forward and left [m/s]; 1 where the road is. The last axes count from the back forwards, and from the right
+            to the left.
+
+        Raises:
+            ValueError: the cells are not positive, or more than 256 a side.
+        """
+        num = num_cells(size, step)
+        return self._gather((len(GRID_FIGURES), num, num), lambda part: find_grids(part, size, step))
 
     def lights(self) -> dict[str, FloatArray]:
         """Return the next traffic lights ahead of the egos, on the lanes that turn least, (num_worlds, num_egos) each.
@@ -198,14 +236,9 @@ class DrivableWorlds:
                 "commands: expected steering with throttle and brake, with speed or with accel, got"
                 f" {', '.join(sorted(commands)) or 'none'}"
             )
-        shape = self._egos.is_there.shape
-        arrays: dict[str, Any] = {}
+        arrays: dict[str, FloatArray] = {}
         for name, values in commands.items():
-            array = np.asarray(values, dtype=np.float64)
-            try:
-                arrays[name] = np.broadcast_to(array, shape)
-            except ValueError:
-                raise ValueError(f"{name}: expected an array of shape {shape}, got {array.shape}") from None
+            arrays[name] = self._broadcast(name, values)
             if not np.isfinite(arrays[name][self._egos.is_there]).all():
                 raise ValueError(f"{name}: expected finite numbers")
         if "gear" in arrays:
@@ -217,12 +250,78 @@ class DrivableWorlds:
             rest = {name: arrays[name][at] for name in names}
             command_all(part.columns, part.rows, mode=_MODES[names], steer=arrays["steering"][at], **rest)
 
+    def drive_itself(self, desired_speed: npt.ArrayLike) -> BoolArray:
+        """Have egos drive themselves, as other vehicles do: along the lanes, with gaps, lights and right of way.
+
+        They do so until they are placed elsewhere or their world is reset. Commands of `step` do not reach them then.
+
+        Args:
+            desired_speed: array that broadcasts to (num_worlds, num_egos), speed that the driver wants; limits, bends
+                and other traffic make it slower [m/s]. nan for egos that stay as they are.
+
+        Returns:
+            (num_worlds, num_egos) bool, which egos drive themselves now; an ego without a lane near it does not.
+
+        Raises:
+            ValueError: the array has another shape, or a speed is negative. Nothing has changed.
+        """
+        wanted = self._broadcast("desired_speed", desired_speed)
+        if (wanted < 0.0).any():
+            raise ValueError("desired_speed: expected numbers from 0 on, or nan")
+        for i, j in np.argwhere(self._egos.is_there & ~np.isnan(wanted)).tolist():
+            world = self._worlds[i]
+            row = int(world.rows(Kind.EGO)[j])
+            if not world.has_lane[row]:
+                start_self_driving(world, row, desired_speed=float(wanted[i, j]))
+            elif world.desired_speed[row] != wanted[i, j]:
+                world.desired_speed[row] = wanted[i, j]
+                world.touch()
+        self._settle()
+        return self._egos.gather("has_lane") > 0.0
+
+    def change_lanes(self, side: npt.ArrayLike) -> BoolArray:
+        """Have egos that drive themselves change to the lane beside theirs, whether it is free or not.
+
+        Args:
+            side: array that broadcasts to (num_worlds, num_egos): positive for the left, negative for the right, 0 for
+                none.
+
+        Returns:
+            (num_worlds, num_egos) bool, which egos begin to; those without a lane there, and those that are changing
+            lanes already, do not.
+
+        Raises:
+            ValueError: the array has another shape. Nothing has changed.
+        """
+        sides = self._broadcast("side", side)
+        begins = np.zeros(sides.shape, dtype=bool)
+        for i, j in np.argwhere(self._egos.is_there & (sides != 0.0)).tolist():
+            world = self._worlds[i]
+            row = int(world.rows(Kind.EGO)[j])
+            if world.has_lane[row]:
+                begins[i, j] = change_lane(world, row, LEFT if sides[i, j] > 0.0 else RIGHT)
+        self._settle()
+        return begins
+
     def _shift(self, gears: FloatArray) -> None:
         """Shift the egos that stand; few do in a step, and each by itself."""
         for i, j in np.argwhere(self._egos.is_there & (self._egos.gather("gear") != gears)).tolist():
             world = self._worlds[i]
             shift(world, int(world.rows(Kind.EGO)[j]), Gear(int(gears[i, j])))
         self._settle()
+
+    def _gather(
+        self, shape: tuple[int, ...], find: Callable[[Part], FloatArray], out: FloatArray | None = None
+    ) -> FloatArray:
+        """Return what `find` returns for the egos of each part, (num_worlds, num_egos, *shape); 0 without an ego."""
+        found = make_out(out, (*self._egos.is_there.shape, *shape))
+        for part in self._egos:
+            if len(part.rows):
+                found[part.world, part.ego] = find(part)
+        return found
+
+    def _broadcast(self, name: str, values: npt.ArrayLike) -> FloatArray:
+        return broadcast(name, values, self._egos.is_there.shape)
 
     def _settle(self) -> None:
         """Take note that egos have changed; for worlds that move together."""
@@ -232,23 +331,3 @@ class DrivableWorlds:
         if self._made is None or not self._made.is_true(self._worlds):
             self._made = EgoTable(self._worlds)
         return self._made
-
-
-def check_number(name: str, value: object) -> None:
-    """Check that an argument is a whole number from 1 on.
-
-    Raises:
-        ValueError: it is not.
-    """
-    if not isinstance(value, int | np.integer) or value < 1:
-        raise ValueError(f"{name}: expected a whole number from 1 on, got {value!r}")
-
-
-def _out(out: FloatArray | None, shape: tuple[int, ...]) -> FloatArray:
-    """Return zeros, or the caller's array as zeros."""
-    if out is None:
-        return np.zeros(shape)
-    if out.shape != shape:
-        raise ValueError(f"out: expected shape {shape}, got {out.shape}")
-    out[:] = 0.0
-    return out

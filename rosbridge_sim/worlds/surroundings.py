@@ -11,9 +11,10 @@ from rosbridge_sim.world.drivers.lane_position import find_ahead
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.vehicle.ground import are_on_road
 from rosbridge_sim.worlds.ego_table import Part
 
-__all__ = ["LANE_FIGURES", "OTHER_FIGURES", "find_lanes", "find_lights", "find_others"]
+__all__ = ["LANE_FIGURES", "OTHER_FIGURES", "are_places_on_road", "find_lanes", "find_lights", "find_others"]
 
 OTHER_FIGURES: Final = ("is_there", "x", "y", "vx", "vy", "cos", "sin", "length", "width")
 """Figures of an entity in the frame of the ego: whether there is one; place of the middle of its box, forward and left
@@ -22,6 +23,16 @@ OTHER_FIGURES: Final = ("is_there", "x", "y", "vx", "vy", "cos", "sin", "length"
 LANE_FIGURES: Final = ("offset", "heading", "to_left", "to_right", "speed_limit", "is_on_road", "s", "lane")
 
 LANES_AHEAD: Final = 5
+
+
+PLACES_AT_ONCE: Final = 1 << 10
+"""A search for lanes near places does not look at all places of a larger crowd."""
+
+
+def are_places_on_road(roads: Roads, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:
+    """Return which places are within the edges of any lane, (k,), of as many places as wanted; see `are_on_road`."""
+    parts = [slice(start, start + PLACES_AT_ONCE) for start in range(0, len(x), PLACES_AT_ONCE)]
+    return np.concatenate([np.zeros(0, bool), *(are_on_road(roads, x[part], y[part], z[part]) for part in parts)])
 
 
 def find_others(part: Part, num: int) -> FloatArray:

@@ -12,13 +12,15 @@ import numpy.typing as npt
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.simulator.scene.load import FoundMap
 from rosbridge_sim.world.demand import stand_at_ends
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.many_worlds.world_set import WorldSet
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import Dynamics, Kind
-from rosbridge_sim.worlds.drivable_worlds import EGO_FIGURES, SCORE_FIGURES, Commands, DrivableWorlds, check_number
+from rosbridge_sim.worlds.arguments import check_number
+from rosbridge_sim.worlds.drivable_worlds import EGO_FIGURES, SCORE_FIGURES, Commands, DrivableWorlds
 from rosbridge_sim.worlds.one_scene import TRAFFIC_INTERVAL, OneScene, SavedScene
 
 __all__ = ["EGO_FIGURES", "SCORE_FIGURES", "Worlds"]
@@ -188,6 +190,14 @@ class Worlds(DrivableWorlds):
         for i, each in zip(which, saved, strict=True):
             self._scenes[i].load(each)
         self._set.settle()
+
+    def map_of(self, number: int) -> FoundMap:
+        """Return the map of one world, with its name.
+
+        Raises:
+            ValueError: there is no such world.
+        """
+        return self._scene(number).scene.found_map
 
     # -- the population
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,90 @@ def make_many(num: int, mode: AutoresetMode, **options: Any) -> Any:  # noqa: AN
 @pytest.mark.parametrize("name", TASKS)
 def test_environment_follows_the_rules(name: str) -> None:
     check_env(gymnasium.make(name).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"observation": "OccupancyGrid", "grid_size": 30.0, "grid_step": 3.0},
+        {"observation": "Lidar", "num_rays": 12, "normalize": False},
+        {"observation": "Dict", "parts": ("Lane", "Others", "Lidar", "OccupancyGrid")},
+        {"observation": "Kinematics", "normalize": False, "lights": True, "action": "Pedals"},
+        {"observation": "Lane", "action": "DiscreteMeta"},
+    ],
+)
+def test_observations_and_actions_follow_the_rules(options: dict[str, Any]) -> None:
+    check_env(gymnasium.make("rosbridge_sim/Drive-v0", traffic=3, **options).unwrapped, skip_render_check=True)
+    many = gymnasium.make_vec(
+        "rosbridge_sim/Drive-v0", num_envs=2, vectorization_mode="vector_entry_point", traffic=3, **options
+    )
+    many.reset(seed=0)
+    many.action_space.seed(0)
+    for _ in range(3):
+        assert many.observation_space.contains(many.step(many.action_space.sample())[0])
+
+
+@pytest.mark.slow
+def test_observations_in_si_units_are_those_of_the_worlds() -> None:
+    one = gymnasium.make(
+        "rosbridge_sim/Highway-v0", normalize=False, observation="Dict", parts=("Lane", "Others", "Lidar")
+    )
+    one.reset(seed=0)
+    seen = one.step(np.array([0.0, 1.0]))[0]
+    worlds = one.unwrapped.worlds
+    assert seen["Lane"][0] == np.float32(worlds.egos()["speed"][0, 0])
+    assert seen["Others"] == pytest.approx(np.clip(worlds.others(14)[0, 0], -100.0, 100.0), rel=1e-6)
+    assert seen["Lidar"][:, 0] == pytest.approx(worlds.rays(36, 50.0)[0, 0, :, 0], rel=1e-6)
+
+
+@pytest.mark.slow
+def test_meta_actions_change_lanes_and_speeds() -> None:
+    one = gymnasium.make("rosbridge_sim/Highway-v0", traffic=0, action="DiscreteMeta", start_lane="L2_03", start_s=10.0)
+    one.reset(seed=0)
+    speeds, lanes = [], []
+    roads = one.unwrapped.worlds.world(0).roads
+    for number in range(300):
+        action = {0: 3, 1: 3, 100: 0, 250: 4, 251: 4}.get(number, 1)
+        *_, terminated, _, info = one.step(action)
+        assert not terminated
+        speeds.append(info["speed"])
+        lanes.append(roads.ids[int(one.unwrapped.worlds.lanes()["lane"][0, 0])][:2])
+    assert lanes[99] == "L2"
+    assert lanes[160] == "L1"
+    assert speeds[249] == pytest.approx(30.0, abs=1.0)
+    assert speeds[-1] < 26.0
+
+
+def test_meta_actions_of_many_environments_equal_those_of_one() -> None:
+    options: dict[str, Any] = {"action": "DiscreteMeta", "traffic": 8, "observation": "Kinematics"}
+    many = gymnasium.make_vec(
+        "rosbridge_sim/Highway-v0", num_envs=2, vectorization_mode="vector_entry_point", **options
+    )
+    one = gymnasium.make("rosbridge_sim/Highway-v0", **options)
+    many.reset(seed=3)
+    one.reset(seed=4)
+    rng = np.random.default_rng(0)
+    for _ in range(25):
+        actions = rng.integers(5, size=2)
+        assert one.step(actions[1])[0].tobytes() == many.step(actions)[0][1].tobytes()
+
+
+@pytest.mark.slow
+def test_camera_shows_the_road_ahead() -> None:
+    pytest.importorskip("moderngl", reason="the extra rosbridge-sim[sensors]")
+    one = gymnasium.make("rosbridge_sim/LaneKeeping-v0", observation="Camera", camera_width=48, camera_height=32)
+    seen, _ = one.reset(seed=0)
+    assert one.observation_space.contains(seen)
+    sky, road = seen[:6].mean(axis=(0, 1)), seen[-6:].mean(axis=(0, 1))
+    assert sky[2] > 1.3 * sky[0]  # blue
+    assert abs(road[2] - road[0]) < 20.0  # grey
+
+
+def test_camera_without_its_library_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "moderngl", None)
+    with pytest.raises(RuntimeError, match=r"pip install 'rosbridge-sim\[sensors\]'"):
+        gymnasium.make(LANE, observation="Camera")
 
 
 @pytest.mark.slow
@@ -229,6 +314,13 @@ def test_picture_shows_the_ego_in_the_middle() -> None:
 def test_wrong_options_are_refused(options: dict[str, Any], text: str) -> None:
     with pytest.raises(ValueError, match=text):
         gymnasium.make(LANE, **options)
+
+
+def test_wrong_meta_actions_are_refused() -> None:
+    many = make_many(2, AutoresetMode.DISABLED, action="DiscreteMeta")
+    many.reset(seed=0)
+    with pytest.raises(ValueError, match=r"actions: expected 2 numbers within 0\.\.4"):
+        many.unwrapped.step(np.array([0, 5]))
 
 
 def test_wrong_actions_are_refused() -> None:

@@ -137,12 +137,40 @@ def test_standing_ego_shifts_and_drives_backwards() -> None:
     assert worlds.egos()["gear"][0, 0] == Gear.REVERSE  # it is too fast
 
 
+def test_egos_drive_themselves_in_many_worlds_as_in_one() -> None:
+    many = Worlds("motorway", 3, seed=1, traffic=6)
+    one = Worlds("motorway", seed=2, traffic=6)
+    assert many.drive_itself([[np.nan], [20.0], [25.0]]).tolist() == [[False], [True], [True]]
+    one.drive_itself(20.0)
+    for worlds, sides in ((many, [[0.0], [1.0], [0.0]]), (one, 1.0)):
+        worlds.step(n=100)
+        assert worlds.change_lanes(sides).any()
+        worlds.step(n=50)
+        worlds.drive_itself([[np.nan], [30.0], [np.nan]] if worlds is many else 30.0)
+        worlds.step(n=60)
+    assert many.digests()[1] == one.digests()[0]
+    assert many.egos()["speed"][0, 0] < 1.0
+    assert many.egos()["speed"][1, 0] > 5.0
+
+
+def test_wrong_wishes_are_refused() -> None:
+    worlds = Worlds("loop", 2)
+    with pytest.raises(ValueError, match="desired_speed: expected numbers from 0 on, or nan"):
+        worlds.drive_itself(-1.0)
+    with pytest.raises(ValueError, match=r"side: expected an array of shape \(2, 1\), got \(3,\)"):
+        worlds.change_lanes([1.0, 0.0, 0.0])
+    assert not worlds.change_lanes(1.0).any()  # none drives itself
+
+
+@pytest.mark.slow
 def test_lights_are_those_ahead_of_each_ego() -> None:
     worlds, alone = Worlds("town", 3, seed=1), Worlds("town", seed=2)
     lights = worlds.lights()
     assert 60.0 < lights["distance"][1, 0] < 80.0  # from x = -86 m to the junction at x = -14 m
-    states = set()
+    states: set[float] = set()
     for _ in range(60):
+        if len(states) > 1:
+            break
         worlds.step({"steering": 0.0, "speed": 0.0}, 50)
         alone.step({"steering": 0.0, "speed": 0.0}, 50)
         assert alone.lights()["must_stop"][0] == worlds.lights()["must_stop"][1]

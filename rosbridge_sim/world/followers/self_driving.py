@@ -2,7 +2,8 @@
 
 They decide as all other lane followers do, in `lane_following`. The chosen acceleration goes to their pedals, and pure
 pursuit of the lane's line (Coulter 1992) turns their wheels. `dynamics` moves them. Their place on the lane is the
-point of the line beside them.
+point of the line beside them. `change_lane` has them drive over to the lane beside theirs: then the wheels follow the
+curve by which other drivers change lanes.
 """
 
 from __future__ import annotations
@@ -15,11 +16,12 @@ import numpy as np
 
 from rosbridge_sim.world.drivers.lane_position import check_route, find_ahead, join_lane, leave_lane
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.roads.lane_change_map import NUM_SIDES, LaneNeighbours
 from rosbridge_sim.world.roads.road_places import find_lane, place_on_lane
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import Gear, Kind, Mode, World
 
-__all__ = ["MAX_LATERAL_OFFSET", "SelfDrivingEgos", "start_self_driving"]
+__all__ = ["MAX_LATERAL_OFFSET", "SelfDrivingEgos", "change_lane", "start_self_driving"]
 
 MAX_LATERAL_OFFSET: Final = 3.0
 """Self-driving starts only this near to the line of a lane [m]: on the lane, or on the next one of usual width."""
@@ -78,6 +80,45 @@ def start_self_driving(
     return True
 
 
+def change_lane(world: World, row: int, side: int) -> bool:
+    """Have a self-driving ego change to the lane beside its own. It drives on without a route.
+
+    It does not look whether that lane is free: that is the caller's decision. From now on it keeps its gaps on the new
+    lane, and the drivers on both lanes see it.
+
+    Args:
+        world: written in place.
+        row: row of an EGO that drives itself.
+        side: `LEFT` or `RIGHT` of `lane_change_map`.
+
+    Returns:
+        Whether it does. If not, there is no lane into which one may change there, or it is changing lanes already.
+
+    Raises:
+        ValueError: the row is no ego that drives itself.
+    """
+    if world.kind[row] != Kind.EGO or not world.alive[row] or not world.has_lane[row]:
+        raise ValueError(f"row {row} does not drive itself")
+    old, neighbours = int(world.lane[row]), world.roads.derived(LaneNeighbours)
+    if world.lateral_left[row] > 0.0 or not neighbours.may[side, old]:
+        return False
+    beside, place = neighbours.cross(np.array([side]), np.array([old]), world.arc[[row]])
+    lane, s = int(beside[0]), float(place[0])
+    if lane < 0:
+        return False
+    world.routes.pop(int(world.uid[row]), None)
+    foot, yaw = world.roads.at([lane], [s])
+    east, north = float(world.x[row] - foot[0, 0]), float(world.y[row] - foot[0, 1])
+    join_lane(world, row, lane, s, desired_speed=float(world.desired_speed[row]), is_loop=False)
+    lateral = north * math.cos(yaw[0]) - east * math.sin(yaw[0])
+    world.lateral[row] = world.lateral_from[row] = lateral
+    world.lateral_to[row] = world.lateral_push[row] = world.lateral_bend[row] = 0.0
+    world.lateral_left[row] = 1.0
+    world.leaving[row] = world.came_from[row] = NUM_SIDES - side
+    world.touch()
+    return True
+
+
 class SelfDrivingEgos:
     """The self-driving egos among the lane followers.
 
@@ -114,7 +155,11 @@ class SelfDrivingEgos:
         """
         world, rows = self._world, self.rows
         reach = np.fmax(world.speed[rows] * LOOK_AHEAD_TIME, MIN_LOOK_AHEAD)
-        goal, _ = world.roads.at(*find_ahead(world.roads, lanes, world.arc[rows] + reach))
+        goal, direction = world.roads.at(*find_ahead(world.roads, lanes, world.arc[rows] + reach))
+        aside = world.lateral[rows]
+        if np.count_nonzero(aside):
+            goal[:, 0] -= aside * np.sin(direction)
+            goal[:, 1] += aside * np.cos(direction)
         east, north, yaw = goal[:, 0] - world.x[rows], goal[:, 1] - world.y[rows], world.yaw[rows]
         left = north * np.cos(yaw) - east * np.sin(yaw)
         steer = np.arctan2(2.0 * world.wheelbase[rows] * left, np.fmax(east * east + north * north, 1.0))

@@ -12,7 +12,7 @@ While it is on its way it has an entry on the old lane too, so the drivers in bo
 vehicles in both. Changes to the left begin on even decisions and those to the right on odd ones, so that two drivers
 never take the same gap from two sides.
 
-Self-driving egos stay in their lane.
+Self-driving egos stay in their lane, unless `self_driving.change_lane` is called.
 """
 
 from __future__ import annotations

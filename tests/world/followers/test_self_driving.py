@@ -10,7 +10,8 @@ import pytest
 from rosbridge_sim.world.drivers.driver_model import GAP
 from rosbridge_sim.world.drivers.lane_position import leave_lane
 from rosbridge_sim.world.followers.lane_following import DECISION
-from rosbridge_sim.world.followers.self_driving import MAX_LATERAL_OFFSET, start_self_driving
+from rosbridge_sim.world.followers.self_driving import MAX_LATERAL_OFFSET, change_lane, start_self_driving
+from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.commands import command, shift
 from rosbridge_sim.world.state.placement import teleport
@@ -206,3 +207,59 @@ def test_route_that_does_not_lead_along_lanes_is_refused() -> None:
             start_self_driving(world, row, route=route)
     assert not start_self_driving(world, row, route=(1,)), "it is 50 m away"
     assert world.digest() == before
+
+
+def three_lanes() -> World:
+    """Three straight lanes of 2 km at y = 0 (the right one), 3.5 and 7 m."""
+    lines = [line((0, 3.5 * i), (2000, 3.5 * i)) for i in range(3)]
+    roads = Roads(
+        ["R", "M", "L"],
+        lines,
+        [[], [], []],
+        [3.5] * 3,
+        [30.0] * 3,
+        left=[1, 2, -1],
+        right=[-1, 0, 1],
+    )
+    return world_of(roads)
+
+
+@pytest.mark.parametrize("speed", [5.0, 15.0, 29.0])
+def test_self_driving_ego_changes_lanes_gently(speed: float) -> None:
+    world = three_lanes()
+    row = self_driving_ego(world, 10.0)
+    teleport(world, row, x=10.0, y=0.0, z=0.0, yaw=0.0, speed=speed)
+    assert start_self_driving(world, row, desired_speed=speed)
+    run(world, 2.0)
+    assert change_lane(world, row, LEFT)
+    assert not change_lane(world, row, LEFT)  # one at a time
+    most = 0.0
+    for _ in range(round(12.0 / DT)):
+        step(world)
+        most = max(most, abs(float(world.lateral_accel[row])))
+    assert world.y[row] == pytest.approx(3.5, abs=0.1)
+    assert most < 3.0
+    assert change_lane(world, row, RIGHT)
+
+
+def test_ego_changes_into_no_lane_that_is_not_there() -> None:
+    world = three_lanes()
+    row = self_driving_ego(world, 10.0)
+    assert not change_lane(world, row, RIGHT)
+    leave_lane(world, row)
+    with pytest.raises(ValueError, match="does not drive itself"):
+        change_lane(world, row, LEFT)
+
+
+def test_vehicle_behind_sees_an_ego_that_changes_into_its_lane() -> None:
+    world = three_lanes()
+    row = self_driving_ego(world, 60.0)
+    behind = car(world, "M", 10.0)
+    run(world, 8.0)
+    gap = float(world.x[row] - world.x[behind])
+    assert change_lane(world, row, LEFT)
+    run(world, 20.0)
+    assert world.y[row] == pytest.approx(3.5, abs=0.1)
+    assert world.x[row] - world.x[behind] > 0.0
+    assert gap != world.x[row] - world.x[behind]
+    assert not len(world.contacts)

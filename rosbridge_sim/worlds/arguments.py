@@ -1,0 +1,43 @@
+"""Checks of the arguments of `Worlds`."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["broadcast", "check_number", "make_out"]
+
+FloatArray = npt.NDArray[np.float64]
+
+
+def check_number(name: str, value: object) -> None:
+    """Check that an argument is a whole number from 1 on.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if not isinstance(value, int | np.integer) or value < 1:
+        raise ValueError(f"{name}: expected a whole number from 1 on, got {value!r}")
+
+
+def broadcast(name: str, values: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    """Return an argument in a shape.
+
+    Raises:
+        ValueError: it has another shape.
+    """
+    array = np.asarray(values, dtype=np.float64)
+    try:
+        return np.broadcast_to(array, shape)
+    except ValueError:
+        raise ValueError(f"{name}: expected an array of shape {shape}, got {array.shape}") from None
+
+
+def make_out(out: FloatArray | None, shape: tuple[int, ...]) -> FloatArray:
+    """Return zeros, or the caller's array as zeros."""
+    if out is None:
+        return np.zeros(shape)
+    if out.shape != shape:
+        raise ValueError(f"out: expected shape {shape}, got {out.shape}")
+    out[:] = 0.0
+    return out

@@ -1,0 +1,92 @@
+"""Rays from egos: against a walk along each ray in small steps, and for egos of many worlds at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rosbridge_sim import Worlds
+from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.world.vehicle.ground import are_on_road
+
+LIBRARY = DiskLibrary()
+"""The borders of a map are found once."""
+
+STEP = 0.05
+"""Of the walk along a ray [m]."""
+
+
+def walk(worlds: Worlds, num: int, reach: float) -> np.ndarray:
+    """The distances of the rays of world 0, by small steps."""
+    world = worlds.world(0)
+    row = 0
+    away = np.arange(0.0, reach, STEP)
+    yaw = float(world.yaw[row])
+    x0, y0 = world.x[row] + world.centre[row] * np.cos(yaw), world.y[row] + world.centre[row] * np.sin(yaw)
+    found = []
+    for i in range(num):
+        angle = yaw + 2.0 * np.pi * i / num
+        x, y = x0 + away * np.cos(angle), y0 + away * np.sin(angle)
+        is_hit = ~are_on_road(world.roads, x, y, np.full(len(x), world.z[row]))
+        for other in np.flatnonzero(world.alive):
+            if other != row:
+                cos, sin = np.cos(world.yaw[other]), np.sin(world.yaw[other])
+                east, north = x - world.x[other], y - world.y[other]
+                along, left = east * cos + north * sin - world.centre[other], north * cos - east * sin
+                is_hit |= (np.abs(along) <= world.half_length[other]) & (np.abs(left) <= world.half_width[other])
+        found.append(away[is_hit.argmax()] if is_hit.any() else reach)
+    return np.array(found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scenario", ["motorway", "parking", "hills"])
+def test_rays_end_where_a_walk_along_them_meets_something(scenario: str) -> None:
+    worlds = Worlds(scenario, library=LIBRARY, traffic=15 if scenario == "motorway" else 0)
+    worlds.step({"steering": 0.0, "accel": 0.0}, 10)
+    found = worlds.rays(24, 40.0)[0, 0, :, 0]
+    # Across the ends of lanes places up to 2.5 m beyond count as on the road.
+    assert found == pytest.approx(walk(worlds, 24, 40.0), abs=1.3 if scenario == "parking" else 0.3)
+    assert (found < 40.0).sum() > 5
+
+
+def test_ray_tells_how_fast_a_box_moves_away() -> None:
+    worlds = Worlds("loop", library=LIBRARY)
+    x, y, yaw = (float(worlds.egos()[name][0, 0]) for name in ("x", "y", "yaw"))
+    worlds.place(0, x=x, y=y, yaw=yaw, speed=3.0)
+    ahead, left = 15.0, 0.0
+    where = (x + ahead * np.cos(yaw) - left * np.sin(yaw), y + ahead * np.sin(yaw) + left * np.cos(yaw))
+    worlds.spawn(0, "2016_Hyundai_Ioniq", x=where[0], y=where[1], yaw=yaw, speed=5.0)
+    forward, back = worlds.rays(2, 60.0)[0, 0]
+    centre = float(worlds.egos()["centre"][0, 0])
+    row = int(np.flatnonzero(np.abs(worlds.world(0).x - where[0]) < 1e-6)[0])
+    nose = worlds.world(0).half_length[row] - worlds.world(0).centre[row]
+    assert forward[0] == pytest.approx(ahead - nose - centre)
+    assert forward[1] == pytest.approx(2.0)
+    assert back.tolist() == [60.0, 0.0]
+
+
+def test_border_moves_away_as_fast_as_the_ego_leaves_it() -> None:
+    worlds = Worlds("loop", library=LIBRARY)
+    x, y, yaw = (float(worlds.egos()[name][0, 0]) for name in ("x", "y", "yaw"))
+    worlds.place(0, x=x, y=y, yaw=yaw + 0.5, speed=3.0)
+    ahead = worlds.rays(1, 60.0)[0, 0, 0]
+    assert ahead[0] < 60.0
+    assert ahead[1] == pytest.approx(-3.0)
+
+
+def test_rays_of_many_worlds_equal_those_of_each_alone() -> None:
+    many = Worlds("hills", 3, library=LIBRARY, seed=2, traffic=8)
+    many.step({"steering": 0.1, "accel": 1.0}, 15)
+    for i in range(3):
+        one = Worlds("hills", library=LIBRARY, seed=2 + i, traffic=8)
+        one.step({"steering": 0.1, "accel": 1.0}, 15)
+        assert one.rays(16, 50.0).tobytes() == many.rays(16, 50.0)[i : i + 1].tobytes()
+        assert one.grids(40.0, 2.0).tobytes() == many.grids(40.0, 2.0)[i : i + 1].tobytes()
+
+
+def test_wrong_rays_are_refused() -> None:
+    worlds = Worlds("loop", library=LIBRARY)
+    with pytest.raises(ValueError, match="num: expected a whole number from 1 on, got 0"):
+        worlds.rays(0, 10.0)
+    with pytest.raises(ValueError, match="reach: expected a positive number, got inf"):
+        worlds.rays(4, float("inf"))
