@@ -6,11 +6,16 @@ Processes are pebble's: it kills a worker that takes too long, replaces one that
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Sequence
+import shutil
+import time
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import Final, Protocol
+from concurrent.futures.process import BrokenProcessPool
+from pathlib import Path
+from typing import Any, Final, Protocol
 
 from rosbridge_sim.campaign_runs.job import Job
+from rosbridge_sim.campaign_runs.program_groups import end_groups
 from rosbridge_sim.campaign_runs.worker import drive_runs, settle_worker
 from rosbridge_sim.campaigns.results import Result, Run
 from rosbridge_sim.errors import DocumentError
@@ -32,15 +37,18 @@ class Pool(Protocol):
             may_keep: as for `drive_runs`.
         """
 
-    def why(self, error: BaseException) -> str:
-        """Return what the error of a task means; empty if the task was lost by no fault of its runs."""
+    def why(self, error: BaseException, runs: Sequence[Run]) -> str:
+        """Return what the error of a task means; empty if the task was lost by no fault of its runs.
+
+        What its worker has left behind is removed.
+        """
 
     def close(self, *, is_done: bool) -> None:
         """End all workers; at once, if the runs are not done."""
 
 
-TERM_TIMEOUT: Final = 1.2
-"""Time from SIGTERM to SIGKILL of a worker [s]. Its program has one second, see `program_drives`."""
+TERM_TIMEOUT: Final = 0.6
+"""Time from SIGTERM to SIGKILL of a worker [s]. Its program has 0.2 s, see `program_drives`."""
 
 
 class LocalPool:
@@ -59,38 +67,64 @@ class LocalPool:
                 "campaigns need the extra rosbridge-sim[campaign]: pip install 'rosbridge-sim[campaign]'"
             ) from None
         CONSTS.term_timeout = TERM_TIMEOUT
-        self._job = job
+        self._job, self._work = job, Path(job.folder) / ".work"
         self.num_tasks = 2 * num_jobs
         methods = multiprocessing.get_all_start_methods()
         context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
         if "forkserver" in methods:
             context.set_forkserver_preload(["rosbridge_sim.campaign_runs.worker"])
-        self._pool = pebble.ProcessPool(max_workers=num_jobs, initializer=settle_worker, context=context)
+        self._make: Callable[[], Any] = lambda: pebble.ProcessPool(
+            max_workers=num_jobs, initializer=settle_worker, context=context
+        )
+        self._pool = self._make()
         self._expired: type[BaseException] = pebble.ProcessExpired
 
     def submit(self, runs: Sequence[Run], *, timeout: float, may_keep: bool) -> Future[list[Result]]:
         """See `Pool`."""
+        if not self._pool.active:  # pebble gives up if a worker dies between two tasks
+            self._end()
+            self._pool = self._make()
         future: Future[list[Result]] = self._pool.schedule(
             drive_runs, args=[self._job, runs], kwargs={"may_keep": may_keep}, timeout=timeout
         )
         return future
 
-    def why(self, error: BaseException) -> str:
+    def why(self, error: BaseException, runs: Sequence[Run]) -> str:
         """See `Pool`."""
+        for run in runs:
+            end_groups(self._work, f"run-{run.number}-*")
+            for folder in self._work.glob(f"run-{run.number}-*"):
+                shutil.rmtree(folder, ignore_errors=True)
         if isinstance(error, TimeoutError):
             return "time-out: the worker hung, and was killed"
         if isinstance(error, self._expired):
             code = getattr(error, "exitcode", None)
             how = f"signal {-code}" if isinstance(code, int) and code < 0 else f"code {code}"
             return f"the worker process died with {how}: the driver crashed it, or the machine has no memory left"
+        if isinstance(error, BrokenProcessPool):
+            return ""
         return f"an internal error: {type(error).__name__}: {error}"
 
     def close(self, *, is_done: bool) -> None:
         """See `Pool`."""
         if is_done:
             self._pool.close()
+            self._pool.join()
         else:
-            self._pool.stop()
+            self._end()
+        end_groups(self._work)
+
+    def _end(self) -> None:
+        """End all workers at once: pebble alone ends one after another."""
+        self._pool.stop()
+        workers = multiprocessing.active_children()
+        for worker in workers:
+            worker.terminate()
+        end = time.monotonic() + TERM_TIMEOUT
+        for worker in workers:
+            worker.join(max(end - time.monotonic(), 0.0))
+        for worker in workers:
+            worker.kill()
         self._pool.join()
 
 

@@ -16,10 +16,11 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Final
+from typing import IO, Final, NoReturn
 
 from rosbridge_sim.campaign_runs.job import LoadedJob
 from rosbridge_sim.campaign_runs.outcome import KeptOutput, Outcome
+from rosbridge_sim.campaign_runs.program_groups import note_group
 from rosbridge_sim.campaign_runs.simulator_options import make_work_folder, simulator_options
 from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.campaign_model import DriverItem
@@ -38,7 +39,7 @@ PATIENCE: Final = 1.0
 """Time from SIGTERM to SIGKILL [s]."""
 
 HURRY: Final = 0.2
-"""The same after Ctrl-C [s]."""
+"""The same if the worker is told to end [s]."""
 
 
 def drive_by_program(loaded: LoadedJob, driver: DriverItem, run: Run, *, record: bool) -> Outcome:
@@ -233,16 +234,33 @@ def _program(loaded: LoadedJob, driver: DriverItem, run: Run, url: str, work: Pa
     with contextlib.suppress(ProcessLookupError, PermissionError, ValueError, AttributeError):
         most = driver.memory_mb * 2**20
         resource.prlimit(process.pid, resource.RLIMIT_DATA, (most, most))
+    note_group(work, process.pid)
     program = _Program(process, words)
-    try:
-        yield program
-    except SystemExit:  # the campaign was stopped, and has two seconds
+    with _stopped_with_worker(program):
+        try:
+            yield program
+        finally:
+            program.stop()
+            if process.stdout is not None:
+                process.stdout.close()
+
+
+@contextlib.contextmanager
+def _stopped_with_worker(program: _Program) -> Iterator[None]:
+    """End the program first if the worker is told to end meanwhile."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread gets signals
+        return
+
+    def end(*_: object) -> NoReturn:
         program.stop(HURRY)
-        raise
+        os._exit(1)  # see `settle_worker`
+
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
     finally:
-        program.stop()
-        if process.stdout is not None:
-            process.stdout.close()
+        signal.signal(signal.SIGTERM, before)
 
 
 def _filled(word: str, told: dict[str, str]) -> str:

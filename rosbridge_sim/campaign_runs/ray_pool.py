@@ -78,8 +78,9 @@ class RayPool:
         future.add_done_callback(lambda done: self._flying.pop(done, None))
         return future
 
-    def why(self, error: BaseException) -> str:
-        """See `Pool`."""
+    def why(self, error: BaseException, runs: Sequence[Run]) -> str:
+        """See `Pool`. What a worker has left on its node stays there."""
+        del runs
         if isinstance(error, self._ray.exceptions.WorkerCrashedError):
             return "the worker process died: the driver crashed it, or the machine has no memory left"
         if isinstance(error, self._ray.exceptions.OutOfMemoryError):

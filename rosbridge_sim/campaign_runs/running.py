@@ -95,10 +95,11 @@ class CampaignRunner:
                 if error is None:
                     found = future.result()
                 elif len(task) > 1:  # one of them did it: each alone
+                    self.pool.why(error, task)
                     again += [(run,) for run in task]
                     continue
                 else:
-                    why = self.pool.why(error)
+                    why = self.pool.why(error, task)
                     lost = self._losses[task[0].number] = self._losses.get(task[0].number, 0) + 1
                     if not why and lost <= MAX_LOSSES:
                         again.append(task)

@@ -7,7 +7,6 @@ import os
 import platform
 import shutil
 import signal
-import sys
 import time
 import traceback
 from collections.abc import Sequence
@@ -42,9 +41,9 @@ def run_folder(folder: str | Path, number: int) -> Path:
 
 
 def settle_worker() -> None:
-    """Prepare a worker process: it ends on SIGTERM after its program, and leaves Ctrl-C to the campaign."""
+    """Prepare a worker process: it ends on SIGTERM, whatever a driver does, and leaves Ctrl-C to the campaign."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    signal.signal(signal.SIGTERM, lambda *_: os._exit(1))  # an exception could be caught by the user's code
 
 
 def drive_runs(job: Job, runs: Sequence[Run], *, may_keep: bool = True) -> list[Result]:

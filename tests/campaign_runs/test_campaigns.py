@@ -6,10 +6,8 @@ import csv
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -353,28 +351,6 @@ def test_campaign_goes_on_over_workers_that_hang_and_die_and_resumes_to_the_same
     assert repeated.stdout.rstrip().endswith("the same")
     assert "slow at" in campaign(base, "show", "night_runs", str(failed)).stdout
     assert campaign(base, "compare", "night_runs", "night_runs").returncode == 0
-
-
-@pytest.mark.slow
-def test_ctrl_c_keeps_what_is_done_and_ends_the_program(base: Path) -> None:
-    (base / "waits.py").write_text("import os, time\nopen('pid', 'w').write(str(os.getpid()))\ntime.sleep(60)\n")
-    (base / "c.toml").write_text(
-        'scenario = "loop"\nseconds = 0.2\n[drivers]\nours = "lanes"\nwaits = { command = ["{python}", "waits.py"] }\n'
-    )
-    command = [sys.executable, "-m", "rosbridge_sim", "campaign", "run", "c.toml", "--jobs", "1"]
-    with subprocess.Popen(command, cwd=base, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        end = time.monotonic() + 60.0
-        while not (base / "pid").is_file() or not (base / "pid").read_text():
-            assert time.monotonic() < end
-            assert process.poll() is None
-            time.sleep(0.02)
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=30)
-    assert process.returncode == 130
-    assert "--resume does the rest" in errors
-    assert [result.run.driver for result in ResultsFolder(base / "c_runs").results()] == ["ours"]
-    assert "ours" in (base / "c_runs" / "runs.csv").read_text()
-    assert not is_running(int((base / "pid").read_text()))
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

@@ -87,7 +87,8 @@ def _drive(
         shower.show()
 
     runner = CampaignRunner(campaign, folder, pool, tell, used=sum(folder.size_of(each) for each in results))
-    is_done, before = False, signal.signal(signal.SIGTERM, _interrupt)
+    is_done = False
+    before = {signal.SIGINT: signal.getsignal(signal.SIGINT), signal.SIGTERM: signal.signal(signal.SIGTERM, _interrupt)}
     try:
         if search is None:
             runner.drive([each for each in plan_runs(campaign) if each.number not in there])
@@ -95,11 +96,13 @@ def _drive(
             drive_search(runner, there)
         is_done = True
     except KeyboardInterrupt:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second one would leave workers behind
         shower.end()
         note("stopped: what is done is kept; --resume does the rest")
     finally:
         pool.close(is_done=is_done)
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
         shower.end()
         folder.close()
     if runner.trouble:
