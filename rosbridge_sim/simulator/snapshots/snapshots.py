@@ -135,7 +135,8 @@ class Snapshots(Component):
             else:
                 call.answer(make(frame, outcome))
 
-        self._work(state.size, partial(self._state.hash_of, state), finish, call.caller, now)
+        size = state.size
+        self._work(size, self._hash_maker(state, size), finish, call.caller, now)
 
     def _hash_message(self) -> Struct:
         """Return the hash; None within a frame, because it goes out behind all that a frame does."""
@@ -177,9 +178,10 @@ class Snapshots(Component):
             call.answer(struct_type(False, str(refusal), "", self._context.world.frame, "", 0, b""))  # noqa: FBT003 - `result`
             return
         make_head, with_data = self._make_head(state), bool(request.with_data)
+        make_hash = self._hash_maker(state, size)
 
         def make() -> _Taken:
-            head = make_head(self._state.hash_of(state))
+            head = make_head(make_hash())
             data = pack(head, state.to_plain()) if with_data else b""
             values = struct_type(True, "", name, head.frame, head.state_hash, size, data)  # noqa: FBT003 - as above
             answer = Message(call.service.type.response, values)
@@ -213,6 +215,13 @@ class Snapshots(Component):
             finish(make(), now)
             return
         read_while_held(self._reader, make, finish, partial(self._context.sync_driver.hold, caller), now)
+
+    def _hash_maker(self, state: SavedState, size: int) -> Callable[[], str]:
+        """Return a function that `_work` may call with this size, and that makes the hash of the state of now.
+
+        For a small one the world itself is hashed, because to restore the copy would cost more than all the rest.
+        """
+        return self._state.hash if size < LARGE else partial(self._state.hash_of, state)
 
     def _check_may_save(self) -> None:
         """Check that there is a state between two frames.
