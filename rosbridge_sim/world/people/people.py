@@ -198,7 +198,7 @@ class _People:
         share = (world.uid[rows] * 0x9E3779B1 % 2**32) / 2**32  # even, and the same in every world
         self.side = low + (high - low) * share
         self.others: IntArray = is_walker.nonzero()[0]
-        on_ground = world.alive & ~is_walker & (world.kind != Kind.PEDESTRIAN)
+        on_ground = world.alive & (world.kind != Kind.PEDESTRIAN)
         self.solid: IntArray = on_ground.nonzero()[0]
         self.cars: IntArray = (on_ground & ((world.kind == Kind.EGO) | (world.kind == Kind.VEHICLE))).nonzero()[0]
         self._find_crossings()

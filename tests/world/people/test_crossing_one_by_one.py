@@ -11,13 +11,15 @@ import pytest
 
 from rosbridge_sim.world.people.crossings import Crossings, find_crossings
 from rosbridge_sim.world.people.people import COMMITTED, find_ways_over, walk
+from rosbridge_sim.world.roads.paths import DX, DY, START, X, Y
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
-from rosbridge_sim.world.state.world import Kind, World
+from rosbridge_sim.world.state.world import Body, Kind, World
 from tests.world.lane_drives import BUS, world_of
 from tests.world.people.test_walking_one_by_one import CLOSE, MAN, Walker
 from tests.world.road_factory import CAR, car, line, make
 
+BOX: Final = Body.box(0.8, 0.8, 1.0)
 NUM: Final = 10
 APART: Final = 200.0
 """Each pedestrian has its own place on the road, out of sight of the others [m]."""
@@ -51,26 +53,41 @@ def people_at_the_road(roads: tuple[Roads, SignalPlan], seed: int) -> tuple[Worl
         middle = APART * (i + 0.5)
         way = cmath.rect(1.0, math.pi / 2 + rng.uniform(-0.5, 0.5))
         ends = np.array([[middle, -2.0], [middle, -2.0]]) + np.outer([-9.0, 26.0], [way.real, way.imag])
+        is_loop = bool(rng.random() < 0.3)  # over the road and back, at another place
+        back = ends[::-1] + np.array([15.0, 0.0])
         uid = world.spawn(
             *(Kind.PEDESTRIAN, MAN),
             name="p",
             x=ends[0, 0],
             y=ends[0, 1],
-            path=ends,
+            path=np.concatenate([ends, back]) if is_loop else ends,
+            is_loop=is_loop,
             speed=rng.uniform(0.4, 2.0),
             yields=True,
         )
         row = world.row(uid)
         rows.append(row)
-        arc = float(rng.choice([rng.uniform(0.0, 34.5), rng.uniform(7.0, 9.5), rng.uniform(13.0, 17.0)]))
-        place = complex(*ends[0]) + (arc - 1j * rng.uniform(0.2, 1.0)) * way
+        if rng.random() < 0.1:
+            world.start_within[row] = 5.0  # it waits for an ego
+        arc = float(
+            rng.choice([rng.uniform(0.0, 35.5), rng.uniform(7.0, 9.5), rng.uniform(7.8, 9.0), rng.uniform(13.0, 17.0)])
+        )
+        if is_loop and rng.random() < 0.5:
+            arc = float(world.path_length[row]) - rng.uniform(0.1, 14.0)  # on its way to the first kerb again
+        leg = world.paths.of(uid)
+        leg = leg[leg[:, START] <= arc][-1]
+        way = complex(leg[DX], leg[DY])
+        place = complex(leg[X], leg[Y]) + (arc - leg[START] - 1j * rng.uniform(0.2, 1.0)) * way
         world.x[row], world.y[row] = place.real, place.imag
         world.leg_start[row] = world.arc[row] = max(arc - rng.choice([0.0, 0.2, 1.0]), 0.0)
         world.yaw[row] = cmath.phase(way) + rng.uniform(-0.5, 0.5)
         world.speed[row] = rng.choice([0.0, 0.03, 1.0]) * rng.uniform(0.5, 2.0)
         world.yields[row] = rng.choice([1, 1, COMMITTED, COMMITTED + 1])
-        for _ in range(int(rng.integers(0, 3))):
+        for _ in range(int(rng.integers(0, 4))):
             vehicle_near(world, rng, middle)
+        if rng.random() < 0.2:
+            aside = cmath.rect(rng.uniform(0.5, 1.6), rng.uniform(-3.1, 3.1))
+            world.spawn(Kind.OBSTACLE, BOX, name="box", x=place.real + aside.real, y=place.imag + aside.imag)
     world.frame = 2
     return world, rows
 
@@ -79,7 +96,7 @@ def vehicle_near(world: World, rng: np.random.Generator, middle: float) -> None:
     """A driver on a lane, or an ego or another vehicle, that stands or drives near a place."""
     body = BUS if rng.random() < 0.3 else CAR
     speed = float(rng.choice([0.0, 0.28, 0.32, 1.0, 1.0]) * rng.uniform(1.0, 14.0))
-    away = float(rng.choice([-1.0, 1.0]) * rng.choice([4.0, 20.0, 80.0]) * rng.uniform(0.0, 1.0))
+    away = float(rng.choice([-1.0, 1.0]) * rng.choice([3.0, 15.0, 40.0, 80.0]) * rng.uniform(0.0, 1.0))
     if rng.random() < 0.5:
         lane = str(rng.choice(["a", "b", "c"]))
         s = middle + away if lane != "c" else APART * NUM - middle + away
@@ -87,7 +104,7 @@ def vehicle_near(world: World, rng: np.random.Generator, middle: float) -> None:
         world.yaw[row] += rng.choice([0.0, 0.0, 0.4, -0.4])
         return
     kind = rng.choice([Kind.EGO, Kind.VEHICLE, Kind.OBSTACLE])
-    y, yaw = rng.uniform(-6.0, 14.0), rng.choice([0.0, math.pi, rng.uniform(-3.0, 3.0)])
+    y, yaw = rng.uniform(-6.0, 14.0), rng.choice([0.0, math.pi, *rng.uniform(-3.0, 3.0, 2)])
     row = world.row(world.spawn(Kind(kind), body, name="v", x=middle + away, y=y, yaw=yaw))
     world.speed[row] = speed if kind != Kind.OBSTACLE else 0.0
 
@@ -95,32 +112,29 @@ def vehicle_near(world: World, rng: np.random.Generator, middle: float) -> None:
 class Crosser(Walker):
     """One pedestrian at a road, and what it decides."""
 
-    def __init__(self, world: World, row: int, arc: float) -> None:
+    def __init__(self, world: World, row: int) -> None:
         super().__init__(world, row)
         segments = world.paths.of(int(world.uid[row]))
         self.crossings: Crossings = find_crossings(segments, world.roads, world.signals.plan, 0.9)
-        self.length, self.arc, self.state = float(segments[-1, 1]), arc, int(world.yields[row])
+        self.state = int(world.yields[row])
         before = float(world.leg_start[row])
         for i, start in enumerate(self.crossings.start.tolist()):
             if before < start <= self.arc and self.state != COMMITTED + i:
                 self.arc = math.nextafter(start, 0.0)  # it is still before this kerb
-        self._aim()
-
-    def _aim(self) -> None:
-        start = complex(*self.world.paths.of(int(self.world.uid[self.row]))[0][2:4])
-        share = int(self.world.uid[self.row]) * 0x9E3779B1 % 2**32 / 2**32
-        ahead = min(self.arc + 1.2, self.length)
-        way = start + (ahead - 1j * (0.3 + 0.6 * share)) * self.course - self.place
-        self.towards = way / max(abs(way), 0.05)
+        self.aim(self.arc)
 
     def mind_kerb(self) -> tuple[int, float, float]:
         """The state from now on, and the speeds that are wanted without and with the kerb."""
-        free = 0.0 if self.arc >= self.length - 1.0 else float(self.world.desired_speed[self.row])
+        is_at_end = not self.is_loop and self.arc >= self.length - 1.0
+        waits = is_at_end or self.world.start_within[self.row] > 0.0
+        free = 0.0 if waits else float(self.world.desired_speed[self.row])
         kerbs = list(zip(self.crossings.start.tolist(), self.crossings.end.tolist(), strict=True))
         inside = [i for i, (start, end) in enumerate(kerbs) if start <= self.arc <= end]
         ahead = [i for i, (start, _) in enumerate(kerbs) if start >= self.arc]
-        following = [*inside, *ahead, None][0]
-        room = math.inf if following is None else max(kerbs[following][0] - self.arc, 0.0)
+        again = [i for i in range(len(kerbs)) if self.is_loop]
+        following = [*inside, *ahead, *again, None][0]
+        room = math.inf if following is None else kerbs[following][0] - self.arc
+        room = 0.0 if inside else room + self.length if room < 0.0 else room
         state = self.state
         if state >= COMMITTED and following != state - COMMITTED:
             state = 1
@@ -190,7 +204,7 @@ class Crosser(Walker):
 @pytest.mark.parametrize("seed", range(40))
 def test_people_wait_cross_and_step_back_as_one_by_one(seed: int, roads: tuple[Roads, SignalPlan]) -> None:
     world, rows = people_at_the_road(roads, seed)
-    crossers = [Crosser(world, row, Walker(world, row).arc) for row in rows]
+    crossers = [Crosser(world, row) for row in rows]
     states, free, wishes = zip(*(one.mind_kerb() for one in crossers), strict=True)
     speed, yaw = np.array([one.go(*each) for one, *each in zip(crossers, free, wishes, strict=True)]).T
     walk(world)
@@ -208,13 +222,13 @@ def test_ways_over_the_road_lead_beside_the_path_to_the_other_kerb(seed: int, ro
     for row in rows:
         if world.yields[row] < COMMITTED:
             continue
-        one = Crosser(world, row, float(world.arc[row]))
+        one = Crosser(world, row)
         crossing = int(world.yields[row]) - COMMITTED
         if crossing >= len(one.crossings.end):
             continue
         left = float(one.crossings.end[crossing]) - float(world.arc[row])
         assert times[row] == pytest.approx(max(left, 0.0) / max(float(world.speed[row]), 0.5))
-        share = int(world.uid[row]) * 0x9E3779B1 % 2**32 / 2**32
-        kerb = complex(*one.crossings.ends[crossing, 2:]) - 1j * (0.3 + 0.6 * share) * one.course
+        first, last = (complex(*end) for end in one.crossings.ends[crossing].reshape(2, 2))
+        kerb = last - 1j * one.side * (last - first) / abs(last - first)
         there = one.place + times[row] * velocities[row]
         assert there == pytest.approx(kerb if left > 0.0 else one.place)

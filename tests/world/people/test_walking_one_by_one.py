@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.people.people import walk
+from rosbridge_sim.world.roads.paths import DX, DY, END, START, X, Y
 from rosbridge_sim.world.state.world import Body, Kind, World
 from tests.world.road_factory import CAR
 
@@ -21,13 +22,17 @@ REACH = 3.0
 VIEW = math.cos(math.radians(100.0))
 
 
-def crowd(seed: int, num: int = 26) -> World:
+def crowd(seed: int, num: int = 26, *, has_corners: bool = False) -> World:
     """People on paths across one another, others who heed nobody, and vehicles and things among them."""
     rng, world = np.random.default_rng(seed), World(1)
     for i in range(num):
         x, y, yaw = *rng.uniform(-5.0, 5.0, 2), rng.uniform(-3.1, 3.1)
         way = np.array([math.cos(yaw), math.sin(yaw)])
-        start = np.array([x, y]) - 20.0 * way
+        path = np.array([x, y]) + np.outer([-20.0, 40.0], way)
+        if has_corners:  # near the end of the first part, or of the whole
+            path = np.array([x, y]) + np.array(
+                [-rng.uniform(0.5, 6.0) * way, (0.0, 0.0), *rng.uniform(-6.0, 6.0, (3, 2))]
+            )
         heeds = i % 4 != 3
         row = world.row(
             world.spawn(
@@ -35,7 +40,8 @@ def crowd(seed: int, num: int = 26) -> World:
                 name="p",
                 x=x,
                 y=y,
-                path=np.array([start, start + 60.0 * way]),
+                path=path,
+                is_loop=has_corners and i % 3 == 0,
                 speed=rng.uniform(0.3, 2.0),
                 yields=heeds,
             )
@@ -43,6 +49,12 @@ def crowd(seed: int, num: int = 26) -> World:
         world.x[row] += rng.uniform(-1.0, 1.0)
         world.y[row] += rng.uniform(-1.0, 1.0)
         world.yaw[row] = rng.uniform(-3.1, 3.1)
+        if has_corners:
+            world.leg_start[row] = rng.uniform(0.0, world.path_length[row])
+            leg = world.paths.of(int(world.uid[row]))
+            leg = leg[leg[:, START] <= world.leg_start[row]][-1]
+            world.x[row] += leg[X] + (world.leg_start[row] - leg[START]) * leg[DX] - x
+            world.y[row] += leg[Y] + (world.leg_start[row] - leg[START]) * leg[DY] - y
         world.speed[row] = rng.choice([0.0, 1.0]) * rng.uniform(0.0, 2.0)
     for kind, body in [(Kind.VEHICLE, CAR), (Kind.OBSTACLE, CARGO), (Kind.EGO, CAR), (Kind.OBSTACLE, MAN)]:
         x, y = rng.uniform(-5.0, 5.0, 2)
@@ -51,20 +63,61 @@ def crowd(seed: int, num: int = 26) -> World:
 
 
 class Walker:
-    """One pedestrian, and what it decides."""
+    """One pedestrian, and what it decides.
+
+    Attributes:
+        arc: where it is on its path [m].
+        towards: the direction that it wants to walk in.
+        course: that of its path.
+    """
 
     def __init__(self, world: World, row: int) -> None:
         self.world, self.row = world, row
         self.place = complex(world.x[row], world.y[row])
         self.velocity = cmath.rect(world.speed[row], world.yaw[row])
-        segment = world.paths.of(int(world.uid[row]))[0]
-        start, self.course = complex(segment[2], segment[3]), complex(segment[5], segment[6])
-        self.arc = max(((self.place - start) * self.course.conjugate()).real, 0.0)
+        self.legs: list[list[float]] = world.paths.of(int(world.uid[row])).tolist()
+        self.length, self.is_loop = self.legs[-1][END], bool(world.is_loop[row])
         # An even share of the way from 0.3 to 0.9 m beside the path, by the id
-        share = int(world.uid[row]) * 0x9E3779B1 % 2**32 / 2**32
-        goal = start + (self.arc + 1.2) * self.course - 1j * self.course * (0.3 + 0.6 * share)
-        way = goal - self.place
+        self.side = 0.3 + 0.6 * (int(world.uid[row]) * 0x9E3779B1 % 2**32 / 2**32)
+        self.aim(self.project(float(world.leg_start[row])))
+
+    def aim(self, arc: float) -> None:
+        """Be at a place of the path, and walk to one ahead, to the right of it."""
+        self.arc, leg = arc, self.leg_at(arc)
+        self.course = complex(leg[DX], leg[DY])
+        way = self.goal(arc) - self.place
         self.towards = way / max(abs(way), 0.05)
+
+    def ahead(self, arc: float, distance: float) -> float:
+        """A loop begins again, another path ends."""
+        return math.fmod(arc + distance, self.length) if self.is_loop else min(arc + distance, self.length)
+
+    def leg_at(self, arc: float) -> list[float]:
+        """The straight part of the path."""
+        return [leg for leg in self.legs if leg[START] <= arc][-1]
+
+    def goal(self, arc: float) -> complex:
+        """The place that it walks to."""
+        arc = self.ahead(arc, 1.2)
+        leg = self.leg_at(arc)
+        course = complex(leg[DX], leg[DY])
+        return complex(leg[X], leg[Y]) + (arc - leg[START] - 1j * self.side) * course
+
+    def foot(self, arc: float) -> tuple[float, float, bool]:
+        """The nearest place on a part of the path, its distance, and whether the part is over."""
+        leg = self.leg_at(arc)
+        start, course = complex(leg[X], leg[Y]), complex(leg[DX], leg[DY])
+        along, length = ((self.place - start) * course.conjugate()).real, leg[END] - leg[START]
+        on_leg = min(max(along, 0.0), length)
+        return leg[START] + on_leg, abs(self.place - start - on_leg * course), along >= length
+
+    def project(self, before: float) -> float:
+        """Where it is on its path, from where it was."""
+        here, away, is_over = self.foot(before)
+        there, other, _ = self.foot(self.ahead(before, 1.2))
+        arc = there if other < away or is_over else here
+        is_there = abs(self.goal(arc) - self.place) < 0.6  # on the inner side of a corner
+        return self.ahead(arc, 0.3) if is_there else arc
 
     def by_people(self) -> complex:
         """The ellipses of Helbing and Molnar, and the push of bodies that touch."""
@@ -111,7 +164,8 @@ class Walker:
 
     def decide(self) -> tuple[float, float]:
         """Speed and yaw until the next decision."""
-        wish = float(self.world.desired_speed[self.row])
+        is_at_end = not self.is_loop and self.arc >= self.length - 1.0
+        wish = 0.0 if is_at_end else float(self.world.desired_speed[self.row])
         by_solid, around = self.by_solid()
         push = (wish * self.towards - self.velocity) / 0.5 + self.by_people() + around + by_solid
         push *= min(1.0, 6.0 / max(abs(push), 6.0))
@@ -122,9 +176,10 @@ class Walker:
         return abs(after), cmath.phase(after)
 
 
+@pytest.mark.parametrize("has_corners", [False, True])
 @pytest.mark.parametrize("seed", range(12))
-def test_pedestrians_decide_as_one_by_one(seed: int) -> None:
-    world = crowd(seed)
+def test_pedestrians_decide_as_one_by_one(seed: int, *, has_corners: bool) -> None:
+    world = crowd(seed, has_corners=has_corners)
     rows = (world.yields > 0).nonzero()[0]
     walkers = [Walker(world, int(row)) for row in rows]
     speed, yaw = np.array([one.decide() for one in walkers]).T
