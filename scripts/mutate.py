@@ -12,8 +12,8 @@ A mutant is the file with one change: a comparison, an operator, a number, a con
 Mutants are tried in random order, so a run that ends early still gives a fair score. Each one runs in a fork of one
 process that has imported the tests, with the tests alone that reach the changed line: see `mutation/warm_tests.py`.
 So a mutant that is noticed takes a tenth of a second to a second. A mutant that no test notices is printed as
-`file:line: old -> new`, with the number of tests that reach it. Some of them are equivalent to the original, so the
-score never reaches 100 %.
+`file:line: old -> new`, with the number of tests that reach it. Those that live for a reason, most of all because they
+are equivalent to the original, stand in `mutation/survivors.toml`. They are counted apart, and not printed.
 
 The script has its own operators, because mutmut and cosmic-ray write the mutants to disk and start Python for each of
 them; and mutmut's trampolines do not work with `__slots__`.
@@ -26,6 +26,7 @@ import os
 import random
 import sys
 import time
+import tomllib
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -36,7 +37,10 @@ sys.path.insert(0, str(ROOT))
 from scripts.mutation.warm_tests import PACKAGE, Target, Tests, run_warm  # noqa: E402 - needs the path above
 from tests.world.processors import WITHOUT_AVX_512, is_without_avx_512  # noqa: E402 - as above
 
-__all__ = ["TESTS", "files_of", "main"]
+__all__ = ["TESTS", "files_of", "known_survivors", "main"]
+
+SURVIVORS = ROOT / "scripts" / "mutation" / "survivors.toml"
+"""The mutants that live for a reason."""
 
 _WORLD = (
     "world/drivers world/lane_changes world/followers world/people world/vehicle world/test_step.py "
@@ -88,6 +92,17 @@ def files_of(name: str) -> list[str]:
     return [file for each in found if Target(file := each.relative_to(ROOT / PACKAGE).as_posix()).mutants]
 
 
+def known_survivors() -> dict[tuple[str, str, str], str]:
+    """Return why some mutants live: by file, as a path within the package, text of the line, and change."""
+    groups = tomllib.loads(SURVIVORS.read_text())["survivors"]
+    return {
+        (file, line, change): group["reason"]
+        for group in groups
+        for file, places in group["files"].items()
+        for line, change in places
+    }
+
+
 def _told(target: Target, line: int, change: str) -> str:
     return f"{target.file}:{line}: {change}"
 
@@ -103,7 +118,8 @@ def _try_all(tests: Tests, targets: Sequence[Target], arguments: argparse.Namesp
         queue = [(target, mutant) for target, mutant in queue if _told(target, mutant.line, mutant.change) in wanted]
     random.Random(arguments.seed).shuffle(queue)  # noqa: S311 - no secret
     end = time.monotonic() + 60.0 * arguments.minutes
-    tried, noticed = ({target.file: 0 for target in targets} for _ in range(2))
+    tried, noticed, known = ({target.file: 0 for target in targets} for _ in range(3))
+    reasons = known_survivors()
     with suppress(KeyboardInterrupt):  # print the score so far
         for target, mutant in queue[: arguments.num]:
             if time.monotonic() > end:
@@ -111,16 +127,20 @@ def _try_all(tests: Tests, targets: Sequence[Target], arguments: argparse.Namesp
             killer, num = tests.killer(target, mutant, arguments.budget)
             tried[target.file] += 1
             noticed[target.file] += killer is not None
-            if killer is None:
+            if killer is None and (target.file, target.line_of(mutant), mutant.change) in reasons:
+                known[target.file] += 1
+            elif killer is None:
                 print(f"{_told(target, mutant.line, mutant.change)}  (reached by {num} tests)", flush=True)
             elif arguments.killers:
                 print(f"noticed by {killer}: {_told(target, mutant.line, mutant.change)}", flush=True)
     for target in targets:
         num = tried[target.file]
         share = f"{noticed[target.file] / num:.1%}" if num else "-"
-        print(f"{target.file}: noticed {noticed[target.file]} of {num} tried ({share}); {len(target.mutants)} in all")
-    total = sum(tried.values())
-    print(f"score: {sum(noticed.values()) / max(total, 1):.1%} of {total} tried, of {num_all}", flush=True)
+        told = f"noticed {noticed[target.file]} of {num} tried ({share}), {known[target.file]} live for a known reason"
+        print(f"{target.file}: {told}; {len(target.mutants)} in all")
+    total, num_known = sum(tried.values()), sum(known.values())
+    score = f"{sum(noticed.values()) / max(total, 1):.1%} of {total} tried, of {num_all}"
+    print(f"score: {score}; {num_known} more live for a known reason", flush=True)
 
 
 def main() -> int:

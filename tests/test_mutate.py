@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from scripts.mutate import TESTS, files_of
+from scripts.mutate import TESTS, files_of, known_survivors
 from scripts.mutation.mutants import mutants_of, mutate
 from scripts.mutation.warm_tests import PACKAGE, ROOT, Target
 
@@ -76,6 +76,14 @@ def test_only_a_changed_number_of_the_module_reaches_beyond_its_own_statement() 
         lines, names = target.reach(mutant)
         assert mutant.line in lines
         assert bool(names) == (min(lines) in _constant_lines(target.source))
+
+
+def test_each_mutant_that_lives_for_a_reason_is_one_of_its_file() -> None:
+    survivors = known_survivors()
+    targets = [Target(file) for file in {file for file, _, _ in survivors}]
+    changes = {(target.file, target.line_of(mutant), mutant.change) for target in targets for mutant in target.mutants}
+    assert set(survivors) - changes == set()
+    assert all(len(reason) > 20 for reason in survivors.values())
 
 
 def _constant_lines(source: str) -> set[int]:

@@ -71,6 +71,10 @@ class Target:
         """Name by which it is imported."""
         return f"{PACKAGE}.{self.file.removesuffix('.py').replace('/', '.')}"
 
+    def line_of(self, mutant: Mutant) -> str:
+        """Return the text of the line of a mutant, without the blanks around it."""
+        return self.source.splitlines()[mutant.line - 1].strip()
+
     def reach(self, mutant: Mutant) -> tuple[range, set[str]]:
         """Return where a change can be noticed.
 
@@ -308,14 +312,16 @@ class _Readers:
             )
         }
         self._lines: dict[str, dict[str, set[int]]] = {}
+        self._texts: dict[str, str] = {}
         for path in sorted((ROOT / PACKAGE).rglob("*.py")):
             found: dict[str, set[int]] = defaultdict(set)
-            for node in ast.walk(ast.parse(path.read_text())):
+            text = path.read_text()
+            for node in ast.walk(ast.parse(text)):
                 name = node.id if isinstance(node, ast.Name) else node.attr if isinstance(node, ast.Attribute) else None
                 if name in constants and isinstance(node, ast.expr):
                     found[name].add(node.lineno)
             if found:
-                self._lines[str(path)] = found
+                self._lines[str(path)], self._texts[str(path)] = found, text
         self.paths = {*self._lines, *(str(target.path) for target in targets)}
 
     def lines(self, target: Target, names: set[str]) -> dict[str, frozenset[int]]:
@@ -323,7 +329,7 @@ class _Readers:
         found = {
             path: frozenset(line for name in names for line in lines.get(name, ()))
             for path, lines in self._lines.items()
-            if path == str(target.path) or target.module.rpartition(".")[2] in Path(path).read_text()
+            if path == str(target.path) or target.module.rpartition(".")[2] in self._texts[path]
         }
         return {path: lines for path, lines in found.items() if lines}
 

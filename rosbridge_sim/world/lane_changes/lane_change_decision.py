@@ -454,6 +454,8 @@ class LaneLook:
     def _find_entry(self, begins: FloatArray) -> FloatArray:
         """Return the distance from the front bumper to the next place where lanes conflict or a light is, (k,) [m].
 
+        It is 0 or negative inside of such a place.
+
         Args:
             begins: (l,) arc length at which lanes conflict, inf for none [m].
         """
@@ -461,9 +463,8 @@ class LaneLook:
         light = self._world.signals.plan.light_of_lane
         bumper = self._arc + self._nose
         wait_point = begins[self._lanes[0]]
-        # Whose tail is still where the own lane forks or crosses others is inside.
+        # A vehicle whose tail is still where the own lane forks is inside.
         is_inside = self._arc - self._rear < conflicts.shared[self._lanes[0]]
-        is_inside |= np.isfinite(wait_point) & (bumper > wait_point)
         to_entry = np.where(is_inside, 0.0, wait_point - bumper)
         distance = roads.length[self._lanes[0]] - bumper
         for lane in self._lanes[1:]:

@@ -756,3 +756,52 @@ AnyOrder.TestCase.settings = settings(
     max_examples=15, stateful_step_count=40, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
 TestAnyOrder = AnyOrder.TestCase
+
+
+def test_member_whose_tick_moves_the_world_is_not_silent() -> None:
+    model = a_model(BarrierState.MOVING, lease=1.5)
+    assert model.barrier.due(0.0) is None
+    model.wait(9.0)
+    assert model.barrier.status().members == ["a", "b"]
+    model.finish()
+    assert model.barrier.due(9.0) == 10.5
+
+
+def test_loss_of_a_silent_member_is_followed_by_one_boundary_in_one_turn() -> None:
+    model = a_model(BarrierState.GATHERING, lease=1.5)
+    model.tick("a")  # one ahead
+    model.wait(1.5)
+    assert (model.barrier.status().members, model.moves) == (["a"], [2])
+    model.wait(0.0)
+    assert model.moves == [2, 2]
+
+
+def test_member_starts_synchronous_mode_with_the_step_in_force_or_none() -> None:
+    model = a_model(BarrierState.RESTING)
+    assert [model.barrier.start("a", step, "a", 0.0).is_accepted for step in (0, 40, 1, 20)] == [
+        True,
+        True,
+        False,
+        False,
+    ]
+
+
+@pytest.mark.parametrize("deadline", [MIN_DEADLINE, MAX_DEADLINE])
+def test_shortest_and_longest_deadline_can_be_had(deadline: float) -> None:
+    model = Model()
+    assert model.barrier.deadline == 1.0
+    assert model.join("a", 20, deadline).is_accepted
+    assert model.barrier.deadline == deadline
+
+
+def test_32_members_have_16_ticks_each_that_wait() -> None:
+    model = Model()
+    assert [model.join(f"m{i}").is_accepted for i in range(33)] == [True] * 32 + [False]
+    assert [model.tick("m0").is_accepted for _ in range(17)] == [True] * 16 + [False]
+
+
+def test_stop_by_a_member_is_its_leaving() -> None:
+    model = a_model(BarrierState.RESTING)
+    assert model.barrier.stop("a", 0.0) == BARRIER_TABLE[BarrierState.RESTING][BarrierEvent.LEAVE]
+    assert model.barrier.status().members == ["b"]
+    assert model.barrier.holders == ["b", "b2"]

@@ -767,3 +767,75 @@ def test_a_refusal_ends_the_tick_that_has_begun() -> None:
     assert (sync.take_turn(10, 1.0), sync.is_in_tick, sync.num_ticks) == (1, True, 2)
     sync.pause(1.0)
     assert (sync.is_in_tick, sync.num_ticks) == (False, 0)
+
+
+@pytest.mark.parametrize("is_on", [True, False])
+def test_stop_by_anyone_without_a_master_is_as_one_where_only_the_master_may(*, is_on: bool) -> None:
+    states, effects = [], []
+    for may_anyone_stop in (True, False):
+        sync: Sync[str] = Sync(is_on=is_on, may_anyone_stop=may_anyone_stop)
+        effects.append(sync.stop("somebody", 1.0).effects)
+        states.append(sync.state)
+    assert states == [SyncState.FREE, SyncState.FREE]
+    assert effects[0] == effects[1]
+
+
+def test_frames_of_a_tick_that_has_begun_are_owed_until_they_are_computed() -> None:
+    sync = led(100)
+    sync.hooks.move.append(lambda num_frames, _now: min(num_frames, 2))
+    sync.step("me", 2, ME, 0.0, on_wait=lambda: None)
+    sync.submit("first", 0, 10, ME, 0.0)
+    assert (sync.take_turn(10, 1.0), sync.num_ticks) == (2, 2)
+    sync.submit("second", 0, 12, ME, 1.0)
+    assert sync.waiting() == [(21, "first"), (21, "second")]
+    sync.give_up(1, 1.0)  # three frames of it were left
+    assert sync.waiting() == [(18, "first"), (18, "second")]
+    assert [sync.take_turn(frame, 2.0) for frame in (12, 14, 16, 17)] == [2, 2, 1, 0]
+    sync.submit("third", 0, 17, ME, 3.0)
+    assert sync.due(18) == ["first", "second", "third"]
+
+
+def test_each_tick_that_is_computed_in_parts_is_prepared_once() -> None:
+    sync = led()
+    sync.hooks.move.append(lambda _num_frames, _now: 1)
+    sync.step("me", 2, ME, 0.0, on_wait=lambda: None)
+    begun: list[int] = []
+    for frame in range(10, 14):
+        sync.take_turn(frame, 1.0, prepare=lambda: begun.append(len(begun)))
+    assert (begun, sync.num_ticks) == ([0, 1], 0)
+
+
+def test_a_turn_carries_out_one_tick_while_any_command_waits_because_it_may_be_a_pause() -> None:
+    sync = led()
+    sync.submit("later", 30, 10, ME, 0.0)
+    sync.step("me", 3, ME, 0.0, on_wait=lambda: None)
+    assert (sync.take_turn(10, 1.0, most_ticks=3), sync.num_ticks) == (2, 2)
+
+
+def test_ticks_do_not_wait_for_a_command_of_a_later_frame() -> None:
+    sync = led()
+    sync.submit("scenario", 30, 10, ME, 0.0, is_ready=False)
+    sync.step("me", 1, ME, 0.0, on_wait=lambda: None)
+    assert sync.take_turn(10, 1.0) == 2
+
+
+def test_commands_that_move_forward_are_due_in_the_order_of_their_new_frames() -> None:
+    sync = led()
+    sync.step("me", 3, ME, 0.0, on_wait=lambda: None)
+    sync.submit("for 16", 16, 10, ME, 0.0)
+    sync.submit("for the next", 0, 10, ME, 0.0)
+    sync.give_up(3, 1.0)
+    assert [sync.due(frame) for frame in (11, 15, 16)] == [["for the next"], [], ["for 16"]]
+
+
+@pytest.mark.parametrize(("step_ms", "effect"), [(20, SyncEffect.MOVE), (40, SyncEffect.WAIT)])
+def test_tick_of_one_frame_is_not_divided(step_ms: int, effect: SyncEffect) -> None:
+    assert led(step_ms).tick("me", 0, 10, ME, 0.0, is_in_turns=True).effects == (effect,)
+
+
+def test_command_waits_for_a_frame_up_to_10000_ahead_and_1000_commands_wait_at_most() -> None:
+    sync = led()
+    assert sync.submit("far", 10 + 10_000, 10, ME, 0.0).is_accepted
+    assert not sync.submit("farther", 10 + 10_001, 10, ME, 0.0).is_accepted
+    accepted = [sync.submit(f"command {i}", 11, 10, ME, 0.0).is_accepted for i in range(1_000)]
+    assert accepted == [True] * 999 + [False]

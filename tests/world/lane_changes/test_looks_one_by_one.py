@@ -53,7 +53,7 @@ def streets(first: str) -> tuple[Roads, SignalPlan]:
         "e": ([(480, -3.5), (490, -6), (500, -16), (500, -200)], "", 15.0, ""),
         "x": ([(496, -200), (496, 200)], "", 15.0, ""),
         "d0": ([(500, 0), (740, 0)], "f0", 25.0, "d1"),
-        "d1": ([(500, -3.5), (740, -3.5)], "f1", 25.0, ""),
+        "d1": ([(500, -3.5), (740, -3.5)], "f1", 25.0, "r"),
         "r": ([(500, -20), (740, -3.5)], "f1", 25.0, ""),
         "f0": ([(740, 0), (980, 0)], "h0", 25.0, "f1"),
         "f1": ([(740, -3.5), (980, -3.5)], "g1", 25.0, ""),
@@ -94,7 +94,7 @@ def roads() -> list[tuple[Roads, SignalPlan]]:
 PARTS: Final = [
     ("k0 k1 a0 a1 a2", (-20.0, 90.0)),
     ("a0 a1 a2", (150.0, 280.0)),
-    ("b0 b1 c0 c1 e", (390.0, 510.0)),
+    ("b0 b1 c0 c1 e d0 d1", (390.0, 530.0)),
     ("a0 a1 b0 b1", (220.0, 330.0)),
     ("c0 c1 d0 d1 r", (480.0, 600.0)),
     ("d0 d1 r f0 f1", (690.0, 780.0)),
@@ -123,18 +123,22 @@ def traffic(roads: tuple[Roads, SignalPlan], seed: int) -> World:
     world = world_of(*roads, seed=seed)
     names, (low, high) = PARTS[seed % len(PARTS)]
     beside, flow, wider = list[tuple[int, int]](), rng.uniform(0.0, 25.0), rng.choice([0.0, 50.0])
+    jam, tail = (str(rng.choice(names.split())) if rng.random() < 0.4 else ""), low + rng.uniform(0.0, 40.0)
     for _ in range(int(rng.integers(3, 14))):
-        name = str(rng.choice(names.split()))
+        is_in_jam = bool(jam) and rng.random() < 0.5
+        name = jam if is_in_jam else str(rng.choice(names.split()))
         lane = world.roads.row(name)
-        start = float(world.roads.points[world.roads.first[lane], 0])
-        place = rng.uniform(low - wider, high + wider) - start
+        tail += rng.uniform(6.0, 18.0) * is_in_jam
+        place = tail if is_in_jam else rng.uniform(low - wider, high + wider)
+        place -= float(world.roads.points[world.roads.first[lane], 0])
         s = min(max(place, rng.uniform(0.0, 3.0)), float(world.roads.length[lane]) - 0.01)
         if rng.random() < 0.15:
             x, y = world.roads.at([lane], [s])[0][0, :2].tolist()
-            ego(world, x, y + rng.uniform(-0.5, 0.5), speed=float(rng.choice([0.0, 0.0, 6.0])))
+            ego(world, x, y + rng.uniform(-0.5, 0.5), speed=float(rng.choice([0.0, 0.0, 1.5, 6.0])))
             continue
         body = BUS if rng.random() < 0.25 else CAR
         pace = float(rng.choice([0.0, 0.3, rng.uniform(1.0, 26.0), *np.fmax(flow + rng.uniform(-2.0, 2.0, 5), 0.0)]))
+        pace = float(rng.choice([0.0, 0.3])) if is_in_jam else pace
         row = world.row(world.spawn(Kind.VEHICLE, body, name="car", x=0.0, y=0.0, speed=pace))
         route = (
             [world.roads.row(each) for each in ROUTES[name].split()] if rng.random() < 0.5 * (name in ROUTES) else []
@@ -165,8 +169,9 @@ def put_into(world: World, row: int, rng: np.random.Generator) -> None:
         world.change[row], world.signal[row] = rng.choice([1, 2, 3, 4, 5, 5]), rng.integers(1, 3)
         if world.change[row] >= LaneChange.ROUTE:
             world.change_since[row] = FRAME - rng.choice([74, 75, 400, 401, 1499, 1500, 2900])
-    if rng.random() < 0.1:
-        world.held[row] = 0
+    before = {"d0": "c0", "d1": "c1"}.get(str(world.roads.ids[world.lane[row]]))
+    if before is not None and world.arc[row] < 3.0:
+        world.held[row] = world.roads.row(before)  # its tail is still in the crossing
 
 
 @dataclass
