@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Draw the pictures of README and of the documentation's first pages.
 
-    python scripts/draw_docs.py    writes docs/images/drive.svg, and a PNG for each of five built-in scenes
+    python scripts/draw_docs.py    writes docs/images/drive.svg, a PNG for each of five built-in scenes, and
+                                   scenario_crossing.jpg, for which it needs the extra `sensors`
 
 `town.png` is the built-in scene `town` as `rosbridge-sim scenario check town --picture` draws it, with fewer colours;
 so are the scenes `hills`, `motorway`, `roundabout` and `parking`.
@@ -15,6 +16,7 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
+import re
 import sys
 import tempfile
 from collections.abc import Iterable, Sequence
@@ -31,6 +33,7 @@ if __name__ == "__main__":
 
 from rosbridge_sim import Simulator  # noqa: E402
 from rosbridge_sim.cli.file_commands import run_scenario  # noqa: E402
+from rosbridge_sim.cli.picture_commands import run_shot  # noqa: E402
 from scripts.docs_pages.svg import INK, Point, document, text  # noqa: E402
 
 IMAGES: Final = ROOT / "docs" / "images"
@@ -170,6 +173,29 @@ def draw_drive(path: Path) -> None:
     path.write_text(document(880, 320, title, parts), encoding="utf-8")
 
 
+def read_own_scenario() -> dict[str, object]:
+    """Return the scenario of `docs/guides/write_scenario.md`, with all that its steps add."""
+    page = (ROOT / "docs" / "guides" / "write_scenario.md").read_text("utf-8")
+    scenario: dict[str, object] = {}
+    for step in re.findall(r"<!-- run: scenario-\w+ -->\n```json\n(.*?)```", page, re.DOTALL):
+        scenario |= json.loads(step)
+    return scenario
+
+
+def draw_own_scenario(path: Path) -> None:
+    """Write what is seen of that scenario from behind its ego.
+
+    Args:
+        path: of the picture.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "crossing.json"
+        file.write_text(json.dumps(read_own_scenario()), "utf-8")
+        words = ["--scenario", str(file), "--weather", "dusk", "--at", "5", "--size", "1000x560", "-o", str(path)]
+        if run_shot(words):
+            raise SystemExit(f"{path}: it cannot be drawn")
+
+
 def main() -> int:
     """Write all pictures.
 
@@ -181,6 +207,7 @@ def main() -> int:
     for name in ("town", "hills", "motorway", "roundabout", "parking"):
         draw_scene(name, IMAGES / f"{name}.png")
     draw_drive(IMAGES / "drive.svg")
+    draw_own_scenario(IMAGES / "scenario_crossing.jpg")
     return 0
 
 

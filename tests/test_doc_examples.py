@@ -6,6 +6,7 @@ A mark above the code block, `<!-- run: NAME -->`, gives an example its name. A 
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -23,9 +24,12 @@ import pytest
 
 from rosbridge_sim.campaigns.campaign import check_search, read_campaign
 from rosbridge_sim.client import Client
+from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.files.catalogue_file import read_catalogue
+from rosbridge_sim.shell.files.noise_file import read_sensor_noise
 from rosbridge_sim.shell.files.rig_file import read_sensors
 from rosbridge_sim.world.state.world import Kind
+from scripts.draw_docs import read_own_scenario
 from tests import fork_server
 from tests.cli.tool_fixture import run as run_tool
 from tests.conftest import Connect, Serve
@@ -38,7 +42,7 @@ PAGES = [ROOT / "README.md", *sorted(set((ROOT / "docs").rglob("*.md")) - set((R
 MARKED = re.compile(r"<!-- run: ([\w-]+) -->\n```(\w+)\n(.*?)```\n(?:\n[^\n#`]+:\n\n```text\n(.*?)```\n)?", re.DOTALL)
 """Mark, language and text of an example, and of the block that says what it prints, where there is one."""
 
-PROGRAM = re.compile(r"^```(?:python|js|html|toml|csv)$", re.MULTILINE)
+PROGRAM = re.compile(r"^```(?:python|js|html|toml|csv|json)$", re.MULTILINE)
 """Start of a block that must have a mark."""
 
 NUMBER = re.compile(r"-?\d+\.\d+")
@@ -61,9 +65,17 @@ OTHERS = (
     "network",
     "tools",
     "catalogue",
+    "scenario-ego",
+    "scenario-vehicles",
+    "scenario-people",
+    "scenario-lights",
+    "scenario-traffic",
+    "scenario-settings",
+    "scenario-drive",
     "population",
     "park",
     "sensors",
+    "noise",
     "campaign-drivers",
     "campaign-limits",
     "campaign-over-time",
@@ -330,6 +342,30 @@ def test_model_table_is_read(tmp_path: Path) -> None:
     file.write_text(example("catalogue"))
     car, fridge = read_catalogue(file).own
     assert (car.name, car.body.wheelbase, fridge.name, fridge.kind) == ("Sonata", 2.84, "Fridge", Kind.OBSTACLE)
+
+
+def test_noise_of_a_file_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "noise.json"
+    file.write_text(example("noise"))
+    noise = read_sensor_noise(str(file))
+    assert noise is not None
+    assert (noise.gps.horizontal.wander, noise.lidar.range, noise.radar.clutter) == (2.1, 0.015, 1.0)
+
+
+@pytest.mark.slow
+def test_scenario_that_grows_step_by_step_is_good_after_each_and_drives_as_the_page_says(tmp_path: Path) -> None:
+    file = tmp_path / "crossing.json"
+    scenario: dict[str, object] = {}
+    for step in ("ego", "vehicles", "people", "lights", "traffic"):
+        scenario |= json.loads(example(f"scenario-{step}"))
+        file.write_text(json.dumps(scenario))
+        done = run_tool("scenario", "check", str(file))
+        assert (done.code, done.err, done.lines[0]) == (0, "", f"{file}: good"), step
+    assert scenario == read_own_scenario()  # of the picture
+    (tmp_path / "crossing.toml").write_text(example("scenario-settings"))
+    settings = read_settings(["--config", str(tmp_path / "crossing.toml")], {})
+    assert (settings.weather, settings.traffic, settings.sensors) == ("dusk", 40, "camera")
+    assert run_strictly(example("scenario-drive"), tmp_path) == shown("scenario-drive")
 
 
 def test_sensors_of_a_file_are_read(tmp_path: Path) -> None:
