@@ -9,7 +9,7 @@ import numpy.typing as npt
 from gymnasium import Env
 from gymnasium.vector import AutoresetMode
 
-from rosbridge_sim.environments.driving_vector_env import DrivingVectorEnv
+from rosbridge_sim.environments.driving_vector_env import RENDER_MODES, DrivingVectorEnv
 from rosbridge_sim.environments.episodes import FPS
 from rosbridge_sim.environments.judgement import goal_reward
 from rosbridge_sim.environments.observations import Seen, pick
@@ -23,11 +23,11 @@ class DrivingEnv(Env[Seen, Any]):
     """An environment in which one ego is driven; see `actions` and `observations`, and `DrivingTask` for the options.
 
     Args:
-        render_mode: `rgb_array` or None.
+        render_mode: `rgb_array`, or `human` for a page in the browser, or None.
         options: those of `DrivingTask`.
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": FPS}  # noqa: RUF012 - Gymnasium's own form
+    metadata = {"render_modes": RENDER_MODES, "render_fps": FPS}  # noqa: RUF012 - Gymnasium's own form
 
     def __init__(self, *, render_mode: str | None = None, **options: Any) -> None:  # noqa: ANN401 - those of DrivingTask
         self._many = self._make_many(render_mode=render_mode, autoreset_mode=AutoresetMode.DISABLED, **options)
@@ -52,9 +52,18 @@ class DrivingEnv(Env[Seen, Any]):
         return pick(seen, 0), float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _first(infos)
 
     def render(self) -> Array | None:
-        """Return a picture from above, (400, 600, 3) uint8; None without a `render_mode`."""
+        """Return a picture from above, (400, 600, 3) uint8; None if the mode is another one."""
         pictures = self._many.render()
         return None if pictures is None else pictures[0]
+
+    @property
+    def page_url(self) -> str:
+        """URL of the page with `human`; empty before the first reset."""
+        return self._many.page_url
+
+    def close(self) -> None:
+        """Stop the server of the page, if there is one."""
+        self._many.close()
 
     def compute_reward(self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, info: Any) -> Any:  # noqa: ANN401
         """Return the reward of steps that have led to goals, as environments with goals have it.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,9 +17,14 @@ from rosbridge_sim.environments.observations import Seen, pick, space_of
 from rosbridge_sim.environments.picture import draw
 from rosbridge_sim.worlds.worlds import Worlds
 
-__all__ = ["DrivingVectorEnv"]
+if TYPE_CHECKING:
+    from rosbridge_sim.environments.human_view import HumanView
+
+__all__ = ["RENDER_MODES", "DrivingVectorEnv"]
 
 Array = npt.NDArray[Any]
+
+RENDER_MODES: Final = ["human", "rgb_array"]
 
 
 class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
@@ -29,7 +34,7 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
 
     Args:
         num_envs: number of environments.
-        render_mode: `rgb_array` or None.
+        render_mode: `rgb_array`, or `human` for a page in the browser that shows the first environment, or None.
         autoreset_mode: when an environment that has ended begins again; see Gymnasium.
         options: those of `DrivingTask`.
 
@@ -48,7 +53,9 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
         self.task = DrivingTask(**options)
         self.num_envs, self.render_mode = num_envs, render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {"render_modes": ["rgb_array"], "render_fps": FPS, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {"render_modes": RENDER_MODES, "render_fps": FPS, "autoreset_mode": self.autoreset_mode}
+        if render_mode not in {None, *RENDER_MODES}:
+            raise ValueError(f"render_mode: expected {', '.join(RENDER_MODES)} or None, got {render_mode!r}")
         self.worlds = self._make_worlds(num_envs)
         self.episodes = Episodes(self.worlds, self.task)
         self.single_observation_space = space_of(self.task)
@@ -56,6 +63,7 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._is_done = np.zeros(num_envs, dtype=bool)
+        self._view: HumanView | None = None
 
     def _make_worlds(self, num: int) -> Worlds:
         return Worlds(self.task.scenario, num, seed=[0] * num, traffic=self.task.traffic)
@@ -80,6 +88,7 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
             if seeds is not None and (number := seeds[i]) is not None:
                 self.episodes.seed(i, number)
         self._begin(mask)
+        self._show()
         return self.episodes.observe(), self._infos(self.episodes.judge())
 
     def step(self, actions: Array) -> tuple[Seen, Array, Array, Array, dict[str, Any]]:
@@ -115,13 +124,33 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
             infos = self._infos(self.episodes.judge())
             infos |= {"final_obs": last, "_final_obs": done, "final_info": final, "_final_info": done}
             seen = self.episodes.observe()
+        self._show()
         return seen, rewards, terminated, truncated, infos
 
     def render(self) -> tuple[Array, ...] | None:
-        """Return a picture of each world from above, (400, 600, 3) uint8; None without a `render_mode`."""
-        if self.render_mode is None:
+        """Return a picture of each world from above, (400, 600, 3) uint8; None if the mode is another one."""
+        if self.render_mode != "rgb_array":
             return None
         return tuple(draw(self.worlds, i, self.episodes.starts.goals[i]) for i in range(self.num_envs))
+
+    @property
+    def page_url(self) -> str:
+        """URL of the page that shows the first environment with `human`; empty before the first reset."""
+        return "" if self._view is None else self._view.page_url
+
+    def close_extras(self, **_: Any) -> None:  # noqa: ANN401 - Gymnasium's own form
+        """Stop the server of the page, if there is one."""
+        if self._view is not None:
+            self._view.close()
+            self._view = None
+
+    def _show(self) -> None:
+        if self.render_mode == "human":
+            if self._view is None:
+                from rosbridge_sim.environments.human_view import HumanView  # noqa: PLC0415 - a server, seldom wanted
+
+                self._view = HumanView(self.worlds, self.task.scenario)
+            self._view.show()
 
     def _begin(self, mask: npt.NDArray[np.bool_]) -> None:
         self.episodes.begin(mask)

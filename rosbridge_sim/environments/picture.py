@@ -46,10 +46,17 @@ def draw(worlds: DrivableWorlds, number: int, goals: npt.NDArray[np.float64] | N
     image = Image.new("RGB", (WIDTH, HEIGHT), (235, 238, 230))
     pen = ImageDraw.Draw(image)
     roads, reach = world.roads, np.hypot(WIDTH, HEIGHT) / PIXELS_PER_METRE
-    for lane in range(len(roads)):
-        line = roads.points[roads.first[lane] : roads.first[lane + 1], :2]
-        if np.abs(line - middle).max(axis=1).min() < reach:
-            pen.line(on_picture(line), fill=(200, 202, 205), width=int(roads.width[lane] * PIXELS_PER_METRE))
+    parts = [slice(int(roads.first[lane]), int(roads.first[lane + 1])) for lane in range(len(roads))]
+    near = [lane for lane in range(len(roads)) if np.abs(roads.points[parts[lane], :2] - middle).max(1).min() < reach]
+    for lane in near:
+        line = roads.points[parts[lane], :2]
+        pen.line(on_picture(line), fill=(200, 202, 205), width=int(roads.width[lane] * PIXELS_PER_METRE))
+    for lane in near:
+        line, border = roads.points[parts[lane], :2], roads.border[parts[lane]]
+        along = np.gradient(line, axis=0)
+        left = along[:, ::-1] * (-1.0, 1.0) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
+        for edge in (line + border[:, :1] * left, line - border[:, 1:] * left):
+            pen.line(on_picture(edge), fill=(225, 227, 230), width=1)
     for x, y, yaw in () if goals is None else goals[np.isfinite(goals[:, 0])].tolist():
         along, left = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
         corners = [np.array([x, y]) + a * along + b * left for a, b in _BAY]

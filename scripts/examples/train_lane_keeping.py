@@ -1,10 +1,11 @@
-"""Train a driver that keeps to its lane, by random search with numpy alone, and write its learning curve.
+"""Train a driver that keeps to its lane, by random search with numpy alone, until it drives a lap.
 
-Augmented random search (Mania, Guy and Recht 2018, arXiv:1803.07055): a linear policy is tried with small random
-changes and with their opposites, all at once, and moves towards the better ones. Each drives for 20 s from four places
-of the map `loop`; every fifth policy tries a whole lap. Needs the extra `gym`.
+Augmented random search (Mania, Guy and Recht 2018, arXiv:1803.07055): a linear policy of the whitened observation is
+tried with small random changes and with their opposites, all at once, and moves towards the better ones. Each drives
+for 15 s from eight places of the map `loop`, which chance chooses anew for each round; every fifth policy tries a whole
+lap. Needs the extra `gym`.
 
-    python scripts/examples/train_lane_keeping.py --minutes 8 --curve curve.csv
+    python scripts/examples/train_lane_keeping.py --curve curve.csv --policy driver.npz --film lap.gif
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,32 +30,43 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 from rosbridge_sim.environments.registration import register_all
 from rosbridge_sim.shell.files.library import DiskLibrary
 
-Array = npt.NDArray[np.float64]
+Array = npt.NDArray[Any]
 
 NAME = "rosbridge_sim/LaneKeeping-v0"
-DIRECTIONS, BEST = 64, 16
-STEP, NOISE, CALM = 0.1, 0.15, 8.0
-"""Length of a step and of the changes; after `CALM` rounds both are half as long."""
-NUM_SEEN, NUM_ACTIONS = 15, 2
-SPEED = 15.0
-STARTS = (("L2_00", 900.0), ("L2_01", 500.0), ("L2_05", 50.0), ("L2_00", 100.0))
-"""Lanes and arc lengths from which policies drive [m]."""
-DURATION = 20.0
-BEGIN: dict[str, Any] = {
-    "max_offset": 1.5,
-    "target_speed": SPEED,
-    "num_starts": 1,
-    "start_lane": "L2_00",
-    "start_s": 800.0,
-    "start_speed": 10.0,
-}
-"""Options of the environments: the line of the lane is 1.5 m away at most."""
+DIRECTIONS, BEST, PLACES = 32, 16, 8
+STEP, NOISE = 0.05, 0.1
+"""Length of a step and of the changes, in weights of whitened figures."""
+SPEED, DURATION = 15.0, 15.0
+OPTIONS: dict[str, Any] = {"max_offset": 1.5, "target_speed": SPEED, "num_starts": 1, "start_speed": 10.0}
+"""An episode ends 1.5 m from the line of the lane."""
+
+
+@dataclass
+class Policy:
+    """A linear policy of whitened figures; `num` of them were seen."""
+
+    weights: Array
+    mean: Array
+    variance: Array
+    num: float = 1e-4
+
+    def act(self, weights: Array, seen: Array) -> Array:
+        """Return actions (n, 2) of policies with weights (n, 2, 16), for observations (n, 15)."""
+        white = np.clip((seen - self.mean) / np.sqrt(self.variance + 1e-8), -5.0, 5.0)
+        white = np.concatenate([white, np.ones((len(white), 1))], axis=1)
+        return np.asarray(np.clip(np.einsum("nij,nj->ni", weights, white), -1.0, 1.0))
+
+    def whiten(self, seen: Array) -> None:
+        """Take observations (n, 15) into mean and variance."""
+        num, away = self.num + len(seen), seen.mean(axis=0) - self.mean
+        both = self.variance * self.num + seen.var(axis=0) * len(seen)
+        self.variance = (both + away * away * self.num * len(seen) / num) / num
+        self.mean, self.num = self.mean + away * len(seen) / num, num
 
 
 def ego_alone(folder: Path) -> str:
     """Return the path of a scenario that has the map and the ego of `loop`, and no traffic."""
-    library = DiskLibrary()
-    whole = json.loads(library.scenario_path("loop").read_text(encoding="utf-8"))
+    whole = json.loads(DiskLibrary().scenario_path("loop").read_text(encoding="utf-8"))
     path = folder / "loop_ego.json"
     path.write_text(json.dumps({name: whole[name] for name in ("mapInfo", "egoVehicle")}), encoding="utf-8")
     return str(path)
@@ -65,102 +78,99 @@ def lap_length() -> float:
     return sum(float(roads.length[i]) for i, name in enumerate(roads.ids) if name.startswith("L2_"))
 
 
-def make(scenario: str, num: int, duration: float, start: tuple[str, float]) -> Any:  # noqa: ANN401 - it says nothing
-    """Return environments without resets of their own; leaving the line of the lane by 1.5 m ends an episode."""
-    return gymnasium.make_vec(
-        NAME,
-        num_envs=num,
-        vectorization_mode="vector_entry_point",
-        autoreset_mode="Disabled",
-        scenario=scenario,
-        duration=duration,
-        **{**BEGIN, "start_lane": start[0], "start_s": start[1]},
-    )
+def make(scenario: str, num: int, **options: Any) -> Any:  # noqa: ANN401 - Gymnasium has no types here
+    """Return environments without resets of their own."""
+    how: dict[str, Any] = {"vectorization_mode": "vector_entry_point", "autoreset_mode": "Disabled"}
+    return gymnasium.make_vec(NAME, num_envs=num, scenario=scenario, **how, **{**OPTIONS, **options})
 
 
-def act(weights: Array, seen: Array) -> Array:
-    """Return actions (n, 2) of linear policies (n, 2, 16), for observations (n, 15)."""
-    with_one = np.concatenate([seen, np.ones((len(seen), 1))], axis=1)
-    return np.asarray(np.clip(np.einsum("nij,nj->ni", weights, with_one), -1.0, 1.0))
-
-
-def drive(envs: Any, weights: Array) -> tuple[Array, Array]:  # noqa: ANN401 - as above
-    """Drive one episode with each policy (n, 2, 16); return sums of rewards and distances [m], (n,) each."""
-    seen, _ = envs.reset(seed=0)
-    total, metres, is_on = np.zeros(len(weights)), np.zeros(len(weights)), np.ones(len(weights), dtype=bool)
+def drive(envs: Any, policy: Policy, weights: Array, seeds: list[int]) -> tuple[Array, Array]:  # noqa: ANN401
+    """Drive an episode with each policy; return the sums of rewards (n,), and all that was observed (m, 15)."""
+    seen, _ = envs.reset(seed=seeds)
+    total, is_on, all_seen = np.zeros(len(weights)), np.ones(len(weights), dtype=bool), []
     while is_on.any():
-        seen, rewards, terminated, truncated, infos = envs.step(act(weights, seen))
+        all_seen.append(seen[is_on])
+        seen, rewards, terminated, truncated, _ = envs.step(policy.act(weights, seen))
         total += rewards * is_on
-        metres = np.where(is_on, infos["distance"], metres)
         is_on &= ~(terminated | truncated)
-    return total, metres
+    return total, np.concatenate(all_seen)
 
 
-def improve(weights: Array, places: Sequence[Any], rng: np.random.Generator, share: float = 1.0) -> tuple[Array, float]:
-    """Return better weights (2, 16), and the mean reward of the best changes; `share` shortens changes and step."""
-    changes = rng.normal(size=(DIRECTIONS, *weights.shape))
-    both = np.concatenate([weights + share * NOISE * changes, weights - share * NOISE * changes])
-    total = np.sum([drive(envs, both)[0] for envs in places], axis=0)
+def drive_lap(scenario: str, policy: Policy, length: float, path: Path | None = None) -> tuple[float, float]:
+    """Drive until the lap is complete or the lane is left, and film it if there is a path; a picture each four seconds.
+
+    Returns:
+        The distance without crossing an edge of the lane [m], and the greatest offset from its line [m].
+    """
+    start = {"start_lane": "L2_00", "start_s": 0.0, "duration": 2.0 * length / SPEED}
+    env = gymnasium.make(NAME, scenario=scenario, render_mode="rgb_array", **{**OPTIONS, **start})
+    seen, info = env.reset(seed=0)
+    pictures: list[Image.Image] = []
+    offset, metres, is_over = 0.0, 0.0, False
+    while not is_over and metres < length:
+        if path is not None and len(pictures) * 4.0 <= info["score"]["score_distance"] / SPEED:
+            pictures.append(Image.fromarray(np.asarray(env.render())).resize((300, 200)).quantize(16))
+        seen, _, terminated, truncated, info = env.step(policy.act(policy.weights[None], seen[None])[0])
+        is_over = terminated or truncated or info["score"]["num_lane_invasions"] > 0
+        metres, offset = info["distance"], max(offset, abs(info["offset"]))
+    if path is not None:
+        pictures[0].save(path, save_all=True, append_images=pictures[1:], duration=150, loop=0, optimize=True)
+    return metres, offset
+
+
+def improve(policy: Policy, envs: Any, rng: np.random.Generator) -> float:  # noqa: ANN401 - as above
+    """Move the policy one step; return the mean reward of the best changes, for one episode."""
+    changes = rng.normal(size=(DIRECTIONS, *policy.weights.shape))
+    both = np.concatenate([policy.weights + NOISE * changes, policy.weights - NOISE * changes])
+    seeds = rng.integers(1 << 31, size=PLACES).repeat(len(both)).tolist()
+    total, seen = drive(envs, policy, np.tile(both, (PLACES, 1, 1)), seeds)
+    total = total.reshape(PLACES, -1).mean(axis=0)
     plus, minus = total[:DIRECTIONS], total[DIRECTIONS:]
     best = np.argsort(-np.maximum(plus, minus))[:BEST]
     spread = np.concatenate([plus[best], minus[best]]).std() + 1e-6
-    moved = np.einsum("k,kij->ij", plus[best] - minus[best], changes[best])
-    return weights + share * STEP / (BEST * spread) * moved, float(np.maximum(plus, minus)[best].mean())
+    policy.weights += STEP / (len(best) * spread) * np.einsum("k,kij->ij", plus[best] - minus[best], changes[best])
+    policy.whiten(seen)
+    return float(np.maximum(plus, minus)[best].mean())
 
 
-def film(scenario: str, weights: Array, path: Path) -> None:
-    """Write an animated picture of the first 60 s of a policy's lap, a frame a second."""
-    env = gymnasium.make(NAME, scenario=scenario, duration=60.0, render_mode="rgb_array", **BEGIN)
-    seen, _ = env.reset(seed=0)
-    frames = []
-    for number in range(600):
-        seen, _, terminated, _, _ = env.step(act(weights[None], seen[None])[0])
-        if number % 10 == 0 or terminated:
-            frames.append(Image.fromarray(np.asarray(env.render())).resize((300, 200)).quantize(16))
-        if terminated:
-            break
-    frames[0].save(path, save_all=True, append_images=frames[1:], duration=200, loop=0, optimize=True)
-
-
-def train(scenario: str, chosen: argparse.Namespace) -> Array:
-    """Train until a policy drives a lap, or the time is over; return its weights (2, 16)."""
-    rng, weights, length = np.random.default_rng(chosen.seed), np.zeros((NUM_ACTIONS, NUM_SEEN + 1)), lap_length()
-    places = [make(scenario, 2 * DIRECTIONS, DURATION, start) for start in STARTS]
-    lap = make(scenario, 1, 2.0 * length / SPEED, ("L2_00", 0.0))
-    lines = ["round,cpu_seconds,reward,metres"]
+def train(scenario: str, chosen: argparse.Namespace) -> Policy:
+    """Train until a policy drives a lap, or the time is over."""
+    rng, length = np.random.default_rng(chosen.seed), lap_length()
+    policy = Policy(np.zeros((2, 16)), np.zeros(15), np.ones(15))
+    envs = make(scenario, 2 * DIRECTIONS * PLACES, start_lane="L2_*", start_s=None, duration=DURATION)
+    lines = ["round,cpu_seconds,reward,metres,offset"]
     for number in range(chosen.rounds):
-        weights, reward = improve(weights, places, rng, CALM / (CALM + number))
-        metres = float("nan")
+        reward, metres, offset = improve(policy, envs, rng), float("nan"), float("nan")
         if number % 5 == 4:  # a lap costs as much as some rounds
-            metres = float(drive(lap, weights[None])[1][0])
-        spent = time.process_time()
-        lines.append(f"{number},{spent:.1f},{reward:.1f},{metres:.0f}")
-        print(f"round {number:3}  {spent:6.1f} s  reward {reward:7.1f}  lap {metres:5.0f} m", flush=True)
+            metres, offset = drive_lap(scenario, policy, length)
+        lines.append(f"{number},{time.process_time():.1f},{reward:.1f},{metres:.0f},{offset:.2f}")
+        print(f"round {number:3}  {time.process_time():6.1f} s  reward {reward:6.1f}  lap {metres:5.0f} m", flush=True)
         if chosen.curve is not None:
             chosen.curve.write_text("\n".join(lines) + "\n", encoding="utf-8")
-        if chosen.policy is not None:
-            np.save(chosen.policy, weights)
-        if metres >= length or spent > 60.0 * chosen.minutes:
+        if metres >= length or time.process_time() > 60.0 * chosen.minutes:
             break
-    return weights
+    return policy
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Train, and print a line for each round."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--minutes", type=float, default=8.0, help="CPU time at most")
+    parser.add_argument("--minutes", type=float, default=10.0, help="CPU time at most")
     parser.add_argument("--rounds", type=int, default=1_000, help="rounds at most")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--curve", type=Path, help="CSV file for the learning curve")
-    parser.add_argument("--policy", type=Path, help=".npy file for the weights")
-    parser.add_argument("--film", type=Path, help=".gif file: a picture a second of the lap's first minute")
+    parser.add_argument("--policy", type=Path, help=".npz file for weights, mean and variance")
+    parser.add_argument("--film", type=Path, help=".gif file: the lap, a picture each four seconds")
     chosen = parser.parse_args(arguments)
     register_all()
     with tempfile.TemporaryDirectory() as folder:
         scenario = ego_alone(Path(folder))
-        weights = train(scenario, chosen)
+        policy = train(scenario, chosen)
+        if chosen.policy is not None:
+            np.savez(chosen.policy, weights=policy.weights, mean=policy.mean, variance=policy.variance)
         if chosen.film is not None:
-            film(scenario, weights, chosen.film)
+            metres, offset = drive_lap(scenario, policy, lap_length(), chosen.film)
+            print(f"lap: {metres:.0f} of {lap_length():.0f} m, at most {offset:.2f} m from the line of the lane")
 
 
 if __name__ == "__main__":

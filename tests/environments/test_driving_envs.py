@@ -12,7 +12,6 @@ gymnasium = pytest.importorskip("gymnasium", reason="the extra rosbridge-sim[gym
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
-from gymnasium.wrappers import FlattenObservation, RecordEpisodeStatistics  # noqa: E402
 
 from rosbridge_sim.environments.registration import TASKS, register_all  # noqa: E402
 
@@ -186,15 +185,6 @@ def test_episode_is_truncated_after_its_duration() -> None:
     one.reset(seed=0)
     ends = [one.step(np.zeros(2))[3] for _ in range(5)]
     assert ends == [False, False, False, False, True]
-
-
-def test_wrappers_of_gymnasium_work() -> None:
-    one = RecordEpisodeStatistics(FlattenObservation(gymnasium.make(LANE, duration=0.3)))
-    one.reset(seed=0)
-    info: dict[str, Any] = {}
-    for _ in range(3):
-        *_, info = one.step(np.zeros(2))
-    assert info["episode"]["l"] == 3
 
 
 def test_infos_have_the_score() -> None:
