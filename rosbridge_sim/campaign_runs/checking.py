@@ -59,6 +59,11 @@ def _check_drivers(loaded: LoadedJob) -> None:
     settings = [str(each.path[0]) for each in campaign.assignments if each.room == "setting"]
     for name, driver in campaign.drivers.items():
         check_settings(settings, f"{source}: drivers.{name}: ", has_server=driver.is_program)
+        seconds = campaign.document.seconds
+        if driver.real_time and driver.timeout <= seconds and "real_time_factor" not in settings:
+            raise DocumentError(
+                f"{source}: drivers.{name}.timeout: expected more than the {seconds:g} s of a drive in real time"
+            )
         if driver.python is not None or driver.policy is not None:
             loaded.drivers_function(driver)
         elif driver.command is not None:

@@ -54,7 +54,7 @@ class NodeWorlds(DrivableWorlds):
             now = node.world.frame * self.dt
             node.context.stepper.compute(now, is_tick=True, is_last=True)
 
-    def drive_itself(self, world: int, desired_speed: float) -> bool:
+    def drive_first_ego(self, world: int, desired_speed: float) -> bool:
         """Let the first ego of a world follow the lanes; return False if it stands on no lane.
 
         Args:

@@ -6,6 +6,7 @@ read all the time, so a program that prints a gigabyte is not held up, and costs
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import logging
 import os
@@ -26,7 +27,12 @@ from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.campaigns.results import Run
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.graph.topics_services import Topic
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.app import Simulator
+from rosbridge_sim.simulator.simulator_node import SimulatorNode
 
 try:
     import resource
@@ -34,6 +40,9 @@ except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
 __all__ = ["drive_by_program"]
+
+NUM_CLIENTS: Final = "/client_count"
+"""Topic with the number of clients."""
 
 PATIENCE: Final = 1.0
 """Time from SIGTERM to SIGKILL [s]."""
@@ -63,9 +72,9 @@ def drive_by_program(loaded: LoadedJob, driver: DriverItem, run: Run, *, record:
         simulator = Simulator(**options)
         simulator.library, simulator.types = loaded.library_for(simulator.settings), loaded.types
         with _logged(drive), simulator:
-            simulator.run_inside(lambda: drive.watch(simulator))
+            simulator.run_inside(lambda: drive.watch(simulator, is_real_time=driver.real_time))
             with _program(loaded, driver, run, simulator.url, work) as program:
-                drive.follow(program, driver.timeout)
+                drive.follow(program, driver.timeout, simulator)
             if outcome.trace.rows and not outcome.state_hash:
                 simulator.run_inside(lambda: drive.close(simulator))
     except DocumentError as error:
@@ -102,12 +111,15 @@ class _Drive:
         self._watched = WatchedDrive(loaded.campaign, run)
         self.outcome = self._watched.outcome
         self._is_over = threading.Event()
+        self._has_client = threading.Event()
 
-    def watch(self, simulator: Simulator) -> None:
+    def watch(self, simulator: Simulator, *, is_real_time: bool) -> None:
         """Note each frame from now on. Runs in the simulator's thread."""
         assert simulator.node is not None
         assert simulator.bus is not None
         world = simulator.node.world
+        if is_real_time:
+            self._stand(simulator.node, simulator.bus)
         self._watched.listen(simulator.bus)
 
         def take(_now: float) -> None:
@@ -116,16 +128,38 @@ class _Drive:
 
         simulator.node.context.hooks.after_frame.append(take)
 
+    def _stand(self, node: SimulatorNode, bus: Bus) -> None:
+        """Have a world in real time stand at frame 0 until the program has connected."""
+        now = asyncio.get_running_loop().time()
+        node.context.sync_driver.pause(now)
+        if node.world.frame:
+            node.reset(None, now)
+
+        def take(_topic: Topic, message: Message, _sender: Participant, _now: float) -> None:
+            if message.value.data:
+                self._has_client.set()
+
+        bus.subscribe(self._watched, NUM_CLIENTS, take)
+
     def close(self, simulator: Simulator) -> None:
         """Note the state at the end. Runs in the simulator's thread."""
         assert simulator.node is not None
         self._watched.finish(simulator.node.world)
         self._is_over.set()
 
-    def follow(self, program: _Program, timeout: float) -> None:
+    @staticmethod
+    def _let_run(simulator: Simulator) -> None:
+        """End the wait for the program. Runs in the simulator's thread."""
+        assert simulator.node is not None
+        simulator.node.context.sync_driver.resume(asyncio.get_running_loop().time())
+
+    def follow(self, program: _Program, timeout: float, simulator: Simulator) -> None:
         """Wait until the drive is over, the program has ended, or the time has passed."""
         outcome, end = self.outcome, time.monotonic() + timeout
         while not self._is_over.wait(LOOK_EVERY):
+            if self._has_client.is_set():
+                self._has_client.clear()
+                simulator.run_inside(lambda: self._let_run(simulator))
             code = program.process.poll()
             if code is not None:
                 if code:

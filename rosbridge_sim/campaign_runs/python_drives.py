@@ -202,7 +202,7 @@ def _let_drive(worlds: Worlds | NodeWorlds, speed: float, runs: Sequence[Run]) -
     """
     for i, run in enumerate(runs):
         if isinstance(worlds, NodeWorlds):
-            is_driving = worlds.drive_itself(i, speed)
+            is_driving = worlds.drive_first_ego(i, speed)
         else:
             world = worlds.world(i)
             is_driving = start_self_driving(world, world.rows(Kind.EGO).item(0), desired_speed=speed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import platform
@@ -92,9 +93,9 @@ def _drive(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run], *, may_ke
             verdict, reason, breaches = _judge(loaded, outcome)
             is_kept = may_keep and (output.keep == "all" or (output.keep == "failures" and verdict in BAD))
             files: tuple[str, ...] = ()
+            trouble = ""
             if is_kept and (attempt == 0 or not any(each.files for each in judged[run.number])):
                 files, trouble = _keep(loaded.job.folder, run, outcome)
-                outcome.log += trouble
             if outcome.work is not None:
                 shutil.rmtree(outcome.work, ignore_errors=True)
             judged[run.number].append(
@@ -109,6 +110,7 @@ def _drive(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run], *, may_ke
                     tuple(outcome.trace.path()),
                     (),
                     files,
+                    trouble,
                     wall,
                     used,
                     who,
@@ -135,6 +137,7 @@ def _joined(results: Sequence[Result]) -> Result:
         chosen.path,
         verdicts,
         next((each.files for each in results if each.files), ()),
+        next((each.trouble for each in results if each.trouble), ""),
         sum(each.wall for each in results),
         sum(each.cpu for each in results),
         chosen.worker,
@@ -166,7 +169,7 @@ def _keep(folder: str, run: Run, outcome: Outcome) -> tuple[tuple[str, ...], str
     """Write the files of a run.
 
     Returns:
-        Their names; and a line for the log if the disk took no more.
+        Their names; and why others are missing, if the disk took no more.
     """
     place = run_folder(folder, run.number)
     trace = outcome.trace
@@ -177,6 +180,7 @@ def _keep(folder: str, run: Run, outcome: Outcome) -> tuple[tuple[str, ...], str
     }
     texts = {"trace.csv": "\n".join([*lines, ""]), "scene.json": json.dumps(scene), "log.txt": outcome.log}
     kept: list[str] = []
+    name = "the folder"
     try:
         shutil.rmtree(place, ignore_errors=True)
         place.mkdir(parents=True)
@@ -185,9 +189,12 @@ def _keep(folder: str, run: Run, outcome: Outcome) -> tuple[tuple[str, ...], str
                 (place / name).write_text(text, encoding="utf-8")
                 kept.append(name)
         for file in sorted(outcome.work.iterdir()) if outcome.work is not None else ():
+            name = file.name
             if file.suffix in {".mcap", ".json"}:
-                shutil.move(file, place / file.name)
-                kept.append(file.name)
+                shutil.move(file, place / name)
+                kept.append(name)
     except OSError as error:
-        return tuple(kept), f"\nfiles of this run are missing: {error.strerror}\n"
+        with contextlib.suppress(OSError):
+            (place / name).unlink()  # a part of it
+        return tuple(kept), f"{name} of the run, and what comes behind it, is not kept: {error.strerror}"
     return tuple(kept), ""

@@ -126,7 +126,11 @@ class DriverItem(_Item):
         ),
     ] = 0
     real_time: Annotated[
-        bool, Field(description="of `command`: the world runs in real time, for programs that cannot tick")
+        bool,
+        Field(
+            description="of `command`: the world runs in real time from the moment at which the program connects, for"
+            " programs that cannot tick"
+        ),
     ] = False
     timeout: Annotated[
         float, Field(gt=0.0, le=86_400.0, description="longest time of a drive on the wall clock [s]")
@@ -154,6 +158,8 @@ class DriverItem(_Item):
         name = self.python or self.policy
         if name is not None and not all(name.rpartition(":")[::2]):
             raise PydanticCustomError("driver", "expected FILE.py:NAME or package.module:NAME")
+        if self.real_time and self.command is None:
+            raise PydanticCustomError("driver", "real_time is for drivers with a command")
         if self.batch and self.python is None:
             raise PydanticCustomError("driver", "batch is for python drivers")
         return self

@@ -83,6 +83,7 @@ class Result:
         path: of the ego [m].
         verdicts: of each drive, if the run was repeated.
         files: what is kept, names in the run's folder.
+        trouble: why other files are missing, such as a full disk; not part of the table.
         wall, cpu: time that it took [s]; not part of the table.
         worker: process and host that drove it; not part of the table.
     """
@@ -97,6 +98,7 @@ class Result:
     path: tuple[tuple[float, float], ...] = ()
     verdicts: tuple[Verdict, ...] = ()
     files: tuple[str, ...] = ()
+    trouble: str = ""
     wall: float = 0.0
     cpu: float = 0.0
     worker: str = ""
@@ -118,6 +120,7 @@ class Result:
             "path": [list(place) for place in self.path],
             "verdicts": list(self.verdicts),
             "files": list(self.files),
+            "trouble": self.trouble,
             "wall": round(self.wall, 4),
             "cpu": round(self.cpu, 4),
             "worker": self.worker,
@@ -152,6 +155,7 @@ class Result:
             tuple((float(x), float(y)) for x, y in values["path"]),
             tuple(values["verdicts"]),
             tuple(values["files"]),
+            str(values.get("trouble", "")),
             float(values["wall"]),
             float(values["cpu"]),
             str(values["worker"]),

@@ -80,8 +80,10 @@ def write_times(results: Iterable[Result]) -> str:
     Args:
         results: in the order of the table.
     """
-    rows: list[list[Cell]] = [[each.run.number, f"{each.wall:.4f}", f"{each.cpu:.4f}", each.worker] for each in results]
-    header: list[Cell] = ["run", "wall", "cpu", "worker"]
+    rows: list[list[Cell]] = [
+        [each.run.number, f"{each.wall:.4f}", f"{each.cpu:.4f}", each.worker, each.trouble] for each in results
+    ]
+    header: list[Cell] = ["run", "wall", "cpu", "worker", "trouble"]
     return _csv([header, *rows])
 
 

@@ -247,7 +247,14 @@ class Simulator:
         """
         if self._thread is None:
             raise RuntimeError(f"{self!r}: expected a simulator that runs in a thread of its own; use `with` or open()")
-        return self._thread.call(function)
+        return self._thread.call(lambda: self._run_and_look(function))
+
+    def _run_and_look(self, function: Callable[[], T]) -> T:
+        """Run a function that may have changed what moves the world, or when."""
+        try:
+            return function()
+        finally:
+            self._look()
 
     async def __aenter__(self) -> Self:
         await self.start()

@@ -105,7 +105,7 @@ returns.
 |---|---|
 | `runs.csv` | a row for each run: parameters, verdict, first breach, scores, frames, state hash |
 | `runs.parquet` | the same, where pyarrow is installed |
-| `times.csv` | time on the wall clock and of the processor, and the process that drove |
+| `times.csv` | time on the wall clock and of the processor, the process that drove, and why files are missing |
 | `junit.xml` | for CI |
 | `report.html` | for people; one file that loads nothing |
 | `results.jsonl` | a line for each run, appended as it comes; `--resume` reads it |

@@ -69,6 +69,8 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
     place = run_folder(path, number)
     for name in result.files:
         put(f"file: {place / name}")
+    if result.trouble:
+        put(result.trouble)
     put(f"repeat: rosbridge-sim campaign repeat {path} {number}")
     log = place / "log.txt"
     if log.is_file():
