@@ -40,7 +40,12 @@ NAMED_FILE = re.compile(r"`((?:rosbridge_sim|scripts|tests|schemas|docs)/[\w./-]
 
 FLAG = re.compile(r"(?<![\w-])--[a-z][a-z-]*[a-z](?!-)")
 
-HELD_BY_TESTS = {"differences.md": "The table", "security.md": "What is promised"}
+HELD_BY_TESTS = {
+    "differences.md": "The table",
+    "modelling.md": "What holds each promise",
+    "security.md": "What is promised",
+    "traffic.md": "What holds each promise",
+}
 """Pages of which a section holds nothing without a test, and that section."""
 
 DEFINED_FLAG = re.compile(r"""(?:add(?:_argument|option)\(\s*(?:"-\w", )?"|^    )(--[a-z-]+)(?:"|\)$)""", re.MULTILINE)
