@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Take the pictures of the web page for README and `docs/guides/page.md`.
 
-    python scripts/shoot_page.py [--into FOLDER] [--more]
+    python scripts/shoot_page.py [--into FOLDER] [--more | --plans]
 
-It writes `page_town.png`, `page_chase.png` and `page_graph.png` to docs/images; `--more` adds views that no document
-shows, for those who change the page: a phone, a collision, and the other tabs. The scene is the same in each run: the
-built-in town with more traffic, after a drive of so many steps in synchronous mode; for the picture of the graph the
-world then runs some seconds in real time, so that the topics have rates. It needs Chromium and Playwright.
+It writes `page_town.png`, `page_chase.png` and `page_graph.png` to docs/images, or with `--plans` `page_plans.png`;
+`--more` adds views that no document shows, for those who change the page: a phone, a collision, and the other tabs.
+The scene is the same in each run: the built-in town with more traffic, after a drive of so many steps in synchronous
+mode; for the picture of the graph the world then runs some seconds in real time, so that the topics have rates. With
+`--plans` it is `loop`, where `plan_lanes.py` is about to overtake. It needs Chromium and Playwright.
 The pictures are not compared by a test, because a font or a browser may change a pixel.
 """
 
@@ -18,9 +19,10 @@ import io
 import math
 import re
 import shutil
+import signal
 import sys
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from PIL import Image
 from playwright.async_api import Browser, Page, ViewportSize, async_playwright, expect
@@ -58,8 +60,8 @@ CHASE_STEPS, TOWN_STEPS, GRAPH_STEPS = 96, 103, 104
 RUN_MS: Final = 4_000
 """Time in real time before the picture of the graph, whose rates are counted once a second [ms]."""
 
-WAIT_MS: Final = 300_000
-"""Longest wait for the page [ms]; a software renderer on a busy machine is slow."""
+WAIT_MS, WAIT_S = 300_000, 300.0
+"""Longest wait for the page, and for a program [ms, s]; a software renderer on a busy machine is slow."""
 
 LONG_LANE: Final = 30.0
 """Shorter lanes are within intersections, where no vehicle should begin [m]."""
@@ -70,6 +72,12 @@ MAX_SPAWN: Final = 100
 AHEAD: Final = 9.0
 """Distance of the car that stands across the ego's way, for the picture of a collision [m]."""
 
+PLANNER: Final = ROOT / "scripts" / "examples" / "plan_lanes.py"
+
+PLAN_VIEW: Final = {"Turn to the right": 4, "Zoom in": 5}
+"""Buttons of the map, and how often they are pressed, so that one sees the lanes along the picture."""
+
+PLANS: Final[ViewportSize] = {"width": 1200, "height": 480}
 WIDE: Final[ViewportSize] = {"width": 1440, "height": 720}
 HIGH: Final[ViewportSize] = {"width": 1280, "height": 960}
 USUAL: Final[ViewportSize] = {"width": 1280, "height": 720}
@@ -116,6 +124,45 @@ async def shoot(folder: Path, *, has_more: bool) -> None:
         if has_more:
             await _shoot_more(client, page, folder)
         await browser.close()
+
+
+async def shoot_plans(path: Path) -> None:
+    """Write what the map draws of `scripts/examples/plan_lanes.py`, while it overtakes.
+
+    Args:
+        path: of the picture.
+    """
+    async with (
+        Simulator(port=0, start="sync", scenario="loop") as sim,
+        AsyncClient(sim.url) as client,
+        async_playwright() as playwright,
+    ):
+        chromium = shutil.which("chromium-headless-shell") or shutil.which("chromium")
+        browser = await playwright.chromium.launch(executable_path=chromium, args=FLAGS)
+        page = await _open_page(browser, sim.port)
+        await page.get_by_role("button", name="Close").first.click()  # the card
+        await page.get_by_role("button", name="Hide the panels").click()
+        program = await asyncio.create_subprocess_exec(
+            *(sys.executable, str(PLANNER), "--url", sim.url, "--seconds", "3600"), stdout=asyncio.subprocess.DEVNULL
+        )
+        try:
+            await client.wait_for(
+                "/plan/candidates", _is_choice, type_name="visualization_msgs/MarkerArray", timeout=WAIT_S
+            )
+            program.send_signal(signal.SIGSTOP)  # the world stands, and its plans stay on the map
+            for button, times in PLAN_VIEW.items():
+                for _ in range(times):
+                    await page.get_by_role("button", name=button).click()
+            await _save(page, path, PLANS, part="#map canvas")
+        finally:
+            program.kill()
+            await program.wait()
+        await browser.close()
+
+
+def _is_choice(candidates: dict[str, Any]) -> bool:
+    """Return whether some of the planner's candidates are free, and some are not."""
+    return len({marker["color"]["r"] > marker["color"]["g"] for marker in candidates["markers"]}) > 1
 
 
 async def _shoot_more(client: AsyncClient, page: Page, folder: Path) -> None:
@@ -169,14 +216,20 @@ async def _fill_town(client: AsyncClient) -> None:
 
 async def _open(browser: Browser, port: int) -> Page:
     """Return the page as the master of synchronous mode: it steps the world, and the world waits for the pictures."""
+    page = await _open_page(browser, port)
+    await _show_tab(page, "Time")
+    await page.get_by_label("Steps", exact=True).fill(str(STEP))
+    await page.get_by_role("button", name="Take synchronous mode").click()
+    return page
+
+
+async def _open_page(browser: Browser, port: int) -> Page:
+    """Return the page, connected."""
     context = await browser.new_context(viewport=WIDE, locale="en-GB", timezone_id="UTC")
     page = await context.new_page()
     page.set_default_timeout(WAIT_MS)
     await page.goto(f"http://127.0.0.1:{port}/")
     await page.wait_for_selector(":root[data-connection=open]", state="attached")
-    await _show_tab(page, "Time")
-    await page.get_by_label("Steps", exact=True).fill(str(STEP))
-    await page.get_by_role("button", name="Take synchronous mode").click()
     return page
 
 
@@ -222,12 +275,12 @@ async def _run(page: Page) -> None:
     await page.wait_for_timeout(RUN_MS)
 
 
-async def _save(page: Page, path: Path, size: ViewportSize) -> None:
-    """Write a picture of the page with a palette."""
+async def _save(page: Page, path: Path, size: ViewportSize, part: str = "body") -> None:
+    """Write a picture of a part of the page with a palette."""
     await page.set_viewport_size(size)
     await page.mouse.move(0, 0)
     await page.wait_for_timeout(2_000)  # the map moves between two messages, and the camera swings
-    picture = Image.open(io.BytesIO(await page.screenshot())).convert("RGB")
+    picture = Image.open(io.BytesIO(await page.locator(part).screenshot())).convert("RGB")
     file = io.BytesIO()
     picture.quantize(COLOURS, Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
     num_bytes = len(file.getvalue())
@@ -242,8 +295,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--into", type=Path, default=IMAGES, help="folder of the pictures [docs/images]")
     parser.add_argument("--more", action="store_true", help="also the views that no document shows")
+    parser.add_argument("--plans", action="store_true", help="instead, what the map draws of plan_lanes.py")
     choice = parser.parse_args()
-    asyncio.run(shoot(choice.into, has_more=choice.more))
+    if choice.plans:
+        asyncio.run(shoot_plans(choice.into / "page_plans.png"))
+    else:
+        asyncio.run(shoot(choice.into, has_more=choice.more))
 
 
 if __name__ == "__main__":
