@@ -26,7 +26,7 @@ from rosbridge_sim.simulator.scene.load import find_map
 from rosbridge_sim.simulator.scene.rehearsal import Rehearsal
 from rosbridge_sim.simulator.simulator_node import NodeSettings
 from rosbridge_sim.simulator.sync.sync_table import SyncState
-from rosbridge_sim.world.people.people import _KnownCrossings
+from rosbridge_sim.world.people.known_crossings import KnownCrossings
 from rosbridge_sim.world.roads.paths import _lay_once
 from rosbridge_sim.world.roads.routing import KnownRoutes
 from rosbridge_sim.world.state.world import Dynamics, World
@@ -601,12 +601,12 @@ def test_first_frames_compute_nothing_of_the_roads_that_reading_has_not(name: st
     assert map_name is not None
     roads = library.map(map_name).roads
 
-    crossings = roads.derived(_KnownCrossings)._found
+    crossings = roads.derived(KnownCrossings)
 
     routes = roads.derived(KnownRoutes)._found
 
     def known() -> tuple[set[object], int, int, int]:
-        return set(roads._derived), len(crossings), len(routes), _lay_once.cache_info().misses
+        return set(roads._derived), len(crossings._table.numbers), len(routes), _lay_once.cache_info().misses
 
     read = known()
     reader.hand_over()
