@@ -10,7 +10,7 @@ const NO_HTML = "Everything enters the page as text: use element() of widgets/do
 const BROWSER = [
   "AbortController", "Blob", "CustomEvent", "DOMException", "DOMRect", "DecompressionStream", "Response", "Event", "EventTarget", "File", "FileReader",
   "HTMLButtonElement", "HTMLCanvasElement", "HTMLElement", "HTMLInputElement", "HTMLSelectElement",
-  "HTMLTextAreaElement", "Element", "Image", "ImageBitmap", "ImageData", "IntersectionObserver", "KeyboardEvent",
+  "HTMLTextAreaElement", "Element", "Image", "ImageBitmap", "ImageData", "IntersectionObserver", "KeyboardEvent", "MediaRecorder",
   "MouseEvent", "Node", "OffscreenCanvas", "Path2D", "PointerEvent", "ResizeObserver", "SVGElement", "TextDecoder",
   "TextEncoder", "URL", "URLSearchParams", "WebGL2RenderingContext", "WebSocket", "WheelEvent", "atob", "btoa",
   "cancelAnimationFrame", "clearInterval", "clearTimeout", "console", "createImageBitmap", "crypto", "devicePixelRatio",

@@ -39,6 +39,8 @@ export const TEXTS = {
     kinds: { ego: "Ego", vehicle: "Vehicle", pedestrian: "Pedestrian", obstacle: "Obstacle" },
     /** @param {string} a @param {string} b */
     collision: (a, b) => `Collision: ${a} and ${b}`,
+    /** @param {string} seconds */
+    meeting: (seconds) => `${seconds} s`,
     /** @param {number} seconds */
     timeLeft: (seconds) => `${seconds}`,
   },
@@ -72,6 +74,7 @@ export const TEXTS = {
     documentation: "Documentation of this page and all others",
     rows: [
       ["C", "Camera above the map or behind the car"],
+      ["V", "Next camera: above, behind, driver's seat, around"],
       ["F", "Follow the selected object or the ego, or stop"],
       ["+  -", "Zoom; also with the wheel and two fingers"],
       ["Arrow keys", "Move the map; behind the car, look around. Also by dragging"],
@@ -241,6 +244,35 @@ export const TEXTS = {
     remove: (label) => `Remove the chart of ${label}`,
     full: "Six charts are the most. Remove one first.",
   },
+  view: {
+    title: "View",
+    camera: "Camera",
+    cameras: { top: "Above the map", chase: "Behind the car", seat: "Driver's seat", orbit: "Around the car" },
+    motion: "Motion",
+    marks: { showsVelocities: "Velocities", showsMeetings: "Time to collision" },
+    hints: {
+      showsVelocities: "A vector for the way of one second",
+      showsMeetings: "Seconds until the followed car would touch another one, if both kept speed and direction; up to 5 s",
+    },
+    save: { label: "Save picture", title: "Save the map as it is seen, as PNG" },
+    record: { label: "Record clip", title: "Record the map without its labels as WebM, at most 60 s" },
+    stop: { label: "End the clip", title: "End the clip, and save it" },
+    emptyClip: "The clip was ended before its first picture.",
+    noRecorder: "This browser records no clips.",
+    noMap: "This browser draws no map.",
+    copy: { label: "Copy link", title: "Copy a link to this scenario, camera, object and panel; a token is never in it" },
+    copied: "Copied:",
+    link: {
+      /** @param {string} name @param {string} value @param {string} expected */
+      problem: (name, value, expected) => (expected ? `The link has ${name}=${value}: expected ${expected}.` : `The link has ${name}, which this page does not know.`),
+      /** @param {number} id */
+      noEntity: (id) => `The link follows ${id}, which is not in this scene.`,
+      /** @param {string} name */
+      title: (name) => `Load the scenario ${name}?`,
+      body: "The link wants this scenario. It replaces the world of all clients of this server.",
+      confirm: "Load",
+    },
+  },
   timeline: {
     title: "Timeline",
     position: "Place in the last two minutes",
@@ -335,6 +367,8 @@ export const TEXTS = {
     none: "This ego has neither. Start the server with --sensors teaching, or add some by /sim/sensors.",
     start: { label: "Show cameras and lidars", title: "Pictures here, with boxes; points of lidars on the map" },
     live: "as it is now",
+    large: "Large",
+    largeHint: "Show this picture over the map, or back here",
     stop: { label: "Hide cameras and lidars", title: "Listen to them no longer" },
     /** @param {string} name */
     lidar: (name) => `The points of ${name} are on the map.`,

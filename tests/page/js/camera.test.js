@@ -159,3 +159,33 @@ test("the first picture has the nearest traffic, and follows it while the ego st
   camera.zoomAt(0, 0, 1.1); // by the user
   assert.equal(camera.hasLost(state(200), 0), false);
 });
+
+test("at the driver's seat the eye turns and nods with the car, to the left of its middle", () => {
+  const camera = new ChaseCamera();
+  camera.mode = "seat";
+  camera.follow({ x: 10, y: 20, z: 1, heading: Math.PI / 2, pitch: 0.1, length: 4.6, width: 1.8, height: 1.5, center: 1.3 }, 0.02);
+  const [x, y, z] = camera.eye();
+  near(x, 10 - 0.36);
+  near(y, 21.3);
+  near(z, 2.2);
+  const [fx, fy, fz] = camera.forward();
+  near(fx, 0);
+  assert.ok(fy > 0.98 && fz < -0.14);
+  camera.zoomBy(2);
+  near(camera.eye()[1], 21.3);
+});
+
+test("the camera around the car keeps its direction while the car turns", () => {
+  const camera = new ChaseCamera();
+  camera.mode = "orbit";
+  camera.follow({ x: 0, y: 0, z: 0, heading: 0 }, 0);
+  const before = camera.forward();
+  camera.follow({ x: 50, y: 0, z: 0, heading: 2 }, 0.02);
+  assert.deepEqual(camera.forward(), before);
+  const middle = camera.project({ x: 50, y: 0, z: 1.1 });
+  camera.resize(800, 600);
+  assert.ok(middle);
+  near(camera.project({ x: 50, y: 0, z: 1.1 })?.x ?? NaN, 400, 0.01);
+  camera.orbitBy(0.5, 0);
+  assert.notDeepEqual(camera.forward(), before);
+});

@@ -2,6 +2,8 @@
 
 import { CONTACT_SHOWN } from "../scene/contacts.js";
 import { MATERIALS } from "../scene/materials.js";
+import { measuredPlaces } from "./map_tools.js";
+import { addMeetings, addVelocities, meetingsOf } from "./motion_marks.js";
 
 /** @typedef {import("../scene/line_buffer.js").LineBuffer} LineBuffer */
 /** @typedef {{x: number, y: number, z: number}} Place */
@@ -16,7 +18,7 @@ const ROOM_PIXELS = 5;
 const RING = [1, 6];
 
 /** @param {LineBuffer} lines @param {import("../scene/trails.js").Trails} trails @param {Place} origin */
-export function addTrails(lines, trails, origin) {
+function addTrails(lines, trails, origin) {
   for (const [key, { points }] of trails.trails) {
     const style = { ...TRAIL, material: key < 0 ? MATERIALS.ego : MATERIALS.selected };
     for (let i = 3; i < points.length; i += 3) {
@@ -37,7 +39,7 @@ export function addTrails(lines, trails, origin) {
  * @param {Place} origin
  * @param {number} pixel - size of a pixel on the ground [m]
  */
-export function addFrame(lines, state, poses, row, origin, pixel) {
+function addFrame(lines, state, poses, row, origin, pixel) {
   const [cos, sin] = [Math.cos(poses.heading[row]), Math.sin(poses.heading[row])];
   const room = Math.max(ROOM, ROOM_PIXELS * pixel);
   const [long, wide] = [0.5 * state.length[row] + room, 0.5 * state.width[row] + room];
@@ -59,7 +61,7 @@ export function addFrame(lines, state, poses, row, origin, pixel) {
  * @param {number} now - [ms]
  * @param {boolean} isStill - rings do not grow
  */
-export function addContacts(lines, contacts, origin, now, isStill) {
+function addContacts(lines, contacts, origin, now, isStill) {
   for (const contact of contacts) {
     const share = isStill ? 0.5 : Math.min(1, Math.max(0, (now - contact.at) / CONTACT_SHOWN));
     for (const part of isStill ? [1] : [share, (share + 0.5) % 1]) {
@@ -88,7 +90,7 @@ function addRing(lines, middle, origin, radius, material) {
  * @param {Place[]} places
  * @param {Place} origin
  */
-export function addMeasure(lines, places, origin) {
+function addMeasure(lines, places, origin) {
   const [x, y, z] = [
     places.map((place) => place.x - origin.x),
     places.map((place) => place.y - origin.y),
@@ -98,4 +100,36 @@ export function addMeasure(lines, places, origin) {
   for (const place of places) {
     addRing(lines, place, origin, 0.5, MATERIALS.measure);
   }
+}
+
+/**
+ * Fill the buffer of all these lines, if one of them has changed.
+ * @param {import("./map_view.js").MapView} view
+ * @param {import("../scene/contacts.js").Contact[]} fresh - that are marked now
+ */
+export function fillLines(view, fresh) {
+  const { lines, renderer, scene, poses } = view;
+  const selected = scene.selectedRow();
+  const isMoving = view.showsVelocities || view.showsMeetings;
+  if (!view.hasNewLines && fresh.length === 0 && selected < 0 && !isMoving) {
+    return;
+  }
+  view.hasNewLines = false;
+  lines.clear();
+  addTrails(lines, view.trails, renderer.origin);
+  if (selected >= 0 && poses.last !== null) {
+    const pixel = view.isChase ? 0 : view.top.pixelSize;
+    addFrame(lines, poses.last, poses, selected, renderer.origin, pixel);
+  }
+  if (view.showsVelocities && poses.last !== null) {
+    addVelocities(lines, poses.last, poses, renderer.origin, view.hiddenRow());
+  }
+  view.meetings = view.showsMeetings && poses.last !== null ? meetingsOf(poses.last, poses, view.targetRow()) : [];
+  addMeetings(lines, poses, view.targetRow(), view.meetings, renderer.origin);
+  addContacts(lines, fresh, renderer.origin, performance.now(), view.still.matches);
+  if (view.tool !== null) {
+    const z = view.isChase ? view.chase.target.z : 0;
+    addMeasure(lines, measuredPlaces(view).map((place) => ({ ...place, z })), renderer.origin);
+  }
+  renderer.setLines(lines);
 }

@@ -1,4 +1,4 @@
-/** The camera behind a car, in perspective. */
+/** The camera in perspective: behind a car, at its driver's seat, or around it. */
 
 import { turnBetween } from "../scene/interpolation.js";
 import { lookAlong, multiply, perspective, transform } from "./matrices.js";
@@ -22,6 +22,13 @@ const NEAREST = 4;
 const FARTHEST = 300;
 const LOWEST = 0.03;
 const STEEPEST = 1.45;
+/** The driver looks up and down so far [rad]. */
+const SEAT_PITCH = 1.2;
+/** Longer vehicles have their driver at the front [m]. */
+const LONG_VEHICLE = 6;
+
+/** @typedef {"chase" | "seat" | "orbit"} PerspectiveName */
+/** @typedef {{x: number, y: number, z: number, heading: number, pitch?: number, length?: number, width?: number, height?: number, center?: number}} CameraTarget */
 
 /** A camera that follows a pose. */
 export class ChaseCamera {
@@ -30,19 +37,29 @@ export class ChaseCamera {
   constructor() {
     this.width = 1;
     this.height = 1;
+    /** @type {CameraTarget} */
     this.target = { x: 0, y: 0, z: 0, heading: 0 };
     /** Heading of the camera without the user's turn [rad]. */
     this.heading = 0;
-    /** Turn that the user chose [rad]. */
-    this.turn = 0;
-    this.pitch = 0.26;
-    this.distance = 13;
+    /** @type {PerspectiveName} */
+    this.mode = "chase";
+    /** What the user has chosen in each mode: turn and pitch [rad], distance [m]. */
+    this.looks = {
+      chase: { turn: 0, pitch: 0.26, distance: 13 },
+      seat: { turn: 0, pitch: 0.05, distance: 0 },
+      orbit: { turn: 0.9, pitch: 0.45, distance: 24 },
+    };
   }
 
   /** @param {number} width @param {number} height */
   resize(width, height) {
     this.width = Math.max(width, 1);
     this.height = Math.max(height, 1);
+  }
+
+  /** What the user has chosen in this mode. */
+  get look() {
+    return this.looks[this.mode];
   }
 
   /** A pixel's size at a distance of 1 m, by the fourth clip coordinate, which is the distance [m]. */
@@ -52,43 +69,58 @@ export class ChaseCamera {
 
   /**
    * Follow a pose.
-   * @param {{x: number, y: number, z: number, heading: number}} target
+   * @param {CameraTarget} target
    * @param {number} seconds - since the last time; 0 places the camera behind the target at once
    * @returns {boolean} the camera still turns
    */
   follow(target, seconds) {
     this.target = target;
+    if (this.mode === "orbit") {
+      return false; // it keeps its direction, whatever the car does
+    }
     const left = turnBetween(this.heading, target.heading);
-    const share = seconds > 0 ? 1 - Math.exp(-seconds / TURN_TIME) : 1;
+    const share = seconds > 0 && this.mode === "chase" ? 1 - Math.exp(-seconds / TURN_TIME) : 1;
     this.heading += Math.abs(left) < STILL ? left : left * share;
     return Math.abs(turnBetween(this.heading, target.heading)) > 0;
   }
 
   /** Turn around the car. @param {number} dx - to the left positive [rad] @param {number} dy - upwards positive [rad] */
   orbitBy(dx, dy) {
-    this.turn = (this.turn + dx) % (2 * Math.PI);
-    this.pitch = Math.min(STEEPEST, Math.max(LOWEST, this.pitch + dy));
+    const [lowest, steepest] = this.mode === "seat" ? [-SEAT_PITCH, SEAT_PITCH] : [LOWEST, STEEPEST];
+    const { look } = this;
+    look.turn = (look.turn + dx) % (2 * Math.PI);
+    look.pitch = Math.min(steepest, Math.max(lowest, look.pitch + dy));
   }
 
   /** @param {number} factor - above 1 is nearer */
   zoomBy(factor) {
-    this.distance = Math.min(FARTHEST, Math.max(NEAREST, this.distance / factor));
+    if (this.mode !== "seat") {
+      this.look.distance = Math.min(FARTHEST, Math.max(NEAREST, this.look.distance / factor));
+    }
   }
 
   /** @returns {[number, number, number]} direction of the view */
   forward() {
-    const heading = this.heading + this.turn;
-    const flat = Math.cos(this.pitch);
-    return [flat * Math.cos(heading), flat * Math.sin(heading), -Math.sin(this.pitch)];
+    const { turn, pitch: down } = this.look;
+    const heading = this.heading + turn;
+    const pitch = this.mode === "seat" ? down + (this.target.pitch ?? 0) * Math.cos(turn) : down;
+    const flat = Math.cos(pitch);
+    return [flat * Math.cos(heading), flat * Math.sin(heading), -Math.sin(pitch)];
   }
 
   /** @returns {[number, number, number]} place of the camera in the map's frame [m] */
   eye() {
+    const { x, y, z, heading, length = 4.5, width = 1.8, height = 1.5, center = 1.3 } = this.target;
+    if (this.mode === "seat") {
+      const [cos, sin] = [Math.cos(heading), Math.sin(heading)];
+      const along = center + (length > LONG_VEHICLE ? 0.5 * length - 1 : 0);
+      return [x + along * cos - 0.2 * width * sin, y + along * sin + 0.2 * width * cos, z + Math.min(0.8 * height, 2.4)];
+    }
     const [fx, fy, fz] = this.forward();
-    const { x, y, z } = this.target;
-    const ahead = FOCUS_AHEAD;
+    const { distance } = this.look;
+    const ahead = this.mode === "orbit" ? 0 : FOCUS_AHEAD;
     const focus = [x + ahead * Math.cos(this.heading), y + ahead * Math.sin(this.heading), z + FOCUS_HEIGHT];
-    return [focus[0] - this.distance * fx, focus[1] - this.distance * fy, focus[2] - this.distance * fz];
+    return [focus[0] - distance * fx, focus[1] - distance * fy, focus[2] - distance * fz];
   }
 
   /** @param {Place} origin - where the buffers have 0 @returns {Float32Array} from buffers to the clip space */

@@ -22,8 +22,9 @@ const LEAST_PERSON = 7;
  * @param {{x: number, y: number, z: number}} origin
  * @param {ArrayLike<number>} view - from buffers to the clip space
  * @param {number} pixel - size of a pixel by the fourth clip coordinate [m]
+ * @param {number} [hidden] - row that is not drawn: the camera is in it
  */
-export function fillEntities(layers, state, poses, origin, view, pixel) {
+export function fillEntities(layers, state, poses, origin, view, pixel, hidden = -1) {
   if (state === null) {
     return;
   }
@@ -40,6 +41,7 @@ export function fillEntities(layers, state, poses, origin, view, pixel) {
     // The whole body is near the reference point, and so is an enlarged one.
     const reach = (state.length[row] + state.height[row]) * Math.max(1, least / pixels);
     const isSeen =
+      row !== hidden &&
       w > -reach &&
       w < FARTHEST_ENTITY &&
       Math.abs(view[0] * x + view[4] * y + view[8] * z + view[12]) <= w + reach * across &&

@@ -14,6 +14,8 @@ export class LabelLayer {
     /** @type {HTMLElement[]} */
     this.nodes = [];
     this.shown = 0;
+    /** @type {Label[]} */
+    this.labels = [];
   }
 
   /** Show labels in place of the former ones. @param {Label[]} labels - points are in CSS pixels */
@@ -40,5 +42,21 @@ export class LabelLayer {
       this.nodes[i].hidden = true;
     }
     this.shown = num;
+    this.labels = labels.slice(0, num);
+  }
+
+  /** Paint the labels that are shown. @param {CanvasRenderingContext2D} pen - in CSS pixels */
+  paint(pen) {
+    pen.font = "600 12px sans-serif";
+    pen.textAlign = "center";
+    pen.textBaseline = "middle";
+    this.labels.forEach(({ x, y, text }, i) => {
+      const { backgroundColor, color } = getComputedStyle(this.nodes[i]);
+      const width = pen.measureText(text).width + 10;
+      pen.fillStyle = backgroundColor;
+      pen.fillRect(x - width / 2, y - 9, width, 18);
+      pen.fillStyle = color;
+      pen.fillText(text, x, y);
+    });
   }
 }

@@ -4,11 +4,11 @@ import { PoseTrack } from "../scene/interpolation.js";
 import { LineBuffer } from "../scene/line_buffer.js";
 import { Trails } from "../scene/trails.js";
 import { element } from "../widgets/dom.js";
-import { addContacts, addFrame, addMeasure, addTrails } from "./changing_lines.js";
+import { fillLines } from "./changing_lines.js";
 import { ChaseCamera } from "./chase_camera.js";
 import { LabelLayer } from "./labels.js";
 import { listenToDrops, listenToPointers } from "./map_pointer.js";
-import { MeasureTool, measuredPlaces, PlaceTool, toolLabels } from "./map_tools.js";
+import { MeasureTool, PlaceTool, toolLabels } from "./map_tools.js";
 import { makePalette } from "./palette.js";
 import { Renderer } from "./renderer.js";
 import { makeSceneLabels } from "./scene_labels.js";
@@ -17,6 +17,7 @@ import { Takers } from "../wire/takers.js";
 
 /** @typedef {import("../scene/store.js").SceneStore} SceneStore */
 /** @typedef {import("./gestures.js").Point} Point */
+/** @typedef {"top" | import("./chase_camera.js").PerspectiveName} CameraName */
 
 /** Sharper than this costs much and is not seen. */
 const MOST_RATIO = 2;
@@ -54,8 +55,13 @@ export class MapView {
     this.renderer = new Renderer(gl);
     this.top = new TopCamera();
     this.chase = new ChaseCamera();
-    this.isChase = false;
+    /** @type {CameraName} */
+    this.mode = "top";
     this.isFollowing = true;
+    this.showsVelocities = false;
+    this.showsMeetings = false;
+    /** @type {{other: number, time: number}[]} */
+    this.meetings = [];
     /** The scenario that the first picture was fitted to. */
     this.placedFor = "";
     this.poses = new PoseTrack();
@@ -74,6 +80,11 @@ export class MapView {
     this.still = matchMedia("(prefers-reduced-motion: reduce)");
     this.palette = makePalette(this.dark.matches);
     this.listen();
+  }
+
+  /** A camera in perspective draws the picture. */
+  get isChase() {
+    return this.mode !== "top";
   }
 
   get camera() {
@@ -113,18 +124,22 @@ export class MapView {
   // Commands of buttons and keys
 
   toggleCamera() {
+    this.setCamera(this.isChase ? "top" : "chase");
+  }
+
+  /** @param {CameraName} name */
+  setCamera(name) {
     this.endTool();
-    this.isChase = !this.isChase;
+    this.mode = name;
+    if (name !== "top") {
+      this.chase.mode = name;
+    }
     const target = this.target();
     if (target !== null) {
       this.chase.follow(target, 0);
       this.isFollowing = this.isFollowing || this.isChase;
     }
     this.change();
-  }
-
-  showChase() {
-    this.isChase || this.toggleCamera();
   }
 
   toggleFollow() {
@@ -149,7 +164,7 @@ export class MapView {
 
   northUp() {
     if (this.isChase) {
-      this.chase.turn = 0;
+      this.chase.look.turn = 0;
     }
     this.top.rotateAt(0.5 * this.top.width, 0.5 * this.top.height, -this.top.rotation);
     this.change();
@@ -157,7 +172,7 @@ export class MapView {
 
   showAll() {
     if (this.scene.map !== null) {
-      this.isChase = false;
+      this.mode = "top";
       this.isFollowing = false;
       this.top.fit(this.scene.map);
       this.change();
@@ -177,7 +192,7 @@ export class MapView {
 
   /** Show a place in the middle. @param {Point} place */
   goTo(place) {
-    this.isChase = false;
+    this.mode = "top";
     this.isFollowing = false;
     Object.assign(this.top, { x: place.x, y: place.y });
     this.change();
@@ -238,11 +253,11 @@ export class MapView {
         this.change();
       });
     }
-    this.makeLines(fresh);
+    fillLines(this, fresh);
     const { scene, poses, palette, camera, drawn } = this;
     const isLive = scene.past === null;
-    this.renderer.draw({ camera, palette, state: poses.last, poses, drawn: isLive ? drawn : null });
-    const marks = { leading: this.isChase ? this.targetRow() : -1, contacts: fresh, texts: isLive ? drawn.texts : [] };
+    this.renderer.draw({ camera, palette, state: poses.last, poses, drawn: isLive ? drawn : null, hidden: this.hiddenRow() });
+    const marks = { leading: this.isChase ? this.targetRow() : -1, contacts: fresh, meetings: this.meetings, texts: isLive ? drawn.texts : [] };
     this.labels.show([...makeSceneLabels({ scene, poses, camera, ...marks }, this.texts), ...toolLabels(this)]);
     this.views.tell();
     if (isTurning || fresh.length > 0 || this.poses.isMoving(now)) {
@@ -269,6 +284,11 @@ export class MapView {
     return this.chase.follow(target, this.isChase && !this.still.matches ? seconds : 0) && this.isChase;
   }
 
+  /** Row of the entity that the camera is in; -1: there is none. */
+  hiddenRow() {
+    return this.mode === "seat" ? this.targetRow() : -1;
+  }
+
   /** Row of the entity that the cameras follow; -1: there is none. */
   targetRow() {
     const selected = this.scene.selectedRow();
@@ -281,29 +301,9 @@ export class MapView {
     if (row < 0 || row >= poses.x.length) {
       return null;
     }
-    return { x: poses.x[row], y: poses.y[row], z: poses.z[row], heading: poses.heading[row] };
-  }
-
-  /** @param {import("../scene/contacts.js").Contact[]} fresh */
-  makeLines(fresh) {
-    const { lines, renderer, scene, poses } = this;
-    const selected = scene.selectedRow();
-    if (!this.hasNewLines && fresh.length === 0 && selected < 0) {
-      return;
-    }
-    this.hasNewLines = false;
-    lines.clear();
-    addTrails(lines, this.trails, renderer.origin);
-    if (selected >= 0 && poses.last !== null) {
-      const pixel = this.isChase ? 0 : this.top.pixelSize;
-      addFrame(lines, poses.last, poses, selected, renderer.origin, pixel);
-    }
-    addContacts(lines, fresh, renderer.origin, performance.now(), this.still.matches);
-    if (this.tool !== null) {
-      const z = this.isChase ? this.chase.target.z : 0;
-      addMeasure(lines, measuredPlaces(this).map((place) => ({ ...place, z })), renderer.origin);
-    }
-    renderer.setLines(lines);
+    const place = { x: poses.x[row], y: poses.y[row], z: poses.z[row], heading: poses.heading[row] };
+    const { last } = poses;
+    return last === null ? place : { ...place, pitch: last.pitch[row], length: last.length[row], width: last.width[row], height: last.height[row], center: last.center_x[row] };
   }
 
   // Events

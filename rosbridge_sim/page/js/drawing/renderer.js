@@ -23,8 +23,8 @@ import {
  * What is drawn.
  * @typedef {{camera: TopCamera | ChaseCamera, palette: import("./palette.js").Palette,
  *   state: import("../scene/store.js").SceneState | null, poses: import("./picking.js").Poses,
- *   drawn: import("../scene/drawn_topics.js").DrawnTopics | null}} Picture
- *   drawn: null in the past, of which the page keeps no plans
+ *   drawn: import("../scene/drawn_topics.js").DrawnTopics | null, hidden: number}} Picture
+ *   hidden: row that the camera is in; drawn: null in the past, of which the page keeps no plans
  */
 
 /** Arrows are drawn from this scale on, and lanes as lines below that one [pixels/m]. */
@@ -139,7 +139,7 @@ export class Renderer {
     const { single } = palette;
     const lift = camera.isPerspective ? 2e-4 : 0;
     const common = { view: camera.matrix(this.origin), pixel: camera.pixelSize, lift };
-    fillEntities(this.entities, picture.state, picture.poses, this.origin, common.view, common.pixel);
+    fillEntities(this.entities, picture.state, picture.poses, this.origin, common.view, common.pixel, picture.hidden);
     const fog = { fog: [...single.horizon, camera.isPerspective ? FOG_DENSITY : 0] };
     gl.viewport(0, 0, gl.drawingBufferWidth, gl.drawingBufferHeight);
     gl.depthMask(true);

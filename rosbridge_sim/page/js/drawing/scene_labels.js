@@ -20,11 +20,12 @@ const APART = 24;
  * @param {import("./top_camera.js").TopCamera | import("./chase_camera.js").ChaseCamera} view.camera
  * @param {number} view.leading - row of the entity before the camera, which needs no name; -1: none
  * @param {import("../scene/contacts.js").Contact[]} view.contacts - that are marked now
+ * @param {{other: number, time: number}[]} view.meetings - of the followed one
  * @param {{x: number, y: number, z: number, text: string}[]} view.texts - of programs
  * @param {import("../layout.js").Texts["mapView"]} texts
  * @returns {Label[]}
  */
-export function makeSceneLabels({ scene, poses, camera, leading, contacts, texts: marks }, texts) {
+export function makeSceneLabels({ scene, poses, camera, leading, contacts, meetings, texts: marks }, texts) {
   const { state } = scene;
   if (state === null) {
     return [];
@@ -49,6 +50,9 @@ export function makeSceneLabels({ scene, poses, camera, leading, contacts, texts
     const kind = KINDS[state.kind[selected]] ?? "obstacle";
     const id = state.id[selected];
     add(selected, kind === "ego" ? texts.ego(id) : texts.entity(texts.kinds[kind], id), "map-label selected");
+  }
+  for (const { other, time } of meetings) {
+    add(other, texts.meeting(time.toFixed(1)), "map-label contact");
   }
   for (const contact of contacts) {
     const point = camera.project(contact);

@@ -20,6 +20,7 @@ import { makeStartCard } from "./start_card.js";
 import { makeTimelineBar } from "./timeline_bar.js";
 import { TimeControls } from "./time_controls.js";
 import { TimeWatch } from "./time_watch.js";
+import { makeViewMenu } from "./view_menu.js";
 
 /** @typedef {import("./context.js").PanelContext} PanelContext */
 
@@ -41,7 +42,7 @@ export function makePanelContext(base) {
 export function addPanels(context, layout) {
   const driving = new Driving(context);
   layout.header.append(makeHeaderValues(context, driving));
-  layout.stage.append(makeStartCard(context, driving), makeTimelineBar(context, driving));
+  layout.stage.append(makeStartCard(context, driving), makeTimelineBar(context, driving, makeViewMenu(context, layout)));
   layout.addPanel("ego", driving);
   layout.addPanel("ego", makeEgoPanel(context));
   layout.addPanel("ego", makeSensorsPanel(context));

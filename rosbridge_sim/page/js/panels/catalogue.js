@@ -125,7 +125,7 @@ export function makeCatalogue(context, undo) {
  * @param {(place: MapPlace) => void} take
  */
 function listenForDrops({ mapView, ego }, handle, take) {
-  if (!mapView?.onDrop) {
+  if (mapView === null) {
     return;
   }
   const kind = "application/x-rosbridge-sim-model";

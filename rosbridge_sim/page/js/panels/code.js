@@ -110,9 +110,11 @@ export function makeCodePanel({ actions, connection, texts: { code: texts } }) {
 
 /** Copy a text. Pages without TLS have no `navigator.clipboard`, except on this machine. @param {HTMLElement} node */
 export async function copyText(node) {
-  if (navigator.clipboard) {
+  try {
     await navigator.clipboard.writeText(node.textContent ?? "");
     return;
+  } catch {
+    // it is not there, or the browser does not let the page
   }
   const selection = document.getSelection();
   selection?.selectAllChildren(node);

@@ -58,7 +58,7 @@ export function makeLightControls({ actions, scene, mapView, showTab, texts: { o
     showChoice();
   });
   choice.addEventListener("change", showChoice);
-  mapView?.onLight?.((name) => {
+  mapView?.onLight((name) => {
     showTab("objects");
     choose(name);
   });

@@ -5,6 +5,7 @@ import { lengthText, roundLength } from "../drawing/scale_bar.js";
 import { element, setText } from "../widgets/dom.js";
 import { mapIcon } from "./map_icons.js";
 import { showMapHelp } from "./map_help.js";
+import { CAMERAS } from "./page_link.js";
 
 /** @typedef {import("../drawing/map_view.js").MapView} MapView */
 
@@ -59,7 +60,7 @@ export function makeMapControls(view, texts) {
     chase.setAttribute("aria-pressed", String(view.isChase));
     follow.setAttribute("aria-pressed", String(view.isFollowing));
     measure.setAttribute("aria-pressed", String(view.tool instanceof MeasureTool));
-    const turn = view.isChase ? view.chase.heading + view.chase.turn - Math.PI / 2 : -view.top.rotation;
+    const turn = view.isChase ? view.chase.heading + view.chase.look.turn - Math.PI / 2 : -view.top.rotation;
     north.style.transform = `rotate(${turn.toFixed(3)}rad)`;
     showScale(view, bar);
     showCoordinates(view, coordinates, mapView);
@@ -96,6 +97,7 @@ export function listenToMapKeys(view, texts) {
   /** @type {Record<string, () => void>} */
   const keys = {
     c: () => view.toggleCamera(),
+    v: () => view.setCamera(CAMERAS[(CAMERAS.indexOf(view.mode) + 1) % CAMERAS.length] ?? "top"),
     f: () => view.toggleFollow(),
     "+": () => view.zoomBy(ZOOM_STEP),
     "=": () => view.zoomBy(ZOOM_STEP),

@@ -43,7 +43,11 @@ export function makeSensorsPanel(context) {
     const cameras = sensors.filter(({ kind, topics }) => kind === "camera" && topics.length);
     const lidars = sensors.filter(({ kind }) => kind === "lidar3d");
     notice.show(answer.message || (cameras.length + lidars.length ? "" : texts.none));
-    cameras.forEach((camera) => cards.append(makeCard(context, camera, cameras)));
+    cameras.forEach((camera) => {
+      const card = makeCard(context, camera, cameras, cards);
+      cards.append(card);
+      ends.push(() => card.remove()); // it may be over the map
+    });
     lidars.forEach((lidar) => {
       ends.push(drawn.want(lidar.topics[0] ?? egoName(number, "/lidar3D"), "sensor_msgs/PointCloud2"));
       cards.append(element("p", { className: "hint" }, texts.lidar(lidar.frame_id)));
@@ -70,12 +74,21 @@ export function makeSensorsPanel(context) {
  * @param {PanelContext} context
  * @param {SensorInfo} camera
  * @param {SensorInfo[]} cameras - of the ego, which may share a topic
+ * @param {HTMLElement} place - of the card
  */
-function makeCard({ connection, texts }, camera, cameras) {
+function makeCard({ connection, texts }, camera, cameras, place) {
   const view = new ImageView({ ...texts.graph.image, label: camera.frame_id });
   const { picture, encoding, width, height } = JSON.parse(camera.settings);
   const canvas = element("canvas", { className: "sensor-boxes", width, height });
-  const card = element("figure", { className: "sensor-card" }, element("div", { className: "sensor-picture" }, view.element, canvas), element("figcaption", { dataset: { live: texts.sensors.live } }, camera.frame_id));
+  const large = element("button", { type: "button", className: "small", "aria-pressed": "false", title: texts.sensors.largeHint }, texts.sensors.large);
+  const caption = element("figcaption", { dataset: { live: texts.sensors.live } }, camera.frame_id);
+  const card = element("figure", { className: "sensor-card" }, element("div", { className: "sensor-picture" }, view.element, canvas), element("div", { className: "strip-label" }, caption, large));
+  card.style.setProperty("--aspect", String(width / height));
+  large.onclick = () => {
+    const isLarge = card.classList.toggle("is-large");
+    large.setAttribute("aria-pressed", String(isLarge));
+    (isLarge ? document.getElementById("map") : place)?.append(card);
+  };
   const [topic, , boxesTopic] = camera.topics;
   const type = picture === "rgb" && encoding === "jpeg" ? "sensor_msgs/CompressedImage" : "sensor_msgs/Image";
   const throttleMs = cameras.some((other) => other !== camera && other.topics[0] === topic) ? 0 : PICTURE_THROTTLE;

@@ -24,7 +24,7 @@ export function makeStartCard(context, driving) {
     className: "primary",
     notice,
     act: async () => {
-      mapView?.showChase();
+      mapView?.setCamera("chase");
       await actions.run(texts.letDrive.label, controlModeRequest(ego.number, SELF_DRIVING));
       await timeControls.letRun();
     },
@@ -34,7 +34,7 @@ export function makeStartCard(context, driving) {
     className: "primary",
     notice,
     act: () => {
-      mapView?.showChase();
+      mapView?.setCamera("chase");
       showTab("ego");
       return driving.session.isOn ? undefined : driving.toggle();
     },

@@ -19,9 +19,10 @@ const BRANCH_STEP = 20;
 /**
  * @param {import("./context.js").PanelContext} context
  * @param {import("./driving.js").Driving} driving
+ * @param {HTMLElement} menu at the right end
  * @returns {HTMLElement}
  */
-export function makeTimelineBar({ connection, scene, time, timeControls: controls, texts: { timeline: texts, time: { cancel } } }, driving) {
+export function makeTimelineBar({ connection, scene, time, timeControls: controls, texts: { timeline: texts, time: { cancel } } }, driving, menu) {
   const { timeline } = scene;
   const snapshots = new KeptSnapshots(connection, scene, time.userId);
   const notice = new Notice();
@@ -133,6 +134,6 @@ export function makeTimelineBar({ connection, scene, time, timeControls: control
   });
   driving.onChange((isOn) => (isOn ? goLive() : show()));
   const buttons = element("div", { className: "timeline-buttons" }, branch.element, element("label", { title: texts.keepHint }, keep, keepText));
-  const bar = element("section", { className: "timeline", "aria-label": texts.title }, play.element, scrubber.element, buttons, notice.element);
+  const bar = element("section", { className: "timeline", "aria-label": texts.title }, play.element, scrubber.element, buttons, menu, notice.element);
   return element("div", { className: "timeline-layer" }, banner, bar);
 }
