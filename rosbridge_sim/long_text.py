@@ -11,7 +11,7 @@ import binascii
 
 import pybase64
 
-__all__ = ["MARK", "LongBody", "LongText", "find_long_text"]
+__all__ = ["LEAST", "MARK", "LongBody", "LongText", "find_long_text", "put_back"]
 
 MARK = "~long text 5c1d0e8b~"
 """Stands for the long text. A text that has this twice is decoded as usual."""
@@ -53,8 +53,12 @@ class LongText:
         if at < 0:
             return None
         begin = self.start - at
-        body = LongBody(memoryview(text)[begin : self.stop + len(short) - at - len(_MARK)])
+        whole = memoryview(text)
+        body = LongBody(whole[begin : self.stop + len(short) - at - len(_MARK)])
         body.short, body.data = short, self.data
+        last = self.data[-(len(self.data) % 3 or 3) :]
+        if text[self.stop - 4 : self.stop] == pybase64.b64encode(last):
+            body.base64 = whole[self.start : self.stop]
         return body
 
 
@@ -64,10 +68,12 @@ class LongBody(bytes):
     Attributes:
         short: the body with the mark in the place of the long text.
         data: what the long text says in base64.
+        base64: the long text, if `data` in base64 is that text again: the unused bits of its last character are 0.
     """
 
     short: bytes
     data: bytes
+    base64: memoryview | None = None
 
 
 def find_long_text(text: bytes) -> LongText | None:
@@ -90,3 +96,17 @@ def find_long_text(text: bytes) -> LongText | None:
         return None
     short = b"".join((text[:start], _MARK, text[stop:]))
     return LongText(short, start, stop, data) if short.count(_MARK) == 1 else None
+
+
+def put_back(short: bytes, base64: memoryview) -> tuple[bytes | memoryview, ...] | None:
+    """Return the parts of a JSON text, end to end, with a long text in the place of the mark.
+
+    Args:
+        short: the text with the mark.
+        base64: the long text.
+
+    Returns:
+        The parts; None if the mark is not there, or more than once.
+    """
+    before, mark, after = short.partition(_MARK)
+    return None if not mark or _MARK in after else (before, base64, after)

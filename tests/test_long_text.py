@@ -11,6 +11,7 @@ import pytest
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.long_text import LEAST, MARK, MAX_REST, MOST, LongBody, find_long_text
 from rosbridge_sim.protocol import json_decoding
+from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
 from tests.graph.bus_fixture import Wire, make_bus, make_store
 
@@ -31,6 +32,9 @@ FRAMES = {
     "an image, data first": publish({"data": DATA, "format": "png"}),
     "no padding": publish(fields(data=DATA[:-1])),
     "wrong padding": publish(fields(data=DATA + "=")),
+    "no padding needed": publish(fields(data=DATA[:-4])),
+    "one byte in the last group": publish(fields(data=DATA[:-4] + "AA==")),
+    "bits behind two bytes": publish(fields(data=DATA[:-4] + "AAB=")),
     "bits behind the end": publish(fields(data="A" * 20_001 + "B==")),
     "white space in it": publish(fields(data=DATA[:30_000] + "\n" + DATA[30_000:])),
     "escaped slashes": publish(IMAGE).replace(b"/", b"\\/"),
@@ -88,6 +92,21 @@ def test_image_is_decoded_without_its_text(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(MessageType, "_count", fail)
     sent = hear(FRAMES["an image"])[1]
     assert json.loads(sent[0])["msg"]["data"] == DATA
+
+
+def test_base64_of_an_image_is_passed_on_as_it_came() -> None:
+    image = make_store().message("sensor_msgs/CompressedImage")
+    for data, is_kept in ((DATA, True), (DATA[:-4] + "AAB=", False)):
+        text = json.dumps(fields(data=data)).encode()
+        found = find_long_text(text)
+        assert found is not None
+        body = found.body(text, found.short)
+        assert body is not None
+        value = image.decode_json(body, 0)
+        parts = image.encode_json_parts(value)
+        assert b"".join(parts) == image.encode_json(value)
+        assert [part.obj for part in parts if isinstance(part, memoryview)] == [text] * is_kept
+        assert Message(image, value, len(text)).framed(b"head") == b"head" + image.encode_json(value) + b"}"
 
 
 @pytest.mark.parametrize(

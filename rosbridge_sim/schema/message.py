@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import msgspec
 
 from rosbridge_sim.errors import EncodingError, PeerError
+from rosbridge_sim.long_text import LEAST
 from rosbridge_sim.schema.message_type import MessageType
 from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.schema.sizes import size_of
@@ -82,7 +83,7 @@ class Message(msgspec.Struct, eq=False):
             self._raw = self._write("cbor-raw", self.type.encode_raw)
         return self._raw
 
-    def _write(self, encoding: str, encode: Callable[[Any], bytes]) -> bytes:
+    def _write(self, encoding: str, encode: Callable[[Any], T]) -> T:
         """Return the value in an encoding. A failed one is not tried again for other listeners.
 
         Raises:
@@ -111,7 +112,10 @@ class Message(msgspec.Struct, eq=False):
         """
         if head != self._head:
             json = self._json
-            self._framed = b"".join((head, self.json if json is None else json, b"}"))
+            if json is None and self.text_length >= LEAST:
+                self._framed = b"".join((head, *self._write("JSON", self.type.encode_json_parts), b"}"))
+            else:
+                self._framed = b"".join((head, self.json if json is None else json, b"}"))
             self._head = head
         return self._framed
 

@@ -11,7 +11,7 @@ import numpy as np
 import orjson
 import pybase64
 
-from rosbridge_sim.long_text import MARK, LongBody
+from rosbridge_sim.long_text import MARK, LongBody, put_back
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.cbor import CborWriters
 from rosbridge_sim.schema.definitions.message_spec import MessageSpec
@@ -119,6 +119,7 @@ class MessageType:
                     setattr(value, attribute, memoryview(body.data))  # `finalize` makes bytes of it
                     assert self._finalize is not None, "it has a field of bytes"
                     self._finalize(value, stamp_ns)
+                    getattr(value, attribute).base64 = body.base64
                     return value
         except REFUSALS:
             pass  # the usual way finds the mistake, and words it
@@ -143,6 +144,16 @@ class MessageType:
     def encode_json(self, value: Struct) -> bytes:
         """Return the JSON text of a value: NaN and infinity are `null`, bytes are base64, numpy arrays are lists."""
         return _encode(value)
+
+    def encode_json_parts(self, value: Struct) -> tuple[bytes | memoryview, ...]:
+        """Return the same text in parts, end to end: a long base64 text that came so is not made again."""
+        for attribute in self._bytes:
+            base64 = getattr(getattr(value, attribute), "base64", None)
+            if base64 is not None:
+                parts = put_back(_encode(msgspec.structs.replace(value, **{attribute: MARK})), base64)
+                if parts is not None:
+                    return parts
+        return (_encode(value),)
 
     def encode_cbor(self, value: Struct) -> bytes:
         """Return the CBOR map of a value: NaN and infinity are kept, numeric arrays are typed arrays."""
@@ -193,9 +204,13 @@ class ActionType:
 
 
 class JsonBytes(bytes):
-    """Bytes that came from JSON. `msgspec` passes a class that it does not know to our own hook, which is faster."""
+    """Bytes that came from JSON. `msgspec` passes a class that it does not know to our own hook, which is faster.
 
-    __slots__ = ()
+    Attributes:
+        base64: their base64 text as it came, if it is long; see `LongBody`.
+    """
+
+    base64: memoryview | None = None
 
 
 def _encode_other(value: object) -> object:

@@ -75,6 +75,10 @@ class OpaqueType:
         """Return the JSON text of an object that was accepted."""
         return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY)
 
+    def encode_json_parts(self, value: Mapping[str, Any]) -> tuple[bytes | memoryview, ...]:
+        """Return the same as the only part; see `MessageType`."""
+        return (self.encode_json(value),)
+
     def encode_cbor(self, value: Mapping[str, Any]) -> bytes:
         """Return the CBOR map of an object that was accepted. The types of arrays are unknown, so none is typed."""
         return encode_plain(value)
