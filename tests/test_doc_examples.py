@@ -293,7 +293,7 @@ def test_simulator_without_pytest_runs(tmp_path: Path) -> None:
     assert re.fullmatch(r"<Simulator ws://\S+ scenario='demo' seed=0 running> has \d+ topics\n", printed)
 
 
-WITHOUT_SERVER = ("worlds", "gymnasium", "own-reward")
+WITHOUT_SERVER = ("worlds", "gymnasium", "own-reward", "several-egos")
 """Programs in Python that need no server."""
 
 
@@ -301,7 +301,7 @@ WITHOUT_SERVER = ("worlds", "gymnasium", "own-reward")
 @pytest.mark.parametrize("mark", WITHOUT_SERVER)
 def test_program_without_a_server_prints_what_the_page_says(tmp_path: Path, mark: str) -> None:
     if mark != "worlds":
-        pytest.importorskip("gymnasium", reason="the extra rosbridge-sim[gym]")
+        pytest.importorskip("pettingzoo", reason="the extra rosbridge-sim[gym]")
     assert run_strictly(example(mark), tmp_path) == shown(mark)
 
 

@@ -90,14 +90,13 @@ class Episodes:
             chosen = np.zeros((self._num, 2))
             scores_before = self.worlds.scores()["num_red_lights"][self._at]
         starts = self.starts
-        lanes = starts.goal_lanes if self._at == FIRST_EGOS else starts.goal_lanes.repeat(self._num, axis=0)
         return judge(
             self.worlds,
             self.task,
             chosen,
             at=self._at,
             goals=starts.goals,
-            goal_lanes=lanes,
+            goal_lanes=starts.goal_lanes[self._at],
             red_lights=scores_before,
         )
 

@@ -14,6 +14,9 @@ from rosbridge_sim.worlds.worlds import Worlds
 
 __all__ = ["Starts"]
 
+MAX_TRIES: Final = 100
+"""Places that are tried for an ego."""
+
 FREE: Final = 2.5
 """A bay is free if the middle of nothing is this near to that of the bay [m]."""
 
@@ -23,7 +26,7 @@ class Starts:
 
     Attributes:
         goals: (num_worlds, num_egos, 3) float64, see `observe`.
-        goal_lanes: (num_worlds, num_lanes) bool, lanes on which an ego has arrived; (num_worlds, 0) without such a
+        goal_lanes: (num_worlds, num_egos, num_lanes) bool, lanes on which an ego has arrived; (..., 0) without such a
             goal.
 
     Args:
@@ -41,23 +44,49 @@ class Starts:
         self._ends = self._find("goal_lane", task.goal_lane)
         self.goals = np.full((*worlds.has_ego.shape, 3), np.nan)
         num = len(self._roads) if task.goal == "lane" else 0
-        self.goal_lanes = np.zeros((worlds.num_worlds, num), dtype=bool)
+        self.goal_lanes = np.zeros((*worlds.has_ego.shape, num), dtype=bool)
 
     def begin(self, number: int, rng: np.random.Generator) -> None:
-        """Begin an episode of one world, which was reset."""
+        """Begin an episode of one world, which was reset.
+
+        Raises:
+            ValueError: its egos do not fit on the lanes, or there are too few free bays.
+        """
         task, world = self._task, self._worlds.world(number)
-        lane = -1
+        lanes = np.full(self.goals.shape[1], -1)
         if len(self._lanes):
+            taken: list[tuple[float, float]] = []
+            for ego in range(self._worlds.has_ego[number].sum()):
+                lanes[ego] = self._start(number, ego, taken, rng)
+            self._clear(number, world, taken)
+        if task.goal == "lane":
+            self.goal_lanes[number] = np.isin(np.arange(len(self._roads)), self._ends)
+            self.goal_lanes[number, np.arange(len(lanes))[lanes >= 0], lanes[lanes >= 0]] = False
+        elif task.goal == "bay":
+            self.goals[number] = self._choose_bays(world, rng)
+
+    def _start(self, number: int, ego: int, taken: list[tuple[float, float]], rng: np.random.Generator) -> int:
+        """Place an ego on a lane by chance, not near the places that are taken; return the lane."""
+        task = self._task
+        for _ in range(MAX_TRIES):
             lane = int(self._lanes[rng.integers(len(self._lanes))]) if len(self._lanes) > 1 else int(self._lanes[0])
             length = float(self._roads.length[lane])
             s = rng.uniform(0.0, length) if task.start_s is None else task.start_s
-            self._place(number, world, lane, s + length if s < 0.0 else s)
-        if task.goal == "lane":
-            self.goal_lanes[number] = np.isin(np.arange(len(self._roads)), self._ends)
-            if lane >= 0:
-                self.goal_lanes[number, lane] = False
-        elif task.goal == "bay":
-            self.goals[number] = self._choose_bays(world, rng)
+            places, yaws = self._roads.at([lane], [s + length if s < 0.0 else s])
+            x, y, z = places[0].tolist()
+            if all(np.hypot(x - east, y - north) >= CLEAR for east, north in taken):
+                taken.append((x, y))
+                self._worlds.place(number, x=x, y=y, z=z, yaw=float(yaws[0]), speed=task.start_speed, ego=ego)
+                return lane
+        raise ValueError(f"start_lane: no place {CLEAR:g} m from the other egos was found for ego {ego}")
+
+    def _clear(self, number: int, world: World, places: list[tuple[float, float]]) -> None:
+        """Take away what is near the places at which egos begin."""
+        is_near = np.zeros(len(world.x), dtype=bool)
+        for x, y in places:
+            is_near |= np.hypot(world.x - x, world.y - y) < CLEAR
+        for uid in world.uid[is_near & world.alive & (world.kind != Kind.EGO)].tolist():
+            self._worlds.remove(number, uid)
 
     def _find(self, option: str, pattern: str) -> npt.NDArray[np.int64]:
         """Return the rows of the lanes that a name or a pattern has."""
@@ -68,15 +97,6 @@ class Starts:
             where = f"the map of {self._task.scenario!r}"
             raise ValueError(f"{option}: expected a lane of {where}, or a pattern of lanes, got {pattern!r}")
         return np.array(rows, dtype=np.int64)
-
-    def _place(self, number: int, world: World, lane: int, s: float) -> None:
-        """Place the ego of a world on a lane, and take away what is near it."""
-        places, yaws = self._roads.at([lane], [s])
-        x, y, z = places[0].tolist()
-        is_near = world.alive & (world.kind != Kind.EGO) & (np.hypot(world.x - x, world.y - y) < CLEAR)
-        for uid in world.uid[is_near].tolist():
-            self._worlds.remove(number, uid)
-        self._worlds.place(number, x=x, y=y, z=z, yaw=float(yaws[0]), speed=self._task.start_speed)
 
     def _choose_bays(self, world: World, rng: np.random.Generator) -> npt.NDArray[np.float64]:
         """Return east and north of the middle of a free bay for each ego, and the heading in it, (num_egos, 3).

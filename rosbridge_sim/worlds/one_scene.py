@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.simulator.kernel.hooks import Hooks
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.scene.load import FoundMap, Library, Load
 from rosbridge_sim.simulator.scene.scene import Scene
+from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, MAX_EGOS
 from rosbridge_sim.simulator.sim_services.traffic_demand import Traffic
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.state.world import Gear, Snapshot
@@ -59,18 +61,31 @@ class OneScene:
         scenario: the opening scene.
         traffic: vehicles besides those of the scenario, at most.
         model: of the egos; None for that of the scenario.
+        num_egos: number of egos. Further ones begin where the first one does.
 
     Raises:
         DocumentError: the scenario does not fit its map.
+        ValueError: there would be too many egos, or none.
     """
 
     def __init__(
-        self, world: OneOfMany, library: Library, scenario: Scenario, traffic: int, model: Model | None
+        self,
+        world: OneOfMany,
+        library: Library,
+        scenario: Scenario,
+        traffic: int,
+        model: Model | None,
+        *,
+        num_egos: int = 1,
     ) -> None:
         self.world, self.hooks, self.egos = world, Hooks(), _NoStatuses()
+        if not 1 <= num_egos <= MAX_EGOS:
+            raise ValueError(f"egos: expected 1..{MAX_EGOS}, got {num_egos!r}")
         if model is not None:
             scenario = replace(scenario, egos=tuple(replace(ego, model=model) for ego in scenario.egos))
         self.scene = Scene(world, library, scenario, ego_gear=Gear.DRIVE)
+        self._num_more = num_egos - 1
+        self._add_egos()
         self._traffic = Traffic(self, traffic)
 
     @property
@@ -97,12 +112,21 @@ class OneScene:
         """Begin the opening scene again at frame 0; the seed None keeps the present one."""
         is_scoring = self.world.is_scoring
         self.scene.reset(seed)
+        self._add_egos()
         for forget in self.hooks.on_reset:
             forget()
         for follow in self.hooks.on_new_scene:
             follow(0.0)
         if is_scoring:
             self.world.start_scoring()
+
+    def _add_egos(self) -> None:
+        """Add the egos beyond the first one."""
+        world = self.world
+        for _ in range(self._num_more):
+            row = world.row(FIRST_EGO)
+            pose = GhostPose(*(float(getattr(world, name)[row]) for name in ("x", "y", "z", "roll", "pitch", "yaw")))
+            self.scene.add_ego(FIRST_EGO, pose, Gear.DRIVE)
 
     def save(self) -> SavedScene:
         """Return a copy of all that decides what will happen."""

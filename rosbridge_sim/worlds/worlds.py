@@ -49,6 +49,8 @@ class Worlds(DrivableWorlds):
         num_worlds: number of worlds; with a list of scenarios it is the list's length.
         seed: of all chance: one number s for the seeds s, s + 1, ..., or one for each world; not negative.
         traffic: vehicles on the lanes of each world besides those of the scenario: as many as fit, and kept there.
+        egos: number of egos of each world. All begin where the scenario has its first one: `place` the further ones
+            before the first step.
         vehicle: model of the first ego, a name of the catalogue; None for that of the scenario.
         dynamics: model that moves the egos; see `--dynamics`.
         impacts: collisions change motion; see `--impacts`.
@@ -68,6 +70,7 @@ class Worlds(DrivableWorlds):
         *,
         seed: int | Sequence[int] = 0,
         traffic: int = 0,
+        egos: int = 1,
         vehicle: str | None = None,
         dynamics: Literal["single-track", "kinematic"] = "single-track",
         impacts: bool = False,
@@ -93,7 +96,7 @@ class Worlds(DrivableWorlds):
         self._scenes = []
         for key, number in zip(keys, seeds, strict=True):
             world = OneOfMany(number, Dynamics(_DYNAMICS[dynamics]), has_impacts=impacts)
-            one = OneScene(world, library, opened[key], traffic, model)
+            one = OneScene(world, library, opened[key], traffic, model, num_egos=egos)
             if scores:
                 world.start_scoring()
             self._scenes.append(one)

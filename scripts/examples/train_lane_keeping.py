@@ -1,8 +1,7 @@
 """Train a driver that keeps to its lane, by random search with numpy alone, until it drives a lap.
 
-Augmented random search (Mania, Guy and Recht 2018, arXiv:1803.07055): a linear policy of the whitened observation is
-tried with small random changes and with their opposites, all at once, and moves towards the better ones. Each drives
-for 15 s from eight places of the map `loop`, which chance chooses anew for each round; every fifth policy tries a whole
+`random_search.py` tries changes of a linear policy, all at once, and moves it towards the better ones. Each drives for
+15 s from eight places of the map `loop`, which chance chooses anew for each round; every fifth policy tries a whole
 lap. Needs the extra `gym`.
 
     python scripts/examples/train_lane_keeping.py --curve curve.csv --policy driver.npz --film lap.gif
@@ -16,21 +15,20 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import gymnasium
 import numpy as np
-import numpy.typing as npt
 from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+from random_search import Array, Policy, improve
 
 from rosbridge_sim.environments.registration import register_all
 from rosbridge_sim.shell.files.library import DiskLibrary
-
-Array = npt.NDArray[Any]
 
 NAME = "rosbridge_sim/LaneKeeping-v0"
 DIRECTIONS, BEST, PLACES = 32, 16, 8
@@ -41,27 +39,9 @@ OPTIONS: dict[str, Any] = {"max_offset": 1.5, "target_speed": SPEED, "num_starts
 """An episode ends 1.5 m from the line of the lane."""
 
 
-@dataclass
-class Policy:
-    """A linear policy of whitened figures; `num` of them were seen."""
-
-    weights: Array
-    mean: Array
-    variance: Array
-    num: float = 1e-4
-
-    def act(self, weights: Array, seen: Array) -> Array:
-        """Return actions (n, 2) of policies with weights (n, 2, 16), for observations (n, 15)."""
-        white = np.clip((seen - self.mean) / np.sqrt(self.variance + 1e-8), -5.0, 5.0)
-        white = np.concatenate([white, np.ones((len(white), 1))], axis=1)
-        return np.asarray(np.clip(np.einsum("nij,nj->ni", weights, white), -1.0, 1.0))
-
-    def whiten(self, seen: Array) -> None:
-        """Take observations (n, 15) into mean and variance."""
-        num, away = self.num + len(seen), seen.mean(axis=0) - self.mean
-        both = self.variance * self.num + seen.var(axis=0) * len(seen)
-        self.variance = (both + away * away * self.num * len(seen) / num) / num
-        self.mean, self.num = self.mean + away * len(seen) / num, num
+def act(policy: Policy, weights: Array, seen: Array) -> Array:
+    """Return actions (n, 2) of policies with weights (n, 2, 16), for observations (n, 15)."""
+    return np.asarray(np.clip(policy.apply(weights, seen), -1.0, 1.0))
 
 
 def ego_alone(folder: Path) -> str:
@@ -90,7 +70,7 @@ def drive(envs: Any, policy: Policy, weights: Array, seeds: list[int]) -> tuple[
     total, is_on, all_seen = np.zeros(len(weights)), np.ones(len(weights), dtype=bool), []
     while is_on.any():
         all_seen.append(seen[is_on])
-        seen, rewards, terminated, truncated, _ = envs.step(policy.act(weights, seen))
+        seen, rewards, terminated, truncated, _ = envs.step(act(policy, weights, seen))
         total += rewards * is_on
         is_on &= ~(terminated | truncated)
     return total, np.concatenate(all_seen)
@@ -110,7 +90,7 @@ def drive_lap(scenario: str, policy: Policy, length: float, path: Path | None = 
     while not is_over and metres < length:
         if path is not None and len(pictures) * 4.0 <= info["score"]["score_distance"] / SPEED:
             pictures.append(Image.fromarray(np.asarray(env.render())).resize((300, 200)).quantize(16))
-        seen, _, terminated, truncated, info = env.step(policy.act(policy.weights[None], seen[None])[0])
+        seen, _, terminated, truncated, info = env.step(act(policy, policy.weights, seen[None])[0])
         is_over = terminated or truncated or info["score"]["num_lane_invasions"] > 0
         metres, offset = info["distance"], max(offset, abs(info["offset"]))
     if path is not None:
@@ -118,29 +98,21 @@ def drive_lap(scenario: str, policy: Policy, length: float, path: Path | None = 
     return metres, offset
 
 
-def improve(policy: Policy, envs: Any, rng: np.random.Generator) -> float:  # noqa: ANN401 - as above
-    """Move the policy one step; return the mean reward of the best changes, for one episode."""
-    changes = rng.normal(size=(DIRECTIONS, *policy.weights.shape))
-    both = np.concatenate([policy.weights + NOISE * changes, policy.weights - NOISE * changes])
-    seeds = rng.integers(1 << 31, size=PLACES).repeat(len(both)).tolist()
-    total, seen = drive(envs, policy, np.tile(both, (PLACES, 1, 1)), seeds)
-    total = total.reshape(PLACES, -1).mean(axis=0)
-    plus, minus = total[:DIRECTIONS], total[DIRECTIONS:]
-    best = np.argsort(-np.maximum(plus, minus))[:BEST]
-    spread = np.concatenate([plus[best], minus[best]]).std() + 1e-6
-    policy.weights += STEP / (len(best) * spread) * np.einsum("k,kij->ij", plus[best] - minus[best], changes[best])
-    policy.whiten(seen)
-    return float(np.maximum(plus, minus)[best].mean())
-
-
 def train(scenario: str, chosen: argparse.Namespace) -> Policy:
     """Train until a policy drives a lap, or the time is over."""
     rng, length = np.random.default_rng(chosen.seed), lap_length()
-    policy = Policy(np.zeros((2, 16)), np.zeros(15), np.ones(15))
+    policy = Policy(2, 15)
     envs = make(scenario, 2 * DIRECTIONS * PLACES, start_lane="L2_*", start_s=None, duration=DURATION)
+
+    def try_out(weights: Array) -> tuple[Array, Array]:
+        seeds = rng.integers(1 << 31, size=PLACES).repeat(len(weights)).tolist()
+        total, seen = drive(envs, policy, np.tile(weights, (PLACES, 1, 1)), seeds)
+        return total.reshape(PLACES, -1).mean(axis=0), seen
+
     lines = ["round,cpu_seconds,reward,metres,offset"]
     for number in range(chosen.rounds):
-        reward, metres, offset = improve(policy, envs, rng), float("nan"), float("nan")
+        reward = improve(policy, try_out, rng, directions=DIRECTIONS, best=BEST, step=STEP, noise=NOISE)
+        metres, offset = float("nan"), float("nan")
         if number % 5 == 4:  # a lap costs as much as some rounds
             metres, offset = drive_lap(scenario, policy, length)
         lines.append(f"{number},{time.process_time():.1f},{reward:.1f},{metres:.0f},{offset:.2f}")
@@ -167,7 +139,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         scenario = ego_alone(Path(folder))
         policy = train(scenario, chosen)
         if chosen.policy is not None:
-            np.savez(chosen.policy, weights=policy.weights, mean=policy.mean, variance=policy.variance)
+            policy.save(chosen.policy)
         if chosen.film is not None:
             metres, offset = drive_lap(scenario, policy, lap_length(), chosen.film)
             print(f"lap: {metres:.0f} of {lap_length():.0f} m, at most {offset:.2f} m from the line of the lane")

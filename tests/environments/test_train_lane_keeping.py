@@ -1,9 +1,8 @@
-"""The example that trains a driver with numpy alone: its rounds, its curve and what a round does to a policy."""
+"""The examples that train drivers with numpy alone: their rounds, curves and films, and what a round does."""
 
 from __future__ import annotations
 
-import importlib.util
-import sys
+import importlib
 from pathlib import Path
 from typing import Any
 
@@ -12,17 +11,17 @@ import pytest
 
 pytest.importorskip("gymnasium", reason="the extra rosbridge-sim[gym]")
 
-SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "examples" / "train_lane_keeping.py"
+EXAMPLES = Path(__file__).resolve().parents[2] / "scripts" / "examples"
+
+
+def load(name: str, monkeypatch: pytest.MonkeyPatch) -> Any:  # noqa: ANN401 - a module by its path
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    return importlib.import_module(name)
 
 
 @pytest.fixture
-def example(monkeypatch: pytest.MonkeyPatch) -> Any:  # noqa: ANN401 - a module by its path
-    spec = importlib.util.spec_from_file_location("train_lane_keeping", SCRIPT)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    monkeypatch.setitem(sys.modules, spec.name, module)
-    spec.loader.exec_module(module)
+def example(monkeypatch: pytest.MonkeyPatch) -> Any:  # noqa: ANN401 - as above
+    module = load("train_lane_keeping", monkeypatch)
     for name, value in (("DIRECTIONS", 4), ("BEST", 2), ("PLACES", 2), ("DURATION", 1.0)):
         monkeypatch.setattr(module, name, value)
     return module
@@ -44,7 +43,8 @@ def test_round_writes_a_line_of_the_curve_and_the_policy(example: Any, tmp_path:
 def test_lap_is_filmed_until_the_lane_is_left(example: Any, tmp_path: Path) -> None:  # noqa: ANN401
     weights = np.zeros((2, 16))
     weights[:, 15] = 0.3, 0.5  # to the left, faster
-    policy = example.Policy(weights, np.zeros(15), np.ones(15))
+    policy = example.Policy(2, 15)
+    policy.weights = weights
     film = tmp_path / "lap.gif"
     example.register_all()
     metres, offset = example.drive_lap(example.ego_alone(tmp_path), policy, 1000.0, film)
@@ -55,8 +55,48 @@ def test_lap_is_filmed_until_the_lane_is_left(example: Any, tmp_path: Path) -> N
 
 def test_figures_are_whitened_as_if_they_were_seen_at_once(example: Any) -> None:  # noqa: ANN401
     seen = np.random.default_rng(0).normal(3.0, 2.0, (500, 15))
-    policy = example.Policy(np.zeros((2, 16)), np.zeros(15), np.ones(15))
+    policy = example.Policy(2, 15)
     for part in (seen[:100], seen[100:160], seen[160:]):
         policy.whiten(part)
     assert policy.mean == pytest.approx(seen.mean(axis=0), rel=1e-3)
     assert policy.variance == pytest.approx(seen.var(axis=0), rel=1e-3)
+
+
+def test_random_search_finds_the_best_weights(example: Any) -> None:  # noqa: ANN401
+    rng, policy = np.random.default_rng(0), example.Policy(1, 3)
+    figures = rng.normal(size=(200, 3))
+    wanted = figures @ [1.0, -2.0, 0.5]
+
+    def drive(weights: Any) -> Any:  # noqa: ANN401
+        outputs = np.stack([policy.apply(each, figures)[:, 0] for each in weights])
+        return -np.square(outputs - wanted).mean(axis=1), figures
+
+    rewards = [example.improve(policy, drive, rng, directions=8, best=4, step=0.1, noise=0.05) for _ in range(60)]
+    assert rewards[0] < -4.0
+    assert rewards[-1] > -0.2
+
+
+@pytest.mark.slow
+def test_highway_driver_is_compared_with_all_others(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    module = load("train_highway", monkeypatch)
+    for name, value in (("DIRECTIONS", 2), ("BEST", 1), ("PLACES", 1)):
+        monkeypatch.setattr(module, name, value)
+    monkeypatch.setitem(module.OPTIONS, "duration", 2.0)
+    module.main(["--rounds", "1", "--episodes", "2", "--policy", str(tmp_path / "driver.npz")])
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines[-2:]] == ["untrained", "trained"]
+    assert 20.0 < float(lines[-2].split()[1]) < 30.0
+    assert np.load(tmp_path / "driver.npz")["weights"].shape == (5, 14)
+
+
+def test_gaps_are_those_of_the_next_vehicles_on_each_lane(monkeypatch: pytest.MonkeyPatch) -> None:
+    figures_of = load("train_highway", monkeypatch).figures_of
+    seen = np.zeros((1, 15 + 3 * 9))
+    seen[0, 0] = 20.0
+    others = seen[0, 15:].reshape(3, 9)
+    others[0, :4] = 1.0, 30.0, 0.2, -4.0  # ahead, slower
+    others[1, :4] = 1.0, 50.0, 0.0, 2.0  # behind the first one
+    others[2, :4] = 1.0, -12.0, 3.4, 3.0  # behind on the left, faster
+    assert figures_of(seen)[0].tolist() == [20.0, 100.0, 0.0, 12.0, -3.0, 30.0, -4.0, *(100.0, 0.0) * 3]
