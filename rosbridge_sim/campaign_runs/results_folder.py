@@ -205,6 +205,11 @@ class ResultsFolder:
                 new.unlink()
             raise DocumentError(f"{path}: cannot be written: {error.strerror}") from None
 
+    @property
+    def free(self) -> int:
+        """Room on its disk [bytes]."""
+        return shutil.disk_usage(self.path).free
+
     def size_of(self, result: Result) -> int:
         """Return the bytes of the files of a run."""
         place = run_folder(self.path, result.run.number)

@@ -9,14 +9,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 from rosbridge_sim.campaign_runs.pools import Pool
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
 from rosbridge_sim.campaigns.campaign import Campaign
 from rosbridge_sim.campaigns.campaign_model import DriverItem
-from rosbridge_sim.campaigns.results import Result, Run
+from rosbridge_sim.campaigns.results import BAD, Result, Run
 
 __all__ = ["CampaignRunner", "Tell", "cut_into_tasks"]
 
@@ -24,6 +24,9 @@ Tell = Callable[[Result], None]
 
 SPARE: Final = 30.0
 """A task may take this much longer than its drives, for maps that are read at first [s]."""
+
+RESERVED: Final = 32 * 2**20
+"""Room on the disk that is left to the table and the report [bytes]: 100,000 rows take 30 MB."""
 
 MAX_LOSSES: Final = 3
 """So often a run is given to another worker, if its own was lost by no fault of it."""
@@ -77,7 +80,7 @@ class CampaignRunner:
             KeyboardInterrupt: Ctrl-C; the results so far are written.
         """
         tasks = cut_into_tasks(self.campaign, runs)
-        flying: dict[Future[list[Result]], tuple[Run, ...]] = {}
+        flying: dict[Future[list[Result]], tuple[tuple[Run, ...], str]] = {}
         again: list[tuple[Run, ...]] = []
         results: list[Result] = []
         while True:
@@ -85,12 +88,13 @@ class CampaignRunner:
                 task = again.pop() if again else next(tasks, None)
                 if task is None:
                     break
-                flying[self._submit(task)] = task
+                why_not = self._why_not_keep()
+                flying[self._submit(task, may_keep=not why_not)] = task, why_not
             if not flying:
                 return sorted(results, key=lambda result: result.run.number)
             done, _ = wait(flying, timeout=1.0, return_when=FIRST_COMPLETED)
             for future in done:
-                task = flying.pop(future)
+                task, why_not = flying.pop(future)
                 error = future.exception()
                 if error is None:
                     found = future.result()
@@ -105,22 +109,35 @@ class CampaignRunner:
                         again.append(task)
                         continue
                     found = [Result(task[0], "error", why or f"the worker was lost {lost} times")]
-                results += [self._take(result) for result in found]
+                results += [self._take(result, why_not) for result in found]
 
-    def _submit(self, task: tuple[Run, ...]) -> Future[list[Result]]:
+    def _why_not_keep(self) -> str:
+        """Return why files of further runs are not kept; empty if they are."""
+        quota = self.campaign.document.output.quota_mb
+        if self.used >= quota * 2**20:
+            return f"files are not kept: the quota of {quota:,} MB is used up"
+        if self.folder.free < RESERVED:
+            return f"files are not kept: the disk has less than {RESERVED >> 20} MB left"
+        return ""
+
+    def _submit(self, task: tuple[Run, ...], *, may_keep: bool) -> Future[list[Result]]:
         driver = self.campaign.drivers[task[0].driver]
         document = self.campaign.document
-        may_keep = document.output.keep != "none" and self.used < document.output.quota_mb * 2**20
         seconds = _longest(driver) * document.repeat * len(task) + SPARE * driver.is_program
         return self.pool.submit(task, timeout=seconds, may_keep=may_keep)
 
-    def _take(self, result: Result) -> Result:
+    def _take(self, result: Result, why_not: str) -> Result:
+        output = self.campaign.document.output
         if result.files:
             self.used += self.folder.size_of(result)
-            if self.used > self.campaign.document.output.quota_mb * 2**20:
+            if self.used > output.quota_mb * 2**20:
                 self.used -= self.folder.size_of(result)
                 self.folder.drop(result)
-                result = _without_files(result)
+                why_not = f"files are not kept: they are beyond the quota of {output.quota_mb:,} MB"
+                result = replace(result, files=())
+        is_wanted = output.keep == "all" or (output.keep == "failures" and result.verdict in BAD)
+        if why_not and is_wanted and not result.files:
+            result = replace(result, trouble=why_not)
         self.trouble = self.folder.append(result)
         self.tell(result)
         return result
@@ -128,12 +145,6 @@ class CampaignRunner:
 
 def _longest(driver: DriverItem) -> float:
     return driver.timeout
-
-
-def _without_files(result: Result) -> Result:
-    values = result.to_json()
-    values["files"] = []
-    return Result.from_json(values)
 
 
 @dataclass(slots=True)

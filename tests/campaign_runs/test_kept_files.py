@@ -88,6 +88,7 @@ def test_files_beyond_the_quota_are_not_kept_and_the_campaign_goes_on(folder: Ca
     assert 5 <= len(with_files) < 12
     assert size <= 2**20
     assert sorted(int(place.name) for place in runs.iterdir()) == with_files
+    assert all("quota of 1 MB" in result.trouble for result in results if not result.files)
 
 
 @pytest.mark.slow
