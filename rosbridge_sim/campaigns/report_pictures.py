@@ -10,7 +10,8 @@ from typing import Any, Final
 __all__ = ["draw_curve", "draw_scene"]
 
 _WIDTH: Final = 420
-_CURVE_HEIGHT: Final = 96
+_CURVE_HEIGHT: Final = 108
+_TOP: Final = 20
 _LEFT: Final = 56
 _BOTTOM: Final = 16
 _VIEW: Final = 60.0
@@ -87,7 +88,7 @@ def draw_curve(times: Sequence[float], values: Sequence[float], name: str, unit:
     pairs = [(t, v) for t, v in zip(times[::step], values[::step], strict=True) if math.isfinite(v)]
     label = html.escape(f"{name} [{unit}] over time")
     head = f'<svg viewBox="0 0 {_WIDTH} {_CURVE_HEIGHT}" width="{_WIDTH}" role="img" aria-label="{label}">'
-    title = f'<text x="{_LEFT + 6}" y="14">{html.escape(name)} [{unit}]</text>'
+    title = f'<text x="{_LEFT}" y="13">{html.escape(name)} [{unit}]</text>'
     if not pairs:
         return f'{head}{title}<text x="{_LEFT + 6}" y="48">none</text></svg>'
     first, last = times[0], max(times[-1], times[0] + 1e-6)
@@ -96,7 +97,7 @@ def draw_curve(times: Sequence[float], values: Sequence[float], name: str, unit:
 
     def at(t: float, v: float) -> tuple[float, float]:
         x = _LEFT + (t - first) / (last - first) * (_WIDTH - _LEFT - 4)
-        y = _CURVE_HEIGHT - _BOTTOM - (v - low) / (high - low) * (_CURVE_HEIGHT - _BOTTOM - 6)
+        y = _CURVE_HEIGHT - _BOTTOM - (v - low) / (high - low) * (_CURVE_HEIGHT - _BOTTOM - _TOP)
         return x, y
 
     pieces: list[str] = []
@@ -107,12 +108,12 @@ def draw_curve(times: Sequence[float], values: Sequence[float], name: str, unit:
         pieces.append(f"{'L' if t - before <= gap else 'M'}{x:.1f} {y:.1f}")
         before = t
     bottom = _CURVE_HEIGHT - _BOTTOM
-    lines = [f'<path class="axis" d="M{_LEFT} 6V{bottom}H{_WIDTH - 4}" fill="none"/>']
+    lines = [f'<path class="axis" d="M{_LEFT} {_TOP}V{bottom}H{_WIDTH - 4}" fill="none"/>']
     if mark is not None:
         x = at(mark, low)[0]
-        lines.append(f'<path class="mark" d="M{x:.1f} 6V{bottom}"/>')
+        lines.append(f'<path class="mark" d="M{x:.1f} {_TOP}V{bottom}"/>')
     lines.append(f'<path class="curve" d="{"".join(pieces)}"/>')
-    lines.append(f'<text x="{_LEFT - 4}" y="14" text-anchor="end">{high:.4g}</text>')
+    lines.append(f'<text x="{_LEFT - 4}" y="{_TOP + 8}" text-anchor="end">{high:.4g}</text>')
     lines.append(f'<text x="{_LEFT - 4}" y="{bottom}" text-anchor="end">{low:.4g}</text>')
     lines.append(f'<text x="{_WIDTH - 4}" y="{_CURVE_HEIGHT - 3}" text-anchor="end">{last:.4g} s</text>')
     return f"{head}{title}{''.join(lines)}</svg>"

@@ -73,6 +73,13 @@ async def test_table_sorts_and_filters_by_keyboard(open_page: OpenPage, tmp_path
     page = await open_page(page_of(results_of(150), tmp_path), state=None)
     rows = page.locator("#table tbody tr")
     assert await rows.count() == 100
+    heads = await page.locator("#table th").all_inner_texts()
+    assert heads == ["run ▲", "verdict", "driver", "gap", "kmh", "reason", "path"], (
+        "what is the same in all is left out"
+    )
+    await page.locator("#scores").check()
+    assert {"scenario", "seed", "sky", "distance"} <= {*await page.locator("#table th").all_inner_texts()}
+    await page.locator("#scores").uncheck()
     await page.locator("#later").press("Enter")
     assert await rows.count() == 50
     await page.locator("#text").fill("gap=7 kmh=120")
@@ -89,6 +96,6 @@ async def test_table_sorts_and_filters_by_keyboard(open_page: OpenPage, tmp_path
 
 async def test_ten_thousand_runs_are_shown_a_page_at_a_time(open_page: OpenPage, tmp_path: Path) -> None:
     page = await open_page(page_of(results_of(10_000), tmp_path), state=None)
-    assert await page.locator("#table caption").inner_text() == "10000 of 10000 runs"
+    assert await page.locator("#table caption").inner_text() == "10,000 of 10,000 runs"
     assert await page.locator("#table tbody tr").count() == 100
     assert await page.locator("#failures-title ~ details").count() == 50

@@ -26,7 +26,9 @@
   const num = columns.run.length;
   const shown = new Set(data.shown);
   const PAGE = 100;
-  const FIRST = ["run", "driver", "scenario", "seed", ...parameters, "verdict", "reason"];
+  /** @param {string} name */
+  const varies = (name) => columns[name].some((value) => value !== columns[name][0]);
+  const FIRST = ["run", "verdict", ...["driver", "scenario", "seed", ...parameters].filter(varies), "reason"];
   const VERDICTS = ["pass", "fail", "error", "flaky", "skipped"];
 
   /** @param {Cell} value */
@@ -35,6 +37,9 @@
     if (typeof value === "number") {return Number.isInteger(value) ? `${value}` : `${+value.toPrecision(6)}`;}
     return `${value}`;
   }
+
+  /** @param {number} count */
+  const counted = (count) => count.toLocaleString("en");
 
   /** @param {HTMLSelectElement} select @param {string[]} values */
   function fill(select, values) {
@@ -147,7 +152,7 @@
       return row;
     });
     table.tBodies[0].replaceChildren(...rows);
-    if (table.caption) {table.caption.textContent = `${chosen.length} of ${num} runs`;}
+    if (table.caption) {table.caption.textContent = `${counted(chosen.length)} of ${counted(num)} runs`;}
     const last = Math.min(first + PAGE, chosen.length);
     byId("place", HTMLSpanElement).textContent = chosen.length ? `${first + 1} to ${last}` : "none";
     earlier.disabled = first === 0;
