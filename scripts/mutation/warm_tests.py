@@ -60,6 +60,7 @@ class Target:
     def __post_init__(self) -> None:
         self.source = self.path.read_text()
         self.mutants = mutants_of(self.source)
+        self._reach_of_line: dict[int, tuple[range, set[str]]] = {}
 
     @property
     def path(self) -> Path:
@@ -84,15 +85,20 @@ class Target:
         Returns:
             Lines of the statement that holds the changed node, and the names of the module's constants that it changes.
         """
+        if mutant.line not in self._reach_of_line:
+            self._reach_of_line[mutant.line] = self._find_reach(mutant.line)
+        return self._reach_of_line[mutant.line]
+
+    def _find_reach(self, line: int) -> tuple[range, set[str]]:
         tree = ast.parse(self.source)
         lines, is_constant = range(0), True
         waiting: list[tuple[ast.AST, bool]] = [(tree, True)]
         while waiting:
             node, is_module = waiting.pop()
-            if isinstance(node, ast.stmt) and node.lineno <= mutant.line <= (node.end_lineno or node.lineno):
+            if isinstance(node, ast.stmt) and node.lineno <= line <= (node.end_lineno or node.lineno):
                 body = getattr(node, "body", None)
                 end = body[0].lineno - 1 if body else node.end_lineno or node.lineno
-                if node.lineno <= mutant.line <= end:
+                if node.lineno <= line <= end:
                     lines, is_constant = range(node.lineno, max(end, node.lineno) + 1), is_module
             inside = is_module and not isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef))
             waiting += [(child, inside) for child in ast.iter_child_nodes(node)]

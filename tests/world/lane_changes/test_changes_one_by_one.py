@@ -231,3 +231,20 @@ def test_vehicle_that_begins_a_change_belongs_to_the_other_lane_where_it_is(side
     assert foot[0] - lateral * math.sin(heading) == pytest.approx(x, abs=1e-4)
     assert foot[1] + lateral * math.cos(heading) == pytest.approx(y, abs=1e-4)
     assert abs(float(world.drift[row])) < 0.05
+
+
+def test_driver_on_its_way_stops_to_accelerate_before_it_would_have_to_brake() -> None:
+    found = []
+    for gap in np.arange(6.0, 50.0, 2.0).tolist():
+        world = world_of(wide_road(2))
+        row = car(world, "l1", 100.0, speed=10.0)
+        world.leaving[row], world.lateral_left[row], world.accel[row] = LEFT + 1, 0.7, 1.5
+        world.lateral_from[row], world.lateral[row] = 3.5, 2.4
+        ego(world, 100.0 + CAR.length + gap, 0.0)
+        world.frame = FRAME
+        accel = OneByOne(world).mind_old_lane(0, 9.0)
+        assert decide(world, 1)[0].item() == pytest.approx(accel)
+        found.append(accel)
+    assert found == sorted(found), "the farther, the less"
+    assert found[0] < -2.0 < 0.0 in found
+    assert found[-1] == 9.0

@@ -95,7 +95,7 @@ def people_at_the_road(roads: tuple[Roads, SignalPlan], seed: int) -> tuple[Worl
 def vehicle_near(world: World, rng: np.random.Generator, middle: float) -> None:
     """A driver on a lane, or an ego or another vehicle, that stands or drives near a place."""
     body = BUS if rng.random() < 0.3 else CAR
-    speed = float(rng.choice([0.0, 0.28, 0.32, 1.0, 1.0]) * rng.uniform(1.0, 14.0))
+    speed = float(rng.choice([0.0, 0.05, 0.3, 1.0, 1.0]) * rng.uniform(1.0, 14.0))
     away = float(rng.choice([-1.0, 1.0]) * rng.choice([3.0, 15.0, 40.0, 80.0]) * rng.uniform(0.0, 1.0))
     if rng.random() < 0.5:
         lane = str(rng.choice(["a", "b", "c"]))

@@ -7,7 +7,7 @@ import pytest
 
 from rosbridge_sim.world.geometry.neighbours import find_neighbours
 from rosbridge_sim.world.people.crossings import find_crossings
-from rosbridge_sim.world.people.people import COMMITTED, find_ways_over
+from rosbridge_sim.world.people.people import COMMITTED, find_ways_over, walk
 from rosbridge_sim.world.roads.paths import lay_segments
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
 from rosbridge_sim.world.state.world import DT, Body, Kind, World
@@ -259,6 +259,17 @@ def test_pedestrian_waits_for_a_vehicle_that_comes_at_an_angle_to_the_road(y: fl
     world = world_of(road())
     ego(world, 30.0, y, yaw=np.arctan2(-10.0, 20.0), speed=8.0)
     assert begins_to_cross(world) == crosses
+
+
+@pytest.mark.parametrize(("turn", "crosses"), [(65.0, False), (-65.0, False), (75.0, True), (-75.0, True)])
+def test_driver_that_is_near_may_turn_to_a_crossing_by_70_degrees(turn: float, *, crosses: bool) -> None:
+    world = world_of(road())
+    row = car(world, "a", 42.0, speed=3.0)
+    world.yaw[row] = np.radians(turn)
+    person = walker(world, np.array([[50.0, -2.5], [50.0, 12.0]]))
+    world.frame = 2
+    walk(world)
+    assert (world.yields[person] == COMMITTED) == crosses
 
 
 def test_somebody_who_has_begun_to_cross_goes_on_if_a_vehicle_comes() -> None:
