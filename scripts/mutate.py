@@ -5,6 +5,7 @@
     .venv/bin/python scripts/mutate.py protocol/outbox.py     one file, or one folder
     .venv/bin/python scripts/mutate.py --num 1500 --seed 1    another random sample, of so many mutants
     .venv/bin/python scripts/mutate.py --sample 3 --minutes 5 three files, chosen by the seed
+    .venv/bin/python scripts/mutate.py --quick --num 1500     by the quick tests alone, which notice nearly as much
     .venv/bin/python scripts/mutate.py --again LOG            the survivors that an earlier run printed, with new tests
     .venv/bin/python scripts/mutate.py graph/guard.py --tests graph/test_guard.py      a file, by some tests alone
 
@@ -158,6 +159,7 @@ def main() -> int:
     parser.add_argument("--sample", type=int, metavar="N", help="only so many files, by the seed")
     parser.add_argument("--again", type=Path, metavar="LOG", help="only the survivors that an earlier run has printed")
     parser.add_argument("--tests", metavar="PATHS", help="only these tests, as paths within tests/ with blanks between")
+    parser.add_argument("--quick", action="store_true", help="leave out the tests that are marked slow")
     parser.add_argument("--killers", action="store_true", help="print also which test has noticed a mutant")
     arguments = parser.parse_args()
     tests: dict[str, str] = {}
@@ -175,7 +177,7 @@ def main() -> int:
     os.chdir(ROOT)
     targets = [Target(file) for file in tests]
     folders = sorted({folder for words in tests.values() for folder in words.split()})
-    return run_warm(targets, folders, lambda warm: _try_all(warm, targets, arguments))
+    return run_warm(targets, folders, lambda warm: _try_all(warm, targets, arguments), is_quick=arguments.quick)
 
 
 if __name__ == "__main__":

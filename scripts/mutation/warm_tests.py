@@ -406,13 +406,16 @@ class _Plugin:
         return True
 
 
-def run_warm(targets: Sequence[Target], folders: Sequence[str], work: Callable[[Tests], None]) -> int:
+def run_warm(
+    targets: Sequence[Target], folders: Sequence[str], work: Callable[[Tests], None], *, is_quick: bool = False
+) -> int:
     """Import tests and hand them over.
 
     Args:
         targets: the files whose mutants will be tried.
         folders: tests, as paths within `tests/`.
         work: what to do with them.
+        is_quick: leave out the tests that are marked `slow`.
 
     Returns:
         pytest's exit code, 0 if all could be imported.
@@ -420,5 +423,6 @@ def run_warm(targets: Sequence[Target], folders: Sequence[str], work: Callable[[
     # pytest rewrites assertions of modules of packages with plugins, ours too, and the mutants have none of that.
     options = ["--assert=plain", "-q", "--no-header", "--no-summary", "-s", "-p", "no:cacheprovider", "-p", "no:xdist"]
     options += ["-W", "ignore::pytest.PytestAssertRewriteWarning"]  # hypothesis is imported already
+    options += ["-m", "not slow"] if is_quick else []
     paths = [str(ROOT / "tests" / folder) for folder in folders]
     return int(pytest.main([*options, *paths], plugins=[_Plugin(targets, work)]))
