@@ -208,8 +208,9 @@ def test_vehicle_that_begins_a_change_belongs_to_the_other_lane_where_it_is(side
     world.change[row], world.signal[row] = LaneChange.AROUND, side + 1
     world.behind[row] = world.claim[row] = world.exit_lane[row] = 2
     world.yaw[row] += 0.01
+    world.wander_x[row], world.wander_y[row], world.wander_slope[row] = 0.07, -0.05, 0.003
     world.frame = FRAME
-    x, y, yaw = (float(each[row]) for each in (world.x, world.y, world.yaw))
+    x, y, yaw = float(world.x[row]) - 0.07, float(world.y[row]) + 0.05, float(world.yaw[row]) - 0.003
     decide(world, side)
     lane = world.roads.row("a0" if side == LEFT else "a2")
     assert (world.lane[row], world.ahead_1[row]) == (lane, world.roads.successors(lane)[0])
@@ -217,7 +218,7 @@ def test_vehicle_that_begins_a_change_belongs_to_the_other_lane_where_it_is(side
     assert (world.behind[row], world.claim[row], world.exit_lane[row]) == (-1, -1, -1)
     assert (world.lateral_left[row], world.lateral_push[row]) == (1.0, 0.0)
     assert world.lateral_to[row] == world.lateral_bias[row] == pytest.approx(0.3)
-    # The pose is that of before: its foot on the new line, beside the heading there, and turned from it.
+    # The pose, but for its wander, is that of before: its foot on the new line, and beside the heading there.
     foot = world.roads.at([lane], [float(world.arc[row])])[0][0]
     heading = yaw - float(world.drift[row])
     lateral = float(world.lateral[row])
@@ -233,14 +234,18 @@ def test_vehicle_that_begins_a_change_belongs_to_the_other_lane_where_it_is(side
     assert abs(float(world.drift[row])) < 0.05
 
 
-def test_driver_on_its_way_stops_to_accelerate_before_it_would_have_to_brake() -> None:
+@pytest.mark.parametrize("old", [LEFT, RIGHT])
+def test_driver_on_its_way_stops_to_accelerate_before_it_would_have_to_brake(old: int) -> None:
+    """What stands is a little on its side of the lane that it leaves."""
     found = []
-    for gap in np.arange(6.0, 50.0, 2.0).tolist():
+    sign = 1.0 if old == LEFT else -1.0
+    for gap in np.arange(2.0, 50.0, 2.0).tolist():
         world = world_of(wide_road(2))
-        row = car(world, "l1", 100.0, speed=10.0)
-        world.leaving[row], world.lateral_left[row], world.accel[row] = LEFT + 1, 0.7, 1.5
-        world.lateral_from[row], world.lateral[row] = 3.5, 2.4
-        ego(world, 100.0 + CAR.length + gap, 0.0)
+        row = car(world, "l1" if old == LEFT else "l0", 100.0, speed=10.0)
+        world.leaving[row], world.lateral_left[row], world.accel[row] = old + 1, 0.7, 1.5
+        world.lateral_from[row], world.lateral[row] = 3.5 * sign, 2.4 * sign
+        world.y[row] += 2.4 * sign
+        ego(world, 100.0 + CAR.length + gap, -0.4 if old == LEFT else -3.1)
         world.frame = FRAME
         accel = OneByOne(world).mind_old_lane(0, 9.0)
         assert decide(world, 1)[0].item() == pytest.approx(accel)

@@ -191,6 +191,10 @@ def test_many_vehicles_find_what_they_would_touch_as_one_by_one(seed: int) -> No
         is_tight=rng.random(num) < 0.4,
         change_time=rng.uniform(2.5, 6.5, num),
     )
+    for i in range(0, num, 2):  # behind the nearest of the things there
+        nearby = things_ahead(world, int(rows[i]), int(shifts.side[i]), float(shifts.nose[i]), float(shifts.across[i]))
+        if nearby:
+            shifts.gap[i] = min(tail for _, tail in nearby) - rng.uniform(-0.5, 2.5)
     speed = rng.choice([0.0, 0.5, 1.0], num) * rng.uniform(0.0, 20.0, num)
     expected = [blocked_at(world, shifts, i, value) for i, value in enumerate(speed.tolist())]
     assert find_blocked(world, shifts, speed) == pytest.approx(np.array(expected))

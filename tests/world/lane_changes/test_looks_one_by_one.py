@@ -25,7 +25,7 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
 from rosbridge_sim.world.state.world import Kind, World
 from tests.world.lane_drives import BUS, world_of
-from tests.world.road_factory import CAR, ego, line
+from tests.world.road_factory import CAR, car, ego, line
 
 FRAME: Final = 10_000
 CAR_LENGTH: Final = 4.5
@@ -501,3 +501,19 @@ def compare(world: World, decision: int) -> None:
         for i, brakes in wish.brakes:
             expected[i] = min(expected[i], brakes)
     assert accel == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize(("beyond", "wishes"), [(-2.0, False), (2.0, True)])
+def test_driver_changes_by_choice_only_where_20_metres_and_the_way_of_the_change_are_left(
+    beyond: float, *, wishes: bool, roads: list[tuple[Roads, SignalPlan]]
+) -> None:
+    world = world_of(*roads[0])
+    row = car(world, "b1", 20.0, speed=10.0)
+    lane, scene = world.roads.row("b1"), Scene(world)
+    shift_time = time_of_shift(scene.drivers.parameters.change_time, np.array([10.0])).item()
+    bumper = float(world.roads.length[lane]) - (20.0 + (1.5 + shift_time) * 10.0 + beyond)
+    keep_lane(world, row, lane, bumper - float(scene.drivers.nose[0]))
+    car(world, "b1", bumper + 25.0, speed=4.0, desired_speed=4.0)
+    world.frame = FRAME
+    compare(world, decision=0)
+    assert (world.change[row] == LaneChange.FASTER) == wishes
