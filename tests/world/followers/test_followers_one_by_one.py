@@ -1,0 +1,60 @@
+"""Drivers that pass before people who cross, one by one in plain Python."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
+from rosbridge_sim.world.followers.lane_following import _find_passed_first
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from tests.world.drivers.random_drivers import situation
+from tests.world.road_factory import built_in
+
+
+@pytest.fixture(scope="module")
+def town() -> LaneConflicts:
+    return LaneConflicts(built_in("town").roads)
+
+
+def passes_first(town: LaneConflicts, drivers: Drivers, i: int, place: tuple[int, float, float]) -> bool:
+    """Whether a driver goes on before somebody who will be on a lane ahead after some time.
+
+    It cannot stop with 4 m/s^2 any more, is not past the place, and will be a metre past it in that time with at least
+    2 m/s, or its nose is a metre past it already.
+
+    Args:
+        place: lane, place of the tail on it [m], and time until they are in the way [s].
+    """
+    lane, tail, arrival = place
+    speed, ahead = float(drivers.speed[i]), -float(drivers.arc[i] + drivers.nose[i])
+    for here in drivers.lanes[:3, i].tolist():
+        if here == lane:
+            gap = ahead + tail
+            rest = gap + float(drivers.length[i])
+            is_past_in_time = rest + 1.0 < arrival * max(speed, 2.0) or gap < -1.0
+            if gap < speed**2 / 8.0 and rest > 0.0 and is_past_in_time:
+                return True
+        ahead += float(town.roads.length[here]) if here >= 0 else 0.0
+    return False
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_people_who_come_after_a_driver_has_passed_are_those_of_one_by_one(seed: int, town: LaneConflicts) -> None:
+    rng, num = np.random.default_rng(seed), 30
+    drivers = situation(town, seed).drivers
+    drivers.speed[:] = rng.choice([0.0, 1.0, 1.0], len(drivers.arc)) * rng.uniform(0.0, 15.0, len(drivers.arc))
+    who, part = rng.integers(0, len(drivers.arc), num), rng.integers(0, 4, num)
+    lane = drivers.lanes[part, who]
+    lane = np.where(lane < 0, drivers.lanes[0, who], lane)
+    near = drivers.arc[who] + drivers.nose[who] + rng.uniform(-8.0, 12.0, num)
+    tail = np.where(part == 0, near, rng.uniform(0.0, 20.0, num))
+    arrival, zero = rng.choice([0.0, 1.0, 4.0], num) * rng.uniform(0.5, 1.5, num), np.zeros(num)
+    source, stands = np.full(num, -1), np.zeros(num, dtype=np.bool_)
+    entries = Entries(lane, tail + 0.3, tail, zero, zero, source, stands)
+    expected = [
+        any(passes_first(town, drivers, i, place) for i in range(len(drivers.arc)))
+        for place in zip(lane.tolist(), tail.tolist(), arrival.tolist(), strict=True)
+    ]
+    assert _find_passed_first(town.roads, drivers, entries, arrival).tolist() == expected
+    assert any(expected)
