@@ -6,6 +6,7 @@ one classes, instances and depth with one, so that no pixel mixes two things.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
@@ -109,7 +110,7 @@ class CameraRenderer:
         rgb = depth = label = instance = None
         if Channel.RGB in channels:
             programs = self._programs(weather, frame, view, eye, origin=static.origin, without=without)
-            targets.begin_colours()
+            targets.begin_colours(look.horizon)
             self._context.enable_only(self._context.DEPTH_TEST)
             self._moving.draw(movers, programs[Coat.PLAIN])
             cells.draw(parts, programs)
@@ -143,7 +144,10 @@ class CameraRenderer:
         context.depth_func = "<="
         self._sky["back"].write(_bytes_of(back))
         self._sky["zenith"], self._sky["horizon"] = look.zenith, look.horizon
+        width, height = targets.colours.size
+        targets.colours.scissor = 0, 0, width, _sky_rows(back, height)
         self._sky_array.render(vertices=3)
+        targets.colours.scissor = None
         context.depth_func = "<"
         context.enable_only(context.DEPTH_TEST | context.BLEND)
         targets.colours.depth_mask = False
@@ -275,6 +279,24 @@ def _matrices(camera: CameraModel, pose: Pose, eye: FloatArray) -> tuple[FloatAr
     back = np.zeros((4, 4))
     back[:3, 0], back[:3, 1], back[:3, 2] = axes[0] * half_x, axes[1] * half_y, axes[2]
     return view, back
+
+
+def _sky_rows(back: FloatArray, height: int) -> int:
+    """Return the number of rows, from the top, that show something above the horizon.
+
+    Args:
+        back: (4, 4) from the picture to rays.
+        height: rows of the picture.
+    """
+    across, down, ahead = back[2, :3].tolist()  # height of a ray, by its place in the picture, -1 to 1 each
+    if down >= -LEAST_TILT:  # the camera lies on its side, or is upside down
+        return height
+    lowest = (abs(across) + ahead) / -down
+    return int(min(max(math.ceil(0.5 * height * (lowest + 1.0)) + 1, 1), height))
+
+
+LEAST_TILT: Final = 0.05
+"""A picture whose columns are less upright than this, as the height of a ray at its edge, may have sky everywhere."""
 
 
 def _bytes_of(matrix: FloatArray) -> bytes:

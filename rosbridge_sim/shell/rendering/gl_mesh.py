@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Final, NamedTuple
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from rosbridge_sim.scenery.camera_geometry import rotation
 from rosbridge_sim.scenery.mesh import Label, Mesh
 from rosbridge_sim.scenery.scene_frame import SceneFrame
-from rosbridge_sim.shell.rendering.shaders import Coat
+from rosbridge_sim.shell.rendering.shaders import ASPHALT_FADES, GRASS_FADES, Coat
 from rosbridge_sim.world.geometry.planar import FloatArray
 
 if TYPE_CHECKING:
@@ -31,12 +32,14 @@ class _Group(NamedTuple):
         coat: what is drawn onto them.
         reach: how far they are drawn [m].
         later: how much later than nearer things they are drawn, as a distance [m].
+        fades: distance from which on nothing is seen of the coat [m]; see the shader.
     """
 
     labels: tuple[Label, ...]
     coat: Coat
     reach: float
     later: float
+    fades: float = math.inf
 
 
 _GROUPS: Final = (
@@ -48,8 +51,8 @@ _GROUPS: Final = (
         (Label.PAINT_WHITE, Label.PAINT_YELLOW, Label.PAINT_BLUE, Label.CROSSWALK, Label.STOP_LINE),
         *(Coat.PLAIN, 400.0, 0.0),
     ),
-    _Group((Label.ASPHALT,), Coat.ASPHALT, 2_000.0, 20.0),
-    _Group((Label.GROUND,), Coat.GRASS, 2_000.0, 80.0),
+    _Group((Label.ASPHALT,), Coat.ASPHALT, 2_000.0, 20.0, fades=ASPHALT_FADES),
+    _Group((Label.GROUND,), Coat.GRASS, 2_000.0, 80.0, fades=GRASS_FADES),
 )
 """Order of drawing. The lowest surfaces come last: most of their pixels are hidden then, and cost nothing."""
 
@@ -159,7 +162,11 @@ class CellMesh:
         inside = (self._middle @ planes[:, :3].T + planes[:, 3] > -self._radius[:, None]).all(axis=1)
         rows = np.flatnonzero(inside & (away < self._reach))
         rows = rows[np.argsort(away[rows] + self._later[rows], kind="stable")]
-        coats = [_GROUPS[i].coat for i in self._group[rows].tolist()]
+        groups, distances = self._group[rows].tolist(), away[rows].tolist()
+        coats = [
+            _GROUPS[i].coat if distance < _GROUPS[i].fades else Coat.PLAIN
+            for i, distance in zip(groups, distances, strict=True)
+        ]
         return list(zip(coats, self._first[rows].tolist(), self._num[rows].tolist(), strict=True))
 
     def draw(self, parts: list[Part], programs: Mapping[Coat, moderngl.Program]) -> None:

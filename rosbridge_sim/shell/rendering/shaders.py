@@ -6,8 +6,10 @@ from enum import StrEnum
 from typing import Final
 
 __all__ = [
+    "ASPHALT_FADES",
     "CLASS_FRAGMENT",
     "CLASS_VERTEX",
+    "GRASS_FADES",
     "MAX_BEAMS",
     "SCENE_VERTEX",
     "SHADOW_FRAGMENT",
@@ -20,6 +22,10 @@ __all__ = [
 
 MAX_BEAMS: Final = 6
 """Vehicles whose head lamps light the road in a picture."""
+
+
+ASPHALT_FADES, GRASS_FADES = 30.0, 60.0
+"""Distances at which the patterns of asphalt and grass have faded away [m]."""
 
 
 class Coat(StrEnum):
@@ -99,12 +105,12 @@ void main() {
 #ifdef ASPHALT
     // Stones of 2 cm, which melt into one another with the distance.
     vec3 away = spot - eye;
-    float fade = max(1.0 - dot(away, away) * (1.0 / 900.0), 0.0);
+    float fade = max(1.0 - dot(away, away) * (1.0 / FADES2), 0.0);
     seen *= 1.0 + (chance(spot.xy * 48.0) - 0.5) * 0.22 * fade;
 #endif
 #ifdef GRASS
     vec3 away = spot - eye;
-    float fade = max(1.0 - dot(away, away) * (1.0 / 3600.0), 0.0);
+    float fade = max(1.0 - dot(away, away) * (1.0 / FADES2), 0.0);
     seen *= 1.0 + (chance(spot.xy * 22.0) - 0.5) * 0.30 * fade;
 #endif
 #ifdef SLABS
@@ -153,7 +159,8 @@ def scene_fragment(coat: Coat, *, is_dark: bool, is_wet: bool) -> str:
         is_wet: it mirrors the sky.
     """
     words = [coat.value, *(["DARK"] if is_dark else []), *(["WET"] if is_wet else [])]
-    head = "".join(f"#define {word}\n" for word in words)
+    fades = {Coat.ASPHALT: ASPHALT_FADES, Coat.GRASS: GRASS_FADES}.get(coat, 1.0)
+    head = "".join(f"#define {word}\n" for word in [*words, f"FADES2 {fades * fades:.1f}"])
     return f"#version 330\n{head}const int MAX_BEAMS = {MAX_BEAMS};\n{_SCENE_FRAGMENT}"
 
 

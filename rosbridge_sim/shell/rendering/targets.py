@@ -41,10 +41,10 @@ class Targets:
         # `clear` writes the same colour into all targets, so each has a view of its own to be cleared by.
         self._single = [context.framebuffer([texture]) for texture in self._textures]
 
-    def begin_colours(self) -> None:
-        """Clear the colours, and draw into them from now on."""
+    def begin_colours(self, colour: tuple[float, float, float]) -> None:
+        """Fill the colours with one, and draw into them from now on."""
         self.colours.use()
-        self.colours.clear()
+        self.colours.clear(*colour)
 
     def begin_classes(self) -> None:
         """Clear class, instance and depth, and draw into them from now on."""

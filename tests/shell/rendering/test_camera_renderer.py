@@ -7,13 +7,15 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, boxes_in_view, mount
-from rosbridge_sim.scenery.mesh import Label, join_meshes
+from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, boxes_in_view, mount, rotation
+from rosbridge_sim.scenery.mesh import Label, Mesh, join_meshes
 from rosbridge_sim.scenery.pictures import Channel, Weather
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.shell.rendering import gl_context
 from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
+from rosbridge_sim.shell.rendering.shaders import ASPHALT_FADES, GRASS_FADES
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
+from rosbridge_sim.shell.rendering.weather_looks import LOOKS
 from rosbridge_sim.world.state.world import World
 from tests.shell.rendering.graphics import EDU, box_mesh, built_in, ground_mesh, nothing, open_renderer, put
 
@@ -178,6 +180,43 @@ def test_lens_bends_a_picture_as_the_model_says() -> None:
     assert picture.rgb is not None
     assert picture.rgb.shape == (480, 640, 3)
     assert edges_of(picture.instance == 7) == pytest.approx((*place.min(axis=0), *place.max(axis=0)), abs=1.5)
+
+
+@pytest.mark.parametrize(
+    ("roll", "pitch"),
+    [(0.0, 0.0), (0.0, 0.12), (0.3, 0.1), (-0.3, -0.1), (1.57, 0.0), (2.9, 0.2), (0.0, 1.2), (0.0, -1.2)],
+)
+def test_sky_has_its_colour_at_each_height_however_the_camera_is_turned(roll: float, pitch: float) -> None:
+    camera = CameraModel(80, 60, 90.0)
+    picture = open_renderer().render(
+        *(ground_mesh(1.0), nothing(), camera, Pose(500.0, 0.0, 2.0, roll, pitch, 0.7)), channels=Channel.RGB
+    )
+    rows, columns = np.mgrid[:60, :80]
+    ahead = np.full(rows.shape, camera.focal)
+    rays = np.stack([ahead, 40.0 - columns - 0.5, 30.0 - rows - 0.5]).reshape(3, -1)  # forward, left, up
+    up = (rotation(roll, pitch, 0.7) @ rays)[2].reshape(rows.shape) / np.linalg.norm(rays, axis=0).reshape(rows.shape)
+    share = np.clip(up / 0.45, 0.0, 1.0)
+    share = (share * share * (3.0 - 2.0 * share))[..., None]  # GLSL's smoothstep
+    look = LOOKS[Weather.NOON]
+    expected = 255.0 * (np.array(look.horizon) * (1.0 - share) + np.array(look.zenith) * share)
+    assert picture.rgb is not None
+    assert np.abs(picture.rgb - expected).max() < 1.5
+
+
+@pytest.mark.parametrize(("label", "fades"), [(Label.ASPHALT, ASPHALT_FADES), (Label.GROUND, GRASS_FADES)])
+def test_patterns_of_asphalt_and_grass_are_there_until_they_have_faded_away(label: Label, fades: float) -> None:
+    camera, eye = CameraModel(400, 300, 40.0), Pose(0.0, 0.0, 12.0, pitch=math.atan2(12.0, fades))
+    num_colours = []
+    for first in (0.9 * fades - 3.0, fades):  # farther than `fades` from the eye, which is above the ground
+        corners = np.array([(x, y, 0.0) for x in (first, first + 3.0) for y in (-2.0, 2.0)], dtype=np.float32)
+        strip = Mesh.of(corners, np.array([[0, 2, 1], [1, 2, 3]], dtype=np.int32), (97, 97, 99), label)
+        picture = open_renderer().render(strip, nothing(), camera, eye, is_smooth=False)
+        assert picture.rgb is not None
+        assert picture.label is not None
+        shown = picture.rgb[picture.label == label]
+        assert len(shown) > 50
+        num_colours.append(len(np.unique(shown, axis=0)))
+    assert num_colours[0] > 3 * num_colours[1]
 
 
 def test_missing_graphics_name_the_packages_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
