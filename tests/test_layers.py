@@ -112,8 +112,8 @@ shell.ros2: * graph graph.ros2 morai schema shell shell.config shell.files
 shell.files: * maps scenarios schema.definitions shell.config simulator.bus simulator.sensors world.state
 shell.bags: * graph schema schema.definitions shell.files simulator.replays
 shell.rendering: scenery scenery.moving world.geometry
-worlds: maps morai.messages scenarios shell.files simulator.kernel simulator.plain simulator.scene
-    simulator.sim_services world world.drivers world.followers world.geometry world.many_worlds world.roads
+worlds: * client maps morai.messages scenarios shell.files simulator.kernel simulator.plain simulator.scene
+    simulator.sim_services units world world.drivers world.followers world.geometry world.many_worlds world.roads
     world.state world.vehicle
 environments: scenery scenery.static shell shell.rendering simulator.snapshots world.geometry world.state worlds
 campaign_runs: * campaigns environments expressions graph scenarios schema shell shell.config shell.files

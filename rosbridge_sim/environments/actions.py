@@ -17,7 +17,7 @@ from gymnasium.spaces import Box, Discrete, Space
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.judgement import Index
 from rosbridge_sim.world.state.world import Gear
-from rosbridge_sim.worlds.worlds import Worlds
+from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
 __all__ = ["MAX_ACCEL", "MAX_STEER", "META_ACTIONS", "ActionKind", "make_action"]
 
@@ -51,7 +51,7 @@ class ActionKind:
 
     space: Space[Any] = Box(-1.0, 1.0, (2,), np.float32)
 
-    def __init__(self, worlds: Worlds, task: DrivingTask, at: Index) -> None:
+    def __init__(self, worlds: SteppedWorlds, task: DrivingTask, at: Index) -> None:
         self._worlds, self._task, self._at = worlds, task, at
 
     def begin(self, mask: BoolArray) -> None:
@@ -104,7 +104,7 @@ class _DiscreteMeta(ActionKind):
 
     space = Discrete(len(META_ACTIONS))
 
-    def __init__(self, worlds: Worlds, task: DrivingTask, at: Index) -> None:
+    def __init__(self, worlds: SteppedWorlds, task: DrivingTask, at: Index) -> None:
         super().__init__(worlds, task, at)
         self._speeds = np.array(task.speeds)
         self._level = np.zeros(worlds.has_ego.shape, dtype=np.int64)
@@ -148,6 +148,6 @@ _KINDS: Final[dict[str, type[ActionKind]]] = {
 }
 
 
-def make_action(worlds: Worlds, task: DrivingTask, at: Index) -> ActionKind:
+def make_action(worlds: SteppedWorlds, task: DrivingTask, at: Index) -> ActionKind:
     """Return the kind of actions that the options name."""
     return _KINDS[task.action](worlds, task, at)

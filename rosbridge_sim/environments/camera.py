@@ -14,7 +14,7 @@ from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.shell.rendering.camera_renderer import CameraRenderer
 from rosbridge_sim.world.state.world import Kind
-from rosbridge_sim.worlds.worlds import Worlds
+from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
 __all__ = ["EgoCameras"]
 
@@ -36,7 +36,7 @@ class EgoCameras:
         RenderingUnavailableError: the extra `sensors` or a graphics library is missing; the text says what to do.
     """
 
-    def __init__(self, worlds: Worlds, width: int, height: int) -> None:
+    def __init__(self, worlds: SteppedWorlds, width: int, height: int) -> None:
         self._worlds = worlds
         self._renderer = CameraRenderer()
         self._model = CameraModel(width, height, FOV_DEG)

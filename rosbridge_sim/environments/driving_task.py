@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.worlds.worlds import Worlds
+from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
 if TYPE_CHECKING:
     from rosbridge_sim.environments.judgement import Judgement
@@ -108,7 +108,7 @@ class DrivingTask:
     num_starts: int = 64
     max_offset: float = math.inf
     weights: dict[str, float] = field(default_factory=dict)
-    reward: Callable[[Worlds, Judgement, npt.NDArray[np.float64]], npt.ArrayLike] | None = None
+    reward: Callable[[SteppedWorlds, Judgement, npt.NDArray[np.float64]], npt.ArrayLike] | None = None
     start_lane: str = ""
     start_s: float | None = 0.0
     start_speed: float = 0.0

@@ -15,6 +15,7 @@ from rosbridge_sim.environments.episodes import FPS, Episodes
 from rosbridge_sim.environments.judgement import Judgement
 from rosbridge_sim.environments.observations import Seen, pick, space_of
 from rosbridge_sim.environments.picture import draw
+from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 from rosbridge_sim.worlds.worlds import Worlds
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
         self._is_done = np.zeros(num_envs, dtype=bool)
         self._view: HumanView | None = None
 
-    def _make_worlds(self, num: int) -> Worlds:
+    def _make_worlds(self, num: int) -> SteppedWorlds:
         return Worlds(self.task.scenario, num, seed=[0] * num, traffic=self.task.traffic)
 
     def reset(
@@ -149,6 +150,7 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
             if self._view is None:
                 from rosbridge_sim.environments.human_view import HumanView  # noqa: PLC0415 - a server, seldom wanted
 
+                assert isinstance(self.worlds, Worlds)
                 self._view = HumanView(self.worlds, self.task.scenario)
             self._view.show()
 

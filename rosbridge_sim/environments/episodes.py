@@ -12,7 +12,7 @@ from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.judgement import Index, Judgement, judge
 from rosbridge_sim.environments.observations import Seen, observe, pick
 from rosbridge_sim.environments.starts import Starts
-from rosbridge_sim.worlds.worlds import Worlds
+from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
 if TYPE_CHECKING:
     from rosbridge_sim.environments.camera import EgoCameras
@@ -46,7 +46,7 @@ class Episodes:
         ValueError: a world has no ego, or an option does not fit the map.
     """
 
-    def __init__(self, worlds: Worlds, task: DrivingTask, at: Index = FIRST_EGOS) -> None:
+    def __init__(self, worlds: SteppedWorlds, task: DrivingTask, at: Index = FIRST_EGOS) -> None:
         if not worlds.has_ego[:, :1].all():
             raise ValueError(f"scenario: expected one with an ego, got {task.scenario!r}")
         self.worlds, self.task, self._at = worlds, task, at
@@ -114,7 +114,7 @@ class Episodes:
         return {**figures, "distance": result.scores["score_distance"], "score": dict(result.scores)}
 
 
-def _mount_cameras(worlds: Worlds, task: DrivingTask) -> EgoCameras:
+def _mount_cameras(worlds: SteppedWorlds, task: DrivingTask) -> EgoCameras:
     from rosbridge_sim.environments.camera import EgoCameras  # noqa: PLC0415 - what draws is in the extra `sensors`
 
     return EgoCameras(worlds, task.camera_width, task.camera_height)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.observations import achieved_goals, desired_goals
 from rosbridge_sim.world.geometry.planar import wrap_angle
-from rosbridge_sim.worlds.worlds import Worlds
+from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
 __all__ = ["Index", "Judgement", "goal_reward", "judge"]
 
@@ -58,7 +58,7 @@ class Judgement:
 
 
 def judge(
-    worlds: Worlds,
+    worlds: SteppedWorlds,
     task: DrivingTask,
     actions: FloatArray,
     *,

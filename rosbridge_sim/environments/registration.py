@@ -9,7 +9,10 @@ import gymnasium
 
 from rosbridge_sim.environments.driving_task import DrivingTask
 
-__all__ = ["TASKS", "register_all"]
+__all__ = ["REMOTE", "TASKS", "register_all"]
+
+REMOTE: Final = "rosbridge_sim/RemoteDrive-v0"
+"""`Drive-v0` in the world of a server."""
 
 TASKS: Final[dict[str, DrivingTask]] = {
     "rosbridge_sim/LaneKeeping-v0": DrivingTask("loop", observation="Lane", target_speed=15.0),
@@ -62,3 +65,9 @@ def register_all() -> None:
                 vector_entry_point="rosbridge_sim.environments.driving_vector_env:DrivingVectorEnv",
                 kwargs=asdict(task),
             )
+    if REMOTE not in gymnasium.registry:
+        gymnasium.register(
+            REMOTE,
+            entry_point="rosbridge_sim.environments.remote_env:RemoteDrivingEnv",
+            kwargs=asdict(TASKS["rosbridge_sim/Drive-v0"]),
+        )

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from rosbridge_sim.environments.driving_task import CLEAR, DrivingTask
 from rosbridge_sim.world.state.world import Kind, World
-from rosbridge_sim.worlds.worlds import Worlds
+from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
 __all__ = ["Starts"]
 
@@ -37,7 +37,7 @@ class Starts:
         ValueError: the map has no such lane.
     """
 
-    def __init__(self, worlds: Worlds, task: DrivingTask) -> None:
+    def __init__(self, worlds: SteppedWorlds, task: DrivingTask) -> None:
         self._worlds, self._task = worlds, task
         self._roads = worlds.world(0).roads.alone
         self._lanes = self._find("start_lane", task.start_lane)

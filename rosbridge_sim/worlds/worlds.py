@@ -20,8 +20,9 @@ from rosbridge_sim.world.many_worlds.world_set import WorldSet
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import Dynamics, Kind
 from rosbridge_sim.worlds.arguments import check_number
-from rosbridge_sim.worlds.drivable_worlds import EGO_FIGURES, SCORE_FIGURES, Commands, DrivableWorlds
+from rosbridge_sim.worlds.drivable_worlds import EGO_FIGURES, SCORE_FIGURES, Commands
 from rosbridge_sim.worlds.one_scene import TRAFFIC_INTERVAL, OneScene, SavedScene
+from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
 __all__ = ["EGO_FIGURES", "SCORE_FIGURES", "Worlds"]
 
@@ -31,7 +32,7 @@ MAX_BEGINS: Final = 256
 """Beginnings of episodes that are kept, by scenario and seed: 0.1 MB each, with a hundred entities."""
 
 
-class Worlds(DrivableWorlds):
+class Worlds(SteppedWorlds):
     """Many worlds of driving that move together, without a server, a socket or a thread.
 
     World w does what `rosbridge-sim --scenario SCENARIO --seed SEED --traffic N --start-mode external` does with the

@@ -1,0 +1,92 @@
+"""The environment of a server's ego: equal to one in this process, and refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+gymnasium = pytest.importorskip("gymnasium", reason="the extra rosbridge-sim[gym]")
+
+from rosbridge_sim import Simulator  # noqa: E402
+from rosbridge_sim.client import Client  # noqa: E402
+from rosbridge_sim.environments.registration import REMOTE, register_all  # noqa: E402
+from rosbridge_sim.errors import ClientError  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def server() -> Iterator[Simulator]:
+    register_all()
+    with Simulator(port=0, scenario="loop", traffic=4, start="sync") as simulator:
+        yield simulator
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"observation": "Kinematics"},
+        {"observation": "Dict", "parts": ("Lane", "Others", "Lidar", "OccupancyGrid"), "normalize": False},
+        {"observation": "Lane", "action": "Pedals", "frame_skip": 7},
+    ],
+)
+def test_remote_environment_equals_one_in_this_process(server: Simulator, options: dict[str, Any]) -> None:
+    near = gymnasium.make("rosbridge_sim/Drive-v0", scenario="loop", traffic=4, **options)
+    far = gymnasium.make(REMOTE, url=server.url, **options)
+    rng = np.random.default_rng(2)
+    try:
+        for seed in (3, None):
+            steps = [near.reset(seed=seed), far.reset(seed=seed)]
+            for number in range(12):
+                assert _bytes(steps[0][0]) == _bytes(steps[1][0]), number
+                assert steps[0][1:] == steps[1][1:]
+                action = np.array([rng.uniform(-0.3, 0.3), rng.uniform(0.0, 1.0)])
+                steps = [env.step(action) for env in (near, far)]
+            assert near.unwrapped.worlds.digests() == far.unwrapped.worlds.digests()
+    finally:
+        far.close()
+
+
+def _bytes(seen: Any) -> Any:  # noqa: ANN401 - an array or a dict of them
+    return {name: part.tobytes() for name, part in seen.items()} if isinstance(seen, dict) else seen.tobytes()
+
+
+@pytest.mark.slow
+def test_closed_environment_leaves_the_server_to_others(server: Simulator) -> None:
+    for _ in range(2):
+        far = gymnasium.make(REMOTE, url=server.url, observation="Lane")
+        far.reset(seed=0)
+        far.close()
+    with Client(server.url) as client:
+        assert client.start_sync() >= 0
+
+
+@pytest.mark.slow
+def test_second_master_is_refused(server: Simulator) -> None:
+    with Client(server.url) as client:
+        client.start_sync(user_id="somebody")
+        with pytest.raises(ClientError, match="somebody"):
+            gymnasium.make(REMOTE, url=server.url)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"start_lane": "L2_00"}, "start_lane: expected '' with a server, got 'L2_00'"),
+        ({"action": "DiscreteMeta"}, "action: expected Continuous or Pedals with a server"),
+        ({"render_mode": "human"}, "render_mode: expected rgb_array or None, because the server has a page"),
+        ({"reverses": True}, "reverses: expected False with a server"),
+    ],
+)
+def test_options_that_no_server_can_have_are_refused(options: dict[str, Any], text: str) -> None:
+    register_all()
+    with pytest.raises(ValueError, match=text):
+        gymnasium.make(REMOTE, url="ws://127.0.0.1:1", disable_env_checker=True, **options)
+
+
+def test_missing_server_is_told() -> None:
+    register_all()
+    with pytest.raises(ClientError, match=r"127\.0\.0\.1:1"):
+        gymnasium.make(REMOTE, url="ws://127.0.0.1:1")
