@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.lane_position import keep_lane
-from rosbridge_sim.world.drivers.lane_swing import plan_swings
+from rosbridge_sim.world.drivers.lane_swing import find_long, find_swinging, plan_swings
 from rosbridge_sim.world.followers.lane_following import DECISION
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
@@ -100,3 +100,79 @@ def test_snapshot_in_the_middle_of_a_swing_goes_on_with_the_same_bits() -> None:
         step(world)
         step(restored)
     assert restored.digest() == world.digest()
+
+
+def in_a_ring(radius: float, side: int, body: Body) -> tuple[World, int]:
+    """A vehicle in the middle of a half circle, to the left with side 1, that one comes to from another one."""
+    halves = [arc(0, 0, radius, start, side * 180) for start in (0, 180)]
+    world = world_of(make(a=(halves[0], "b", 10.0), b=(halves[1], "a", 10.0)))
+    row = car(world, "a", 1.6 * radius, speed=5.0, body=body)
+    return world, row
+
+
+def wanted_offset(radius: float, side: int, body: Body) -> float:
+    """The offset of a vehicle with both axles on a circle, from the places of its corners and of its middle."""
+    half, centre = 0.5 * body.length, 0.5 * body.length - body.rear_overhang
+    middle = complex(0.5 * body.wheelbase, side * np.sqrt(radius**2 - (0.5 * body.wheelbase) ** 2))  # of the circle
+    places = [
+        complex(along, across)
+        for along in (centre - half, 0.5 * body.wheelbase, centre + half)
+        for across in (0.5 * body.width, -0.5 * body.width)
+    ]
+    lateral = [side * (radius - abs(place - middle)) for place in places]
+    left, right = max(lateral) - HALF_LANE + 0.1, -min(lateral) - HALF_LANE + 0.1
+    if (
+        left > right
+    ):  # out of the lane on the left, or more so: to the right until it is within, or as far on both sides
+        return -min(max(left, 0.0), 0.5 * (left - right), 1.0)
+    return min(max(right, 0.0), 0.5 * (right - left), 1.0)
+
+
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("radius", [8.75, 12.0, 20.0, 40.0, 59.0])
+@pytest.mark.parametrize("body", [BUS, Body(12.0, 2.5, 3.2), Body(9.0, 2.0, 3.2, wheelbase=5.5)])
+def test_offset_of_a_long_vehicle_brings_its_corners_and_its_middle_into_the_lane(
+    body: Body, radius: float, side: int
+) -> None:
+    world, row = in_a_ring(radius, side, body)
+    world.drift[row] = 0.03
+    plan_swings(world, np.array([row]), np.array([100.0]), 0.1)
+    assert world.lateral_rate[row] * 0.1 == pytest.approx(wanted_offset(radius, side, body), abs=0.03)
+    assert world.drift_rate[row] == pytest.approx(-0.3)
+
+
+def test_long_vehicle_moves_to_the_side_by_a_tenth_of_its_way_and_not_while_it_stands() -> None:
+    wanted = wanted_offset(8.75, -1, BUS)
+    for now, distance in [(0.0, 1.0), (0.0, 2.0), (1.5, 0.5), (0.0, 0.0)]:
+        world, row = in_a_ring(8.75, -1, BUS)
+        world.lateral[row], world.drift[row] = now, 1e-10
+        plan_swings(world, np.array([row]), np.array([distance]), 0.1)
+        assert world.lateral_rate[row] * 0.1 == pytest.approx(np.sign(wanted - now) * 0.1 * distance, abs=1e-9)
+        assert (world.drift[row], world.drift_rate[row]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("length", "bias", "kind", "swings"),
+    [(7.5, 0.0, Kind.VEHICLE, True), (6.5, 0.0, Kind.VEHICLE, False), (7.5, 0.2, Kind.VEHICLE, False)],
+)
+def test_vehicles_of_more_than_seven_metres_without_an_offset_of_their_own_swing(
+    length: float, bias: float, kind: Kind, *, swings: bool
+) -> None:
+    world = world_of(corner())
+    row = car(world, "a", 30.0, body=Body(length, 2.5, 3.2))
+    world.kind[row], world.lateral_bias[row] = kind, bias
+    assert find_long(world, np.array([row])).tolist() == [0] * swings
+
+
+def test_long_vehicle_swings_from_two_lanes_before_a_bend_to_one_after_it_but_not_in_a_lane_change() -> None:
+    lanes = {name: (line((50.0 * i, 0), (50.0 * i + 50.0, 0)), "abcdefgh"[i + 1]) for i, name in enumerate("abcd")}
+    lanes["e"] = arc(200, 8.75, 8.75, -90, 90), "f"
+    for i, name in enumerate("fgh"):
+        lanes[name] = line((208.75, 8.75 + 50 * i), (208.75, 58.75 + 50 * i)), "gh "[i].strip()
+    world = world_of(make(**lanes))
+    rows = np.array([car(world, name, 10.0, body=BUS) for name in "abcdefg"])
+    world.behind[rows] = [-1, 0, 1, 2, 3, 4, 5]
+    assert find_swinging(world, rows).tolist() == [2, 3, 4, 5]
+    world.lateral_left[rows[2]], world.leaving[rows[3]] = 0.5, 1
+    world.lateral[rows[0]], world.lateral_rate[rows[6]] = 0.1, 0.1
+    assert find_swinging(world, rows).tolist() == [0, 4, 5, 6]
