@@ -33,6 +33,10 @@ _WRAPPERS = frozenset({Fragment, Png})
 """Ops that hold other ops."""
 
 
+def _ignore(*_: object) -> None:
+    """Do nothing: no one listens yet."""
+
+
 class Session:
     """The wire of one peer.
 
@@ -76,9 +80,9 @@ class Session:
         self.num_received = 0
         self.num_refused = 0
         self.num_sent = 0
-        self.on_lost_answer: Callable[[FrameError], None] = lambda _error: None
-        self.on_mistake: Callable[[FrameError], None] = lambda _error: None
-        self.on_unsent: Callable[[str, EncodingError], None] = lambda _spelling, _error: None
+        self.on_lost_answer: Callable[[FrameError], None] = _ignore
+        self.on_mistake: Callable[[FrameError], None] = _ignore
+        self.on_unsent: Callable[[str, EncodingError], None] = _ignore
         self._alarm = alarm
         self._is_talkative = is_talkative
         self._on_refused = on_refused

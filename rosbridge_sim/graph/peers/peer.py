@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 from rosbridge_sim.errors import FrameError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus import Bus
@@ -76,32 +76,13 @@ class Peer(PeerBase):
             policy: its rights.
         """
         super().__init__(bus, session, address, policy)
-        topics = self.topics = PeerTopics(self, self._check_room)
-        services = self.services = PeerServices(self, self._check_room)
-        actions = self.actions = PeerActions(self, self._check_room)
+        self.topics = PeerTopics(self, self._check_room)
+        self.services = PeerServices(self, self._check_room)
+        self.actions = PeerActions(self, self._check_room)
         session.on_lost_answer = self._lose_answer
         if not policy.is_open:
-            policy.ways.on_change[topics.recheck] = None
-        self._act: dict[type, Callable[[Any, float], None]] = {
-            ops.Publish: topics.publish,
-            ops.CallService: services.call,
-            ops.ServiceResponse: services.respond,
-            ops.Subscribe: topics.subscribe,
-            ops.Unsubscribe: topics.unsubscribe,
-            ops.Advertise: topics.advertise,
-            ops.Unadvertise: topics.unadvertise,
-            ops.AdvertiseService: services.advertise,
-            ops.UnadvertiseService: services.unadvertise,
-            ops.AdvertiseAction: actions.advertise,
-            ops.UnadvertiseAction: actions.unadvertise,
-            ops.SendActionGoal: actions.send_goal,
-            ops.CancelActionGoal: actions.cancel_goal,
-            ops.ActionFeedback: actions.report,
-            ops.ActionResult: actions.end_goal,
-            ops.SetLevel: self._set_level,
-            ops.Status: self._status,
-            ops.Auth: self._auth,
-        }
+            policy.ways.on_change[self.topics.recheck] = None
+        self._act = _Acts(self)
 
     def receive(self, frame: bytes, now: float) -> None:
         """Do all ops of a frame at once, however long that takes.
@@ -180,16 +161,18 @@ class Peer(PeerBase):
         part = self.services if error.op == "service_response" else self.actions
         part.fail_unreadable(error, f"The provider's answer cannot be read: {error}")
 
-    def _set_level(self, op: ops.SetLevel, _now: float) -> None:
+    def set_level(self, op: ops.SetLevel, _now: float) -> None:
+        """Send status frames up to another level from now on."""
         if op.level not in LEVELS:  # the protocol has no answer to set_level, so the mistake goes only to the log
             expected = ", ".join(LEVELS)
             self.note(Reason.WRONG_VALUE, f"set_level: expected one of {expected}; got {op.level[:MAX_OP_ID]!r}", op)
         self.session.set_level(op.level)
 
-    def _status(self, op: ops.Status, _now: float) -> None:
+    def log_status(self, op: ops.Status, _now: float) -> None:
+        """Write a status of the client to the log."""
         _log.info("%s says: [%s] %s", self.address, op.level, op.msg, extra={"client": self.address})
 
-    def _auth(self, op: ops.Auth, _now: float) -> None:
+    def take_token(self, op: ops.Auth, _now: float) -> None:
         """Do nothing: this server has no token."""
 
     def _check_room(self, op_id: ops.Id) -> None:
@@ -200,3 +183,41 @@ class Peer(PeerBase):
         if self.topics.num_held + self.services.num_held + self.actions.num_held >= limit:
             text = f"At most {limit} topics, services and actions can be held by one client"
             raise GraphError(text, reason=Reason.TOO_MUCH)
+
+
+_Act: TypeAlias = Callable[[Any, float], None]
+"""Does an op; its argument is the struct of that op."""
+
+_ACTS: dict[type, Callable[[Peer], _Act]] = {
+    ops.Publish: lambda peer: peer.topics.publish,
+    ops.CallService: lambda peer: peer.services.call,
+    ops.ServiceResponse: lambda peer: peer.services.respond,
+    ops.Subscribe: lambda peer: peer.topics.subscribe,
+    ops.Unsubscribe: lambda peer: peer.topics.unsubscribe,
+    ops.Advertise: lambda peer: peer.topics.advertise,
+    ops.Unadvertise: lambda peer: peer.topics.unadvertise,
+    ops.AdvertiseService: lambda peer: peer.services.advertise,
+    ops.UnadvertiseService: lambda peer: peer.services.unadvertise,
+    ops.AdvertiseAction: lambda peer: peer.actions.advertise,
+    ops.UnadvertiseAction: lambda peer: peer.actions.unadvertise,
+    ops.SendActionGoal: lambda peer: peer.actions.send_goal,
+    ops.CancelActionGoal: lambda peer: peer.actions.cancel_goal,
+    ops.ActionFeedback: lambda peer: peer.actions.report,
+    ops.ActionResult: lambda peer: peer.actions.end_goal,
+    ops.SetLevel: lambda peer: peer.set_level,
+    ops.Status: lambda peer: peer.log_status,
+    ops.Auth: lambda peer: peer.take_token,
+}
+
+
+class _Acts(dict[type, _Act]):
+    """The methods of one client that do an op, each bound at the first op of its kind: most clients send few kinds."""
+
+    __slots__ = ("_peer",)
+
+    def __init__(self, peer: Peer) -> None:
+        self._peer = peer
+
+    def __missing__(self, kind: type) -> _Act:
+        act = self[kind] = _ACTS[kind](self._peer)
+        return act

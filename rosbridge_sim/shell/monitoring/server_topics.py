@@ -161,7 +161,8 @@ class ServerTopics:
             if client not in known:
                 make = store.message("rosbridge_msgs/ConnectedClient").struct_type
                 known[client] = make(ip_address=client.host, connection_time=store.time_value(client.connected_ns))
-        self._entries = {client: known[client] for client in self._server.clients}
+        if len(known) > len(self._server.clients):  # some have left
+            self._entries = {client: known[client] for client in self._server.clients}
         self.publish(self._count, data=len(self._entries))
         self.publish(self._connected, clients=list(self._entries.values()))
 
