@@ -839,3 +839,19 @@ def test_command_waits_for_a_frame_up_to_10000_ahead_and_1000_commands_wait_at_m
     assert not sync.submit("farther", 10 + 10_001, 10, ME, 0.0).is_accepted
     accepted = [sync.submit(f"command {i}", 11, 10, ME, 0.0).is_accepted for i in range(1_000)]
     assert accepted == [True] * 999 + [False]
+
+
+def test_refusal_of_another_id_names_the_master_and_no_other_refusal_does() -> None:
+    sync = led()
+    assert sync.why(sync.start("you", 40, YOU, 0.0)).endswith(": 'me'")
+    assert sync.why(sync.tick("you", 0, 10, YOU, 0.0)).endswith(": 'me'")
+    assert "'me'" not in sync.why(sync.start("me", 30, ME, 0.0))
+
+
+def test_call_for_many_steps_renews_the_lease_and_makes_its_peer_a_holder() -> None:
+    sync: Sync[str] = Sync(lease=5.0)
+    sync.start("me", 20, ME, 10.0)
+    sync.step("me", 2, YOU, 12.0, on_wait=lambda: None)
+    assert (sync.lease_due, sync.holders) == (17.0, [ME, YOU])
+    sync.step("you", 2, "stranger", 14.0, on_wait=lambda: None)
+    assert (sync.lease_due, sync.holders) == (17.0, [ME, YOU])
