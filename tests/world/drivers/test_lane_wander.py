@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.lane_position import keep_lane
-from rosbridge_sim.world.drivers.lane_wander import USUAL_WANDER, aims_at
+from rosbridge_sim.world.drivers.lane_wander import USUAL_WANDER, LaneWander, aims_at
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.saved_world import from_plain, to_plain
-from rosbridge_sim.world.state.chance import salt_of
+from rosbridge_sim.world.state.chance import bell, salt_of
 from rosbridge_sim.world.state.world import DT, Body, Kind, World
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import BUS, lane_of, world_of
@@ -196,3 +198,60 @@ def test_wander_beyond_its_bounds_is_refused(wander: float) -> None:
     with pytest.raises(ValueError, match="wander"):
         keep_lane(world, row, 0, 5.0, wander=wander)
     assert not world.has_lane[row]
+
+
+def test_aims_are_three_waves_of_parabolas_with_the_periods_and_phases_of_the_driver() -> None:
+    salt = salt_of(3, np.arange(1, 31))
+    for frame in (0, 137, 4_001):
+        expected = np.zeros(len(salt))
+        for i, period in enumerate((11.0, 19.0, 37.0)):
+            spread, phase = bell(salt, 64 + 2 * i), 2.0 * bell(salt, 65 + 2 * i)
+            turn = np.mod(frame * DT / (period * (1.0 + 0.1 * spread)) + phase, 1.0)
+            half = np.mod(turn, 0.5)  # up in the first half of a period, down in the second one
+            wave = 16.0 * half * (0.5 - half)
+            expected += np.where(turn < 0.5, wave, -wave) * math.sqrt(2.0 / 3.0 * 15.0 / 16.0)
+        assert aims_at(salt, frame) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_displacements_until_the_next_decision_follow_the_aim_as_one_by_one(seed: int) -> None:
+    rng, world = np.random.default_rng(seed), world_of(wide_road(2))
+    rows = []
+    for i in range(10):
+        body = [CAR, BUS, Body(5.0, 3.4, 3.0)][i % 3]
+        rows.append(world.row(world.spawn(Kind.VEHICLE, body, name="car", x=0.0, y=0.0, speed=9.0)))
+        width = 0.0 if seed % 2 and i % 4 == 3 else rng.uniform(0.1, 0.3)
+        keep_lane(world, rows[-1], i % 2, 50.0 * (i + 1), wander=width)
+    at = np.array(rows)
+    world.frame = 1_000 + 7 * seed
+    for column in ("wander", "wander_slope", "wander_x", "wander_y"):
+        getattr(world, column)[at] = rng.uniform(-0.3, 0.3, len(at))
+    distance, heading = rng.choice([0.0, 1.0, 1.0], len(at)) * rng.uniform(0.1, 3.0, 10), rng.uniform(-3.0, 3.0, 10)
+    before, off = heading.copy(), rng.choice(10, 3, replace=False)
+    x, y = world.wander_x.copy(), world.wander_y.copy()
+    expected = []
+    for i, row in enumerate(rows):
+        now, slope, way = float(world.wander[row]), float(world.wander_slope[row]), float(distance[i])
+        aim = float(world.wander_width[row]) * float(aims_at(world.salts(at[[i]]), world.frame)[0])
+        most = max(1.75 - float(world.half_width[row]) - 0.1, 0.0)
+        aim = 0.0 if i in off else min(max(aim, -most), most)
+        length = max(way / 0.1, 8.0)
+        bend = (aim - now) * way / length**2 - 2.0 * slope * way / length
+        then = now + way * (slope + 0.5 * bend)
+        if not world.wander_width[row]:
+            expected.append((now, before[i], 0.0, 0.0, 0.0))
+            continue
+        moves = float(way > 0.0)
+        east, north = -then * math.sin(before[i]) - x[row], then * math.cos(before[i]) - y[row]
+        expected.append((then, before[i] + slope + bend, bend / 0.1, moves * east / 0.1, moves * north / 0.1))
+    wander = LaneWander(world, at)
+    assert wander.which.tolist() == [i for i, row in enumerate(rows) if world.wander_width[row]]
+    wander.plan(distance, heading, world.lane[at], off, 0.1)
+    columns = (world.wander, world.wander_slope_rate, world.wander_x_rate, world.wander_y_rate)
+    found = np.stack([columns[0][at], heading, *(column[at] for column in columns[1:])], axis=-1)
+    assert found == pytest.approx(np.array(expected), abs=1e-9)
+    place, slope_before = world.x[at].copy(), world.wander_slope[at].copy()
+    wander.move(0.02)
+    assert world.x[at] - place == pytest.approx(np.where(world.wander_width[at] > 0.0, world.wander_x[at], 0.0))
+    assert world.wander_x[at] == pytest.approx(x[at] + 0.02 * world.wander_x_rate[at])
+    assert world.wander_slope[at] == pytest.approx(slope_before + 0.02 * world.wander_slope_rate[at])

@@ -1,4 +1,4 @@
-"""Drivers that pass before people who cross, one by one in plain Python."""
+"""Drivers that pass before people who cross, and the step of a driver along its lanes, in plain numbers."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
-from rosbridge_sim.world.followers.lane_following import _find_passed_first
+from rosbridge_sim.world.followers.lane_following import _find_passed_first, _LaneFollowers
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from tests.world.drivers.random_drivers import situation
-from tests.world.road_factory import built_in
+from tests.world.lane_drives import world_of
+from tests.world.road_factory import built_in, car, crossing, line, make, road
 
 
 @pytest.fixture(scope="module")
@@ -58,3 +59,58 @@ def test_people_who_come_after_a_driver_has_passed_are_those_of_one_by_one(seed:
     ]
     assert _find_passed_first(town.roads, drivers, entries, arrival).tolist() == expected
     assert any(expected)
+
+
+@pytest.mark.parametrize(
+    ("speed", "accel", "after", "way", "told"),
+    [
+        (10.0, -2.0, 9.96, 0.1996, -2.0),
+        (10.0, 1.5, 10.03, 0.2003, 1.5),
+        (0.01, -2.0, 0.0, 0.0001, -0.5),  # it comes to a stand within the step
+        (0.0, 0.0, 0.0, 0.0, 0.0),
+    ],
+)
+def test_step_moves_a_driver_by_its_mean_speed_and_not_backwards(
+    speed: float, accel: float, after: float, way: float, told: float
+) -> None:
+    world = world_of(road())
+    row = car(world, "a", 50.0, speed=speed)
+    world.accel[row], world.yaw[row], world.yaw_rate[row] = accel, 3.14, 1.0
+    _LaneFollowers(world).move(0.02)
+    assert (world.speed[row], world.accel[row]) == (pytest.approx(after), pytest.approx(told))
+    assert (world.arc[row], world.x[row], world.y[row]) == (pytest.approx(50.0 + way), pytest.approx(50.0 + way), 0.0)
+    assert world.yaw[row] == pytest.approx(3.16 - 2.0 * np.pi)
+
+
+def test_driver_that_comes_to_the_next_lane_is_on_it_with_one_more_lane_ahead() -> None:
+    world = world_of(
+        make(
+            **{
+                name: (line((40.0 * i, 0), (40.0 * i + 40.0, 0)), "bcdefgh "[i].strip())
+                for i, name in enumerate("abcdefgh")
+            }
+        )
+    )
+    row = car(world, "a", 39.9, speed=10.0)
+    assert (world.turns[row], world.behind[row], world.ahead_5[row]) == (0, -1, 5)
+    _LaneFollowers(world).move(0.02)
+    assert (world.lane[row], world.behind[row], world.ahead_1[row], world.ahead_5[row]) == (1, 0, 2, 6)
+    assert (world.turns[row], world.arc[row]) == (1, pytest.approx(0.1))
+    assert (world.x[row], world.leg_start[row], world.leg_end[row]) == (pytest.approx(40.1), 0.0, 40.0)
+
+
+def test_driver_at_a_dead_end_stands_at_it() -> None:
+    world = world_of(road(100.0))
+    row = car(world, "a", 99.9, speed=10.0)
+    world.accel[row] = 1.0
+    _LaneFollowers(world).move(0.02)
+    assert (world.speed[row], world.accel[row]) == (0.0, 0.0)
+    assert world.arc[row] == np.nextafter(100.0, 0.0)
+
+
+def test_driver_that_enters_a_lane_which_it_has_claimed_holds_it() -> None:
+    world = world_of(crossing())
+    row = car(world, "w", 189.9, speed=10.0)
+    world.claim[row] = world.ahead_1[row]
+    _LaneFollowers(world).move(0.02)
+    assert (world.held[row], world.claim[row]) == (world.lane[row], -1)
