@@ -14,8 +14,7 @@ export const TEXTS = {
   mapView: {
     canvas: "Map of the simulation. Arrow keys move it, + and - zoom, C changes the camera, ? lists all keys.",
     noWebGl: "This browser has no WebGL 2, so the map is not drawn. All other parts of the page work.",
-    /** @param {string} reason */
-    failed: (reason) => `The map cannot be drawn: ${reason}. All other parts of the page work.`,
+    failed: (/** @type {string} */ reason) => `The map cannot be drawn: ${reason}. All other parts of the page work.`,
     toolbar: "Map",
     chase: "Camera behind the car",
     follow: "Follow the car",
@@ -28,21 +27,14 @@ export const TEXTS = {
     measure: "Measure a distance",
     help: "Keys and colours",
     measureHint: "Click two points. Esc ends.",
-    /** @param {string} key */
-    withKey: (key) => ` (${key})`,
-    /** @param {string} x @param {string} y */
-    coordinates: (x, y) => `x ${x} m, y ${y} m`,
-    /** @param {number} number */
-    ego: (number) => (number === 0 ? "Ego" : `Ego ${number}`),
-    /** @param {string} kind @param {number} id */
-    entity: (kind, id) => `${kind} ${id}`,
+    withKey: (/** @type {string} */ key) => ` (${key})`,
+    coordinates: (/** @type {string} */ x, /** @type {string} */ y) => `x ${x} m, y ${y} m`,
+    ego: (/** @type {number} */ number) => (number === 0 ? "Ego" : `Ego ${number}`),
+    entity: (/** @type {string} */ kind, /** @type {number} */ id) => `${kind} ${id}`,
     kinds: { ego: "Ego", vehicle: "Vehicle", pedestrian: "Pedestrian", obstacle: "Obstacle" },
-    /** @param {string} a @param {string} b */
-    collision: (a, b) => `Collision: ${a} and ${b}`,
-    /** @param {string} seconds */
-    meeting: (seconds) => `${seconds} s`,
-    /** @param {number} seconds */
-    timeLeft: (seconds) => `${seconds}`,
+    collision: (/** @type {string} */ a, /** @type {string} */ b) => `Collision: ${a} and ${b}`,
+    meeting: (/** @type {string} */ seconds) => `${seconds} s`,
+    timeLeft: (/** @type {number} */ seconds) => `${seconds}`,
   },
   start: {
     label: "Ways to begin",
@@ -57,8 +49,7 @@ export const TEXTS = {
       roundabout: "A roundabout with four arms, crosswalks and no lights.",
       parking: "A car park with narrow aisles, parked cars, and some that drive.",
     },
-    /** @param {number} vehicles @param {number} pedestrians */
-    counts: (vehicles, pedestrians) => `A scene with ${vehicles} other vehicles and ${pedestrians} pedestrians.`,
+    counts: (/** @type {number} */ vehicles, /** @type {number} */ pedestrians) => `A scene with ${vehicles} other vehicles and ${pedestrians} pedestrians.`,
     letDrive: { label: "Let it drive", title: "The ego drives itself along the lanes, and the camera follows it" },
     drive: { label: "Drive with the keys", title: "Drive with the keyboard, a game pad or touch pads" },
     copy: { label: "Copy a first program", title: "Copy a Python program that drives this ego" },
@@ -110,8 +101,7 @@ export const TEXTS = {
     speed: "Speed",
     lane: "Lane",
     noLane: "on no lane",
-    /** @param {string} link @param {string} distance @param {string} lateral */
-    lanePlace: (link, distance, lateral) => `${link}, ${distance} m along, ${lateral} m to the left`,
+    lanePlace: (/** @type {string} */ link, /** @type {string} */ distance, /** @type {string} */ lateral) => `${link}, ${distance} m along, ${lateral} m to the left`,
     next: "Next lanes",
     place: "Place",
     heading: "Heading",
@@ -119,22 +109,17 @@ export const TEXTS = {
     does: "Now",
     follows: "Follows",
     stops: "Stops for",
-    /** @param {string} name @param {string} gap */
-    gap: (name, gap) => `${name}, gap ${gap} m`,
-    /** @param {string} what @param {string} distance */
-    stopIn: (what, distance) => `${what}, in ${distance} m`,
+    gap: (/** @type {string} */ name, /** @type {string} */ gap) => `${name}, gap ${gap} m`,
+    stopIn: (/** @type {string} */ what, /** @type {string} */ distance) => `${what}, in ${distance} m`,
     givesWay: "Gives way to",
     reasons: { light: "light", right_of_way: "right of way", no_room: "no room behind the intersection", end: "end of the road" },
-    /** @param {number} kmh */
-    kmh: (kmh) => `${kmh.toFixed(1)} km/h`,
+    kmh: (/** @type {number} */ kmh) => `${kmh.toFixed(1)} km/h`,
     followThis: "Follow",
   },
   contacts: {
-    /** @param {number} total */
-    title: (total) => `Collisions (${total})`,
+    title: (/** @type {number} */ total) => `Collisions (${total})`,
     clear: "Clear the list of collisions",
-    /** @param {number} frame @param {string} a @param {string} b @param {string} speed */
-    line: (frame, a, b, speed) => `frame ${frame}: ${a} and ${b}, ${speed} km/h`,
+    line: (/** @type {number} */ frame, /** @type {string} */ a, /** @type {string} */ b, /** @type {string} */ speed) => `frame ${frame}: ${a} and ${b}, ${speed} km/h`,
     goThere: "Show the place",
   },
   connection: {
@@ -143,15 +128,12 @@ export const TEXTS = {
     open: "Connected",
     silent: "No answer",
     silentBanner: "The server is connected and does not answer. What you see is the last state that it sent.",
-    /** @param {string} reason */
-    lost: (reason) => `The connection is lost${reason ? ` (${reason})` : ""}. The page connects again by itself.`,
+    lost: (/** @type {string} */ reason) => `The connection is lost${reason ? ` (${reason})` : ""}. The page connects again by itself.`,
     back: "Connected again.",
     notConnected: "The page is not connected to the server.",
     lostMeanwhile: "The connection was lost before the answer came.",
-    /** @param {string} service @param {number} seconds */
-    noAnswer: (service, seconds) => `${service} did not answer within ${seconds} s.`,
-    /** @param {string} service */
-    refused: (service) => `${service} failed without a reason.`,
+    noAnswer: (/** @type {string} */ service, /** @type {number} */ seconds) => `${service} did not answer within ${seconds} s.`,
+    refused: (/** @type {string} */ service) => `${service} failed without a reason.`,
     refusedUnread: "no answer, or the server refused this page; its log says why",
   },
   token: {
@@ -182,8 +164,7 @@ export const TEXTS = {
     title: "Ego",
     none: "–",
     choice: "Ego",
-    /** @param {number} number */
-    egoName: (number) => (number > 1 ? `Ego ${number}` : "Ego 1 (first)"),
+    egoName: (/** @type {number} */ number) => (number > 1 ? `Ego ${number}` : "Ego 1 (first)"),
     speedUnit: "km/h",
     throttle: "Throttle",
     brake: "Brake",
@@ -192,31 +173,23 @@ export const TEXTS = {
     /** @type {Record<string, string>} */
     drivers: { "self-driving": "drives itself", replay: "a recording", nobody: "nobody" },
     thisPage: "this page",
-    /** @param {string} driver */
-    headerDriver: (driver) => `Driver: ${driver}`,
-    /** @param {string} address */
-    client: (address) => `client ${address}`,
+    headerDriver: (/** @type {string} */ driver) => `Driver: ${driver}`,
+    client: (/** @type {string} */ address) => `client ${address}`,
     place: "Place",
     heading: "Heading",
     lane: "Lane",
     offRoad: "on no lane",
     gears: "Gear",
-    /** @param {string} gear */
-    setGear: (gear) => `Gear ${gear}`,
-    /** @param {string} degrees @param {number} side - positive to the left */
-    wheelAngle: (degrees, side) => (side === 0 ? "straight" : `${degrees}° ${side > 0 ? "left" : "right"}`),
-    /** @param {string} angle */
-    wheelName: (angle) => `Steering wheel: front wheels ${angle}`,
-    /** @param {string} x @param {string} y @param {string} z */
-    placeText: (x, y, z) => `${x}, ${y}, ${z} m`,
-    /** @param {string} degrees */
-    headingText: (degrees) => `${degrees}°`,
+    setGear: (/** @type {string} */ gear) => `Gear ${gear}`,
+    wheelAngle: (/** @type {string} */ degrees, /** @type {number} */ side) => (side === 0 ? "straight" : `${degrees}° ${side > 0 ? "left" : "right"}`),
+    wheelName: (/** @type {string} */ angle) => `Steering wheel: front wheels ${angle}`,
+    placeText: (/** @type {string} */ x, /** @type {string} */ y, /** @type {string} */ z) => `${x}, ${y}, ${z} m`,
+    headingText: (/** @type {string} */ degrees) => `${degrees}°`,
     lamps: { left: "Left signal", right: "Right signal", brake: "Brake lights", reverse: "Reversing lights" },
     lampSigns: { left: "◀", right: "▶", brake: "■", reverse: "R", hazard: "◀▶" },
     lampsGroup: "Signals",
     lampButtons: { left: "Left turn signal", right: "Right turn signal", hazard: "Hazard lights" },
-    /** @param {string} name @param {boolean} isOn */
-    lampName: (name, isOn) => `${name}: ${isOn ? "on" : "off"}`,
+    lampName: (/** @type {string} */ name, /** @type {boolean} */ isOn) => `${name}: ${isOn ? "on" : "off"}`,
     /** @type {Record<number, string>} */
     modes: { 1: "keyboard (1)", 2: "game pad (2)", 3: "program (3)", 6: "drives itself (6)" },
     /** @type {Record<number, string>} */
@@ -234,14 +207,10 @@ export const TEXTS = {
     none: "–",
     noSecond: "alone",
     secondHint: "A second signal in this chart, with its own range at the right",
-    /** @param {string} label */
-    second: (label) => `Second signal in the chart of ${label}`,
-    /** @param {string} label */
-    chart: (label) => `Chart of ${label}, last two minutes; arrow keys move the cursor`,
-    /** @param {string} value @param {string} secondsAgo */
-    reading: (value, secondsAgo) => `${value}, ${secondsAgo} s ago`,
-    /** @param {string} label */
-    remove: (label) => `Remove the chart of ${label}`,
+    second: (/** @type {string} */ label) => `Second signal in the chart of ${label}`,
+    chart: (/** @type {string} */ label) => `Chart of ${label}, last two minutes; arrow keys move the cursor`,
+    reading: (/** @type {string} */ value, /** @type {string} */ secondsAgo) => `${value}, ${secondsAgo} s ago`,
+    remove: (/** @type {string} */ label) => `Remove the chart of ${label}`,
     full: "Six charts are the most. Remove one first.",
   },
   view: {
@@ -263,12 +232,9 @@ export const TEXTS = {
     copy: { label: "Copy link", title: "Copy a link to this scenario, camera, object and panel; a token is never in it" },
     copied: "Copied:",
     link: {
-      /** @param {string} name @param {string} value @param {string} expected */
-      problem: (name, value, expected) => (expected ? `The link has ${name}=${value}: expected ${expected}.` : `The link has ${name}, which this page does not know.`),
-      /** @param {number} id */
-      noEntity: (id) => `The link follows ${id}, which is not in this scene.`,
-      /** @param {string} name */
-      title: (name) => `Load the scenario ${name}?`,
+      problem: (/** @type {string} */ name, /** @type {string} */ value, /** @type {string} */ expected) => (expected ? `The link has ${name}=${value}: expected ${expected}.` : `The link has ${name}, which this page does not know.`),
+      noEntity: (/** @type {number} */ id) => `The link follows ${id}, which is not in this scene.`,
+      title: (/** @type {string} */ name) => `Load the scenario ${name}?`,
       body: "The link wants this scenario. It replaces the world of all clients of this server.",
       confirm: "Load",
     },
@@ -277,33 +243,26 @@ export const TEXTS = {
     title: "Timeline",
     position: "Place in the last two minutes",
     live: "live",
-    /** @param {string} seconds */
-    ago: (seconds) => `-${seconds} s`,
-    /** @param {string} seconds @param {number} frame */
-    banner: (seconds, frame) => `${seconds} s ago, frame ${frame}`,
+    ago: (/** @type {string} */ seconds) => `-${seconds} s`,
+    banner: (/** @type {string} */ seconds, /** @type {number} */ frame) => `${seconds} s ago, frame ${frame}`,
     worldGoesOn: "You see the past.",
     backToLive: { label: "Back to live", title: "Show what happens now" },
     play: { label: "▶", title: "Play from here" },
     hold: { label: "❚❚", title: "Hold" },
     scrollFirst: "Scroll back first: move the slider to the left.",
     marks: { collision: "Collision", red: "Red light passed", lane: "Lane change", refusal: "Refused request" },
-    /** @param {string} kind @param {string} text @param {string} seconds */
-    mark: (kind, text, seconds) => `${kind}, ${seconds} s ago: ${text}`,
-    /** @param {number} count */
-    keep: (count) => (count > 0 ? `Keep snapshots (${count})` : "Keep snapshots"),
+    mark: (/** @type {string} */ kind, /** @type {string} */ text, /** @type {string} */ seconds) => `${kind}, ${seconds} s ago: ${text}`,
+    keep: (/** @type {number} */ count) => (count > 0 ? `Keep snapshots (${count})` : "Keep snapshots"),
     keepHint: "The server keeps a snapshot every 10 s, twelve at most, so that you can branch from the past",
-    /** @param {string} reason */
-    keepFailed: (reason) => `No more snapshots are kept: ${reason}`,
+    keepFailed: (/** @type {string} */ reason) => `No more snapshots are kept: ${reason}`,
     branch: { label: "Branch here …", title: "Return the world to the nearest snapshot, and move it by steps" },
     noSnapshot: "The server has no snapshot of this time. Switch on Keep snapshots before you need one.",
     branchDialog: {
       title: "Branch from the past?",
-      /** @param {number} frame @param {string} seconds */
-      body: (frame, seconds) => `The world of all clients returns to the snapshot of frame ${frame} (${seconds} s from the moment that you see), and stands in synchronous mode of this page. What has happened since then is lost.`,
+      body: (/** @type {number} */ frame, /** @type {string} */ seconds) => `The world of all clients returns to the snapshot of frame ${frame} (${seconds} s from the moment that you see), and stands in synchronous mode of this page. What has happened since then is lost.`,
       confirm: "Branch",
     },
-    /** @param {number} frame */
-    branched: (frame) => `The world stands at frame ${frame}. Step or run it in the panel Time.`,
+    branched: (/** @type {number} */ frame) => `The world stands at frame ${frame}. Step or run it in the panel Time.`,
   },
   driving: {
     title: "Drive",
@@ -315,12 +274,10 @@ export const TEXTS = {
     onInSteps: "You drive: hold the keys, and step with the button or the full stop key.",
     onInStepsTouch: "You drive: hold the pads, and press Step.",
     step: { label: "Step", title: "One step of synchronous mode with the pedals as you hold them; the page becomes its master" },
-    /** @param {number} throttle @param {number} brake @param {string} angle */
-    live: (throttle, brake, angle) => `Throttle ${throttle} %, brake ${brake} %, wheels ${angle}`,
+    live: (/** @type {number} */ throttle, /** @type {number} */ brake, /** @type {string} */ angle) => `Throttle ${throttle} %, brake ${brake} %, wheels ${angle}`,
     endedHidden: "The drive has ended, because the page was hidden. The pedals are up.",
     endedLost: "The drive has ended, because the connection was lost.",
-    /** @param {string} mode */
-    endedMode: (mode) => `The drive has ended, because the control mode of the ego is now: ${mode}.`,
+    endedMode: (/** @type {string} */ mode) => `The drive has ended, because the control mode of the ego is now: ${mode}.`,
     otherEgo: "The drive has not begun, because another ego was chosen.",
     takeMode: "Control mode: program",
     gearDrive: "Gear D",
@@ -328,8 +285,7 @@ export const TEXTS = {
     stopFirst: "Stop first: the gear changes between D and R only while the car stands.",
     steerPad: "Steering pad: move the thumb to the left or right",
     pedalPad: "Pedal pad: upwards is throttle, downwards is brake",
-    /** @param {string} addresses */
-    otherPublishers: (addresses) => `Another client publishes commands for this ego, too: ${addresses}. The latest command holds.`,
+    otherPublishers: (/** @type {string} */ addresses) => `Another client publishes commands for this ego, too: ${addresses}. The latest command holds.`,
     keysTitle: "Keys and game pad",
     keys: [
       ["↑ or W", "throttle"],
@@ -370,8 +326,7 @@ export const TEXTS = {
     large: "Large",
     largeHint: "Show this picture over the map, or back here",
     stop: { label: "Hide cameras and lidars", title: "Listen to them no longer" },
-    /** @param {string} name */
-    lidar: (name) => `The points of ${name} are on the map.`,
+    lidar: (/** @type {string} */ name) => `The points of ${name} are on the map.`,
   },
   time: {
     title: "Time",
@@ -381,13 +336,10 @@ export const TEXTS = {
       unknown: "Not connected",
       running: "Running in real time",
       paused: "Paused",
-      /** @param {boolean} isPaused @returns {string} */
-      replay: (isPaused) => (isPaused ? "Replay, paused" : "Replay"),
-      /** @param {string} master @param {boolean} isPaused */
-      synchronous: (master, isPaused) => `Synchronous, master: ${master}${isPaused ? "; paused" : ""}`,
+      replay: (/** @type {boolean} */ isPaused) => `Replay${isPaused ? ", paused" : ""}`,
+      synchronous: (/** @type {string} */ master, /** @type {boolean} */ isPaused) => `Synchronous, master: ${master}${isPaused ? "; paused" : ""}`,
     },
-    /** @param {number} frame */
-    headerFrame: (frame) => `frame ${frame}`,
+    headerFrame: (/** @type {number} */ frame) => `frame ${frame}`,
     ownMaster: "this page",
     noMaster: "none yet",
     figures: {
@@ -423,42 +375,30 @@ export const TEXTS = {
     },
     resetDone: "The simulation stands at frame 0.",
     factor: "Real-time factor",
-    /** @param {number} factor */
-    factorName: (factor) => (factor === 0 ? "as fast as possible" : `${factor} ×`),
-    /** @param {number} factor */
-    factorDone: (factor) => (factor === 0 ? "The world runs as fast as possible." : `The world runs at ${factor} × real time.`),
-    /** @param {string} label */
-    badNumber: (label) => `${label}: expected a whole number in the range of the field.`,
+    factorName: (/** @type {number} */ factor) => (factor === 0 ? "as fast as possible" : `${factor} ×`),
+    factorDone: (/** @type {number} */ factor) => (factor === 0 ? "The world runs as fast as possible." : `The world runs at ${factor} × real time.`),
+    badNumber: (/** @type {string} */ label) => `${label}: expected a whole number in the range of the field.`,
     snapshots: {
       title: "Snapshots",
       name: "Name",
       nameHint: "the server chooses",
       empty: "No snapshots yet.",
       refreshName: "Read the list of snapshots again",
-      /** @param {string} id */
-      restoreName: (id) => `Go back to ${id}`,
-      /** @param {string} id */
-      removeName: (id) => `Remove ${id}`,
-      /** @param {number} frame @param {number} size */
-      about: (frame, size) => `frame ${frame}, ${(size / 1000).toFixed(0)} kB`,
-      /** @param {string} id @param {number} frame */
-      taken: (id, frame) => `Saved as ${id}, at frame ${frame}.`,
-      /** @param {string} id @param {number} frame */
-      restored: (id, frame) => `Back at ${id}, frame ${frame}.`,
+      restoreName: (/** @type {string} */ id) => `Go back to ${id}`,
+      removeName: (/** @type {string} */ id) => `Remove ${id}`,
+      about: (/** @type {number} */ frame, /** @type {number} */ size) => `frame ${frame}, ${(size / 1000).toFixed(0)} kB`,
+      taken: (/** @type {string} */ id, /** @type {number} */ frame) => `Saved as ${id}, at frame ${frame}.`,
+      restored: (/** @type {string} */ id, /** @type {number} */ frame) => `Back at ${id}, frame ${frame}.`,
     },
     scenarios: {
       title: "Scenarios",
       open: "Scenario: show all, with pictures",
       name: "Name of a scenario",
       noName: "Enter the name of a scenario first.",
-      /** @param {string} name */
-      loadName: (name) => `Load ${name}`,
-      /** @param {string} name */
-      loading: (name) => `The server reads ${name} …`,
-      /** @param {string} name */
-      loaded: (name) => `Loaded ${name}.`,
-      /** @param {string} map @param {number} entities */
-      about: (map, entities) => `${map ? `map ${map}, ` : ""}${entities} ${entities === 1 ? "entity" : "entities"}`,
+      loadName: (/** @type {string} */ name) => `Load ${name}`,
+      loading: (/** @type {string} */ name) => `The server reads ${name} …`,
+      loaded: (/** @type {string} */ name) => `Loaded ${name}.`,
+      about: (/** @type {string} */ map, /** @type {number} */ entities) => `${map ? `map ${map}, ` : ""}${entities} ${entities === 1 ? "entity" : "entities"}`,
       isLoaded: "loaded now",
     },
     replay: {
@@ -472,36 +412,27 @@ export const TEXTS = {
       play: { label: "Play", title: "Play the recording" },
       pause: { label: "Hold", title: "Hold the replay" },
       stop: { label: "End", title: "End the replay; the world returns to its state before" },
-      /** @param {string} name */
-      playTitle: (name) => `Play ${name}`,
-      /** @param {string} seconds */
-      seekTitle: (seconds) => `Replay from ${seconds} s`,
-      /** @param {string} position @param {string} duration */
-      clock: (position, duration) => `${position} / ${duration} s`,
+      playTitle: (/** @type {string} */ name) => `Play ${name}`,
+      seekTitle: (/** @type {string} */ seconds) => `Replay from ${seconds} s`,
+      clock: (/** @type {string} */ position, /** @type {string} */ duration) => `${position} / ${duration} s`,
     },
     actions: {
       pause: "Pause",
       run: "Run",
       take: "Take synchronous mode",
       leave: "Leave synchronous mode",
-      /** @param {number} steps */
-      step: (steps) => (steps === 1 ? "Step" : `${steps} steps`),
+      step: (/** @type {number} */ steps) => (steps === 1 ? "Step" : `${steps} steps`),
       reset: "Reset",
-      /** @param {number} factor */
-      factor: (factor) => `Real-time factor ${factor}`,
+      factor: (/** @type {number} */ factor) => `Real-time factor ${factor}`,
       snapshot: "Snapshot",
-      /** @param {string} id */
-      restore: (id) => `Go back to ${id}`,
-      /** @param {string} id */
-      removeSnapshot: (id) => `Remove snapshot ${id}`,
-      /** @param {string} name */
-      load: (name) => `Load scenario ${name}`,
+      restore: (/** @type {string} */ id) => `Go back to ${id}`,
+      removeSnapshot: (/** @type {string} */ id) => `Remove snapshot ${id}`,
+      load: (/** @type {string} */ name) => `Load scenario ${name}`,
     },
     reasons: {
       notConnected: "Not connected to the simulator.",
       moving: "The world moves by a step of this page.",
-      /** @param {string} name */
-      otherMaster: (name) => `${name} is the master of synchronous mode.`,
+      otherMaster: (/** @type {string} */ name) => `${name} is the master of synchronous mode.`,
       alreadyPaused: "The simulation is paused already.",
       alreadyRuns: "The world runs already.",
       syncStands: "In synchronous mode the world stands between two steps.",
@@ -519,8 +450,7 @@ export const TEXTS = {
     search: "Search the catalogue",
     catalogue: "Model",
     dragHint: "Drag the name beside the button onto the map, or press the button.",
-    /** @param {string} name @param {string} kind @param {number} length @param {number} width */
-    model: (name, kind, length, width) => `${name} (${kind}, ${length.toFixed(1)} × ${width.toFixed(1)} m)`,
+    model: (/** @type {string} */ name, /** @type {string} */ kind, /** @type {number} */ length, /** @type {number} */ width) => `${name} (${kind}, ${length.toFixed(1)} × ${width.toFixed(1)} m)`,
     /** @type {Record<string, string>} */
     kinds: { vehicle: "vehicle", pedestrian: "pedestrian", obstacle: "obstacle" },
     behaviour: "Behaviour",
@@ -537,59 +467,45 @@ export const TEXTS = {
     spawnPick: { label: "Place on the map …", title: "Click the place; drag to turn it" },
     spawnAt: { label: "Place here", title: "Place the object at these coordinates" },
     pickHint: "Click the place of the object. Drag to turn it. Escape gives it up.",
-    /** @param {string} model */
-    spawnTitle: (model) => `Place ${model}`,
-    /** @param {string} model @param {string} ids */
-    spawned: (model, ids) => `${model} is object ${ids}.`,
+    spawnTitle: (/** @type {string} */ model) => `Place ${model}`,
+    spawned: (/** @type {string} */ model, /** @type {string} */ ids) => `${model} is object ${ids}.`,
     undo: { label: "Undo", title: "Take the latest change back" },
     nothingToUndo: "There is no change to take back.",
-    /** @param {string} title */
-    undoTitle: (title) => `Undo: ${title}`,
+    undoTitle: (/** @type {string} */ title) => `Undo: ${title}`,
     /** @type {Record<number, string>} */
     kindNames: { 0: "Ego", 1: "Vehicle", 2: "Pedestrian", 3: "Obstacle" },
-    /** @param {string} kind @param {number} id */
-    objectName: (kind, id) => (kind === "Ego" ? `Ego ${id > 1 ? id : 1}` : `${kind} ${id}`),
-    /** @param {string} name */
-    noneSelected: (name) => `Nothing is selected on the map. Move works on ${name}.`,
+    objectName: (/** @type {string} */ kind, /** @type {number} */ id) => (kind === "Ego" ? `Ego ${id > 1 ? id : 1}` : `${kind} ${id}`),
+    noneSelected: (/** @type {string} */ name) => `Nothing is selected on the map. Move works on ${name}.`,
     selectFirst: "Select an object on the map first.",
     firstEgo: "The first ego cannot be removed.",
     movePick: { label: "Move on the map …", title: "Click the new place; drag to turn it" },
     moveAt: { label: "Move there", title: "Move it to these coordinates" },
     moveHint: "Click the new place. Drag to turn it. Escape gives it up.",
-    /** @param {string} name */
-    moveTitle: (name) => `Move ${name}`,
-    /** @param {string} name */
-    moved: (name) => `${name} stands at its new place.`,
+    moveTitle: (/** @type {string} */ name) => `Move ${name}`,
+    moved: (/** @type {string} */ name) => `${name} stands at its new place.`,
     remove: { label: "Remove", title: "Take it out of the world" },
-    /** @param {string} name */
-    removeTitle: (name) => `Remove ${name}`,
-    /** @param {string} name */
-    removed: (name) => `${name} is removed.`,
+    removeTitle: (/** @type {string} */ name) => `Remove ${name}`,
+    removed: (/** @type {string} */ name) => `${name} is removed.`,
     noLights: "This map has no traffic lights.",
     light: "Light",
     lightGroup: "The light shows",
     lightStates: { red: "Red", yellow: "Yellow", green: "Green", left: "Left", greenLeft: "Green and left", schedule: "Its schedule" },
-    /** @param {string} light @param {string} state */
-    lightTitle: (light, state) => `Light ${light}: ${state}`,
+    lightTitle: (/** @type {string} */ light, /** @type {string} */ state) => `Light ${light}: ${state}`,
   },
   drawn: {
     title: "What programs publish",
     hint: "The map draws Path, Marker, MarkerArray, PoseStamped, Odometry, PointCloud2 and LaserScan, in the frame map or any frame of /tf.",
     empty: "No program publishes one of these types.",
     noMap: "This browser draws no map.",
-    /** @param {string} name */
-    colour: (name) => `Colour of ${name}`,
-    /** @param {string} name */
-    keep: (name) => `How long ${name} is drawn`,
+    colour: (/** @type {string} */ name) => `Colour of ${name}`,
+    keep: (/** @type {string} */ name) => `How long ${name} is drawn`,
     keeps: { 0: "until the next message", 1: "for 1 s", 10: "for 10 s" },
     waiting: "no message yet",
-    /** @param {string} seconds */
-    age: (seconds) => `${seconds} s old`,
+    age: (/** @type {string} */ seconds) => `${seconds} s old`,
     notes: {
       refused: "The server does not let this page subscribe to it.",
       bytes: "Switched off: it brought more than 4 MB in a second.",
-      /** @param {string} frame */
-      frame: (frame) => `The frame ${frame} has no transform to map. Publish it on /tf.`,
+      frame: (/** @type {string} */ frame) => `The frame ${frame} has no transform to map. Publish it on /tf.`,
       cut: "A part is not drawn: it is more than the limits, or of a kind that the map has not.",
     },
   },
@@ -604,17 +520,14 @@ export const TEXTS = {
     empty: "Nothing was done yet. Press a button of this page, and its program appears here.",
     actions: "Latest actions",
     outcomes: { waiting: "under way", done: "done", failed: "refused" },
-    /** @param {string} reason */
-    failed: (reason) => `refused: ${reason}`,
+    failed: (/** @type {string} */ reason) => `refused: ${reason}`,
     syncEnds: "Synchronous mode ends when this program disconnects: send the ticks here, with this user_id.",
     syncShell: "A master must stay connected. This command starts the mode, does one step, and ends the mode.",
   },
   graph: {
     title: "Graph",
-    /** @param {number} count */
-    more: (count) => `${count} more: search for them.`,
-    /** @param {string} type @param {string} reason */
-    noDefinition: (type, reason) => `No fields for ${type}: ${reason}. Write JSON text.`,
+    more: (/** @type {number} */ count) => `${count} more: search for them.`,
+    noDefinition: (/** @type {string} */ type, /** @type {string} */ reason) => `No fields for ${type}: ${reason}. Write JSON text.`,
     topics: {
       title: "Topics",
       search: "Search topics, types",
@@ -653,8 +566,7 @@ export const TEXTS = {
     image: {
       label: "Image of the topic",
       unknown: "The browser cannot show this format. It shows PNG, JPEG and WebP.",
-      /** @param {number} width @param {number} height */
-      size: (width, height) => `${width} × ${height} pixels`,
+      size: (/** @type {number} */ width, /** @type {number} */ height) => `${width} × ${height} pixels`,
     },
     form: {
       json: "Write as JSON",
@@ -664,22 +576,18 @@ export const TEXTS = {
       other: "another value",
       add: "Add",
       remove: "Remove",
-      /** @param {number} count */
-      items: (count) => `a list of at most ${count} messages; longer ones as JSON`,
-      /** @param {string} path @param {string} what */
-      expected: (path, what) => `${path}: expected ${what}`,
+      items: (/** @type {number} */ count) => `a list of at most ${count} messages; longer ones as JSON`,
+      expected: (/** @type {string} */ path, /** @type {string} */ what) => `${path}: expected ${what}`,
       notObject: "Expected a JSON object, such as {}",
       list: "a JSON list, such as [1, 2]",
-      /** @param {number} count */
-      listOf: (count) => `a JSON list of ${count}`,
+      listOf: (/** @type {number} */ count) => `a JSON list of ${count}`,
     },
     publish: {
       title: "Publish a message",
       label: "Publish",
       hint: "Publish this message once",
       done: "Published.",
-      /** @param {string} topic */
-      action: (topic) => `Publish ${topic}`,
+      action: (/** @type {string} */ topic) => `Publish ${topic}`,
     },
     services: {
       title: "Services",
@@ -692,10 +600,8 @@ export const TEXTS = {
       call: "Call",
       answer: "Answer",
       emptyAnswer: "Done. The answer has no fields.",
-      /** @param {string} service */
-      action: (service) => `Call ${service}`,
-      /** @param {string} type */
-      aboutAction: (type) => `${type || "actionlib"}: an action. Send goals with a program.`,
+      action: (/** @type {string} */ service) => `Call ${service}`,
+      aboutAction: (/** @type {string} */ type) => `${type || "actionlib"}: an action. Send goals with a program.`,
     },
     clients: {
       title: "Clients",
@@ -705,23 +611,20 @@ export const TEXTS = {
       address: "Address",
       thisPage: "this page",
       bridges: "Remote bridges",
-      /** @param {string} url @param {number} seconds */
-      bridge: (url, seconds) => `Attached to ${url}: messages are ${seconds.toFixed(2)} s old when it handles them`,
+      bridge: (/** @type {string} */ url, /** @type {number} */ seconds) => `Attached to ${url}: messages are ${seconds.toFixed(2)} s old when it handles them`,
       time: "Connected",
       received: "Frames in",
       refused: "Refused",
       sent: "Sent",
       waiting: "Waiting",
       held: "Memory",
-      /** @param {string} topic @param {number} count */
-      lost: (topic, count) => `lost ${count} of ${topic}`,
+      lost: (/** @type {string} */ topic, /** @type {number} */ count) => `lost ${count} of ${topic}`,
     },
   },
   log: {
     title: "Log",
     hint: "Refused requests of all clients, and messages to this page; log lines while this panel is shown.",
-    /** @param {number} count */
-    unseen: (count) => `${count} new ${count === 1 ? "mistake" : "mistakes"}`,
+    unseen: (/** @type {number} */ count) => `${count} new ${count === 1 ? "mistake" : "mistakes"}`,
     openLog: "Open the log",
     level: "Level",
     levels: { debug: "Debug", info: "Info", warning: "Warning", error: "Error" },

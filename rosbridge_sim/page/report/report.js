@@ -9,12 +9,7 @@
 "use strict";
 
 (() => {
-  /**
-   * @template {HTMLElement} T
-   * @param {string} id
-   * @param {new () => T} kind
-   * @returns {T}
-   */
+  /** @template {HTMLElement} T @param {string} id @param {new () => T} kind @returns {T} */
   function byId(id, kind) {
     const found = document.getElementById(id);
     if (!(found instanceof kind)) {throw new Error(`no ${id}`);}
@@ -263,13 +258,7 @@
     return `${across.value} across, ${up.value} up; ${named}`;
   }
 
-  /**
-   * @param {CanvasRenderingContext2D} pen
-   * @param {Box} box
-   * @param {number[]} rows
-   * @param {number[]} xs
-   * @param {number[]} ys
-   */
+  /** @param {CanvasRenderingContext2D} pen @param {Box} box @param {number[]} rows @param {number[]} xs @param {number[]} ys */
   function drawPoints(pen, box, rows, xs, ys) {
     const [left, right] = rangeOf(xs);
     const [low, high] = rangeOf(ys);

@@ -22,8 +22,7 @@ export function lampHeight(shape) {
 
 /**
  * Make the vertices of a form.
- * @param {keyof typeof bodies} name
- * @returns {Float32Array} along, across, up and the part, see shaders.js
+ * @param {keyof typeof bodies} name @returns {Float32Array} along, across, up and the part, see shaders.js
  */
 export function makeBody(name) {
   const { vertices, triangles, parts } = bodies[name];

@@ -32,12 +32,8 @@ function addTrails(lines, trails, origin) {
 
 /**
  * Add a frame around an entity.
- * @param {LineBuffer} lines
- * @param {import("../scene/store.js").SceneState} state
- * @param {import("./picking.js").Poses} poses
- * @param {number} row
- * @param {Place} origin
- * @param {number} pixel - size of a pixel on the ground [m]
+ * @param {LineBuffer} lines @param {import("../scene/store.js").SceneState} state @param {import("./picking.js").Poses} poses
+ * @param {number} row @param {Place} origin @param {number} pixel - size of a pixel on the ground [m]
  */
 function addFrame(lines, state, poses, row, origin, pixel) {
   const [cos, sin] = [Math.cos(poses.heading[row]), Math.sin(poses.heading[row])];
@@ -55,11 +51,8 @@ function addFrame(lines, state, poses, row, origin, pixel) {
 
 /**
  * Add a ring around each new collision.
- * @param {LineBuffer} lines
- * @param {import("../scene/contacts.js").Contact[]} contacts
- * @param {Place} origin
- * @param {number} now - [ms]
- * @param {boolean} isStill - rings do not grow
+ * @param {LineBuffer} lines @param {import("../scene/contacts.js").Contact[]} contacts @param {Place} origin
+ * @param {number} now - [ms] @param {boolean} isStill - rings do not grow
  */
 function addContacts(lines, contacts, origin, now, isStill) {
   for (const contact of contacts) {
@@ -70,13 +63,7 @@ function addContacts(lines, contacts, origin, now, isStill) {
   }
 }
 
-/**
- * @param {LineBuffer} lines
- * @param {Place} middle
- * @param {Place} origin
- * @param {number} radius - [m]
- * @param {number} material
- */
+/** @param {LineBuffer} lines @param {Place} middle @param {Place} origin @param {number} radius - [m] @param {number} material */
 function addRing(lines, middle, origin, radius, material) {
   const angles = Array.from({ length: 28 }, (_, i) => (i * 2 * Math.PI) / 28);
   const x = angles.map((angle) => middle.x - origin.x + radius * Math.cos(angle));
@@ -84,12 +71,7 @@ function addRing(lines, middle, origin, radius, material) {
   lines.addLine(x, y, new Array(28).fill(middle.z - origin.z), { width: 0.2, minPixels: 2.5, material }, { isClosed: true });
 }
 
-/**
- * Add a line through places that the user chose.
- * @param {LineBuffer} lines
- * @param {Place[]} places
- * @param {Place} origin
- */
+/** Add a line through places that the user chose. @param {LineBuffer} lines @param {Place[]} places @param {Place} origin */
 function addMeasure(lines, places, origin) {
   const [x, y, z] = [
     places.map((place) => place.x - origin.x),
@@ -104,8 +86,7 @@ function addMeasure(lines, places, origin) {
 
 /**
  * Fill the buffer of all these lines, if one of them has changed.
- * @param {import("./map_view.js").MapView} view
- * @param {import("../scene/contacts.js").Contact[]} fresh - that are marked now
+ * @param {import("./map_view.js").MapView} view @param {import("../scene/contacts.js").Contact[]} fresh - that are marked now
  */
 export function fillLines(view, fresh) {
   const { lines, renderer, scene, poses } = view;

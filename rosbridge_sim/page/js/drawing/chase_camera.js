@@ -69,8 +69,7 @@ export class ChaseCamera {
 
   /**
    * Follow a pose.
-   * @param {CameraTarget} target
-   * @param {number} seconds - since the last time; 0 places the camera behind the target at once
+   * @param {CameraTarget} target @param {number} seconds - since the last time; 0 places the camera behind the target at once
    * @returns {boolean} the camera still turns
    */
   follow(target, seconds) {
@@ -165,8 +164,7 @@ export class ChaseCamera {
   }
 
   /**
-   * @param {number} px
-   * @param {number} py
+   * @param {number} px @param {number} py
    * @returns {{x: number, y: number} | null} place on the ground under a point of the screen; null: it is the sky
    */
   placeAt(px, py) {

@@ -16,10 +16,8 @@ const LEAST_PERSON = 7;
 
 /**
  * Fill the layers with all entities on the screen.
- * @param {EntityLayer[]} layers - one for each of `FORMS`
- * @param {SceneState | null} state
- * @param {import("./picking.js").Poses} poses - as drawn
- * @param {{x: number, y: number, z: number}} origin
+ * @param {EntityLayer[]} layers - one for each of `FORMS` @param {SceneState | null} state
+ * @param {import("./picking.js").Poses} poses - as drawn @param {{x: number, y: number, z: number}} origin
  * @param {ArrayLike<number>} view - from buffers to the clip space
  * @param {number} pixel - size of a pixel by the fourth clip coordinate [m]
  * @param {number} [hidden] - row that is not drawn: the camera is in it

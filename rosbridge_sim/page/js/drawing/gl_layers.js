@@ -54,8 +54,7 @@ class InstanceBuffer {
   }
 
   /**
-   * @param {number} place - of the attribute
-   * @param {number} size - its numbers
+   * @param {number} place - of the attribute @param {number} size - its numbers
    * @param {number} at - its first number in an instance
    */
   attribute(place, size, at) {
@@ -128,8 +127,7 @@ export const ENTITY_FLOATS = 16;
 /** Entities with one mesh, and the rectangles of their shadows. */
 export class EntityLayer {
   /**
-   * @param {WebGL2RenderingContext} gl
-   * @param {Float32Array} mesh
+   * @param {WebGL2RenderingContext} gl @param {Float32Array} mesh
    * @param {readonly [number, number]} lampHeight - where lamps are, as shares of the height
    */
   constructor(gl, mesh, lampHeight) {

@@ -3,8 +3,7 @@
 /** A linked program. */
 export class GlProgram {
   /**
-   * @param {WebGL2RenderingContext} gl
-   * @param {{vertex: string, fragment: string}} sources
+   * @param {WebGL2RenderingContext} gl @param {{vertex: string, fragment: string}} sources
    * @throws {Error} it does not compile; the text has the driver's reason
    */
   constructor(gl, sources) {

@@ -46,11 +46,7 @@ export function listenToPointers(view) {
 }
 
 /**
- * @param {MapView} view
- * @param {Point} start
- * @param {Point} now
- * @param {boolean} isDone
- * @returns {boolean} a tool has taken it
+ * @param {MapView} view @param {Point} start @param {Point} now @param {boolean} isDone @returns {boolean} a tool has taken it
  */
 function drawWithTool(view, start, now, isDone) {
   const { camera, tool } = view;
@@ -100,8 +96,7 @@ function entityAt(view, { x, y }) {
 
 /**
  * Take things that are dropped on the map.
- * @param {import("./map_view.js").MapView} view
- * @param {string} kind - of `DataTransfer`
+ * @param {import("./map_view.js").MapView} view @param {string} kind - of `DataTransfer`
  * @param {(place: import("./gestures.js").Point) => void} take
  */
 export function listenToDrops(view, kind, take) {

@@ -36,10 +36,8 @@ export class PlaceTool {
   }
 
   /**
-   * @param {Point | null} start - place in the map's frame; null: the sky
-   * @param {Point | null} now
-   * @param {number} pixels - length of the drag
-   * @param {boolean} isDone
+   * @param {Point | null} start - place in the map's frame; null: the sky @param {Point | null} now
+   * @param {number} pixels - length of the drag @param {boolean} isDone
    */
   drag(start, now, pixels, isDone) {
     if (start === null) {
@@ -60,8 +58,7 @@ export class PlaceTool {
 
 /**
  * Return the places of the tool, with the pointer as the second one of a distance that is not complete.
- * @param {import("./map_view.js").MapView} view
- * @returns {Point[]}
+ * @param {import("./map_view.js").MapView} view @returns {Point[]}
  */
 export function measuredPlaces({ tool, pointer, camera }) {
   const places = tool?.places ?? [];
@@ -77,8 +74,7 @@ const LENGTH_ABOVE = 14;
 
 /**
  * Return the label of a measured distance.
- * @param {import("./map_view.js").MapView} view
- * @returns {import("./labels.js").Label[]}
+ * @param {import("./map_view.js").MapView} view @returns {import("./labels.js").Label[]}
  */
 export function toolLabels(view) {
   const [a, b] = measuredPlaces(view);

@@ -35,13 +35,9 @@ export class MapView {
   onLight = this.lights.add;
 
   /**
-   * @param {object} parts
-   * @param {SceneStore} parts.scene
-   * @param {import("../scene/contacts.js").ContactList} parts.contacts
-   * @param {import("../scene/drawn_topics.js").DrawnTopics} parts.drawn
-   * @param {import("../layout.js").Texts} parts.texts
-   * @param {WebGL2RenderingContext} parts.gl - of the canvas
-   * @param {HTMLCanvasElement} parts.canvas
+   * @param {object} parts @param {SceneStore} parts.scene @param {import("../scene/contacts.js").ContactList} parts.contacts
+   * @param {import("../scene/drawn_topics.js").DrawnTopics} parts.drawn @param {import("../layout.js").Texts} parts.texts
+   * @param {WebGL2RenderingContext} parts.gl - of the canvas @param {HTMLCanvasElement} parts.canvas
    */
   constructor({ scene, contacts, drawn, texts, gl, canvas }) {
     this.scene = scene;
@@ -112,11 +108,7 @@ export class MapView {
     });
   }
 
-  /**
-   * Take things that are dropped on the map.
-   * @param {string} kind - of `DataTransfer`
-   * @param {(place: Point) => void} take
-   */
+  /** Take things that are dropped on the map. @param {string} kind - of `DataTransfer` @param {(place: Point) => void} take */
   onDrop(kind, take) {
     listenToDrops(this, kind, take);
   }

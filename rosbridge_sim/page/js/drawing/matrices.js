@@ -19,11 +19,8 @@ export function multiply(a, b) {
 }
 
 /**
- * @param {number} fieldOfView - from the lower to the upper edge [rad]
- * @param {number} aspect - width by height
- * @param {number} near - [m]
- * @param {number} far - [m]
- * @returns {Matrix}
+ * @param {number} fieldOfView - from the lower to the upper edge [rad] @param {number} aspect - width by height
+ * @param {number} near - [m] @param {number} far - [m] @returns {Matrix}
  */
 export function perspective(fieldOfView, aspect, near, far) {
   const scale = 1 / Math.tan(0.5 * fieldOfView);

@@ -49,8 +49,7 @@ export class MeshLayer {
 
   /**
    * Draw the parts that are on the screen.
-   * @param {import("./gl_program.js").GlProgram} program
-   * @param {{x: number, y: number, z: number}} origin
+   * @param {import("./gl_program.js").GlProgram} program @param {{x: number, y: number, z: number}} origin
    * @param {ArrayLike<number>} view - from buffers to the clip space
    */
   draw(program, origin, view) {

@@ -7,11 +7,8 @@
 
 /**
  * Find the nearest entity on a ray.
- * @param {SceneState} state - sizes
- * @param {Poses} poses - as drawn
- * @param {Ray} ray
- * @param {number} smallest - each box counts as at least this large [m]
- * @returns {number} row; -1: there is none
+ * @param {SceneState} state - sizes @param {Poses} poses - as drawn @param {Ray} ray
+ * @param {number} smallest - each box counts as at least this large [m] @returns {number} row; -1: there is none
  */
 export function pickEntity(state, poses, ray, smallest) {
   const { origin, direction } = ray;
@@ -38,9 +35,7 @@ export function pickEntity(state, poses, ray, smallest) {
 
 /**
  * Return the distance along a ray to a box around 0, in lengths of its direction.
- * @param {number[]} origin
- * @param {number[]} direction
- * @param {number[]} half - half the sides of the box
+ * @param {number[]} origin @param {number[]} direction @param {number[]} half - half the sides of the box
  * @returns {number} Infinity: the ray misses it
  */
 export function distanceToBox(origin, direction, half) {
@@ -64,11 +59,8 @@ export function distanceToBox(origin, direction, half) {
 /**
  * Find the nearest of some places on the screen.
  * @param {{x: number, y: number, z: number}[]} places
- * @param {{project: (place: {x: number, y: number, z: number}) => {x: number, y: number} | null}} camera
- * @param {number} px
- * @param {number} py
- * @param {number} reach - [pixels]
- * @returns {number} index; -1: none within reach
+ * @param {{project: (place: {x: number, y: number, z: number}) => {x: number, y: number} | null}} camera @param {number} px
+ * @param {number} py @param {number} reach - [pixels] @returns {number} index; -1: none within reach
  */
 export function pickPlaceOnScreen(places, camera, px, py, reach) {
   let nearest = reach;

@@ -39,8 +39,7 @@ export class PlanLayer {
 
   /**
    * Fill the buffers, if something has changed.
-   * @param {import("../scene/drawn_topics.js").DrawnTopics} drawn
-   * @param {{x: number, y: number, z: number}} origin
+   * @param {import("../scene/drawn_topics.js").DrawnTopics} drawn @param {{x: number, y: number, z: number}} origin
    */
   fill(drawn, origin) {
     if (this.version === drawn.version && this.origin === origin) {
@@ -62,8 +61,7 @@ export class PlanLayer {
 
   /**
    * Draw; from above nothing hides it, because many programs leave z at 0.
-   * @param {GlProgram} lineProgram
-   * @param {Record<string, any>} uniforms
+   * @param {GlProgram} lineProgram @param {Record<string, any>} uniforms
    */
   draw(lineProgram, uniforms) {
     const { gl, program, points } = this;

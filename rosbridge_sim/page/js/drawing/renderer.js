@@ -21,10 +21,9 @@ import {
 
 /**
  * What is drawn.
- * @typedef {{camera: TopCamera | ChaseCamera, palette: import("./palette.js").Palette,
- *   state: import("../scene/store.js").SceneState | null, poses: import("./picking.js").Poses,
- *   drawn: import("../scene/drawn_topics.js").DrawnTopics | null, hidden: number}} Picture
- *   hidden: row that the camera is in; drawn: null in the past, of which the page keeps no plans
+ * @typedef
+ * {{camera: TopCamera | ChaseCamera, palette: import("./palette.js").Palette, state: import("../scene/store.js").SceneState | null, poses: import("./picking.js").Poses, drawn: import("../scene/drawn_topics.js").DrawnTopics | null, hidden: number}}
+ * Picture hidden: row that the camera is in; drawn: null in the past, of which the page keeps no plans
  */
 
 /** Arrows are drawn from this scale on, and lanes as lines below that one [pixels/m]. */
@@ -119,10 +118,7 @@ export class Renderer {
     this.mesh = parts && new MeshLayer(this.gl, parts);
   }
 
-  /**
-   * Set the lines that change: trails, marks, a measured distance. Places are relative to `origin`.
-   * @param {LineBuffer} lines
-   */
+  /** Set the lines that change: trails, marks, a measured distance. Places are relative to `origin`. @param {LineBuffer} lines */
   setLines(lines) {
     this.drawn.fill(lines.view());
   }
@@ -184,9 +180,7 @@ export class Renderer {
 
   /**
    * Draw what is painted on the road, and lines that change.
-   * @param {number} scale - [pixels/m]
-   * @param {Record<string, any>} uniforms
-   * @param {boolean} hasPaint - else the mesh has it
+   * @param {number} scale - [pixels/m] @param {Record<string, any>} uniforms @param {boolean} hasPaint - else the mesh has it
    */
   drawMarks(scale, uniforms, hasPaint) {
     const { programs, mapLayers } = this;
@@ -291,10 +285,7 @@ export class Renderer {
     this.bars.fill(lines.view());
   }
 
-  /**
-   * Fill the buffer of the lights that are drawn at a scale, if others were drawn before.
-   * @param {number} scale - [pixels/m]
-   */
+  /** Fill the buffer of the lights that are drawn at a scale, if others were drawn before. @param {number} scale - [pixels/m] */
   fillHeads(scale) {
     const key = `${scale > CAR_LIGHT_SCALE} ${scale > WALK_LIGHT_SCALE}`;
     if (key === this.headKey) {

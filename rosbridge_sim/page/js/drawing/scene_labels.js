@@ -14,16 +14,14 @@ const BESIDE = 15;
 const APART = 24;
 
 /**
- * @param {object} view
- * @param {import("../scene/store.js").SceneStore} view.scene
+ * @param {object} view @param {import("../scene/store.js").SceneStore} view.scene
  * @param {import("./picking.js").Poses} view.poses
  * @param {import("./top_camera.js").TopCamera | import("./chase_camera.js").ChaseCamera} view.camera
  * @param {number} view.leading - row of the entity before the camera, which needs no name; -1: none
  * @param {import("../scene/contacts.js").Contact[]} view.contacts - that are marked now
  * @param {{other: number, time: number}[]} view.meetings - of the followed one
  * @param {{x: number, y: number, z: number, text: string}[]} view.texts - of programs
- * @param {import("../layout.js").Texts["mapView"]} texts
- * @returns {Label[]}
+ * @param {import("../layout.js").Texts["mapView"]} texts @returns {Label[]}
  */
 export function makeSceneLabels({ scene, poses, camera, leading, contacts, meetings, texts: marks }, texts) {
   const { state } = scene;
@@ -73,8 +71,7 @@ export function makeSceneLabels({ scene, poses, camera, leading, contacts, meeti
 
 /**
  * The name of one of both in a collision.
- * @param {import("../scene/contacts.js").Contact} contact
- * @param {number} i - 0 or 1
+ * @param {import("../scene/contacts.js").Contact} contact @param {number} i - 0 or 1
  * @param {import("../layout.js").Texts["mapView"]} texts
  */
 export function contactName({ id, kind, name }, i, texts) {
@@ -85,8 +82,7 @@ export function contactName({ id, kind, name }, i, texts) {
 /**
  * @param {import("../scene/store.js").SceneStore} scene
  * @param {import("./top_camera.js").TopCamera | import("./chase_camera.js").ChaseCamera} camera
- * @param {import("../layout.js").Texts["mapView"]} texts
- * @returns {Label[]}
+ * @param {import("../layout.js").Texts["mapView"]} texts @returns {Label[]}
  */
 function lightLabels({ map, state }, camera, texts) {
   if (map === null || state === null || map.digest !== state.map_digest) {

@@ -50,10 +50,7 @@ export class TopCamera {
     return 1 / this.scale;
   }
 
-  /**
-   * @param {Place} place
-   * @returns {{x: number, y: number, scale: number}} point on the screen, and the scale there [pixels/m]
-   */
+  /** @param {Place} place @returns {{x: number, y: number, scale: number}} point on the screen, and the scale there [pixels/m] */
   project({ x, y }) {
     const [dx, dy] = [x - this.x, y - this.y];
     const [cos, sin] = [Math.cos(this.rotation), Math.sin(this.rotation)];
@@ -86,9 +83,7 @@ export class TopCamera {
 
   /**
    * Zoom; the place under a point of the screen stays there.
-   * @param {number} px
-   * @param {number} py
-   * @param {number} factor - above 1 is nearer
+   * @param {number} px @param {number} py @param {number} factor - above 1 is nearer
    */
   zoomAt(px, py, factor) {
     const before = this.placeAt(px, py);
@@ -98,9 +93,7 @@ export class TopCamera {
 
   /**
    * Turn the picture; the place under a point of the screen stays there.
-   * @param {number} px
-   * @param {number} py
-   * @param {number} angle - counter-clockwise [rad]
+   * @param {number} px @param {number} py @param {number} angle - counter-clockwise [rad]
    */
   rotateAt(px, py, angle) {
     const before = this.placeAt(px, py);
@@ -120,8 +113,7 @@ export class TopCamera {
 
   /**
    * Show a place in the middle, and others around it where the scale allows it.
-   * @param {{x: number, y: number}} middle
-   * @param {{x: number, y: number}[]} others - the nearest one first
+   * @param {{x: number, y: number}} middle @param {{x: number, y: number}[]} others - the nearest one first
    */
   fitAround(middle, others) {
     this.x = middle.x;
@@ -136,8 +128,7 @@ export class TopCamera {
   /**
    * Tell whether a picture of `fitAround`, which the user has not changed, has lost its traffic while the one in its middle
    * stands.
-   * @param {import("../scene/store.js").SceneState} state
-   * @param {number} row - of the one in the middle
+   * @param {import("../scene/store.js").SceneState} state @param {number} row - of the one in the middle
    */
   hasLost(state, row) {
     const isUntouched = this.scale === this.fitted && Math.abs(state.speed[row]) < STANDS_BELOW;
@@ -173,9 +164,7 @@ export class TopCamera {
 
 /**
  * Return the places of the entities nearest to one, for the first picture.
- * @param {import("../scene/store.js").SceneState} state
- * @param {number} row - of the one
- * @returns {{x: number, y: number}[]}
+ * @param {import("../scene/store.js").SceneState} state @param {number} row - of the one @returns {{x: number, y: number}[]}
  */
 export function nearestPlaces(state, row) {
   const away = (/** @type {number} */ other) => Math.hypot(state.x[other] - state.x[row], state.y[other] - state.y[row]);

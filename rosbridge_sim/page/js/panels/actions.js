@@ -8,15 +8,9 @@ import { Takers } from "../wire/takers.js";
 
 /**
  * An action of the user.
- * @typedef {{
- *   number: number,
- *   title: string,
- *   operation: Operation,
- *   count: number,
- *   outcome: "waiting" | "done" | "failed",
- *   reason: string,
- * }} Action
- *   count: so many equal ones in a row; reason: the server's text if it failed
+ * @typedef
+ * {{ number: number, title: string, operation: Operation, count: number, outcome: "waiting" | "done" | "failed", reason: string, }}
+ * Action count: so many equal ones in a row; reason: the server's text if it failed
  */
 
 /** So many actions are kept; more than a user reads, and a driver with a stick cannot fill the memory. */
@@ -47,10 +41,7 @@ export class Actions {
 
   /**
    * Call a service.
-   * @param {string} title for the user
-   * @param {string} service
-   * @param {string} type
-   * @param {Record<string, unknown>} request
+   * @param {string} title for the user @param {string} service @param {string} type @param {Record<string, unknown>} request
    * @param {{timeoutMs?: number}} [options]
    * @returns {Promise<any>} the answer; rejects with the server's reason, also if the answer has `result: false`
    */
@@ -60,10 +51,7 @@ export class Actions {
 
   /**
    * Publish a message.
-   * @param {string} title for the user
-   * @param {string} topic
-   * @param {string} type
-   * @param {Record<string, unknown>} message
+   * @param {string} title for the user @param {string} topic @param {string} type @param {Record<string, unknown>} message
    */
   publish(title, topic, type, message) {
     this.send(title, publishOperation(topic, type, message));
@@ -71,9 +59,7 @@ export class Actions {
 
   /**
    * Carry out an operation that is a call.
-   * @param {string} title for the user
-   * @param {Operation} operation
-   * @param {{timeoutMs?: number}} [options]
+   * @param {string} title for the user @param {Operation} operation @param {{timeoutMs?: number}} [options]
    * @returns {Promise<any>} the answer; rejects with the server's reason, also if the answer has `result: false`
    */
   async run(title, operation, options = {}) {
@@ -109,9 +95,7 @@ export class Actions {
 
   /**
    * Add an action to the list, for a caller that carries it out by itself.
-   * @param {string} title
-   * @param {Operation} operation
-   * @returns {Action}
+   * @param {string} title @param {Operation} operation @returns {Action}
    */
   record(title, operation) {
     this.made += 1;
@@ -133,8 +117,7 @@ export class Actions {
 
 /**
  * The reason of a refusal in an answer: empty if the answer has none, null if it is no refusal.
- * @param {any} answer
- * @returns {string | null}
+ * @param {any} answer @returns {string | null}
  */
 export function refusalOf(answer) {
   const inner = answer?.response ?? answer;

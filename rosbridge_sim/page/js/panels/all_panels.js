@@ -26,8 +26,7 @@ import { makeViewMenu } from "./view_menu.js";
 
 /**
  * Complete the context of the panels.
- * @param {Pick<PanelContext, "connection" | "scene" | "drawn" | "mapView" | "showTab" | "texts">} base
- * @returns {PanelContext}
+ * @param {Pick<PanelContext, "connection" | "scene" | "drawn" | "mapView" | "showTab" | "texts">} base @returns {PanelContext}
  */
 export function makePanelContext(base) {
   const { connection, scene, texts } = base;

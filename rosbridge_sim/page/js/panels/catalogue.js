@@ -120,9 +120,7 @@ export function makeCatalogue(context, undo) {
 
 /**
  * Take the chosen model when it is dragged onto the map.
- * @param {PanelContext} context
- * @param {HTMLElement} handle - that is dragged
- * @param {(place: MapPlace) => void} take
+ * @param {PanelContext} context @param {HTMLElement} handle - that is dragged @param {(place: MapPlace) => void} take
  */
 function listenForDrops({ mapView, ego }, handle, take) {
   if (mapView === null) {

@@ -36,8 +36,7 @@ export function makeDrawnPanel({ drawn, mapView, texts: { drawn: texts } }) {
 }
 
 /**
- * @param {import("../scene/drawn_topics.js").DrawnTopics} drawn
- * @param {DrawnTopic} topic
+ * @param {import("../scene/drawn_topics.js").DrawnTopics} drawn @param {DrawnTopic} topic
  * @param {PanelContext["texts"]["drawn"]} texts
  */
 function makeRow(drawn, topic, texts) {

@@ -38,11 +38,7 @@ export class DriversWatch {
     return this.message?.egos.find((ego) => ego.unique_id === number) ?? null;
   }
 
-  /**
-   * Addresses of the other clients that publish the command of an ego.
-   * @param {number} number of the ego
-   * @returns {string[]}
-   */
+  /** Addresses of the other clients that publish the command of an ego. @param {number} number of the ego @returns {string[]} */
   otherPublishers(number) {
     const publishers = this.ofEgo(number)?.publishers ?? [];
     return publishers.filter((address) => address !== this.ownAddress);

@@ -88,9 +88,7 @@ export class Driving {
   }
 
   /**
-   * @param {string} label
-   * @param {string} className
-   * @param {[string, string]} signs - at its ends
+   * @param {string} label @param {string} className @param {[string, string]} signs - at its ends
    * @param {(x: number, y: number) => Partial<{steer: number, pedal: number}>} take
    */
   makePad(label, className, signs, take) {

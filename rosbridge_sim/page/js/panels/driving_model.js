@@ -69,8 +69,7 @@ export function inputOfKeys(codes) {
 
 /**
  * The wish behind a game pad of the standard layout: right trigger throttle, left trigger brake, left stick steers.
- * @param {{axes: readonly number[], buttons: readonly {value: number}[]}} pad
- * @returns {DriverInput}
+ * @param {{axes: readonly number[], buttons: readonly {value: number}[]}} pad @returns {DriverInput}
  */
 export function inputOfGamepad({ axes, buttons }) {
   const stick = axes[0] ?? 0;
@@ -86,8 +85,7 @@ export function inputOfGamepad({ axes, buttons }) {
 
 /**
  * The wish behind two touch pads: the left one steers, the right one is throttle (up) and brake (down).
- * @param {{steer: number, pedal: number}} pads each -1 to 1; steer is positive to the left, pedal upwards
- * @returns {DriverInput}
+ * @param {{steer: number, pedal: number}} pads each -1 to 1; steer is positive to the left, pedal upwards @returns {DriverInput}
  */
 export function inputOfPads({ steer, pedal }) {
   return {
@@ -116,8 +114,7 @@ export function isHeld({ throttle, brake, steer }) {
 
 /**
  * The largest wheel angle at a speed: the bend then needs no more than SIDEWAYS_LIMIT.
- * @param {number} speed [m/s]
- * @param {number} steerLimit of the car [rad]
+ * @param {number} speed [m/s] @param {number} steerLimit of the car [rad]
  */
 export function steerLimitAt(speed, steerLimit) {
   const squared = speed * speed;
@@ -134,10 +131,8 @@ export class PedalControls {
 
   /**
    * Follow the wish for a while.
-   * @param {DriverInput} input
-   * @param {number} seconds since the last call
-   * @param {{speed: number, steerLimit: number}} car speed [m/s], steering limit [rad]
-   * @returns {PedalCommand}
+   * @param {DriverInput} input @param {number} seconds since the last call
+   * @param {{speed: number, steerLimit: number}} car speed [m/s], steering limit [rad] @returns {PedalCommand}
    */
   update(input, seconds, { speed, steerLimit }) {
     const target = clampInput(input.steer, -1, 1) * steerLimitAt(Math.abs(speed), steerLimit);

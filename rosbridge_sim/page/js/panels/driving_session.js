@@ -18,14 +18,10 @@ const LAST_COMMANDS = 3;
 
 /**
  * What a drive needs from the page; a test gives its own.
- * @typedef {{
- *   send: (operation: Operation) => void,
- *   callInSteps: (operation: Operation) => void,
- *   now: () => number,
- *   car: () => {ego: number, speed: number, steerLimit: number},
- *   isInSteps: () => boolean,
- * }} DrivingPort
- *   callInSteps: for commands while isInSteps; now: [ms]; isInSteps: ticks of this page move the world, so the command goes with the step
+ * @typedef
+ * {{ send: (operation: Operation) => void, callInSteps: (operation: Operation) => void, now: () => number, car: () => {ego: number, speed: number, steerLimit: number}, isInSteps: () => boolean, }}
+ * DrivingPort callInSteps: for commands while isInSteps; now: [ms]; isInSteps: ticks of this page move the world, so the command
+ * goes with the step
  */
 
 export class DrivingSession {

@@ -64,8 +64,7 @@ function connectEgo({ ego, drivers, scene, texts: { ego: texts } }, instruments,
 
 /**
  * Who drives an ego, in words.
- * @param {import("./drivers_watch.js").EgoDriver} ego
- * @param {string} ownAddress of this page
+ * @param {import("./drivers_watch.js").EgoDriver} ego @param {string} ownAddress of this page
  * @param {import("../layout.js").Texts["ego"]} texts
  */
 export function driverText({ driver, client }, ownAddress, texts) {

@@ -1,17 +1,15 @@
 // The values of an ego for the instruments, in SI units, from messages of either release.
 
 /**
- * @typedef {{
- *   time: number, speed: number, acceleration: number, accel: number, brake: number, steering: number,
- *   x: number, y: number, z: number, heading: number,
- * }} EgoValues
- *   time of the stamp [s], speed [m/s], pedals 0 to 1, front wheels [rad], heading [rad] from east; NaN where it is not known
+ * @typedef
+ * {{ time: number, speed: number, acceleration: number, accel: number, brake: number, steering: number, x: number, y: number, z: number, heading: number, }}
+ * EgoValues time of the stamp [s], speed [m/s], pedals 0 to 1, front wheels [rad], heading [rad] from east; NaN where it is not
+ * known
  */
 
 /**
  * @param {any} message `morai_msgs/EgoVehicleStatus` of 22.R2 or 26.R1
- * @param {"rad" | "deg"} [wheelUnit] of `wheel_angle`, which is in degrees with `--profile field`
- * @returns {EgoValues}
+ * @param {"rad" | "deg"} [wheelUnit] of `wheel_angle`, which is in degrees with `--profile field` @returns {EgoValues}
  */
 export function egoValues(message, wheelUnit = "rad") {
   const { header, velocity, acceleration, position } = message;
@@ -32,8 +30,7 @@ export function egoValues(message, wheelUnit = "rad") {
 
 /**
  * Values of an ego whose own topic has sent nothing yet, as in synchronous mode before the first tick.
- * @param {import("../scene/store.js").SceneEgo} ego of the scene's state
- * @returns {EgoValues}
+ * @param {import("../scene/store.js").SceneEgo} ego of the scene's state @returns {EgoValues}
  */
 export function sceneValues({ x, y, z, heading, speed }) {
   return { time: NaN, speed, acceleration: NaN, accel: NaN, brake: NaN, steering: NaN, x, y, z, heading };

@@ -31,10 +31,7 @@ export class EgoWatch {
   /** Be told after another ego was chosen. */
   onChoice = this.choices.add;
 
-  /**
-   * @param {import("../wire/connection.js").Connection} connection
-   * @param {import("../scene/store.js").SceneStore} scene
-   */
+  /** @param {import("../wire/connection.js").Connection} connection @param {import("../scene/store.js").SceneStore} scene */
   constructor(connection, scene) {
     this.connection = connection;
     this.scene = scene;

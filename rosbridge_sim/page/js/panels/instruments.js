@@ -89,8 +89,7 @@ export class Instruments {
   }
 
   /**
-   * @param {number} steering [rad]; NaN: it is not known
-   * @param {number} accel 0 to 1; NaN: it is not known
+   * @param {number} steering [rad]; NaN: it is not known @param {number} accel 0 to 1; NaN: it is not known
    * @param {number} brake the same
    */
   showControls(steering, accel, brake) {

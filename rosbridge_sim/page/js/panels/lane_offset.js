@@ -43,11 +43,9 @@ export class LaneIndex {
 
   /**
    * Find the lane of a point.
-   * @param {number} x [m]
-   * @param {number} y [m]
-   * @param {number} heading [rad]
-   * @returns {{link: string, lateral: number, heading: number} | null} lateral: left of the line is positive [m]; heading
-   *   of the lane [rad]; null beside the road
+   * @param {number} x [m] @param {number} y [m] @param {number} heading [rad]
+   * @returns {{link: string, lateral: number, heading: number} | null} lateral: left of the line is positive [m]; heading of the
+   * lane [rad]; null beside the road
    */
   nearest(x, y, heading) {
     const pieces = this.cells.get(`${laneCell(x)},${laneCell(y)}`) ?? [];

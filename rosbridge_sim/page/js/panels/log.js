@@ -28,9 +28,7 @@ const MOST_TOASTS = 3;
 const TOAST_LENGTH = 240;
 
 /**
- * @param {PanelContext} context
- * @param {import("../layout.js").Layout} layout
- * @returns {{element: HTMLElement, title: string}}
+ * @param {PanelContext} context @param {import("../layout.js").Layout} layout @returns {{element: HTMLElement, title: string}}
  */
 export function makeLogPanel({ connection, scene, showTab, texts: { log: texts } }, layout) {
   const store = new LogStore();

@@ -28,10 +28,7 @@ export class LogStore {
 
   /**
    * Add a line; an equal one after another is counted.
-   * @param {LogLevel} level
-   * @param {string} source
-   * @param {string} text
-   * @param {number} time - [s] since 1970
+   * @param {LogLevel} level @param {string} source @param {string} text @param {number} time - [s] since 1970
    * @param {number} [count] - so many equal ones
    */
   add(level, source, text, time, count = 1) {
@@ -63,9 +60,7 @@ export class LogStore {
 
   /**
    * Return the latest lines of a level or a higher one that have all words, newest first.
-   * @param {LogLevel} level
-   * @param {string} search
-   * @param {number} limit
+   * @param {LogLevel} level @param {string} search @param {number} limit
    */
   find(level, search, limit) {
     const least = LOG_LEVELS.indexOf(level);
@@ -84,9 +79,7 @@ export class LogStore {
 
 /**
  * Return the level of a line of `/rosout`, of either ROS generation.
- * @param {number} level - 1, 2, 4, 8, 16 (ROS 1) or 10, 20, 30, 40, 50 (ROS 2)
- * @param {boolean} isRos2
- * @returns {LogLevel}
+ * @param {number} level - 1, 2, 4, 8, 16 (ROS 1) or 10, 20, 30, 40, 50 (ROS 2) @param {boolean} isRos2 @returns {LogLevel}
  */
 export function rosoutLevel(level, isRos2) {
   const [info, warning, error] = isRos2 ? [20, 30, 40] : [2, 4, 8];
@@ -134,10 +127,7 @@ export class RefusalReader {
 
   /**
    * Take a line of `/rosout`.
-   * @param {LogLevel} level
-   * @param {string} source
-   * @param {string} text
-   * @param {number} time - [s] since 1970
+   * @param {LogLevel} level @param {string} source @param {string} text @param {number} time - [s] since 1970
    */
   takeLine(level, source, text, time) {
     if (!this.isHere || !isAboutRefusal(source, text)) {
@@ -190,19 +180,14 @@ export class RefusalReader {
 /** Texts of refusals that are kept. */
 const KEPT_REFUSALS = 50;
 
-/**
- * Return whether a line of the server's log tells what `/sim/refusals` tells.
- * @param {string} source
- * @param {string} text
- */
+/** Return whether a line of the server's log tells what `/sim/refusals` tells. @param {string} source @param {string} text */
 function isAboutRefusal(source, text) {
   return source === SERVER && REFUSED.test(text);
 }
 
 /**
  * Return whether a refusal has the text of a status; a long one is cut in its middle.
- * @param {string} text
- * @param {string} told
+ * @param {string} text @param {string} told
  */
 function isSameText(text, told) {
   const cut = told.indexOf(" ... ");

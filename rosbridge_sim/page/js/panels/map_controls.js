@@ -16,12 +16,7 @@ const PAN_STEP = 60;
 /** Longest scale bar [pixels]. */
 const SCALE_PIXELS = 120;
 
-/**
- * Make the controls of the map.
- * @param {MapView} view
- * @param {import("../layout.js").Texts} texts
- * @returns {HTMLElement}
- */
+/** Make the controls of the map. @param {MapView} view @param {import("../layout.js").Texts} texts @returns {HTMLElement} */
 export function makeMapControls(view, texts) {
   const { mapView } = texts;
   /** @type {(icon: Parameters<typeof mapIcon>[0], text: string, key: string, act: () => void) => HTMLButtonElement} */
@@ -90,8 +85,7 @@ function showCoordinates(view, node, texts) {
 
 /**
  * Listen to the keys of the map. Others come first: a key that drives the car is no key of the map.
- * @param {MapView} view
- * @param {import("../layout.js").Texts} texts
+ * @param {MapView} view @param {import("../layout.js").Texts} texts
  */
 export function listenToMapKeys(view, texts) {
   /** @type {Record<string, () => void>} */

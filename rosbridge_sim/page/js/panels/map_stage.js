@@ -9,11 +9,10 @@ import { makeObjectCard } from "./object_card.js";
 
 /**
  * Put the map on the stage.
- * @param {{connection: import("../wire/connection.js").Connection, scene: import("../scene/store.js").SceneStore,
- *   drawn: import("../scene/drawn_topics.js").DrawnTopics,
- *   texts: import("../layout.js").Texts}} context
- * @param {HTMLElement} stage
- * @returns {MapView | null} null without WebGL 2
+ * @param
+ * {{connection: import("../wire/connection.js").Connection, scene: import("../scene/store.js").SceneStore, drawn: import("../scene/drawn_topics.js").DrawnTopics, texts: import("../layout.js").Texts}}
+ * context
+ * @param {HTMLElement} stage @returns {MapView | null} null without WebGL 2
  */
 export function makeMapStage(context, stage) {
   const { texts } = context;

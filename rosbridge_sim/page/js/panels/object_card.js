@@ -12,8 +12,7 @@ const ASK_EVERY = 1000;
 /**
  * Make the card.
  * @param {{connection: Connection, scene: SceneStore, texts: import("../layout.js").Texts}} context
- * @param {import("../drawing/map_view.js").MapView | null} view
- * @returns {HTMLElement}
+ * @param {import("../drawing/map_view.js").MapView | null} view @returns {HTMLElement}
  */
 export function makeObjectCard({ connection, scene, texts }, view) {
   return new ObjectCard(connection, scene, texts, view).element;
@@ -22,9 +21,7 @@ export function makeObjectCard({ connection, scene, texts }, view) {
 /** The card. */
 class ObjectCard {
   /**
-   * @param {Connection} connection
-   * @param {SceneStore} scene
-   * @param {import("../layout.js").Texts} texts
+   * @param {Connection} connection @param {SceneStore} scene @param {import("../layout.js").Texts} texts
    * @param {import("../drawing/map_view.js").MapView | null} view
    */
   constructor(connection, scene, texts, view) {

@@ -14,8 +14,7 @@ export const CAMERAS = ["top", "chase", "seat", "orbit"];
 const SCENARIO_NAME = /^[\p{L}\p{N} _./-]{1,200}$/u;
 
 /**
- * @param {string} search of the page's address
- * @param {readonly string[]} panels names of tabs
+ * @param {string} search of the page's address @param {readonly string[]} panels names of tabs
  * @returns {{link: PageLink, problems: {name: string, value: string, expected: string}[]}}
  */
 export function parseLink(search, panels) {
@@ -44,8 +43,7 @@ export function parseLink(search, panels) {
 
 /**
  * The address of a view. Whatever else the page's own address has, such as a token, is left out.
- * @param {string} href of the page
- * @param {PageLink} link
+ * @param {string} href of the page @param {PageLink} link
  */
 export function linkTo(href, { scenario, camera, follow, panel }) {
   const url = new URL(href);

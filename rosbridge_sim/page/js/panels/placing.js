@@ -61,9 +61,7 @@ export class PlaceFields {
 
 /**
  * Let the user choose a place on the map. Without a drag the heading is that of the lane there.
- * @param {PanelContext} context
- * @param {string} hint
- * @returns {Promise<MapPlace | null>} null if the user gave it up
+ * @param {PanelContext} context @param {string} hint @returns {Promise<MapPlace | null>} null if the user gave it up
  */
 export async function pickOnMap({ mapView, ego }, hint) {
   const picked = await mapView?.pickPlace({ hint });
@@ -72,8 +70,7 @@ export async function pickOnMap({ mapView, ego }, hint) {
 
 /**
  * @param {{x: number, y: number, heading: number | null}} picked heading: null without a drag
- * @param {import("./ego_watch.js").EgoWatch} ego
- * @returns {MapPlace}
+ * @param {import("./ego_watch.js").EgoWatch} ego @returns {MapPlace}
  */
 export function withLaneHeading({ x, y, heading }, ego) {
   return { x, y, heading: heading ?? ego.lanes?.nearest(x, y, ego.values?.heading ?? 0)?.heading ?? 0 };

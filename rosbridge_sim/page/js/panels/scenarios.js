@@ -118,8 +118,7 @@ function numEntities(info) {
 
 /**
  * Wait until an element is seen, so that a tab that nobody opens costs the server nothing.
- * @param {HTMLElement} node
- * @returns {Promise<void>}
+ * @param {HTMLElement} node @returns {Promise<void>}
  */
 function seen(node) {
   return new Promise((resolve) => {

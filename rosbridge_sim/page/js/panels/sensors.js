@@ -71,9 +71,7 @@ export function makeSensorsPanel(context) {
 }
 
 /**
- * @param {PanelContext} context
- * @param {SensorInfo} camera
- * @param {SensorInfo[]} cameras - of the ego, which may share a topic
+ * @param {PanelContext} context @param {SensorInfo} camera @param {SensorInfo[]} cameras - of the ego, which may share a topic
  * @param {HTMLElement} place - of the card
  */
 function makeCard({ connection, texts }, camera, cameras, place) {

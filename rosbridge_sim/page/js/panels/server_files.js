@@ -5,10 +5,9 @@ import { Takers } from "../wire/takers.js";
 /** @typedef {import("../wire/connection.js").Connection} Connection */
 
 /**
- * @typedef {{
- *   name: string, map: string, num_egos: number, num_vehicles: number, num_pedestrians: number, num_obstacles: number,
- *   is_loaded: boolean, problem: string,
- * }} ScenarioInfo
+ * @typedef
+ * {{ name: string, map: string, num_egos: number, num_vehicles: number, num_pedestrians: number, num_obstacles: number, is_loaded: boolean, problem: string, }}
+ * ScenarioInfo
  */
 
 /** @typedef {{name: string, size: number}} RecordingInfo */

@@ -61,10 +61,9 @@ export class TimeControls {
   }
 
   /**
-   * Move the world by steps; take synchronous mode first if nobody has it. A pause ends only when the mode is taken, so
-   * the world never moves by itself in between.
-   * @param {number} steps
-   * @param {number} timeStep of the mode, if it is taken now [ms]
+   * Move the world by steps; take synchronous mode first if nobody has it. A pause ends only when the mode is taken, so the
+   * world never moves by itself in between.
+   * @param {number} steps @param {number} timeStep of the mode, if it is taken now [ms]
    */
   async step(steps, timeStep) {
     const { watch, actions, titles } = this;
@@ -115,8 +114,7 @@ export class TimeControls {
   }
 
   /**
-   * @param {string} title
-   * @param {number} status one of REPLAY_COMMANDS
+   * @param {string} title @param {number} status one of REPLAY_COMMANDS
    * @param {{file?: string, startMs?: number, speed?: number}} [options]
    */
   replay(title, status, options) {

@@ -20,11 +20,7 @@ export class TimeWatch {
   changes = new Takers();
   onChange = this.changes.addNow;
 
-  /**
-   * @param {Connection} connection
-   * @param {string} userId of this page
-   * @param {import("./time_state.js").ReasonTexts} texts
-   */
+  /** @param {Connection} connection @param {string} userId of this page @param {import("./time_state.js").ReasonTexts} texts */
   constructor(connection, userId, texts) {
     this.connection = connection;
     this.userId = userId;

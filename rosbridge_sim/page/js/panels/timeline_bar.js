@@ -17,10 +17,8 @@ const BEFORE_MARK = 2;
 const BRANCH_STEP = 20;
 
 /**
- * @param {import("./context.js").PanelContext} context
- * @param {import("./driving.js").Driving} driving
- * @param {HTMLElement} menu at the right end
- * @returns {HTMLElement}
+ * @param {import("./context.js").PanelContext} context @param {import("./driving.js").Driving} driving
+ * @param {HTMLElement} menu at the right end @returns {HTMLElement}
  */
 export function makeTimelineBar({ connection, scene, time, timeControls: controls, texts: { timeline: texts, time: { cancel } } }, driving, menu) {
   const { timeline } = scene;

@@ -15,11 +15,7 @@ const CLIP_BYTES = 100e6;
 const CLIP_RATE = 30;
 const CLIP_BITS = 8e6;
 
-/**
- * @param {PanelContext} context
- * @param {import("../layout.js").Layout} layout
- * @returns {HTMLElement} the button with its menu
- */
+/** @param {PanelContext} context @param {import("../layout.js").Layout} layout @returns {HTMLElement} the button with its menu */
 export function makeViewMenu(context, layout) {
   const { scene, mapView, texts: { view: texts } } = context;
   const notice = new Notice();

@@ -26,8 +26,7 @@ export class ContactList {
 
   /**
    * Forget what has not happened: contacts of later frames than the world is in, after a reset or a snapshot.
-   * @param {number} frame - of the world
-   * @returns {boolean} there were such
+   * @param {number} frame - of the world @returns {boolean} there were such
    */
   dropAfter(frame) {
     const before = this.contacts.length;
@@ -41,8 +40,7 @@ export class ContactList {
   }
 
   /**
-   * @param {number} now - [ms]
-   * @param {number} [frame] - of the past that is shown
+   * @param {number} now - [ms] @param {number} [frame] - of the past that is shown
    * @returns {Contact[]} those that are marked on the map
    */
   fresh(now, frame) {

@@ -35,9 +35,7 @@ export const IDENTITY = Float64Array.of(1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0);
 
 /**
  * Return the matrix of a pose. A quaternion of zeros is no turn: many programs leave it out.
- * @param {Vector} position
- * @param {Vector & {w: number}} orientation
- * @returns {Matrix}
+ * @param {Vector} position @param {Vector & {w: number}} orientation @returns {Matrix}
  */
 export function matrixOf({ x: px, y: py, z: pz }, { x, y, z, w }) {
   const size = x * x + y * y + z * z + w * w;
@@ -92,9 +90,7 @@ export class Sketch {
   }
 
   /**
-   * @param {number} x
-   * @param {number} y
-   * @param {number} z
+   * @param {number} x @param {number} y @param {number} z
    * @returns {[number, number, number] | null} the place relative to the origin
    */
   place(x, y, z) {
@@ -107,9 +103,7 @@ export class Sketch {
 
   /**
    * Add a line through points; it is broken where a point is not finite.
-   * @param {Iterable<[number, number, number]>} points
-   * @param {number} [width] - [m]
-   * @param {number} [material]
+   * @param {Iterable<[number, number, number]>} points @param {number} [width] - [m] @param {number} [material]
    */
   line(points, width = PATH_WIDTH, material = this.colour) {
     const style = { width, minPixels: 2, material };
@@ -166,8 +160,7 @@ export function drawnType(type) {
 
 /**
  * Keep the markers of a topic by their names, as a message changes them.
- * @param {Map<string, any>} kept - is changed; at most `MOST_DRAWN.markers`
- * @param {any} message - a Marker or a MarkerArray
+ * @param {Map<string, any>} kept - is changed; at most `MOST_DRAWN.markers` @param {any} message - a Marker or a MarkerArray
  * @param {(marker: any) => any} prepare - of each new marker
  */
 export function keepMarkers(kept, message, prepare) {

@@ -307,10 +307,7 @@ export class DrawnTopics {
     }
   }
 
-  /**
-   * Draw a topic that the simulator publishes.
-   * @param {string} name @param {string} type @returns {() => void} ends it
-   */
+  /** Draw a topic that the simulator publishes. @param {string} name @param {string} type @returns {() => void} ends it */
   want(name, type) {
     const topic = this.topics.get(name) ?? this.add(name, type);
     this.switch(topic, true);
@@ -337,8 +334,7 @@ export class DrawnTopics {
 
   /**
    * Return what all topics draw now; sketches are made here, so at most once for each picture.
-   * @param {{x: number, y: number, z: number}} origin
-   * @returns {Sketch[]}
+   * @param {{x: number, y: number, z: number}} origin @returns {Sketch[]}
    */
   sketches(origin) {
     const sketches = [];

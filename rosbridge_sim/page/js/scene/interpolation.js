@@ -95,9 +95,7 @@ export class PoseTrack {
 
 /**
  * Return the shorter turn from one heading to another.
- * @param {number} from - [rad]
- * @param {number} to - [rad]
- * @returns {number} from -pi to pi [rad]
+ * @param {number} from - [rad] @param {number} to - [rad] @returns {number} from -pi to pi [rad]
  */
 export function turnBetween(from, to) {
   const turn = (to - from) % (2 * Math.PI);
@@ -106,9 +104,7 @@ export function turnBetween(from, to) {
 
 /**
  * Find each entity in the state before; -1 where it is new or was placed elsewhere.
- * @param {SceneState} before
- * @param {SceneState} state
- * @param {number} seconds - of simulated time between both
+ * @param {SceneState} before @param {SceneState} state @param {number} seconds - of simulated time between both
  * @param {Int32Array} rows - is filled
  */
 function matchRows(before, state, seconds, rows) {

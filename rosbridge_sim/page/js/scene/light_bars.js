@@ -36,9 +36,7 @@ export function lightMaterial(state) {
 
 /**
  * Make the bars of a map. Where lanes with several lights begin at one point, each light has its share of the width.
- * @param {SceneMap} map
- * @param {{x: number, y: number, z: number}} origin
- * @returns {LightBar[]}
+ * @param {SceneMap} map @param {{x: number, y: number, z: number}} origin @returns {LightBar[]}
  */
 export function makeLightBars(map, origin) {
   const rows = new Map(map.lights.map((light, row) => [light.name, row]));
@@ -59,9 +57,7 @@ export function makeLightBars(map, origin) {
 }
 
 /**
- * @param {import("./map_types.js").MapLane} lane
- * @param {number[]} lights
- * @param {{x: number, y: number, z: number}} origin
+ * @param {import("./map_types.js").MapLane} lane @param {number[]} lights @param {{x: number, y: number, z: number}} origin
  * @returns {LightBar[]}
  */
 function barsOf(lane, lights, origin) {

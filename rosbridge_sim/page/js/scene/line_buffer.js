@@ -29,14 +29,8 @@ export class LineBuffer {
 
   /**
    * Add one piece.
-   * @param {number} x0
-   * @param {number} y0
-   * @param {number} z0
-   * @param {number} x1
-   * @param {number} y1
-   * @param {number} z1
-   * @param {LineStyle} style
-   * @param {number} along - distance of the first end along the line [m]
+   * @param {number} x0 @param {number} y0 @param {number} z0 @param {number} x1 @param {number} y1 @param {number} z1
+   * @param {LineStyle} style @param {number} along - distance of the first end along the line [m]
    */
   add(x0, y0, z0, x1, y1, z1, style, along = 0) {
     const at = this.length * PIECE_FLOATS;
@@ -63,10 +57,7 @@ export class LineBuffer {
 
   /**
    * Add a line through points.
-   * @param {ArrayLike<number>} x
-   * @param {ArrayLike<number>} y
-   * @param {ArrayLike<number>} z
-   * @param {LineStyle} style
+   * @param {ArrayLike<number>} x @param {ArrayLike<number>} y @param {ArrayLike<number>} z @param {LineStyle} style
    * @param {{isClosed?: boolean}} [options]
    */
   addLine(x, y, z, style, { isClosed = false } = {}) {
@@ -93,10 +84,8 @@ export class LineBuffer {
 
 /**
  * Move a line to its left.
- * @param {ArrayLike<number>} x
- * @param {ArrayLike<number>} y
- * @param {ArrayLike<number> | number} offset - for each point, left is positive [m]
- * @returns {{x: number[], y: number[]}}
+ * @param {ArrayLike<number>} x @param {ArrayLike<number>} y
+ * @param {ArrayLike<number> | number} offset - for each point, left is positive [m] @returns {{x: number[], y: number[]}}
  */
 export function shiftLine(x, y, offset) {
   const num = x.length;

@@ -79,8 +79,7 @@ export function makeMapGeometry(map) {
 
 /**
  * Tell each lane's kind: ordinary, inside an intersection, or dead end.
- * @param {SceneMap} map
- * @returns {number[]} its material
+ * @param {SceneMap} map @returns {number[]} its material
  */
 export function laneKinds(map) {
   const stops = new Set(map.stop_lines.map((stop) => stop.link));
@@ -99,9 +98,7 @@ function originOf(map) {
 }
 
 /**
- * @template {{x: number[], y: number[], z: number[]}} Line
- * @param {Line} line
- * @param {{x: number, y: number, z: number}} origin
+ * @template {{x: number[], y: number[], z: number[]}} Line @param {Line} line @param {{x: number, y: number, z: number}} origin
  * @returns {Line}
  */
 function moved(line, origin) {
@@ -133,8 +130,7 @@ function divided(lane) {
 
 /**
  * Add a painted line, or two beside each other, by their shapes and colours from left to right.
- * @param {LineBuffer} lines
- * @param {import("./map_types.js").MapBorder} border
+ * @param {LineBuffer} lines @param {import("./map_types.js").MapBorder} border
  */
 function addBorder(lines, border) {
   const num = Math.max(border.shape.length, 1);
@@ -155,9 +151,7 @@ function paintOf(colour) {
 
 /**
  * Add a crosswalk: stripes along the driving direction if it has four corners, and its outline.
- * @param {SurfaceBuffer} stripes
- * @param {LineBuffer} lines
- * @param {{x: number[], y: number[], z: number[]}} area
+ * @param {SurfaceBuffer} stripes @param {LineBuffer} lines @param {{x: number[], y: number[], z: number[]}} area
  */
 function addCrosswalk(stripes, lines, area) {
   /** @type {[number, number, number][]} */
@@ -184,9 +178,7 @@ function addCrosswalk(stripes, lines, area) {
 }
 
 /**
- * @param {[number, number, number]} a
- * @param {[number, number, number]} b
- * @param {number} share
+ * @param {[number, number, number]} a @param {[number, number, number]} b @param {number} share
  * @returns {[number, number, number]}
  */
 function between(a, b, share) {
@@ -214,8 +206,7 @@ function addArrows(arrows, lane) {
 }
 
 /**
- * @param {SurfaceBuffer} arrows
- * @param {{x: number, y: number, z: number, dx: number, dy: number}} place
+ * @param {SurfaceBuffer} arrows @param {{x: number, y: number, z: number, dx: number, dy: number}} place
  * @param {number} size - [m]
  */
 function addArrow(arrows, { x, y, z, dx, dy }, size) {
@@ -227,8 +218,7 @@ function addArrow(arrows, { x, y, z, dx, dy }, size) {
 
 /**
  * Return the point at a distance along a line, with its direction.
- * @param {{x: ArrayLike<number>, y: ArrayLike<number>, z: ArrayLike<number>}} line
- * @param {number} distance - [m]
+ * @param {{x: ArrayLike<number>, y: ArrayLike<number>, z: ArrayLike<number>}} line @param {number} distance - [m]
  * @returns {{x: number, y: number, z: number, dx: number, dy: number} | null} null: the line has no length
  */
 export function pointAlong({ x, y, z }, distance) {

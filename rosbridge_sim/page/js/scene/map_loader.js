@@ -1,6 +1,4 @@
-/**
- * The map from the server, by the pages of `/sim/map`: unlike `map.json` over HTTP, it needs no second proof of a token.
- */
+/** The map from the server, by the pages of `/sim/map`: unlike `map.json` over HTTP, it needs no second proof of a token. */
 
 import { MAP_LISTS } from "./map_types.js";
 

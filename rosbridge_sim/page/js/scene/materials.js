@@ -27,10 +27,7 @@ export const NUM_MATERIALS = 18;
 
 /**
  * Return a colour of its own in place of an index of the palette: a number below 0, which a float holds exactly.
- * @param {number} red - 0 to 1, as all parts
- * @param {number} green
- * @param {number} blue
- * @param {number} alpha
+ * @param {number} red - 0 to 1, as all parts @param {number} green @param {number} blue @param {number} alpha
  */
 export function packedColour(red, green, blue, alpha) {
   const part = (/** @type {number} */ value, /** @type {number} */ most) => Math.round(Math.min(1, Math.max(0, value || 0)) * most);

@@ -21,8 +21,7 @@ const SHADE = 0.68;
 /**
  * Load the mesh of a map.
  * @param {{call: (service: string, request: object, options: {timeoutMs: number}) => Promise<any>}} connection
- * @param {string} mapDigest
- * @returns {Promise<MeshPart[]>} rejects with the server's reason, or if the map has changed
+ * @param {string} mapDigest @returns {Promise<MeshPart[]>} rejects with the server's reason, or if the map has changed
  */
 export async function loadMesh(connection, mapDigest) {
   /** @type {MeshPart[]} */
@@ -39,11 +38,7 @@ export async function loadMesh(connection, mapDigest) {
   return parts;
 }
 
-/**
- * @param {any} page - of `/sim/scene/mesh`
- * @param {ArrayBuffer} data - its data, without compression
- * @returns {MeshPart}
- */
+/** @param {any} page - of `/sim/scene/mesh` @param {ArrayBuffer} data - its data, without compression @returns {MeshPart} */
 export function unpackMesh(page, data) {
   const { num_vertices: numVertices, num_triangles: numTriangles } = page;
   const steps = new Int16Array(data, 0, 3 * numVertices);

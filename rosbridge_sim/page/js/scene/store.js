@@ -108,9 +108,7 @@ export class SceneStore {
 
   /**
    * Return the row of an entity; with a number of an ego and of an object, the ego's.
-   * @param {number | null} id
-   * @param {boolean} [isEgo] - only an ego, or only another entity
-   * @returns {number} -1: there is none
+   * @param {number | null} id @param {boolean} [isEgo] - only an ego, or only another entity @returns {number} -1: there is none
    */
   indexOf(id, isEgo) {
     const { state } = this;

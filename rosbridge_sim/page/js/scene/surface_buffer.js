@@ -18,10 +18,8 @@ export class SurfaceBuffer {
 
   /**
    * Add a band between two lines with equally many points.
-   * @param {{x: ArrayLike<number>, y: ArrayLike<number>}} left
-   * @param {{x: ArrayLike<number>, y: ArrayLike<number>}} right
-   * @param {ArrayLike<number>} z - of both
-   * @param {number} material
+   * @param {{x: ArrayLike<number>, y: ArrayLike<number>}} left @param {{x: ArrayLike<number>, y: ArrayLike<number>}} right
+   * @param {ArrayLike<number>} z - of both @param {number} material
    */
   addBand(left, right, z, material) {
     const first = this.numVertices;

@@ -109,8 +109,7 @@ export class Timeline {
 /**
  * What the way of an ego from one lane to another is.
  * @param {{link: string, successors: string[], left_link: string, right_link: string}} before
- * @param {{link: string, light: string}} after
- * @param {boolean} isRed - the light of the lane behind the change is red
+ * @param {{link: string, light: string}} after @param {boolean} isRed - the light of the lane behind the change is red
  * @returns {MarkKind | null} null: it goes on along its road
  */
 export function kindOfWay(before, after, isRed) {

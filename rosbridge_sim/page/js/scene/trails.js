@@ -23,10 +23,7 @@ export class Trail {
 
   /**
    * Add a place, if it is far enough from the last one.
-   * @param {number} x
-   * @param {number} y
-   * @param {number} z
-   * @param {number} longest - distance above which it is a jump [m]
+   * @param {number} x @param {number} y @param {number} z @param {number} longest - distance above which it is a jump [m]
    */
   add(x, y, z, longest) {
     const { points } = this;

@@ -35,8 +35,7 @@ export class ChartSeries {
 
   /**
    * Add a sample. If time has gone back (a reset, a snapshot), what is later than the sample is forgotten.
-   * @param {number} time simulated [s]
-   * @param {number} value not finite: a gap
+   * @param {number} time simulated [s] @param {number} value not finite: a gap
    */
   push(time, value) {
     while (this.length && this.timeAt(this.length - 1) >= time) {
@@ -104,8 +103,7 @@ export class ChartSeries {
 
 /**
  * A range of values with a round end at each side, which contains 0 and is never narrower than the smallest one.
- * @param {[number, number]} range
- * @param {[number, number]} smallest that a chart shows, so that noise does not fill it
+ * @param {[number, number]} range @param {[number, number]} smallest that a chart shows, so that noise does not fill it
  * @returns {[number, number]}
  */
 export function roundRange([least, most], [smallLeast, smallMost]) {

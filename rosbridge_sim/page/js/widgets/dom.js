@@ -10,10 +10,9 @@ const SVG = "http://www.w3.org/2000/svg";
 
 /**
  * Make an HTML element.
- * @template {keyof HTMLElementTagNameMap} Tag
- * @param {Tag} tag - name of the element
- * @param {Properties} [properties] - such as `{className: "row", "aria-label": "Speed", onclick: stop}`; `style` and
- *   `dataset` are objects
+ * @template {keyof HTMLElementTagNameMap} Tag @param {Tag} tag - name of the element
+ * @param {Properties} [properties] - such as `{className: "row", "aria-label": "Speed", onclick: stop}`; `style` and `dataset`
+ * are objects
  * @param {...Child} children - nodes, and texts that become text nodes; null and undefined are left out
  * @returns {HTMLElementTagNameMap[Tag]}
  */
@@ -28,10 +27,8 @@ export function element(tag, properties = {}, ...children) {
 
 /**
  * Make an SVG element; all properties are attributes.
- * @param {string} tag - name of the element
- * @param {Record<string, string | number>} [attributes] - attributes by name
- * @param {...Child} children - as for `element`
- * @returns {SVGElement}
+ * @param {string} tag - name of the element @param {Record<string, string | number>} [attributes] - attributes by name
+ * @param {...Child} children - as for `element` @returns {SVGElement}
  */
 export function svgElement(tag, attributes = {}, ...children) {
   const node = document.createElementNS(SVG, tag);
@@ -44,8 +41,7 @@ export function svgElement(tag, attributes = {}, ...children) {
 
 /**
  * Put children in place of the ones that a node has.
- * @param {Element} node - the parent
- * @param {...Child} children - as for `element`
+ * @param {Element} node - the parent @param {...Child} children - as for `element`
  */
 export function replaceChildren(node, ...children) {
   node.replaceChildren();
@@ -54,8 +50,7 @@ export function replaceChildren(node, ...children) {
 
 /**
  * Replace the rows of a list. If the keyboard is at a button of the list, it stays at the button of the same number.
- * @param {Element} list
- * @param {HTMLElement} otherwise - gets the keyboard if the new rows have no button
+ * @param {Element} list @param {HTMLElement} otherwise - gets the keyboard if the new rows have no button
  * @param {...Child} rows - as for `element`
  */
 export function replaceRows(list, otherwise, ...rows) {
@@ -69,8 +64,7 @@ export function replaceRows(list, otherwise, ...rows) {
 
 /**
  * Set the text of a node, if it is another one. An equal text would still cost a layout and a screen reader's words.
- * @param {Node} node - the node
- * @param {string} text - its text
+ * @param {Node} node - the node @param {string} text - its text
  */
 export function setText(node, text) {
   if (node.textContent !== text) {

@@ -9,20 +9,9 @@ import { element, replaceChildren, setText } from "./dom.js";
 /** @typedef {import("../wire/types.js").TypeSpec} TypeSpec */
 
 /**
- * @typedef {{
- *   json: string,
- *   fields: string,
- *   jsonLabel: string,
- *   noFields: string,
- *   other: string,
- *   add: string,
- *   remove: string,
- *   items: (count: number) => string,
- *   expected: (path: string, what: string) => string,
- *   notObject: string,
- *   list: string,
- *   listOf: (count: number) => string,
- * }} FormTexts
+ * @typedef
+ * {{ json: string, fields: string, jsonLabel: string, noFields: string, other: string, add: string, remove: string, items: (count: number) => string, expected: (path: string, what: string) => string, notObject: string, list: string, listOf: (count: number) => string, }}
+ * FormTexts
  */
 
 /** A part of the form: one field, with all in it. @typedef {{element: HTMLElement, read: () => any, fill: (value: any) => void}} FieldEditor */
@@ -58,8 +47,7 @@ export class MessageForm {
 
   /**
    * Return the message in the form.
-   * @returns {Record<string, any>}
-   * @throws {FormError} a value is missing or wrong; the form says so, too
+   * @returns {Record<string, any>} @throws {FormError} a value is missing or wrong; the form says so, too
    */
   read() {
     this.showError("");
@@ -115,11 +103,8 @@ function parseObject(text, texts) {
 }
 
 /**
- * @param {TypeDefinition} definition
- * @param {TypeSpec} spec
- * @param {string} path - of the message in the form
- * @param {FormTexts} texts
- * @returns {FieldEditor}
+ * @param {TypeDefinition} definition @param {TypeSpec} spec @param {string} path - of the message in the form
+ * @param {FormTexts} texts @returns {FieldEditor}
  */
 function makeGroup(definition, spec, path, texts) {
   const editors = spec.fields.map((field) => {
@@ -145,12 +130,8 @@ function makeGroup(definition, spec, path, texts) {
 }
 
 /**
- * @param {TypeDefinition} definition
- * @param {TypeSpec} spec - type of the message around the field
- * @param {TypeField} field
- * @param {string} path
- * @param {FormTexts} texts
- * @returns {FieldEditor}
+ * @param {TypeDefinition} definition @param {TypeSpec} spec - type of the message around the field @param {TypeField} field
+ * @param {string} path @param {FormTexts} texts @returns {FieldEditor}
  */
 function makeEditor(definition, spec, field, path, texts) {
   const nested = definition.nested(field);
@@ -181,12 +162,8 @@ function fold(field, content, isOpen) {
 }
 
 /**
- * @param {TypeDefinition} definition
- * @param {TypeSpec} nested - type of the items
- * @param {TypeField} field
- * @param {string} path
- * @param {FormTexts} texts
- * @returns {FieldEditor}
+ * @param {TypeDefinition} definition @param {TypeSpec} nested - type of the items @param {TypeField} field @param {string} path
+ * @param {FormTexts} texts @returns {FieldEditor}
  */
 function makeItems(definition, nested, field, path, texts) {
   /** @type {{editor: FieldEditor, box: HTMLElement}[]} */
@@ -229,10 +206,7 @@ function makeItems(definition, nested, field, path, texts) {
 
 /**
  * A list of values as JSON text.
- * @param {TypeDefinition} definition
- * @param {TypeField} field
- * @param {string} path
- * @param {FormTexts} texts
+ * @param {TypeDefinition} definition @param {TypeField} field @param {string} path @param {FormTexts} texts
  * @returns {FieldEditor}
  */
 function makeListText(definition, field, path, texts) {
@@ -258,12 +232,8 @@ function makeListText(definition, field, path, texts) {
 }
 
 /**
- * @param {TypeDefinition} definition
- * @param {TypeSpec} spec - type of the message around the field
- * @param {TypeField} field
- * @param {string} path
- * @param {FormTexts} texts
- * @returns {FieldEditor}
+ * @param {TypeDefinition} definition @param {TypeSpec} spec - type of the message around the field @param {TypeField} field
+ * @param {string} path @param {FormTexts} texts @returns {FieldEditor}
  */
 function makeBase(definition, spec, field, path, texts) {
   if (field.type === "bool") {
@@ -303,8 +273,7 @@ function makeBase(definition, spec, field, path, texts) {
 
 /**
  * A choice between constants, or another value.
- * @param {import("../wire/types.js").TypeConstant[]} choices
- * @param {HTMLInputElement} input - has the value
+ * @param {import("../wire/types.js").TypeConstant[]} choices @param {HTMLInputElement} input - has the value
  * @param {FormTexts} texts
  */
 function makeChoices(choices, input, texts) {
@@ -330,13 +299,7 @@ function makeChoices(choices, input, texts) {
   return { element: select, update };
 }
 
-/**
- * @param {HTMLInputElement} input
- * @param {boolean} isRight
- * @param {any} value
- * @param {string} reason
- * @returns {any} the value
- */
+/** @param {HTMLInputElement} input @param {boolean} isRight @param {any} value @param {string} reason @returns {any} the value */
 function check(input, isRight, value, reason) {
   if (!isRight) {
     input.setAttribute("aria-invalid", "true");

@@ -2,8 +2,7 @@
 
 /**
  * Begin something when an element is seen, and end it when it is not: behind another tab, folded, or scrolled away.
- * @param {Element} node
- * @param {() => () => void} begin - returns the function that ends it
+ * @param {Element} node @param {() => () => void} begin - returns the function that ends it
  */
 export function whileSeen(node, begin) {
   /** @type {(() => void) | null} */

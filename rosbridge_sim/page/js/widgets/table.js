@@ -7,38 +7,22 @@ import { shownRows } from "./table_rows.js";
 
 /**
  * @template Row
- * @typedef {{
- *   key: string,
- *   title: string,
- *   value: (row: Row) => string | number,
- *   text?: (row: Row) => string,
- *   hint?: (row: Row) => string,
- *   isMinor?: boolean,
- * }} TableColumn
- *   value: sorted by; text: shown, otherwise the value; hint: small second line; isMinor: not on phones
+ * @typedef
+ * {{ key: string, title: string, value: (row: Row) => string | number, text?: (row: Row) => string, hint?: (row: Row) => string, isMinor?: boolean, }}
+ * TableColumn value: sorted by; text: shown, otherwise the value; hint: small second line; isMinor: not on phones
  */
 
 /**
  * @template Row
- * @typedef {{
- *   label: string,
- *   search: string,
- *   empty: string,
- *   more: (count: number) => string,
- *   columns: TableColumn<Row>[],
- *   keyOf: (row: Row) => string,
- *   choose?: (row: Row) => void,
- * }} TableOptions
- *   keyOf: name of a row, which is also what is searched together with all texts
+ * @typedef
+ * {{ label: string, search: string, empty: string, more: (count: number) => string, columns: TableColumn<Row>[], keyOf: (row: Row) => string, choose?: (row: Row) => void, }}
+ * TableOptions keyOf: name of a row, which is also what is searched together with all texts
  */
 
 /** Rows on the screen at most. */
 const MAX_TABLE_ROWS = 300;
 
-/**
- * A table of rows.
- * @template Row
- */
+/** A table of rows. @template Row */
 export class DataTable {
   /** @param {TableOptions<Row>} options - its first column is the name of a row */
   constructor(options) {
@@ -134,10 +118,7 @@ export class DataTable {
   }
 }
 
-/**
- * One row on the screen.
- * @template Row
- */
+/** One row on the screen. @template Row */
 class TableRowView {
   /** @param {TableOptions<Row>} options */
   constructor({ columns, choose }) {

@@ -4,14 +4,11 @@
 
 /**
  * Return the rows that match a search, sorted.
- * @template Row
- * @param {Row[]} rows
+ * @template Row @param {Row[]} rows
  * @param {{value: (row: Row) => string | number, text?: (row: Row) => string, hint?: (row: Row) => string}[]} columns
  * @param {(row: Row) => string} keyOf - name of a row; of two rows with one name, the first is shown
- * @param {string} search - words that a row must have, in any order and case
- * @param {SortOrder} order
- * @param {number} limit - rows at most
- * @returns {{rows: Row[], hidden: number}} hidden: rows beyond the limit
+ * @param {string} search - words that a row must have, in any order and case @param {SortOrder} order
+ * @param {number} limit - rows at most @returns {{rows: Row[], hidden: number}} hidden: rows beyond the limit
  */
 export function shownRows(rows, columns, keyOf, search, order, limit) {
   const words = search.toLowerCase().split(/\s+/).filter(Boolean);
@@ -32,11 +29,9 @@ export function shownRows(rows, columns, keyOf, search, order, limit) {
 }
 
 /**
- * @template Row
- * @param {Row} row
+ * @template Row @param {Row} row
  * @param {{value: (row: Row) => string | number, text?: (row: Row) => string, hint?: (row: Row) => string}[]} columns
- * @param {string} key
- * @param {string[]} words
+ * @param {string} key @param {string[]} words
  */
 function hasWords(row, columns, key, words) {
   if (words.length === 0) {

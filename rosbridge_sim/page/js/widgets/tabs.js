@@ -9,8 +9,7 @@ let numTabGroups = 0;
 /** Tabs, each with a panel. */
 export class Tabs {
   /**
-   * @param {string} label - name of the group, for screen readers
-   * @param {TabName[]} names - the tabs, in order
+   * @param {string} label - name of the group, for screen readers @param {TabName[]} names - the tabs, in order
    * @param {(id: string) => void} [onShow] - called when another tab is shown
    */
   constructor(label, names, onShow = () => undefined) {
@@ -50,9 +49,7 @@ export class Tabs {
 
   /**
    * Show a number at a tab; 0 takes it away.
-   * @param {string} id
-   * @param {number} count
-   * @param {string} label - in words, for screen readers
+   * @param {string} id @param {number} count @param {string} label - in words, for screen readers
    */
   setBadge(id, count, label) {
     const { tab } = this.entry(id);

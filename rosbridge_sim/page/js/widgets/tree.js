@@ -184,8 +184,7 @@ class RowView {
   }
 
   /**
-   * @param {TreeRow} row
-   * @param {boolean} isCurrent - whether the tab key leads to it
+   * @param {TreeRow} row @param {boolean} isCurrent - whether the tab key leads to it
    * @param {string} choose - title of a row that can be chosen
    */
   show(row, isCurrent, choose) {

@@ -4,15 +4,9 @@
  */
 
 /**
- * @typedef {{
- *   path: string,
- *   name: string,
- *   depth: number,
- *   text: string,
- *   kind: "number" | "text" | "other" | "node",
- *   isOpen: boolean,
- * }} TreeRow
- *   path: keys from the root as JSON text; kind: node has children
+ * @typedef
+ * {{ path: string, name: string, depth: number, text: string, kind: "number" | "text" | "other" | "node", isOpen: boolean, }}
+ * TreeRow path: keys from the root as JSON text; kind: node has children
  */
 
 /** Rows at most; more than a person scrolls through, and few enough for five updates a second. */
@@ -42,16 +36,13 @@ class Group {
  * Return the rows of a message.
  * @param {any} message
  * @param {(path: string, depth: number, size: number) => boolean} isOpen - whether a node is open; size: its children
- * @param {number} [limit] - rows at most
- * @returns {{rows: TreeRow[], isCut: boolean}}
+ * @param {number} [limit] - rows at most @returns {{rows: TreeRow[], isCut: boolean}}
  */
 export function treeRows(message, isOpen, limit = MAX_TREE_ROWS) {
   /** @type {TreeRow[]} */
   const rows = [];
   /**
-   * @param {any} value
-   * @param {(string | number)[]} keys
-   * @param {number} depth
+   * @param {any} value @param {(string | number)[]} keys @param {number} depth
    * @returns {boolean} false if there are too many rows
    */
   const addChildren = (value, keys, depth) => {
@@ -80,12 +71,7 @@ export function treeRows(message, isOpen, limit = MAX_TREE_ROWS) {
   return { isCut: !addChildren(message, [], 0), rows };
 }
 
-/**
- * Return the value at a path.
- * @param {any} message
- * @param {string} path - of a row
- * @returns {any} undefined if there is none
- */
+/** Return the value at a path. @param {any} message @param {string} path - of a row @returns {any} undefined if there is none */
 export function valueAtPath(message, path) {
   let value = message;
   for (const key of JSON.parse(path)) {

@@ -118,8 +118,7 @@ class CborReader {
 
   /**
    * Read the number of a head: a value, a length or a tag.
-   * @param {number} info - the last five bits of the head
-   * @returns {number | bigint}
+   * @param {number} info - the last five bits of the head @returns {number | bigint}
    */
   readArgument(info) {
     const at = this.position;
@@ -179,8 +178,7 @@ class CborReader {
 
   /**
    * Read the pieces of a text or byte string of indefinite length.
-   * @param {number} major - major type that each piece must have
-   * @returns {Generator<Uint8Array>}
+   * @param {number} major - major type that each piece must have @returns {Generator<Uint8Array>}
    */
   *readParts(major) {
     for (;;) {
@@ -289,9 +287,7 @@ function readHalf(bits) {
 
 /**
  * Copy bytes into an array of numbers. A copy is needed, because the array must begin at a multiple of its item size.
- * @param {Uint8Array} bytes
- * @param {ArrayKind} kind
- * @param {boolean} isLittleEndian
+ * @param {Uint8Array} bytes @param {ArrayKind} kind @param {boolean} isLittleEndian
  */
 function toTypedArray(bytes, kind, isLittleEndian) {
   const size = kind.BYTES_PER_ELEMENT;

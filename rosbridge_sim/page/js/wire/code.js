@@ -2,10 +2,7 @@
 
 /** @typedef {import("./requests.js").Operation} Operation */
 
-/**
- * The comments in the programs.
- * @typedef {{syncEnds: string, syncShell: string}} CodeTexts
- */
+/** The comments in the programs. @typedef {{syncEnds: string, syncShell: string}} CodeTexts */
 
 /** @typedef {{python: string, javascript: string, shell: string}} Programs */
 
@@ -35,8 +32,7 @@ const JAVASCRIPT_NOTATION = { yes: "true", no: "false", nothing: "null", unit: "
 /**
  * The operation as a program in each of the languages.
  * @param {Operation} operation
- * @param {{address: string, hasToken: boolean, texts: CodeTexts}} options address of the server's socket
- * @returns {Programs}
+ * @param {{address: string, hasToken: boolean, texts: CodeTexts}} options address of the server's socket @returns {Programs}
  */
 export function codeFor(operation, { address, hasToken, texts }) {
   const url = address.replace(/\/$/u, "");
@@ -90,10 +86,7 @@ function pythonToken(hasToken) {
 
 /**
  * A value as a language writes it.
- * @param {unknown} value
- * @param {Notation} notation
- * @param {string} [indent] of the line on which it begins
- * @returns {string}
+ * @param {unknown} value @param {Notation} notation @param {string} [indent] of the line on which it begins @returns {string}
  */
 function codeLiteral(value, notation, indent = "") {
   if (value === null || value === undefined) {
@@ -235,8 +228,7 @@ function shellWord(word) {
 
 /**
  * A replacer for JSON: typed arrays become lists, and numbers that JSON lacks become null.
- * @param {string} _name
- * @param {unknown} value
+ * @param {string} _name @param {unknown} value
  */
 function plainValue(_name, value) {
   if (typeof value === "bigint") {

@@ -33,8 +33,7 @@ const PROBE_SERVICE = "/rosapi/get_time";
 
 /**
  * Return the URL of the socket beside a page: the directory of the page, by ws or wss.
- * @param {{href: string}} location - the place of the page
- * @returns {string}
+ * @param {{href: string}} location - the place of the page @returns {string}
  */
 export function socketUrl(location) {
   const url = new URL(".", location.href);
@@ -109,8 +108,7 @@ export class Connection {
 
   /**
    * Be told of the state: at once, and with each change.
-   * @param {(state: ConnectionState, reason: string) => void} take
-   * @returns {() => void} ends it
+   * @param {(state: ConnectionState, reason: string) => void} take @returns {() => void} ends it
    */
   onState(take) {
     take(this.state, this.reason);
@@ -131,14 +129,11 @@ export class Connection {
   }
 
   /**
-   * Take the messages of a topic, now and after each reconnect. The last message, if one is there, comes at once.
-   * With `encoding: "cbor"` by any taker of the topic, numeric arrays come as typed arrays and `uint8[]` as Uint8Array;
-   * otherwise they are lists and base64 text.
-   * @param {string} topic
-   * @param {string} type - message type; empty takes the topic's own
-   * @param {(message: any) => void} take
-   * @param {Partial<SubscribeOptions>} [options]
-   * @returns {{close: () => void}}
+   * Take the messages of a topic, now and after each reconnect. The last message, if one is there, comes at once. With
+   * `encoding: "cbor"` by any taker of the topic, numeric arrays come as typed arrays and `uint8[]` as Uint8Array; otherwise
+   * they are lists and base64 text.
+   * @param {string} topic @param {string} type - message type; empty takes the topic's own @param {(message: any) => void} take
+   * @param {Partial<SubscribeOptions>} [options] @returns {{close: () => void}}
    */
   subscribe(topic, type, take, options = {}) {
     let subscription = this.topics.get(topic);
@@ -153,9 +148,7 @@ export class Connection {
 
   /**
    * Publish a message, if the page is connected.
-   * @param {string} topic
-   * @param {string} type - message type
-   * @param {object} message
+   * @param {string} topic @param {string} type - message type @param {object} message
    * @returns {boolean} false if the page is not connected; the message is dropped then
    */
   publish(topic, type, message) {
@@ -180,8 +173,7 @@ export class Connection {
 
   /**
    * Call a service.
-   * @param {string} service
-   * @param {object} [request]
+   * @param {string} service @param {object} [request]
    * @param {{timeoutMs?: number}} [options] - longest wait for the answer; 0 is for ever
    * @returns {Promise<any>} the values of the answer
    * @throws {CallError} the call was refused or failed, no answer came in time, or the connection was lost
@@ -282,10 +274,7 @@ export class Connection {
     }
   }
 
-  /**
-   * Wait for a token without a connection, because the server closes one that does not show it soon.
-   * @param {string} reason
-   */
+  /** Wait for a token without a connection, because the server closes one that does not show it soon. @param {string} reason */
   wantToken(reason) {
     sessionStorage.removeItem(TOKEN_KEY);
     this.drop();

@@ -43,8 +43,7 @@ export function publishOperation(name, type, values = {}) {
 
 /**
  * The name of a topic or service of an ego: the first ego has the plain name.
- * @param {number} ego number of the ego
- * @param {string} name with a leading slash
+ * @param {number} ego number of the ego @param {string} name with a leading slash
  */
 export function egoName(ego, name) {
   return ego > 1 ? `/Ego-${ego}${name}` : name;
@@ -69,8 +68,7 @@ export function stopSyncRequest(userId) {
 }
 
 /**
- * @param {string} userId of the master
- * @param {number} steps
+ * @param {string} userId of the master @param {number} steps
  * @param {{ego: number, command: PedalCommand} | null} [driven] the ego that is driven by pedals in all steps
  */
 export function stepRequest(userId, steps, driven = null) {
@@ -148,8 +146,7 @@ export function syncControlRequest(ego, command) {
 
 /**
  * Pedals that the simulator lifts when this page is lost or silent.
- * @param {number} ego
- * @param {number} seconds simulated; 0 ends the lease
+ * @param {number} ego @param {number} seconds simulated; 0 ends the lease
  */
 export function leaseRequest(ego, seconds) {
   return callOperation("/sim/control_lease", "rosbridge_sim_msgs/ControlLease", { unique_id: ego, seconds });
@@ -157,8 +154,7 @@ export function leaseRequest(ego, seconds) {
 
 /**
  * A change of one object or ego.
- * @param {number} id
- * @param {Record<string, unknown>} change fields of ObjectState, with their `set_` flags
+ * @param {number} id @param {Record<string, unknown>} change fields of ObjectState, with their `set_` flags
  */
 export function setRequest(id, change) {
   return callOperation("/sim/set", "rosbridge_sim_msgs/Set", { objects: [{ unique_id: id, ...change }] });
@@ -192,10 +188,9 @@ export function moveRequest(id, place) {
 }
 
 /**
- * @param {string} model name in the catalogue
- * @param {MapPlace & {z?: number}} place
- * @param {{behaviour?: string, speed?: number, desiredSpeed?: number, startWithin?: number, isEgo?: boolean}} [options]
- *   speeds [m/s], start within [m]
+ * @param {string} model name in the catalogue @param {MapPlace & {z?: number}} place
+ * @param {{behaviour?: string, speed?: number, desiredSpeed?: number, startWithin?: number, isEgo?: boolean}} [options] speeds
+ * [m/s], start within [m]
  */
 export function spawnRequest(model, place, options = {}) {
   const { behaviour = "", speed = 0, desiredSpeed = 0, startWithin = 0, isEgo = false } = options;

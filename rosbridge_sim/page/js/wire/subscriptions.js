@@ -22,8 +22,7 @@ export class Taker {
 
   /**
    * Take a message now, or when its time has come; then only the last one.
-   * @param {any} message
-   * @param {boolean} isPaced - the wire brings messages faster than this taker wants them
+   * @param {any} message @param {boolean} isPaced - the wire brings messages faster than this taker wants them
    */
   offer(message, isPaced) {
     const now = performance.now();
@@ -83,9 +82,7 @@ export class TopicSubscription {
 
   /**
    * Add a taker; it gets the last message soon, after the call.
-   * @param {(message: any) => void} take
-   * @param {Partial<SubscribeOptions>} options
-   * @returns {Taker}
+   * @param {(message: any) => void} take @param {Partial<SubscribeOptions>} options @returns {Taker}
    */
   add(take, options) {
     const taker = new Taker(take, { throttleMs: 0, queueLength: 1, encoding: "json", ...options });

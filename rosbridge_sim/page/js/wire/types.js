@@ -48,8 +48,7 @@ const TIME_SPECS = { time: timeSpec("time", "uint32"), duration: timeSpec("durat
 /** The definition of a type, and of the types in it. */
 export class TypeDefinition {
   /**
-   * @param {string} name - name of the type
-   * @param {string} text - its text, followed by those of the types in it
+   * @param {string} name - name of the type @param {string} text - its text, followed by those of the types in it
    * @throws {TypeTextError} a line is no field, constant or comment
    */
   constructor(name, text) {
@@ -78,9 +77,7 @@ export class TypeDefinition {
 
   /**
    * Return a message with default values.
-   * @param {TypeSpec} [spec] - type of the message
-   * @param {number} [depth]
-   * @returns {Record<string, any>}
+   * @param {TypeSpec} [spec] - type of the message @param {number} [depth] @returns {Record<string, any>}
    */
   defaults(spec = this.root, depth = 0) {
     return Object.fromEntries(spec.fields.map((field) => [field.name, this.defaultOf(field, depth)]));
@@ -97,9 +94,7 @@ export class TypeDefinition {
 
   /**
    * Return the default value of one item of an array, or of a field that is none.
-   * @param {TypeField} field
-   * @param {number} [depth]
-   * @returns {any}
+   * @param {TypeField} field @param {number} [depth] @returns {any}
    */
   itemOf(field, depth = 0) {
     const spec = this.nested(field);
@@ -124,9 +119,7 @@ export class TypeTextError extends Error {
 
 /**
  * Return the value that a text has for a base type.
- * @param {string} type - base type
- * @param {string} text
- * @returns {any} number, text or truth value
+ * @param {string} type - base type @param {string} text @returns {any} number, text or truth value
  * @throws {RangeError} the text is no value of the type; the message says what is expected
  */
 export function parseBaseValue(type, text) {
@@ -159,11 +152,9 @@ export function parseBaseValue(type, text) {
 }
 
 /**
- * Constants that are values of a field: those of its type whose names begin with the name of the field; or all of its
- * type, if no other field of the message could have them.
- * @param {TypeSpec} spec - type of the message
- * @param {TypeField} field
- * @returns {TypeConstant[]}
+ * Constants that are values of a field: those of its type whose names begin with the name of the field; or all of its type, if
+ * no other field of the message could have them.
+ * @param {TypeSpec} spec - type of the message @param {TypeField} field @returns {TypeConstant[]}
  */
 export function choicesOf(spec, field) {
   if (field.isArray) {
@@ -213,11 +204,7 @@ function parseType(name, text) {
   return spec;
 }
 
-/**
- * @param {TypeSpec} spec
- * @param {string} line - a field or a constant
- * @param {string} above - comment in the lines before it
- */
+/** @param {TypeSpec} spec @param {string} line - a field or a constant @param {string} above - comment in the lines before it */
 function parseLine(spec, line, above) {
   const constant = CONSTANT.exec(line);
   if (constant) {

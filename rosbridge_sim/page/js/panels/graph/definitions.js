@@ -7,10 +7,7 @@ import { TypeDefinition } from "../../wire/types.js";
 
 /**
  * Make the form for a type. If the server does not tell its definition, it takes JSON text, and says why.
- * @param {PanelContext} context
- * @param {string} type
- * @param {"message" | "request"} part
- * @returns {Promise<MessageForm>}
+ * @param {PanelContext} context @param {string} type @param {"message" | "request"} part @returns {Promise<MessageForm>}
  */
 export async function makeFormOf({ connection, texts: { graph: texts } }, type, part) {
   try {

@@ -10,8 +10,7 @@ import { makeFormOf } from "./definitions.js";
 const BARRIER_SERVICE = "/rosapi/get_time";
 
 /**
- * @param {PanelContext} context
- * @returns {{element: HTMLElement, choose: (topic: {name: string, type: string} | null) => void}}
+ * @param {PanelContext} context @returns {{element: HTMLElement, choose: (topic: {name: string, type: string} | null) => void}}
  */
 export function makePublishForm(context) {
   const { connection, actions, texts: { graph: texts } } = context;

@@ -35,9 +35,7 @@ export function imageKindOf(type) {
 
 /**
  * Return the bytes of a `uint8[]`, which is base64 text in JSON.
- * @param {any} data
- * @returns {Uint8Array<ArrayBuffer>}
- * @throws {RangeError} these are no bytes
+ * @param {any} data @returns {Uint8Array<ArrayBuffer>} @throws {RangeError} these are no bytes
  */
 export function bytesOf(data) {
   if (data instanceof Uint8Array) {
@@ -56,11 +54,7 @@ export function bytesOf(data) {
   throw new RangeError("data: expected bytes");
 }
 
-/**
- * Return the media type of a compressed image.
- * @param {Uint8Array} bytes
- * @returns {string} empty if a browser cannot show it
- */
+/** Return the media type of a compressed image. @param {Uint8Array} bytes @returns {string} empty if a browser cannot show it */
 export function imageTypeOf(bytes) {
   return IMAGE_SIGNATURES.find(([, signature]) => signature.every((byte, index) => bytes[index] === byte))?.[0] ?? "";
 }
@@ -110,9 +104,7 @@ export function rawPixels(message) {
 const HALF_BRIGHT = 12;
 
 /**
- * @param {Uint8Array} bytes - little-endian distances [m]
- * @param {number} step - bytes of a row
- * @param {number} width
+ * @param {Uint8Array} bytes - little-endian distances [m] @param {number} step - bytes of a row @param {number} width
  * @param {number} height
  */
 function depthPixels(bytes, step, width, height) {
