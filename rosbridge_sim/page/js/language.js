@@ -5,7 +5,6 @@ import { TEXTS } from "./texts.js";
 /** @typedef {keyof typeof LANGUAGE_NAMES} Language */
 
 const LANGUAGE_KEY = "rosbridge-sim-language";
-
 /** Each language, in its own words. */
 const LANGUAGE_NAMES = { en: "English", ko: "한국어" };
 

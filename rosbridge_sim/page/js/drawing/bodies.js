@@ -9,7 +9,6 @@ export const FAR_FORM = FORMS.length - 1;
 export const LAST_VEHICLE = FORMS.indexOf("bus");
 /** First vertex of the roof of the distant form, behind those of its four sides: more is not seen from above. */
 export const FAR_ROOF = 24;
-
 /** Lamps on the map, where real ones would not be seen: their place as shares of the height; above 1 there are none. */
 const NO_LAMPS = /** @type {[number, number]} */ ([2, 2]);
 /** @type {[number, number][]} */

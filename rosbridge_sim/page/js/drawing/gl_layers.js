@@ -10,23 +10,41 @@ function makeBuffer(gl, values, target) {
   return buffer;
 }
 
+/**
+ * Make a vertex array of buffers of floats.
+ * @param {WebGL2RenderingContext} gl
+ * @param {[WebGLBuffer | null, number[], number][]} parts - each a buffer, the sizes of its attributes in turn, and their divisor
+ * @param {WebGLBuffer | null} [indices]
+ */
+export function makeVertexArray(gl, parts, indices = null) {
+  const array = gl.createVertexArray();
+  gl.bindVertexArray(array);
+  let place = 0;
+  for (const [buffer, sizes, divisor] of parts) {
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+    const stride = 4 * sizes.reduce((sum, size) => sum + size, 0);
+    let offset = 0;
+    for (const size of sizes) {
+      gl.enableVertexAttribArray(place);
+      gl.vertexAttribPointer(place, size, gl.FLOAT, false, stride, offset);
+      gl.vertexAttribDivisor(place, divisor);
+      offset += 4 * size;
+      place += 1;
+    }
+  }
+  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, indices);
+  gl.bindVertexArray(null);
+  return array;
+}
+
 /** Triangles that never change. */
 export class SurfaceLayer {
   /** @param {WebGL2RenderingContext} gl @param {import("../scene/surface_buffer.js").Surface} surface */
   constructor(gl, { vertices, indices }) {
     this.gl = gl;
     this.count = indices.length;
-    this.array = gl.createVertexArray();
-    gl.bindVertexArray(this.array);
-    this.buffers = [makeBuffer(gl, vertices, gl.ARRAY_BUFFER)];
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 4, gl.FLOAT, false, 0, 0);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, null);
-    const indexBuffer = gl.createBuffer();
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, indexBuffer);
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
-    this.buffers.push(indexBuffer);
-    gl.bindVertexArray(null);
+    this.buffers = [makeBuffer(gl, vertices, gl.ARRAY_BUFFER), makeBuffer(gl, indices, gl.ELEMENT_ARRAY_BUFFER)];
+    this.array = makeVertexArray(gl, [[this.buffers[0] ?? null, [4], 0]], this.buffers[1]);
   }
 
   draw() {
@@ -53,18 +71,6 @@ class InstanceBuffer {
     this.count = 0;
   }
 
-  /**
-   * @param {number} place - of the attribute @param {number} size - its numbers
-   * @param {number} at - its first number in an instance
-   */
-  attribute(place, size, at) {
-    const { gl } = this;
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
-    gl.enableVertexAttribArray(place);
-    gl.vertexAttribPointer(place, size, gl.FLOAT, false, 4 * this.floats, 4 * at);
-    gl.vertexAttribDivisor(place, 1);
-  }
-
   /** @param {Float32Array} values @param {number} count - instances */
   fill(values, count) {
     const { gl } = this;
@@ -86,17 +92,9 @@ export class LineLayer {
   /** @param {WebGL2RenderingContext} gl @param {Float32Array} [values] */
   constructor(gl, values) {
     this.gl = gl;
-    this.array = gl.createVertexArray();
-    gl.bindVertexArray(this.array);
     this.corners = makeBuffer(gl, new Float32Array([0, -1, 1, -1, 0, 1, 1, 1]), gl.ARRAY_BUFFER);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
     this.pieces = new InstanceBuffer(gl, PIECE_FLOATS);
-    this.pieces.attribute(1, 3, 0);
-    this.pieces.attribute(2, 3, 3);
-    this.pieces.attribute(3, 4, 6);
-    this.pieces.attribute(4, 2, 10);
-    gl.bindVertexArray(null);
+    this.array = makeVertexArray(gl, [[this.corners, [2], 0], [this.pieces.buffer, [3, 3, 4, 2], 1]]);
     if (values) {
       this.fill(values);
     }
@@ -179,18 +177,8 @@ export class EntityLayer {
 
   /** @param {Float32Array} vertices */
   makeArray(vertices) {
-    const { gl } = this;
-    const array = gl.createVertexArray();
-    gl.bindVertexArray(array);
-    makeBuffer(gl, vertices, gl.ARRAY_BUFFER);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 4, gl.FLOAT, false, 0, 0);
-    this.entities.attribute(1, 4, 0);
-    this.entities.attribute(2, 4, 4);
-    this.entities.attribute(3, 4, 8);
-    this.entities.attribute(4, 4, 12);
-    gl.bindVertexArray(null);
-    return array;
+    const { gl, entities } = this;
+    return makeVertexArray(gl, [[makeBuffer(gl, vertices, gl.ARRAY_BUFFER), [4], 0], [entities.buffer, [4, 4, 4, 4], 1]]);
   }
 }
 
@@ -199,12 +187,7 @@ export class ScreenLayer {
   /** @param {WebGL2RenderingContext} gl */
   constructor(gl) {
     this.gl = gl;
-    this.array = gl.createVertexArray();
-    gl.bindVertexArray(this.array);
-    makeBuffer(gl, new Float32Array([-1, -1, 3, -1, -1, 3]), gl.ARRAY_BUFFER);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 2, gl.FLOAT, false, 0, 0);
-    gl.bindVertexArray(null);
+    this.array = makeVertexArray(gl, [[makeBuffer(gl, new Float32Array([-1, -1, 3, -1, -1, 3]), gl.ARRAY_BUFFER), [2], 0]]);
   }
 
   draw() {

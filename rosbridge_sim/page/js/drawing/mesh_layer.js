@@ -5,7 +5,6 @@ import { FOG, HEAD } from "./shaders.js";
 
 /** It is drawn up to here; farther away the fog hides it [m]. */
 const FARTHEST_MESH = 1000;
-
 /** The scene's mesh: places in steps of its part; the light of the sun is in its colours. */
 export const MESH_SHADERS = {
   vertex: `${HEAD}

@@ -26,41 +26,22 @@ export function makePalette(isDark) {
   const { paint, signals } = colours;
   /** @type {Record<keyof typeof MATERIALS, string>} */
   const names = {
-    lane: map.lane,
-    inside: map.inside,
-    deadEnd: map.deadEnd,
-    stripes: map.stripes,
-    arrow: map.arrow,
-    edge: map.edge,
-    yellow: paint.yellow,
-    blue: paint.blue,
-    stop: map.stop,
-    ego: kinds.ego,
-    selected: marks.selected,
-    measure: marks.measure,
-    contact: marks.contact,
-    lightDark: signals.dark,
-    lightRed: signals.red,
-    lightYellow: signals.yellow,
-    lightGreen: signals.green,
-    ink: map.ink,
+    ...{ ...map, ...marks, yellow: paint.yellow, blue: paint.blue, ego: kinds.ego },
+    ...{ lightDark: signals.dark, lightRed: signals.red, lightYellow: signals.yellow, lightGreen: signals.green },
   };
   const materials = new Float32Array(3 * NUM_MATERIALS);
-  for (const [name, hex] of Object.entries(names)) {
-    materials.set(colourOf(hex), 3 * MATERIALS[/** @type {keyof typeof MATERIALS} */ (name)]);
+  for (const [name, at] of Object.entries(MATERIALS)) {
+    materials.set(colourOf(names[/** @type {keyof typeof MATERIALS} */ (name)]), 3 * at);
   }
   return {
     isDark,
     materials,
     kinds: new Float32Array(KINDS.flatMap((kind) => colourOf(kinds[kind]))),
-    single: {
-      paper: colourOf(map.paper),
-      zenith: colourOf(sky.zenith),
-      horizon: colourOf(sky.horizon),
-      ground: colourOf(sky.ground),
-      grid: colourOf(sky.grid),
-      contact: colourOf(marks.contact),
-      selected: colourOf(marks.selected),
-    },
+    single: { ...coloursOf(sky), ...coloursOf({ paper: map.paper, contact: marks.contact, selected: marks.selected }) },
   };
+}
+
+/** @template {string} Name @param {Record<Name, string>} names @returns {Record<Name, number[]>} */
+function coloursOf(names) {
+  return /** @type {Record<Name, number[]>} */ (Object.fromEntries(Object.entries(names).map(([name, hex]) => [name, colourOf(/** @type {string} */ (hex))])));
 }

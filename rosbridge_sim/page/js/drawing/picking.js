@@ -2,7 +2,6 @@
 
 /** @typedef {import("../scene/store.js").SceneState} SceneState */
 /** @typedef {import("./top_camera.js").Ray} Ray */
-
 /** @typedef {{x: ArrayLike<number>, y: ArrayLike<number>, z: ArrayLike<number>, heading: ArrayLike<number>}} Poses */
 
 /**

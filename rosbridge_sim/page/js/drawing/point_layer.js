@@ -1,6 +1,7 @@
 /** Points: heads of traffic lights, and those of programs and sensors. */
 
 import { NUM_MATERIALS } from "../scene/materials.js";
+import { makeVertexArray } from "./gl_layers.js";
 import { FOG, HEAD } from "./shaders.js";
 
 /** Points, each with its place and some more numbers. */
@@ -9,16 +10,9 @@ export class PointLayer {
   constructor(gl, looks) {
     this.gl = gl;
     this.floats = 3 + looks;
-    this.array = gl.createVertexArray();
     this.buffer = gl.createBuffer();
+    this.array = makeVertexArray(gl, [[this.buffer, [3, looks], 0]]);
     this.count = 0;
-    gl.bindVertexArray(this.array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, this.buffer);
-    [3, looks].forEach((size, place) => {
-      gl.enableVertexAttribArray(place);
-      gl.vertexAttribPointer(place, size, gl.FLOAT, false, 4 * this.floats, 12 * place);
-    });
-    gl.bindVertexArray(null);
   }
 
   /** @param {Float32Array} values */

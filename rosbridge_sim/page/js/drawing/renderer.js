@@ -12,18 +12,17 @@ import { GlProgram } from "./gl_program.js";
 import { MESH_SHADERS, MeshLayer } from "./mesh_layer.js";
 import { HEAD_SHADERS, PointLayer } from "./point_layer.js";
 import { PlanLayer } from "./plan_layer.js";
-import {
-  ENTITY_SHADERS, FAR_SHADERS, GROUND_SHADERS, LINE_SHADERS, SHADOW_SHADERS, SKY_SHADERS, SURFACE_SHADERS,
-} from "./shaders.js";
+import { ENTITY_SHADERS, FAR_SHADERS, GROUND_SHADERS, LINE_SHADERS, SHADOW_SHADERS, SKY_SHADERS, SURFACE_SHADERS } from "./shaders.js";
 
 /** @typedef {import("./top_camera.js").TopCamera} TopCamera */
 /** @typedef {import("./chase_camera.js").ChaseCamera} ChaseCamera */
 
 /**
  * What is drawn.
- * @typedef
- * {{camera: TopCamera | ChaseCamera, palette: import("./palette.js").Palette, state: import("../scene/store.js").SceneState | null, poses: import("./picking.js").Poses, drawn: import("../scene/drawn_topics.js").DrawnTopics | null, hidden: number}}
- * Picture hidden: row that the camera is in; drawn: null in the past, of which the page keeps no plans
+ * @typedef {{camera: TopCamera | ChaseCamera, palette: import("./palette.js").Palette,
+ *   state: import("../scene/store.js").SceneState | null, poses: import("./picking.js").Poses,
+ *   drawn: import("../scene/drawn_topics.js").DrawnTopics | null, hidden: number}} Picture
+ *   hidden: row that the camera is in; drawn: null in the past, of which the page keeps no plans
  */
 
 /** Arrows are drawn from this scale on, and lanes as lines below that one [pixels/m]. */

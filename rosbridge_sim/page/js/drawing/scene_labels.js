@@ -31,13 +31,16 @@ export function makeSceneLabels({ scene, poses, camera, leading, contacts, meeti
   /** @type {Label[]} */
   const labels = [];
   const selected = scene.selectedRow();
-  const add = (/** @type {number} */ row, /** @type {string} */ text, /** @type {string} */ className) => {
-    const place = { x: poses.x[row], y: poses.y[row], z: poses.z[row] + (camera.isPerspective ? state.height[row] : 0) };
+  /** @type {(place: {x: number, y: number, z: number}, lift: number, text: string, className: string) => void} */
+  const put = (place, lift, text, className) => {
     const point = camera.project(place);
     if (point !== null && isWithin(point, camera)) {
-      const lift = ABOVE + (camera.isPerspective ? 0 : 0.4 * state.length[row] * point.scale);
       labels.push({ x: point.x, y: point.y - lift, text, className });
     }
+  };
+  const add = (/** @type {number} */ row, /** @type {string} */ text, /** @type {string} */ className) => {
+    const z = poses.z[row] + (camera.isPerspective ? state.height[row] : 0);
+    put({ x: poses.x[row], y: poses.y[row], z }, ABOVE + (camera.isPerspective ? 0 : (0.4 * state.length[row]) / camera.pixelSize), text, className);
   };
   for (const { row, number } of scene.egos()) {
     if (row !== selected && row !== leading) {
@@ -53,18 +56,9 @@ export function makeSceneLabels({ scene, poses, camera, leading, contacts, meeti
     add(other, texts.meeting(time.toFixed(1)), "map-label contact");
   }
   for (const contact of contacts) {
-    const point = camera.project(contact);
-    if (point !== null && isWithin(point, camera)) {
-      const text = texts.collision(contactName(contact, 0, texts), contactName(contact, 1, texts));
-      labels.push({ x: point.x, y: point.y - 2 * ABOVE, text, className: "map-label contact" });
-    }
+    put(contact, 2 * ABOVE, texts.collision(contactName(contact, 0, texts), contactName(contact, 1, texts)), "map-label contact");
   }
-  for (const mark of marks) {
-    const point = camera.project(mark);
-    if (point !== null && isWithin(point, camera)) {
-      labels.push({ x: point.x, y: point.y, text: mark.text, className: "map-label" });
-    }
-  }
+  marks.forEach((mark) => put(mark, 0, mark.text, "map-label"));
   labels.push(...lightLabels(scene, camera, texts));
   return labels;
 }

@@ -24,8 +24,7 @@ vec3 fade(vec3 colour) {
  * it larger than the error of 24 bits for places far from the map's origin; it is below 2 mm there.
  */
 export const LAYER = `
-uniform float layer;
-uniform float lift;
+uniform float layer, lift;
 vec4 lifted(vec4 place) {
   place.z -= layer * (4e-6 * place.w + lift);
   return place;
@@ -72,8 +71,7 @@ uniform mat4 view;
 uniform float pixel;
 flat out vec4 colour;
 flat out vec2 dash;
-out float along;
-out float side;
+out float along, side;
 flat out float thin;
 void main() {
   vec3 place = mix(from, to, corner.x);
@@ -94,8 +92,7 @@ void main() {
   fragment: `${HEAD}${FOG}
 flat in vec4 colour;
 flat in vec2 dash;
-in float along;
-in float side;
+in float along, side;
 flat in float thin;
 uniform float opacity;
 out vec4 result;
@@ -164,16 +161,14 @@ void main() {
   gl_Position = view * vec4(place, 1.0);
 }`,
   fragment: `${HEAD}${FOG}
-in vec3 place;
-in vec3 local;
+in vec3 place, local;
 flat in vec4 look;
 flat in vec2 size;
 flat in float part;
 flat in vec3 base;
 uniform vec3 contact;
 uniform vec2 lampHeight; // where lamps are, as shares of the height
-uniform float blink;
-uniform float isMarked;
+uniform float blink, isMarked;
 out vec4 result;
 void main() {
   vec3 normal = normalize(cross(dFdx(place), dFdy(place)));
@@ -220,8 +215,7 @@ export const FAR_SHADERS = {
   vertex: `${HEAD}${ENTITY}
 layout(location = 0) in vec4 vertex;
 uniform vec3 contact;
-flat out vec3 colour;
-flat out vec3 tail;
+flat out vec3 colour, tail;
 out float along;
 void main() {
   float scale = sizeOnScreen();
@@ -234,8 +228,7 @@ void main() {
   gl_Position = view * vec4(placed(at), 1.0);
 }`,
   fragment: `${HEAD}${FOG}
-flat in vec3 colour;
-flat in vec3 tail;
+flat in vec3 colour, tail;
 in float along;
 out vec4 result;
 void main() { result = vec4(fade(along < -0.38 ? tail : colour), 1.0); }`,
@@ -276,8 +269,7 @@ export const SKY_SHADERS = {
   vertex: WHOLE_SCREEN,
   fragment: `${HEAD}
 in vec2 at;
-uniform vec3 zenith;
-uniform vec3 haze;
+uniform vec3 zenith, haze;
 uniform float skyline;
 out vec4 result;
 void main() { result = vec4(mix(haze, zenith, clamp(0.8 * (at.y - skyline), 0.0, 1.0)), 1.0); }`,
@@ -289,12 +281,7 @@ export const GROUND_SHADERS = {
   fragment: `${HEAD}
 in vec2 at;
 uniform vec3 eye; // above the ground in z; x and y within the pattern
-uniform vec3 forward;
-uniform vec3 right;
-uniform vec3 up;
-uniform vec3 haze;
-uniform vec3 ground;
-uniform vec3 grid;
+uniform vec3 forward, right, up, haze, ground, grid;
 uniform float density;
 out vec4 result;
 void main() {

@@ -8,9 +8,15 @@ import { Takers } from "../wire/takers.js";
 
 /**
  * An action of the user.
- * @typedef
- * {{ number: number, title: string, operation: Operation, count: number, outcome: "waiting" | "done" | "failed", reason: string, }}
- * Action count: so many equal ones in a row; reason: the server's text if it failed
+ * @typedef {{
+ *   number: number,
+ *   title: string,
+ *   operation: Operation,
+ *   count: number,
+ *   outcome: "waiting" | "done" | "failed",
+ *   reason: string,
+ * }} Action
+ *   count: so many equal ones in a row; reason: the server's text if it failed
  */
 
 /** So many actions are kept; more than a user reads, and a driver with a stick cannot fill the memory. */

@@ -2,7 +2,7 @@
 
 import { contactName } from "../drawing/scene_labels.js";
 import { stampOf } from "../scene/store.js";
-import { element, replaceChildren, setText } from "../widgets/dom.js";
+import { closeButton, element, replaceChildren, setText } from "../widgets/dom.js";
 
 /** @typedef {import("../scene/contacts.js").Contact} Contact */
 
@@ -16,9 +16,8 @@ import { element, replaceChildren, setText } from "../widgets/dom.js";
  */
 export function makeContactList({ connection, scene, texts }, contacts, view) {
   const title = element("h2", {});
-  const clear = element("button", { type: "button", className: "close", title: texts.contacts.clear, "aria-label": texts.contacts.clear }, "×");
   const list = element("ol", {});
-  const node = element("section", { className: "contact-list", "aria-live": "polite", hidden: true }, clear, title, list);
+  const node = element("section", { className: "contact-list", "aria-live": "polite", hidden: true }, title, list);
   const nameOf = (/** @type {Contact} */ contact, /** @type {number} */ i) => contactName(contact, i, texts.mapView);
   const show = () => {
     node.hidden = contacts.contacts.length === 0;
@@ -35,10 +34,10 @@ export function makeContactList({ connection, scene, texts }, contacts, view) {
     );
     view?.change();
   };
-  clear.onclick = () => {
+  node.prepend(closeButton(texts.contacts.clear, () => {
     contacts.clear();
     show();
-  };
+  }));
   connection.subscribe(
     "/sim/collisions",
     "rosbridge_sim_msgs/Contact",

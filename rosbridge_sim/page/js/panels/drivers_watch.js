@@ -3,9 +3,7 @@
 import { Takers } from "../wire/takers.js";
 
 /** @typedef {import("../wire/connection.js").Connection} Connection */
-
 /** @typedef {{unique_id: number, ctrl_mode: number, gear: number, driver: string, client: string, publishers: string[]}} EgoDriver */
-
 /** @typedef {{time_step: number, real_time_factor: number, master: string, master_clients: string[], egos: EgoDriver[]}} DriversMessage */
 
 export class DriversWatch {

@@ -13,22 +13,16 @@ import { Takers } from "../wire/takers.js";
 /** Numbers on the wire of the gears that driving uses. */
 const REVERSE_GEAR = 2;
 const DRIVE_GEAR = 4;
-
 /** Control mode in which a program drives. */
 const EXTERNAL_MODE = 3;
-
 /** Slower than this the gear may change from D to R [m/s]. */
 const STANDSTILL = 0.3;
-
 /** The simulator lifts the pedals when so long no command has come [s]: 15 commands, more than a browser loses at once. */
 const LEASE = 0.5;
-
 /** A key that steps in synchronous mode of the page. */
 const STEP_KEY = "Period";
-
 /** Machines with the touch pads, as in page.css. */
 const TOUCH = "(any-pointer: coarse)";
-
 /** A key that changes between D and R. */
 const GEAR_KEY = "KeyR";
 

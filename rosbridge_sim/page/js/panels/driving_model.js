@@ -10,31 +10,22 @@
 
 /** The input of a driver that has let go of everything. @type {Readonly<DriverInput>} */
 export const NO_INPUT = Object.freeze({ throttle: 0, brake: 0, steer: 0, isAnalog: false });
-
 /** A key reaches the full throttle in 0.8 s: a car starts without a jerk, and a tap is a little gas [1/s]. */
 const THROTTLE_RATE = 1.25;
-
 /** A key reaches the full brake in 0.4 s, as a foot does [1/s]. */
 const BRAKE_RATE = 2.5;
-
 /** Front wheels turn so fast by a key: from lock to lock in about 2 s [rad/s]. */
 const STEER_RATE = 0.6;
-
 /** Front wheels return so fast when no key is held; the caster of a real car helps, too [rad/s]. */
 const RETURN_RATE = 1.2;
-
 /** Sideways acceleration at most by a key, near the limit of comfort of a sporty driver [m/s^2]. */
 const SIDEWAYS_LIMIT = 4;
-
 /** Wheelbase of a middle-sized car, for the radius of a bend [m]. */
 const WHEELBASE = 2.8;
-
 /** Steering limit of a car whose own is not known [rad]. */
 export const USUAL_STEER_LIMIT = 0.6;
-
 /** Below this share a stick is at rest: worn sticks do not return to exactly 0. */
 const DEAD_ZONE = 0.08;
-
 /** Name of the control by `KeyboardEvent.code`, so that the keys keep their places on every layout. */
 const KEY_CONTROLS = Object.freeze(
   /** @type {Record<string, "throttle" | "brake" | "left" | "right">} */ ({

@@ -9,19 +9,21 @@ import { isHeld, mergeInputs, PedalControls } from "./driving_model.js";
 
 /** Time between two commands [ms]: 30 a second, as smooth as a hand needs, and each frame or two has a new one. */
 export const COMMAND_INTERVAL = 33;
-
 /** A longer time between two updates is not simulated: the page slept [s]. */
 const LONGEST_UPDATE = 0.1;
-
 /** With the pedals up and the wheels straight, the last command is sent so often again before silence. */
 const LAST_COMMANDS = 3;
 
 /**
  * What a drive needs from the page; a test gives its own.
- * @typedef
- * {{ send: (operation: Operation) => void, callInSteps: (operation: Operation) => void, now: () => number, car: () => {ego: number, speed: number, steerLimit: number}, isInSteps: () => boolean, }}
- * DrivingPort callInSteps: for commands while isInSteps; now: [ms]; isInSteps: ticks of this page move the world, so the command
- * goes with the step
+ * @typedef {{
+ *   send: (operation: Operation) => void,
+ *   callInSteps: (operation: Operation) => void,
+ *   now: () => number,
+ *   car: () => {ego: number, speed: number, steerLimit: number},
+ *   isInSteps: () => boolean,
+ * }} DrivingPort
+ *   callInSteps: for commands while isInSteps; now: [ms]; isInSteps: ticks of this page move the world, so the command goes with the step
  */
 
 export class DrivingSession {

@@ -1,10 +1,11 @@
 // The values of an ego for the instruments, in SI units, from messages of either release.
 
 /**
- * @typedef
- * {{ time: number, speed: number, acceleration: number, accel: number, brake: number, steering: number, x: number, y: number, z: number, heading: number, }}
- * EgoValues time of the stamp [s], speed [m/s], pedals 0 to 1, front wheels [rad], heading [rad] from east; NaN where it is not
- * known
+ * @typedef {{
+ *   time: number, speed: number, acceleration: number, accel: number, brake: number, steering: number,
+ *   x: number, y: number, z: number, heading: number,
+ * }} EgoValues
+ *   time of the stamp [s], speed [m/s], pedals 0 to 1, front wheels [rad], heading [rad] from east; NaN where it is not known
  */
 
 /**
@@ -46,6 +47,5 @@ export function stampSeconds(stamp) {
 
 /** Bits of `lamps` in the state of the scene. */
 export const LAMP_BITS = Object.freeze({ left: 1, right: 2, brake: 4, reverse: 8 });
-
 /** Letters of the gears, by their numbers on the wire. */
 export const GEAR_LETTERS = Object.freeze(/** @type {Record<number, string>} */ ({ 1: "P", 2: "R", 3: "N", 4: "D" }));

@@ -12,10 +12,8 @@ import { Takers } from "../wire/takers.js";
 
 /** Messages of the ego at most so often [ms]: as fast as an eye reads a moving instrument. */
 const EGO_THROTTLE = 100;
-
 /** A value of the past is shown for so long [s]: longer there was none. */
 const VALUE_HOLDS = 0.5;
-
 /** Values that are kept at most: two minutes of ten a second. */
 const MOST_VALUES = 1300;
 

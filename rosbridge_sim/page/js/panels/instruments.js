@@ -10,7 +10,6 @@ import { GEAR_LETTERS, LAMP_BITS } from "./ego_values.js";
 const STEERING_RATIO = 15;
 
 const MPS_TO_KMH = 3.6;
-
 /** The steering wheel as paths in a box of 100 by 100. */
 const WHEEL_PATHS = ["M50 6a44 44 0 1 0 .01 0z", "M8 46h84", "M50 54v38", "M42 40h16v16h-16z"];
 

@@ -8,7 +8,6 @@ import { Takers } from "../wire/takers.js";
 /** Simulated time between two [s], and so many at most: those of the time that the timeline has. */
 const SNAPSHOT_EVERY = 10;
 const MOST_KEPT = 12;
-
 /** A full town is saved in well under a second [ms]. */
 const SNAPSHOT_TIMEOUT = 20_000;
 

@@ -4,10 +4,8 @@
 
 /** Farther from each line than this, a point is on no lane: wider than half of any lane [m]. */
 const FARTHEST_LANE = 6;
-
 /** A lane of the opposite direction counts as this much farther away [m]. */
 const OPPOSITE_PENALTY = 3;
-
 /** Length of a cell of the index: a few pieces of line in each [m]. */
 const LANE_CELL = 25;
 

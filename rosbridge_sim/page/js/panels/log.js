@@ -13,17 +13,13 @@ import { LOG_LEVELS, LogStore, RefusalReader, rosoutLevel } from "./log_store.js
 
 /** Shortest time between two drawings [ms]. */
 const LOG_INTERVAL = 250;
-
 /** Lines on the screen; more are found by a search. */
 const SHOWN_LINES = 200;
-
 /** Log lines that may wait on the server, so that a burst is not lost. */
 const ROSOUT_QUEUE = 100;
-
 /** A mistake is told over the map for so long [ms], and so many at once; the badge counts all. */
 const TOAST_SHOWN = 8000;
 const MOST_TOASTS = 3;
-
 /** Characters of a mistake over the map. */
 const TOAST_LENGTH = 240;
 

@@ -4,15 +4,12 @@ import { cutText } from "../widgets/tree_rows.js";
 import { stampSeconds } from "./ego_values.js";
 
 /** @typedef {"debug" | "info" | "warning" | "error"} LogLevel */
-
 /** @typedef {{number: number, time: number, level: LogLevel, source: string, text: string, count: number}} LogLine */
 
 /** Lines that are kept; the oldest are forgotten. */
 export const KEPT_LINES = 500;
-
 /** Characters of a line; a whole message of a server has fewer. */
 const MAX_LINE = 1000;
-
 /** Levels, the least one first. */
 export const LOG_LEVELS = /** @type {const} */ (["debug", "info", "warning", "error"]);
 
@@ -94,10 +91,8 @@ export function rosoutLevel(level, isRos2) {
 
 /** A line of the server's log about refused requests, which `/sim/refusals` tells, too. */
 const REFUSED = /^\S+: (refused: |[\d,]+ more refused \()/;
-
 /** Name of the logger that writes them. */
 const SERVER = "/rosbridge_sim/server";
-
 /** Time within which a status and a refusal with the same text are of one mistake [s]. */
 const SAME_MISTAKE = 10;
 

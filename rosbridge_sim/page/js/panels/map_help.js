@@ -3,7 +3,7 @@
 import { makePalette } from "../drawing/palette.js";
 import { MATERIALS } from "../scene/materials.js";
 import { KINDS } from "../scene/store.js";
-import { element } from "../widgets/dom.js";
+import { closeButton, element } from "../widgets/dom.js";
 
 /** Materials in the legend, by the names of TEXTS.mapHelp.legend. */
 const LEGEND = /** @type {const} */ ([
@@ -21,11 +21,11 @@ const LEGEND = /** @type {const} */ ([
 /** Show the dialog. @param {import("../layout.js").Texts} texts */
 export function showMapHelp({ mapHelp: texts }) {
   const palette = makePalette(matchMedia("(prefers-color-scheme: dark)").matches);
-  const close = element("button", { type: "button", className: "close", title: texts.close, "aria-label": texts.close }, "×");
+  /** @type {HTMLDialogElement} */
   const dialog = element(
     "dialog",
     { className: "dialog map-help", "aria-labelledby": "map-help-title" },
-    close,
+    closeButton(texts.close, () => dialog.close()),
     element("h2", { id: "map-help-title" }, texts.title),
     element("h3", {}, texts.keys),
     element("table", {}, element("tbody", {}, ...texts.rows.map(([key, what]) =>
@@ -43,7 +43,6 @@ export function showMapHelp({ mapHelp: texts }) {
     ),
     element("p", {}, element("a", { href: "docs/guides/page", target: "_blank", rel: "noopener" }, texts.documentation)),
   );
-  close.onclick = () => dialog.close();
   dialog.addEventListener("close", () => dialog.remove());
   document.body.append(dialog);
   dialog.showModal();

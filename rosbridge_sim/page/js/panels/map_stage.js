@@ -5,7 +5,7 @@ import { ContactList } from "../scene/contacts.js";
 import { element } from "../widgets/dom.js";
 import { makeContactList } from "./contact_list.js";
 import { makeMapControls } from "./map_controls.js";
-import { makeObjectCard } from "./object_card.js";
+import { ObjectCard } from "./object_card.js";
 
 /**
  * Put the map on the stage.
@@ -30,7 +30,7 @@ export function makeMapStage(context, stage) {
   } else {
     stage.append(view.element, makeMapControls(view, texts));
   }
-  const overlays = [makeObjectCard(context, view), makeContactList(context, contacts, view)];
+  const overlays = [new ObjectCard(context, view).element, makeContactList(context, contacts, view)];
   stage.append(element("div", { className: "map-overlays" }, ...overlays));
   return view;
 }

@@ -1,7 +1,7 @@
 /** The card of the selected entity: what it is, where it is, and what it does. */
 
 import { KINDS } from "../scene/store.js";
-import { element, replaceChildren, setText } from "../widgets/dom.js";
+import { closeButton, element, replaceChildren, setText } from "../widgets/dom.js";
 
 /** @typedef {import("../scene/store.js").SceneStore} SceneStore */
 /** @typedef {import("../wire/connection.js").Connection} Connection */
@@ -9,22 +9,13 @@ import { element, replaceChildren, setText } from "../widgets/dom.js";
 /** The card asks once a second [ms]: its words do not change faster than a person reads. */
 const ASK_EVERY = 1000;
 
-/**
- * Make the card.
- * @param {{connection: Connection, scene: SceneStore, texts: import("../layout.js").Texts}} context
- * @param {import("../drawing/map_view.js").MapView | null} view @returns {HTMLElement}
- */
-export function makeObjectCard({ connection, scene, texts }, view) {
-  return new ObjectCard(connection, scene, texts, view).element;
-}
-
 /** The card. */
-class ObjectCard {
+export class ObjectCard {
   /**
-   * @param {Connection} connection @param {SceneStore} scene @param {import("../layout.js").Texts} texts
+   * @param {{connection: Connection, scene: SceneStore, texts: import("../layout.js").Texts}} context
    * @param {import("../drawing/map_view.js").MapView | null} view
    */
-  constructor(connection, scene, texts, view) {
+  constructor({ connection, scene, texts }, view) {
     this.connection = connection;
     this.scene = scene;
     this.texts = texts.objectCard;
@@ -38,8 +29,6 @@ class ObjectCard {
     this.answer = null;
     /** @type {any} */
     this.timer = undefined;
-    const close = element("button", { type: "button", className: "close", title: this.texts.close, "aria-label": this.texts.close }, "×");
-    close.onclick = () => scene.select(null);
     const follow = element("button", { type: "button", hidden: view === null }, this.texts.followThis);
     follow.onclick = () => {
       if (view !== null && !view.isFollowing) {
@@ -49,7 +38,7 @@ class ObjectCard {
     this.element = element(
       "section",
       { className: "object-card", "aria-label": this.texts.label, hidden: true },
-      close,
+      closeButton(this.texts.close, () => scene.select(null)),
       this.title,
       this.does,
       this.rows,

@@ -9,7 +9,6 @@
 
 /** @type {CameraName[]} */
 export const CAMERAS = ["top", "chase", "seat", "orbit"];
-
 /** A name of a scenario: no longer than a file's name and its folder. */
 const SCENARIO_NAME = /^[\p{L}\p{N} _./-]{1,200}$/u;
 

@@ -10,10 +10,8 @@ import { REPLAY_COMMANDS } from "../wire/requests.js";
 
 /** Positions of the slider: a tenth of a second [s]. */
 const SLIDER_STEP = 0.1;
-
 /** Speeds that the simulator has, of 1 to 10. */
 const SPEEDS = [1, 2, 4, 10];
-
 /** @type {Readonly<ReplayMessage>} */
 const NO_REPLAY = Object.freeze({ state: "none", name: "", duration: 0, position: 0, speed: 1 });
 

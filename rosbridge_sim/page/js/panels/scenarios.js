@@ -9,7 +9,6 @@ import { element, replaceRows } from "../widgets/dom.js";
 /** Size of a picture in the list [CSS pixels]; it is drawn twice as large, for fine screens. */
 const PICTURE_WIDTH = 112;
 const PICTURE_HEIGHT = 72;
-
 /** Drawing a large map takes seconds, and the pictures are drawn one after the other [ms]. */
 const PICTURE_TIMEOUT = 60_000;
 

@@ -9,7 +9,6 @@ import { element, setText } from "../widgets/dom.js";
 
 /** A score changes slowly; twice a second is easy to read [ms]. */
 const SCORE_THROTTLE = 500;
-
 /** Fields of EgoScore that are shown, with the digits behind the point and the unit. */
 const SCORE_FIELDS = /** @type {const} */ ([
   ["distance", 1, "m"],

@@ -5,19 +5,18 @@ import { Takers } from "../wire/takers.js";
 /** @typedef {import("../wire/connection.js").Connection} Connection */
 
 /**
- * @typedef
- * {{ name: string, map: string, num_egos: number, num_vehicles: number, num_pedestrians: number, num_obstacles: number, is_loaded: boolean, problem: string, }}
- * ScenarioInfo
+ * @typedef {{
+ *   name: string, map: string, num_egos: number, num_vehicles: number, num_pedestrians: number, num_obstacles: number,
+ *   is_loaded: boolean, problem: string,
+ * }} ScenarioInfo
  */
 
 /** @typedef {{name: string, size: number}} RecordingInfo */
 
 /** So many scenarios and recordings are listed; a longer list needs the field for the name. */
 const MOST_LISTED = 200;
-
 /** A page of the server's list. */
 const PAGE_SIZE = 50;
-
 /** The server reads the files of a page in the background; a large map takes seconds [ms]. */
 const LIST_TIMEOUT = 60_000;
 

@@ -1,7 +1,7 @@
 // The card over the map until somebody commands the ego: what this is, and three ways to begin.
 
 import { ActionButton, Notice } from "../widgets/action_button.js";
-import { element, setText } from "../widgets/dom.js";
+import { closeButton, element, setText } from "../widgets/dom.js";
 import { firstProgram } from "../wire/code.js";
 import { controlModeRequest } from "../wire/requests.js";
 import { copyText } from "./code.js";
@@ -51,12 +51,14 @@ export function makeStartCard(context, driving) {
       notice.show(texts.copied);
     },
   });
-  const close = element("button", { type: "button", className: "close", title: texts.close, "aria-label": texts.close }, "×");
   const buttons = [letDrive, drive, copy].map((button) => button.element);
   const card = element(
     "section",
     { className: "start-card", "aria-label": texts.label, hidden: true },
-    close,
+    closeButton(texts.close, () => {
+      isDone = true;
+      show();
+    }),
     title,
     about,
     element("div", { className: "start-buttons" }, ...buttons),
@@ -86,10 +88,6 @@ export function makeStartCard(context, driving) {
       letDrive.setReason(time.reasons.drive);
       drive.setReason(time.reasons.drive);
     }
-  };
-  close.onclick = () => {
-    isDone = true;
-    show();
   };
   scene.onState(() => scene.state?.scenario === shown || show());
   drivers.onChange(show);

@@ -14,13 +14,10 @@ import { FRAME_S } from "./time_watch.js";
 
 /** Id of the list of scenarios, which the header opens. */
 export const SCENARIOS_ID = "scenarios";
-
 /** Most steps in one call of the server. */
 const MOST_STEPS = 1000;
-
 /** Figures that no message brings (a rate of 0) are shown anew so often [ms]. */
 const REFRESH = 500;
-
 /** Factors to choose from; 0 is as fast as possible. */
 const FACTORS = [0.1, 0.25, 0.5, 1, 2, 4, 10, 20, 0];
 

@@ -1,17 +1,8 @@
 // What the buttons of time do: pause, run, step, master of synchronous mode.
 
 import {
-  factorRequest,
-  loadScenarioRequest,
-  pauseRequest,
-  replayRequest,
-  resetRequest,
-  restoreRequest,
-  snapshotRequest,
-  snapshotsRequest,
-  startSyncRequest,
-  stepRequest,
-  stopSyncRequest,
+  factorRequest, loadScenarioRequest, pauseRequest, replayRequest, resetRequest, restoreRequest, snapshotRequest,
+  snapshotsRequest, startSyncRequest, stepRequest, stopSyncRequest,
 } from "../wire/requests.js";
 
 /** @typedef {import("./actions.js").Actions} Actions */

@@ -2,23 +2,35 @@
 
 /**
  * The latest messages about time; null until one has come.
- * @typedef
- * {{ sync: {master_id: string, status: boolean, frame: number, can_send_tick: boolean} | null, process: {current_mode: number, current_status: number} | null, barrier: {members: string[], time_step: number, waited_for: string[]} | null, userId: string, isOpen: boolean, isMoving: boolean, }}
- * TimeMessages userId: of this page; isOpen: the connection; isMoving: a `/sim/step` of this page is under way
+ * @typedef {{
+ *   sync: {master_id: string, status: boolean, frame: number, can_send_tick: boolean} | null,
+ *   process: {current_mode: number, current_status: number} | null,
+ *   barrier: {members: string[], time_step: number, waited_for: string[]} | null,
+ *   userId: string,
+ *   isOpen: boolean,
+ *   isMoving: boolean,
+ * }} TimeMessages
+ *   userId: of this page; isOpen: the connection; isMoving: a `/sim/step` of this page is under way
  */
 
 /**
- * @typedef
- * {{ kind: "unknown" | "running" | "paused" | "synchronous", frame: number, master: string, isOwn: boolean, isPaused: boolean, isReplay: boolean, isReplayEnd: boolean, members: string[], }}
- * TimeState master: user id, empty without one; isOwn: this page is the master; isPaused: also in synchronous mode
+ * @typedef {{
+ *   kind: "unknown" | "running" | "paused" | "synchronous",
+ *   frame: number,
+ *   master: string,
+ *   isOwn: boolean,
+ *   isPaused: boolean,
+ *   isReplay: boolean,
+ *   isReplayEnd: boolean,
+ *   members: string[],
+ * }} TimeState
+ *   master: user id, empty without one; isOwn: this page is the master; isPaused: also in synchronous mode
  */
 
 /** Master's id while several clients tick together. */
 const BARRIER_MASTER = "/sim/barrier";
-
 /** `current_mode` of `/sim/process/state/msg/MoraiSimProcStatus` during a replay. */
 const REPLAY_MODE = 16;
-
 /** `current_status` of the same topic. */
 const PAUSED_STATUS = 16;
 const END_STATUS = 32;
@@ -56,21 +68,12 @@ export function masterName(state) {
   return state.members.length ? state.members.join(", ") : state.master;
 }
 
-/**
- * Reasons why actions are not possible now; an empty text: the action is possible.
- * @typedef
- * {{ pause: string, run: string, step: string, take: string, leave: string, restore: string, snapshot: string, reset: string, load: string, factor: string, replay: string, drive: string, }}
- * TimeReasons
- */
+/** @typedef {typeof import("../texts.js").TEXTS.time.reasons} ReasonTexts */
+/** @typedef {ReturnType<typeof timeReasons>} TimeReasons */
 
 /**
- * @typedef
- * {{ notConnected: string, moving: string, otherMaster: (name: string) => string, alreadyPaused: string, alreadyRuns: string, syncStands: string, alreadyMaster: string, notMaster: string, replaying: string, noFactorInSync: string, }}
- * ReasonTexts
- */
-
-/**
- * @param {TimeState} state @param {{isOpen: boolean, isMoving: boolean}} page @param {ReasonTexts} texts @returns {TimeReasons}
+ * @param {TimeState} state @param {{isOpen: boolean, isMoving: boolean}} page @param {ReasonTexts} texts
+ * @returns reasons why actions are not possible now; an empty text: the action is possible
  */
 export function timeReasons(state, { isOpen, isMoving }, texts) {
   const never = isOpen && state.kind !== "unknown" ? "" : texts.notConnected;

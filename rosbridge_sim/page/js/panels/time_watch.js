@@ -9,10 +9,8 @@ import { Takers } from "../wire/takers.js";
 
 /** Length of a frame [s]. */
 export const FRAME_S = 0.02;
-
 /** The rate of frames is measured over so long [ms]: the figure is calm, and follows within two seconds. */
 const RATE_WINDOW = 2000;
-
 /** Messages about time at most so often [ms]: a person reads no faster, and a single step is seen at once. */
 const TIME_THROTTLE = 200;
 

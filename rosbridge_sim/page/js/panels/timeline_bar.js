@@ -9,10 +9,8 @@ import { FRAME_S } from "./time_watch.js";
 
 /** Nearer to the last moment than this, what is live is shown [s]. */
 const LIVE_WITHIN = 0.25;
-
 /** A mark leads so far before what it marks, so that its cause is seen [s]. */
 const BEFORE_MARK = 2;
-
 /** Time step of synchronous mode after a branch [ms]. */
 const BRANCH_STEP = 20;
 

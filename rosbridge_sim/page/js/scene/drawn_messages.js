@@ -13,21 +13,17 @@ import { packedColour } from "./materials.js";
 
 /** The most that one topic may draw. */
 export const MOST_DRAWN = { pieces: 20_000, points: 20_000, texts: 20, markers: 2_000 };
-
 /** A point is its place, its colour, 0 and its size on the screen [pixels]. */
 const POINT_NUMBERS = 6;
 const POINT_PIXELS = 2.5;
-
 /** Sizes of what has none: lines of a path, and the arrow of a pose [m]. */
 const PATH_WIDTH = 0.25;
 const POSE_LENGTH = 3;
 const ARROW_HEAD = 0.3;
-
 /** Numbers of `visualization_msgs/Marker`. */
 const MARKER = { arrow: 0, cube: 1, sphere: 2, cylinder: 3, strip: 4, list: 5, cubes: 6, spheres: 7, points: 8, text: 9, triangles: 11 };
 const REMOVE = 2;
 const REMOVE_ALL = 3;
-
 /** Numbers of a field of `sensor_msgs/PointField`: the reader of a DataView for each data type, which is a method's name. */
 const POINT_READERS = /** @type {const} */ (["", "getInt8", "getUint8", "getInt16", "getUint16", "getInt32", "getUint32", "getFloat32", "getFloat64"]);
 

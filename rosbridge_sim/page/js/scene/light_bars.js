@@ -9,7 +9,6 @@ import { MATERIALS } from "./materials.js";
 const RED = 1;
 const YELLOW = 4;
 const GREENS = ~(RED | YELLOW);
-
 /** Length of a bar along its lane, and its distance from the lane's beginning [m]. */
 const BAR = 1;
 const BAR_START = 0.4;

@@ -3,7 +3,6 @@
 /** Floats of one piece: both ends (x, y, z), width [m], least width [pixels], distance along the line [m], material,
     dash [m] and period [m]. */
 export const PIECE_FLOATS = 12;
-
 /** Longer pieces are divided [m]: beside the camera, the depth of a longer one is not exact enough to lie on its road. */
 export const LONGEST_PIECE = 40;
 

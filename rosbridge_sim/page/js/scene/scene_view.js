@@ -2,9 +2,10 @@
 
 /**
  * Its definition has the units.
- * @typedef
- * {Omit<import("./store.js").SceneState, "x" | "y" | "shape" | "paint" | "roll" | "pitch" | "heading" | "speed" | "light_time_left"> & { origin_x: number, origin_y: number, origin_z: number, x: Float32Array, y: Float32Array, roll: Int16Array, pitch: Int16Array, heading: Int16Array, speed: Int16Array, look: Uint16Array, sizes: Float32Array, shapes: Uint8Array, paints: Uint32Array, light_time_left: Uint16Array}}
- * SceneView
+ * @typedef {Omit<import("./store.js").SceneState, "x" | "y" | "shape" | "paint" | "roll" | "pitch" | "heading" | "speed" | "light_time_left"> & {
+ *   origin_x: number, origin_y: number, origin_z: number, x: Float32Array, y: Float32Array, roll: Int16Array,
+ *   pitch: Int16Array, heading: Int16Array, speed: Int16Array, look: Uint16Array, sizes: Float32Array, shapes: Uint8Array, paints: Uint32Array,
+ *   light_time_left: Uint16Array}} SceneView
  */
 
 const ANGLE = 1e-4;

@@ -30,10 +30,8 @@ export const KINDS = /** @type {const} */ (["ego", "vehicle", "pedestrian", "obs
 const STATE_THROTTLE = 150;
 const CROWD_THROTTLE = 200;
 const CROWD = 400;
-
 /** Wait before the page asks again for a map that did not come [ms]. */
 const MAP_RETRY = 3000;
-
 /** The same for the mesh, which a server may not offer [ms]. */
 const MESH_RETRY = 60_000;
 

@@ -8,10 +8,8 @@
 /** So much is kept [s], [bytes]; a crowd of a thousand fills 15 MB in this time. */
 export const TIMELINE_SPAN = 120;
 export const TIMELINE_BYTES = 32e6;
-
 /** Marks that are kept; more would hide one another. */
 const MOST_MARKS = 60;
-
 /** Bytes of a state beside its columns, about. */
 const STATE_BYTES = 1000;
 

@@ -12,16 +12,12 @@ import { element, replaceChildren, saveFile, setText } from "./dom.js";
 
 /** Time that a chart shows [s]. */
 export const CHART_SPAN = 120;
-
 /** Charts at one time; more do not fit on a screen. */
 export const MOST_CHARTS = 6;
-
 /** Shortest time between two drawings: a chart moves less than a pixel in it [ms]. */
 const DRAW_INTERVAL = 100;
-
 /** A key moves the cursor so far [s]; with Shift ten times as far. */
 const CURSOR_STEP = 0.5;
-
 /** Height of a chart [CSS pixels]. */
 const CHART_HEIGHT = 60;
 

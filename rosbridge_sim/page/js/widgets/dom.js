@@ -72,6 +72,11 @@ export function setText(node, text) {
   }
 }
 
+/** A cross that closes something. @param {string} title @param {() => unknown} onclick */
+export function closeButton(title, onclick) {
+  return element("button", { type: "button", className: "close", title, "aria-label": title, onclick }, "×");
+}
+
 /** Have the browser save a file. @param {string} name @param {Blob} blob */
 export function saveFile(name, blob) {
   const url = URL.createObjectURL(blob);

@@ -8,17 +8,12 @@ import { element, replaceChildren, setText } from "./dom.js";
 /** @typedef {import("../wire/types.js").TypeField} TypeField */
 /** @typedef {import("../wire/types.js").TypeSpec} TypeSpec */
 
-/**
- * @typedef
- * {{ json: string, fields: string, jsonLabel: string, noFields: string, other: string, add: string, remove: string, items: (count: number) => string, expected: (path: string, what: string) => string, notObject: string, list: string, listOf: (count: number) => string, }}
- * FormTexts
- */
+/** @typedef {typeof import("../texts.js").TEXTS.graph.form} FormTexts */
 
 /** A part of the form: one field, with all in it. @typedef {{element: HTMLElement, read: () => any, fill: (value: any) => void}} FieldEditor */
 
 /** Messages of an array that have fields of their own; longer ones are JSON text. */
 const MAX_FORM_ITEMS = 30;
-
 /** Longest JSON text; a server takes frames of a few MB. */
 const MAX_JSON_TEXT = 1_000_000;
 

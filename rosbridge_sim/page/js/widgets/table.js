@@ -7,16 +7,29 @@ import { shownRows } from "./table_rows.js";
 
 /**
  * @template Row
- * @typedef
- * {{ key: string, title: string, value: (row: Row) => string | number, text?: (row: Row) => string, hint?: (row: Row) => string, isMinor?: boolean, }}
- * TableColumn value: sorted by; text: shown, otherwise the value; hint: small second line; isMinor: not on phones
+ * @typedef {{
+ *   key: string,
+ *   title: string,
+ *   value: (row: Row) => string | number,
+ *   text?: (row: Row) => string,
+ *   hint?: (row: Row) => string,
+ *   isMinor?: boolean,
+ * }} TableColumn
+ *   value: sorted by; text: shown, otherwise the value; hint: small second line; isMinor: not on phones
  */
 
 /**
  * @template Row
- * @typedef
- * {{ label: string, search: string, empty: string, more: (count: number) => string, columns: TableColumn<Row>[], keyOf: (row: Row) => string, choose?: (row: Row) => void, }}
- * TableOptions keyOf: name of a row, which is also what is searched together with all texts
+ * @typedef {{
+ *   label: string,
+ *   search: string,
+ *   empty: string,
+ *   more: (count: number) => string,
+ *   columns: TableColumn<Row>[],
+ *   keyOf: (row: Row) => string,
+ *   choose?: (row: Row) => void,
+ * }} TableOptions
+ *   keyOf: name of a row, which is also what is searched together with all texts
  */
 
 /** Rows on the screen at most. */

@@ -8,13 +8,11 @@ import { element, setText } from "./dom.js";
 import { treeRows } from "./tree_rows.js";
 
 /** @typedef {import("./tree_rows.js").TreeRow} TreeRow */
-
 /** @typedef {{label: string, cut: string, choose?: string}} TreeTexts choose: title of a row that can be chosen */
 
 /** Nodes that are closed before somebody opens them: long ones, and deep ones. */
 const AUTO_OPEN_SIZE = 20;
 const AUTO_OPEN_DEPTH = 2;
-
 /** Open and closed nodes that are remembered; the oldest are forgotten. */
 const MAX_TREE_CHOICES = 1000;
 
@@ -85,42 +83,26 @@ export class MessageTree {
     if (row === undefined || event.ctrlKey || event.altKey || event.metaKey) {
       return;
     }
-    switch (event.key) {
-      case "ArrowDown":
-        this.focus(this.at + 1);
-        break;
-      case "ArrowUp":
-        this.focus(this.at - 1);
-        break;
-      case "Home":
-        this.focus(0);
-        break;
-      case "End":
-        this.focus(this.rows.length - 1);
-        break;
-      case "ArrowRight":
-        if (row.kind === "node" && !row.isOpen) {
-          this.setOpen(row, true);
-        } else if (row.kind === "node") {
-          this.focus(this.at + 1);
-        }
-        break;
-      case "ArrowLeft":
-        if (row.isOpen) {
-          this.setOpen(row, false);
-        } else {
-          this.focus(this.parentOf(this.at));
-        }
-        break;
-      case "Enter":
-      case " ":
-        this.activate(this.at);
-        break;
-      default:
-        return;
+    const isNode = row.kind === "node";
+    const forward = () => (isNode && !row.isOpen ? this.setOpen(row, true) : isNode && this.focus(this.at + 1));
+    const back = () => (row.isOpen ? this.setOpen(row, false) : this.focus(this.parentOf(this.at)));
+    const activate = () => this.activate(this.at);
+    /** @type {Record<string, () => unknown>} */
+    const keys = {
+      ArrowDown: () => this.focus(this.at + 1),
+      ArrowUp: () => this.focus(this.at - 1),
+      Home: () => this.focus(0),
+      End: () => this.focus(this.rows.length - 1),
+      ArrowRight: forward,
+      ArrowLeft: back,
+      Enter: activate,
+      " ": activate,
+    };
+    if (Object.hasOwn(keys, event.key)) {
+      keys[event.key]?.();
+      event.preventDefault();
+      event.stopPropagation();
     }
-    event.preventDefault();
-    event.stopPropagation();
   }
 
   /** @param {number} index row of the node around a row; -1 if there is none */

@@ -4,20 +4,23 @@
  */
 
 /**
- * @typedef
- * {{ path: string, name: string, depth: number, text: string, kind: "number" | "text" | "other" | "node", isOpen: boolean, }}
- * TreeRow path: keys from the root as JSON text; kind: node has children
+ * @typedef {{
+ *   path: string,
+ *   name: string,
+ *   depth: number,
+ *   text: string,
+ *   kind: "number" | "text" | "other" | "node",
+ *   isOpen: boolean,
+ * }} TreeRow
+ *   path: keys from the root as JSON text; kind: node has children
  */
 
 /** Rows at most; more than a person scrolls through, and few enough for five updates a second. */
 export const MAX_TREE_ROWS = 400;
-
 /** Items of an array in one group. */
 const GROUP_SIZE = 100;
-
 /** Characters of a text that are shown. */
 const MAX_TREE_TEXT = 300;
-
 /** Items and characters of a closed array that are shown. */
 const PREVIEW_ITEMS = 8;
 const PREVIEW_CHARS = 80;

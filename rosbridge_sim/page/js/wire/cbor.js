@@ -2,10 +2,8 @@
 
 /** Deepest nesting that is read; the deepest ROS message of the standard packages has seven levels. */
 const MAX_CBOR_DEPTH = 100;
-
 /** Integers beyond this are read as BigInt, because a number would be another one. */
 const MAX_SAFE = BigInt(Number.MAX_SAFE_INTEGER);
-
 /** End of a text, list or map of indefinite length. */
 const CBOR_BREAK = Symbol("break");
 
@@ -17,28 +15,18 @@ const IS_LITTLE_ENDIAN = new Uint8Array(new Uint16Array([1]).buffer)[0] === 1;
  *   | Float32ArrayConstructor | Float64ArrayConstructor} ArrayKind
  */
 
-/** Kind of array and byte order for each tag of RFC 8746. @type {Map<number, [ArrayKind, boolean]>} */
-const TYPED_ARRAYS = new Map([
-  [64, [Uint8Array, true]],
-  [65, [Uint16Array, false]],
-  [66, [Uint32Array, false]],
-  [67, [BigUint64Array, false]],
-  [68, [Uint8Array, true]],
-  [69, [Uint16Array, true]],
-  [70, [Uint32Array, true]],
-  [71, [BigUint64Array, true]],
-  [72, [Int8Array, true]],
-  [73, [Int16Array, false]],
-  [74, [Int32Array, false]],
-  [75, [BigInt64Array, false]],
-  [77, [Int16Array, true]],
-  [78, [Int32Array, true]],
-  [79, [BigInt64Array, true]],
-  [81, [Float32Array, false]],
-  [82, [Float64Array, false]],
-  [85, [Float32Array, true]],
-  [86, [Float64Array, true]],
-]);
+/** Kinds of arrays by the bits of a tag of RFC 8746 (section 2.1): float, signed, and two for the size. @type {(ArrayKind | null)[]} */
+const ARRAY_KINDS = [
+  ...[Uint8Array, Uint16Array, Uint32Array, BigUint64Array],
+  ...[Int8Array, Int16Array, Int32Array, BigInt64Array],
+  ...[null, Float32Array, Float64Array, null],
+];
+
+/** @param {number} tag @returns {[ArrayKind, boolean] | undefined} kind and byte order */
+function arrayOfTag(tag) {
+  const kind = tag >= 64 && tag < 88 ? ARRAY_KINDS[(4 * ((tag - 64) >> 3)) + (tag & 3)] : null;
+  return kind && tag !== 76 ? [kind, (tag & 4) !== 0 || kind.BYTES_PER_ELEMENT === 1] : undefined;
+}
 
 /**
  * Decode one CBOR item.
@@ -125,18 +113,15 @@ class CborReader {
     if (info < 24) {
       return info;
     }
+    this.position += 2 ** (info - 24);
     switch (info) {
       case 24:
-        this.position += 1;
         return this.view.getUint8(at);
       case 25:
-        this.position += 2;
         return this.view.getUint16(at);
       case 26:
-        this.position += 4;
         return this.view.getUint32(at);
       case 27: {
-        this.position += 8;
         const number = this.view.getBigUint64(at);
         return number <= MAX_SAFE ? Number(number) : number;
       }
@@ -238,7 +223,7 @@ class CborReader {
 
   /** @param {number} tag @param {number} depth */
   readTagged(tag, depth) {
-    const kind = TYPED_ARRAYS.get(tag);
+    const kind = arrayOfTag(tag);
     const value = this.read(depth + 1);
     if (kind === undefined || !(value instanceof Uint8Array)) {
       throw new CborError(`tag ${tag} is not known`);

@@ -8,13 +8,10 @@
 
 /** The address that `rosbridge-sim` uses without `--url`. */
 const DEFAULT_ADDRESS = "ws://127.0.0.1:9090";
-
 /** Longest list or object on one line [characters]. */
 const LINE_LENGTH = 76;
-
 /** A name that a JavaScript program writes without quotes. */
 const JAVASCRIPT_NAME = /^[A-Za-z_$][\w$]*$/u;
-
 /** A word that a shell takes as it is. */
 const PLAIN_WORD = /^[\w/.:][\w/.:-]*$/u;
 
@@ -25,7 +22,6 @@ const PLAIN_WORD = /^[\w/.:][\w/.:-]*$/u;
 
 /** @type {Notation} */
 const PYTHON_NOTATION = { yes: "True", no: "False", nothing: "None", unit: "    ", key: (name) => JSON.stringify(name) };
-
 /** @type {Notation} */
 const JAVASCRIPT_NOTATION = { yes: "true", no: "false", nothing: "null", unit: "  ", key: javascriptKey };
 
@@ -49,11 +45,7 @@ export function codeFor(operation, { address, hasToken, texts }) {
  *   world stands until a master steps it
  */
 export function firstProgram({ address, hasToken, isInSteps }) {
-  const url = JSON.stringify(address.replace(/\/$/u, ""));
-  const imports = [...(hasToken ? ["import os"] : []), ...(isInSteps ? [] : ["import time"])];
-  const body = isInSteps ? FIRST_STEPS : FIRST_DRIVE;
-  const lines = [...imports, ...(imports.length ? [""] : []), "import roslibpy", "", `ros = roslibpy.Ros(${url}${pythonToken(hasToken)})`, "ros.run()"];
-  return `${lines.join("\n")}\n${body}ros.terminate()\n`;
+  return pythonProgram(address.replace(/\/$/u, ""), hasToken, !isInSteps, isInSteps ? FIRST_STEPS : FIRST_DRIVE);
 }
 
 const FIRST_DRIVE = `ego = roslibpy.Topic(ros, "/Ego_topic", "morai_msgs/EgoVehicleStatus", throttle_rate=500)
@@ -79,9 +71,11 @@ for _ in range(250):
 print(f"{car['velocity']['x'] * 3.6:.1f} km/h")
 `;
 
-/** The argument with the token, which is in the environment and never in the program. @param {boolean} hasToken */
-function pythonToken(hasToken) {
-  return hasToken ? ', headers={"Authorization": "Bearer " + os.environ["ROSBRIDGE_SIM_TOKEN"]}' : "";
+/** @param {string} url @param {boolean} hasToken - it is in the environment, and never in the program @param {boolean} hasTime @param {string} body */
+function pythonProgram(url, hasToken, hasTime, body) {
+  const token = hasToken ? ', headers={"Authorization": "Bearer " + os.environ["ROSBRIDGE_SIM_TOKEN"]}' : "";
+  const imports = `${hasToken ? "import os\n" : ""}${hasTime ? "import time\n" : ""}`;
+  return `${imports}${imports && "\n"}import roslibpy\n\nros = roslibpy.Ros(${JSON.stringify(url)}${token})\nros.run()\n${body}ros.terminate()\n`;
 }
 
 /**
@@ -134,21 +128,7 @@ function isSyncStart({ kind, values }) {
 /** @param {Operation} operation @param {string} url @param {boolean} hasToken @param {CodeTexts} texts */
 function pythonFor(operation, url, hasToken, texts) {
   const { kind, name, type, values } = operation;
-  const imports = [];
-  if (hasToken) {
-    imports.push("import os");
-  }
-  if (kind === "publish") {
-    imports.push("import time");
-  }
-  const lines = [
-    ...imports,
-    ...(imports.length ? [""] : []),
-    "import roslibpy",
-    "",
-    `ros = roslibpy.Ros(${JSON.stringify(url)}${pythonToken(hasToken)})`,
-    "ros.run()",
-  ];
+  const lines = [];
   const place = `ros, ${JSON.stringify(name)}, ${JSON.stringify(type)}`;
   const body = codeLiteral(values, PYTHON_NOTATION);
   if (kind === "publish") {
@@ -159,8 +139,7 @@ function pythonFor(operation, url, hasToken, texts) {
   if (isSyncStart(operation)) {
     lines.push(`# ${texts.syncEnds}`);
   }
-  lines.push("ros.terminate()");
-  return `${lines.join("\n")}\n`;
+  return pythonProgram(url, hasToken, kind === "publish", `${lines.join("\n")}\n`);
 }
 
 /** @param {Operation} operation @param {string} url @param {boolean} hasToken @param {CodeTexts} texts */

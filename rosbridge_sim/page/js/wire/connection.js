@@ -20,14 +20,11 @@ import { Takers } from "./takers.js";
 /** Waits before a new attempt to connect [ms]: soon after the first loss, later not more often than a person notices. */
 const FIRST_WAIT = 500;
 const LONGEST_WAIT = 5000;
-
 /** Place of the token in the tab's storage, which no other tab reads and which ends with the tab. */
 const TOKEN_KEY = "rosbridge-sim token";
-
 /** Ids of the ops that find out whether the server needs a token, and whether it still answers. */
 const AUTH_ID = "page:auth";
 const PROBE_ID = "page:probe";
-
 /** A service that each server has and no pattern closes. */
 const PROBE_SERVICE = "/rosapi/get_time";
 

@@ -9,15 +9,12 @@
  */
 
 /** @typedef {{x: number, y: number, heading: number}} MapPlace in the map's frame [m], heading [rad] from east */
-
 /** @typedef {{accel: number, brake: number, steering: number}} PedalCommand pedals 0 to 1, front wheels [rad] */
 
 /** `longlCmdType` of a command by pedals. */
 const BY_PEDALS = 1;
-
 /** Bit of `option` in `EventInfo` for the pause. */
 const PAUSE_OPTION = 8;
-
 /** Parts of a scenario that a load from the page takes: all but the network settings, which would move topics. */
 const WHOLE_SCENARIO = Object.freeze({
   load_network_connection_data: false,

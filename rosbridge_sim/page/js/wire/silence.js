@@ -2,7 +2,6 @@
 
 /** Time without a frame after which the server is asked for one [ms]. An idle server sends nothing by itself. */
 const ASK_AFTER = 2000;
-
 /** Time that the answer may take [ms]; longer than the longest step of a busy server. */
 const ANSWER_WITHIN = 3000;
 

@@ -17,10 +17,8 @@
 
 /** Longest text of a definition that is read: ten times the largest one of the standard packages. */
 const MAX_DEFINITION = 1_000_000;
-
 /** Deepest nesting of a default value, so that a type that contains itself ends. */
 const MAX_TYPE_DEPTH = 20;
-
 /** Least and greatest value of each type of integers that a JavaScript number holds exactly. */
 const INTEGER_RANGES = new Map([
   ["int8", [-128, 127]],
@@ -41,7 +39,6 @@ const FLOAT_TYPES = ["float32", "float64"];
 const FIELD = /^([A-Za-z][\w/]*)(<=\d+)?(\[(<=)?(\d*)\])?\s+([A-Za-z]\w*)\s*(.*)$/;
 const CONSTANT = /^([A-Za-z]\w*)(<=\d+)?\s+([A-Za-z]\w*)\s*=\s*(.*)$/;
 const TYPE_HEAD = /^MSG:\s*(\S+)$/;
-
 /** Base types that are written as a message with two numbers. @type {Record<string, TypeSpec>} */
 const TIME_SPECS = { time: timeSpec("time", "uint32"), duration: timeSpec("duration", "int32") };
 

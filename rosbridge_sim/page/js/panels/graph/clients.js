@@ -7,9 +7,7 @@ import { stampSeconds } from "../ego_values.js";
 import { bytesText, durationText } from "./figures.js";
 
 /** @typedef {import("../context.js").PanelContext} PanelContext */
-
 /** @typedef {{address: string, connection_time: any, frames_received: number, frames_refused: number, messages_sent: number, bytes_sent: number, bytes_waiting: number, bytes_held: number, dropped_topics: string[], dropped_counts: ArrayLike<number | bigint>}} ClientInfo */
-
 /** @typedef {{url: string, age: number}} BridgeStatus */
 
 /** Topics with lost messages that are named; a client may have hundreds. */

@@ -13,7 +13,6 @@ import { makeFormOf } from "./definitions.js";
 
 /** Time between two readings of the lists [ms]; services come and go seldom. */
 const LIST_INTERVAL = 3000;
-
 /** Longest wait for an answer [ms]: a load of a large scenario takes several seconds. */
 const CALL_TIMEOUT = 60_000;
 

@@ -14,7 +14,6 @@ import { makePublishForm } from "./publish_form.js";
 
 /** Shortest time between two updates of the tree: more often nobody reads it [ms]. */
 const TREE_INTERVAL = 200;
-
 /** The same for charts, whose lines shall be smooth [ms]. */
 const CHART_INTERVAL = 50;
 

@@ -7,7 +7,6 @@ import { bytesText, rateText } from "./figures.js";
 import { TopicView } from "./topic_view.js";
 
 /** @typedef {import("../context.js").PanelContext} PanelContext */
-
 /** @typedef {{name: string, type: string, rate: number, bytes_per_second: number, size: number, publishers: string[], subscribers: string[], dropped: number, is_latched: boolean}} TopicInfo */
 
 /** @param {PanelContext} context @returns {HTMLElement} */
