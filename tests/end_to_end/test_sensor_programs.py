@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -50,19 +51,25 @@ def town() -> RoadMap:
     return DiskLibrary().map("town")
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    """A server with the town, in which nobody else drives."""
-    folder = tmp_path_factory.mktemp("sensors")
+@contextmanager
+def alone_on(map_name: str, folder: Path, x: float, y: float) -> Iterator[ServerProcess]:
+    """A server with a map on which nobody else drives; the ego stands at a place, and looks to the east."""
     sensors, scenario = folder / "sensors.toml", folder / "alone.json"
     sensors.write_text(SENSORS)
-    ego = {"modelName": "2016_Hyundai_Ioniq", "initPosition": {"pos": {"x": 60, "y": SOUTH, "z": 0}, "rot": {"yaw": 0}}}
-    scenario.write_text(json.dumps({"mapInfo": {"mapName": "town"}, "egoVehicle": ego}))
+    ego = {"modelName": "2016_Hyundai_Ioniq", "initPosition": {"pos": {"x": x, "y": y, "z": 0}, "rot": {"yaw": 0}}}
+    scenario.write_text(json.dumps({"mapInfo": {"mapName": map_name}, "egoVehicle": ego}))
     process = ServerProcess(
         folder / "log.txt", ("--start", "sync", "--scenario", str(scenario), "--sensors", str(sensors))
     )
     yield process
     process.stop_cleanly()
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    """A server with the town."""
+    with alone_on("town", tmp_path_factory.mktemp("sensors"), 60.0, SOUTH) as process:
+        yield process
 
 
 @pytest.fixture
@@ -92,7 +99,9 @@ def figure_of(pattern: str, text: str) -> float:
     return float(match[1])
 
 
-def follow_lane(server: ServerProcess, client: Client, metres: float, *flags: str) -> float:
+def follow_lane(
+    server: ServerProcess, client: Client, metres: float, *flags: str, road_map: RoadMap | None = None
+) -> float:
     """Drive by the camera; return the largest distance from the middle of a lane [m]."""
     status = client.subscribe("/Ego_topic", keep=100_000)
     out = run(server, "lane_camera.py", "--metres", str(metres), *flags)
@@ -100,7 +109,7 @@ def follow_lane(server: ServerProcess, client: Client, metres: float, *flags: st
     client.confirm()
     places = np.array([(one["position"]["x"], one["position"]["y"]) for one in status.take()])
     assert np.hypot(*np.diff(places, axis=0).T).sum() >= 0.98 * metres
-    return float(town().roads.nearest(places[:, 0], places[:, 1]).distance.max())
+    return float((road_map or town()).roads.nearest(places[:, 0], places[:, 1]).distance.max())
 
 
 def test_camera_keeps_the_car_in_its_lane_around_a_corner(
@@ -115,6 +124,16 @@ def test_camera_keeps_the_car_in_its_lane_around_a_corner(
 @pytest.mark.long
 def test_camera_keeps_the_car_in_its_lane_around_the_town(server: ServerProcess, client: Client) -> None:
     assert follow_lane(server, client, 1_700.0) < 0.8
+
+
+@pytest.mark.long
+def test_camera_keeps_the_car_in_its_lane_on_the_loop_from_the_straight_through_a_bend(tmp_path: Path) -> None:
+    road_map = DiskLibrary().map("loop")
+    with (
+        alone_on("loop", tmp_path, 970.0, -3.5) as server,  # the bend of 400 m begins at 1,000 m
+        Client(server.url, timeout=PATIENCE) as client,
+    ):
+        assert follow_lane(server, client, 700.0, road_map=road_map) < 0.8
 
 
 def test_each_car_at_10_20_and_40_m_is_a_cluster(server: ServerProcess, client: Client) -> None:
