@@ -10,6 +10,7 @@ from playwright.async_api import Locator, Page, expect
 from rosbridge_sim.client import AsyncClient, ClientError
 from tests.conftest import Serve
 from tests.page.conftest import OpenPage
+from tests.page.test_page import faults_of
 from tests.support import PATIENCE
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
@@ -86,7 +87,7 @@ async def test_past_is_shown_with_its_age_and_a_branch_returns_the_world_to_a_sn
 
 async def test_marks_lead_to_collisions_lane_changes_and_refusals(serve: Serve, open_page: OpenPage) -> None:
     server = serve("--scenario", "loop")
-    page = await open_page(server)
+    page = await open_page(server, color_scheme="dark")
     async with AsyncClient(server.url, timeout=PATIENCE) as client:
         scene = await client.wait_for("/sim/scene/state")
         place = {"x": scene["x"][0], "y": scene["y"][0], "z": 0.0}
@@ -108,6 +109,7 @@ async def test_marks_lead_to_collisions_lane_changes_and_refusals(serve: Serve, 
             await expect(page.get_by_role("button", name=re.compile(f"^{name}, \\d+ s ago: ")).first).to_be_visible()
         await page.get_by_role("button", name=re.compile("^Lane change")).first.click()
         await expect(page.locator(".past-banner")).to_be_visible()
+        assert await faults_of(page) == []
         await expect(page.locator(".instruments")).to_contain_text(link)  # two seconds before, on the lane of then
         await client.call("/sim/reset", {"seed": -1})
         await expect(page.locator(".past-banner")).to_be_hidden()  # it has not happened any more

@@ -15,6 +15,7 @@ from rosbridge_sim.client import AsyncClient
 from tests.conftest import Serve
 from tests.page.conftest import OpenPage, page_url
 from tests.page.test_map import COLOURS, Pixels, colour, open_map, places_of, until
+from tests.page.test_page import faults_of
 from tests.support import PATIENCE
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
@@ -96,6 +97,7 @@ async def test_link_is_checked_asks_for_its_scenario_and_never_has_the_token(ser
     await expect(page.locator(".header-scenario")).to_have_text("demo")  # nothing without an answer
     await dialog.get_by_role("button", name="Load").click()
     await expect(page.locator(".header-scenario")).to_have_text("loop")
+    assert await faults_of(page) == []
     await page.get_by_role("tab", name="Time").click()
     await page.get_by_role("button", name="Copy link").click()
     link = await page.locator(".view-link").text_content()
