@@ -393,8 +393,11 @@ class _Plugin:
     def pytest_sessionstart(self) -> None:
         """Have hypothesis neither shrink nor store examples, because any failure is enough."""
         phases = [hypothesis.Phase.explicit, hypothesis.Phase.generate]
+        slow = list(hypothesis.HealthCheck)  # tests are slow while their lines are recorded
         profile = hypothesis.settings.get_profile("ours")
-        hypothesis.settings.register_profile("mutate", profile, database=None, phases=phases, derandomize=True)
+        hypothesis.settings.register_profile(
+            "mutate", profile, database=None, phases=phases, derandomize=True, suppress_health_check=slow
+        )
         hypothesis.settings.load_profile("mutate")
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
