@@ -235,11 +235,11 @@ export const KOREAN = {
   timeline: {
     title: "타임라인",
     position: "최근 2분 안의 위치",
-    live: "실시간",
+    live: "현재",
     ago: (seconds) => `-${seconds}초`,
     banner: (seconds, frame) => `${seconds}초 전, 프레임 ${frame}`,
     worldGoesOn: "과거를 보고 있습니다.",
-    backToLive: { label: "실시간으로", title: "지금 일어나는 일을 보여 줍니다" },
+    backToLive: { label: "현재로", title: "지금 일어나는 일을 보여 줍니다" },
     play: { label: "▶", title: "여기서부터 재생합니다" },
     hold: { label: "❚❚", title: "멈춥니다" },
     scrollFirst: "먼저 슬라이더를 왼쪽으로 움직여 과거로 가십시오.",
