@@ -90,6 +90,8 @@ class _Quiet(logging.LoggerAdapter[Any]):
     """
 
     def log(self, level: int, msg: object, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
+        if not self.isEnabledFor(logging.DEBUG):  # each connection has some lines
+            return
         show = _SHOWN.get(str(msg))
         if args and show is None:
             msg, args = "%s", (f"{msg} (values are not shown)",)

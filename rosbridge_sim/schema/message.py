@@ -111,13 +111,21 @@ class Message(msgspec.Struct, eq=False):
             EncodingError: the value cannot be written.
         """
         if head != self._head:
-            json = self._json
-            if json is None and self.text_length >= LEAST:
-                self._framed = b"".join((head, *self._write("JSON", self.type.encode_json_parts), b"}"))
-            else:
+            if self.text_length < LEAST:
+                json = self._json
                 self._framed = b"".join((head, self.json if json is None else json, b"}"))
+            else:
+                self._framed = b"".join((head, *self._parts(), b"}"))
             self._head = head
         return self._framed
+
+    def _parts(self) -> tuple[bytes | memoryview, ...]:
+        """Return the JSON text in parts. See `framed`.
+
+        Raises:
+            EncodingError: the value cannot be written.
+        """
+        return self._write("JSON", self.type.encode_json_parts) if self._json is None else (self._json,)
 
     def shared(self, key: object, make: Callable[[], T]) -> T:
         """Return `make()`, made once for each key: a form of the message that several listeners want.

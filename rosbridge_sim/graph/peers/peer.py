@@ -82,7 +82,7 @@ class Peer(PeerBase):
         session.on_lost_answer = self._lose_answer
         if not policy.is_open:
             policy.ways.on_change[self.topics.recheck] = None
-        self._act = _Acts(self)
+        self._act: dict[type, _Act] = {}  # the acts of the kinds of ops that came so far: most clients send few kinds
 
     def receive(self, frame: bytes, now: float) -> None:
         """Do all ops of a frame at once, however long that takes.
@@ -120,7 +120,11 @@ class Peer(PeerBase):
         self.op_id = op.id
         self.op = op
         try:
-            self._act[type(op)](op, now)
+            act = self._act[type(op)]
+        except KeyError:
+            act = self._act[type(op)] = _ACTS[type(op)](self)
+        try:
+            act(op, now)
         except PeerError as error:
             self.num_errors += 1
             text = f"{error}{self.suggest(error.reason, op)}"
@@ -208,16 +212,3 @@ _ACTS: dict[type, Callable[[Peer], _Act]] = {
     ops.Status: lambda peer: peer.log_status,
     ops.Auth: lambda peer: peer.take_token,
 }
-
-
-class _Acts(dict[type, _Act]):
-    """The methods of one client that do an op, each bound at the first op of its kind: most clients send few kinds."""
-
-    __slots__ = ("_peer",)
-
-    def __init__(self, peer: Peer) -> None:
-        self._peer = peer
-
-    def __missing__(self, kind: type) -> _Act:
-        act = self[kind] = _ACTS[kind](self._peer)
-        return act
