@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from rosbridge_sim.client import Client
+from rosbridge_sim.shell.app import Simulator
 from tests.cli.tool_fixture import run
 from tests.shell.rendering.graphics import open_renderer
 
@@ -45,6 +47,20 @@ def test_shot_of_a_camera_has_its_size_and_its_depth(tmp_path: Path) -> None:
     with Image.open(path) as picture:
         assert picture.mode.startswith("I;16")
         assert 1_000 < np.asarray(picture)[479, 320] < 10_000  # the road, in millimetres
+
+
+@pytest.mark.slow
+def test_clip_of_a_recording_ends_with_it_and_says_so(tmp_path: Path) -> None:
+    open_renderer()
+    bag, path = tmp_path / "drive.bag", tmp_path / "drive.gif"
+    with Simulator(port=0, start="sync", scenario="demo", record=bag) as sim, Client(sim.url) as client:
+        client.start_sync()
+        client.tick(20)
+    done = run("clip", "--recording", str(bag), "--size", "64x48", "--seconds", "2", "-o", str(path), "--json")
+    num = json.loads(done.out)["pictures"]
+    assert done.code == 0
+    assert done.err == f"rosbridge-sim: the recording is over: {num} of 20 pictures\n"
+    assert 3 <= num <= 6
 
 
 @pytest.mark.parametrize(
