@@ -22,6 +22,7 @@ if __name__ == "__main__":
 
 from scripts.docs_pages.barrier import draw_barrier, write_barrier  # noqa: E402
 from scripts.docs_pages.campaigns import write_campaigns  # noqa: E402
+from scripts.docs_pages.environments import write_environments  # noqa: E402
 from scripts.docs_pages.fields import write_fields  # noqa: E402
 from scripts.docs_pages.flags import write_flags  # noqa: E402
 from scripts.docs_pages.rooms import PACKAGE_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS, draw_rooms  # noqa: E402
@@ -34,6 +35,7 @@ DOCS: Final = ROOT / "docs"
 GENERATED: Final[dict[str, Callable[[], str]]] = {
     "reference/flags.md": write_flags,
     "reference/campaigns.md": write_campaigns,
+    "reference/environments.md": write_environments,
     "reference/fields_22.md": lambda: write_fields("22.R2"),
     "reference/fields_26.md": lambda: write_fields("26.R1"),
     "reference/sync_table.md": write_table,

@@ -11,7 +11,6 @@ from gymnasium.vector import AutoresetMode
 
 from rosbridge_sim.environments.driving_vector_env import RENDER_MODES, DrivingVectorEnv
 from rosbridge_sim.environments.episodes import FPS
-from rosbridge_sim.environments.judgement import goal_reward
 from rosbridge_sim.environments.observations import Seen, pick
 
 __all__ = ["DrivingEnv"]
@@ -66,21 +65,8 @@ class DrivingEnv(Env[Seen, Any]):
         self._many.close()
 
     def compute_reward(self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, info: Any) -> Any:  # noqa: ANN401
-        """Return the reward of steps that have led to goals, as environments with goals have it.
-
-        Args:
-            achieved_goal: (6,) or (n, 6) of the observations.
-            desired_goal: likewise.
-            info: of the step, or (n,) of them.
-
-        Returns:
-            A number, or (n,): that of `step`, with the weights `goal` and `failure` alone.
-        """
-        weights = self.task.all_weights
-        failed = [each["has_collided"] for each in np.atleast_1d(np.asarray(info, dtype=object))]
-        rewards = weights["goal"] * goal_reward(achieved_goal, desired_goal)
-        rewards = rewards - weights["failure"] * np.asarray(failed, dtype=np.float64).reshape(rewards.shape)
-        return float(rewards) if rewards.ndim == 0 else rewards
+        """Return the reward of steps that have led to goals; see `DrivingVectorEnv.compute_reward`."""
+        return self._many.compute_reward(achieved_goal, desired_goal, info)
 
 
 def _first(infos: dict[str, Any]) -> dict[str, Any]:

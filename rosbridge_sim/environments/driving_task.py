@@ -53,7 +53,8 @@ class DrivingTask:
     Attributes:
         scenario: name or file, as for `Worlds`.
         traffic: vehicles besides those of the scenario.
-        observation: name of an observation, see `observations`.
+        observation: name of an observation, see `observations`; or the user's function: `observation(worlds)` returns
+            figures of all egos, (num_worlds, num_egos, ...), which are taken as they are.
         parts: observations that `Dict` has.
         normalize: observations are within -1..1; else in SI units.
         lights: `Lane` has the light ahead, too.
@@ -81,14 +82,14 @@ class DrivingTask:
         start_speed: speed there [m/s].
         goal: `lane` ends an episode well when the ego is `goal_s` m along a lane that `goal_lane` names and on which it
             did not begin; `bay` when it stands in the one of these lanes that chance has chosen among the free ones,
-            with its nose to the lane's beginning.
+            with its nose to the lane's beginning. Vehicles that drive are taken away then.
         goal_lane: name or pattern.
         goal_s: see `goal` [m].
     """
 
     scenario: str
     traffic: int = 0
-    observation: str = "Lane"
+    observation: str | Callable[[SteppedWorlds], npt.ArrayLike] = "Lane"
     parts: tuple[str, ...] = ("Lane", "Others")
     normalize: bool = True
     lights: bool = False
@@ -147,7 +148,7 @@ def _check_names(task: DrivingTask) -> None:
     if unknown:
         raise ValueError(f"weights: expected names of {', '.join(WEIGHTS)}, got {', '.join(sorted(unknown))}")
     for name, known in (("observation", OBSERVATIONS), ("action", ACTIONS), ("goal", _GOALS)):
-        if getattr(task, name) not in known:
+        if getattr(task, name) not in known and not (name == "observation" and callable(task.observation)):
             names = ", ".join(each or "''" for each in known)
             raise ValueError(f"{name}: expected one of {names}, got {getattr(task, name)!r}")
     if isinstance(task.parts, str) or not task.parts or not set(task.parts) <= set(PARTS):

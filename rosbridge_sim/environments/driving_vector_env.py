@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.episodes import FPS, Episodes
-from rosbridge_sim.environments.judgement import Judgement
+from rosbridge_sim.environments.judgement import Judgement, goal_reward
 from rosbridge_sim.environments.observations import Seen, pick, space_of
 from rosbridge_sim.environments.picture import draw
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
@@ -59,7 +59,7 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
             raise ValueError(f"render_mode: expected {', '.join(RENDER_MODES)} or None, got {render_mode!r}")
         self.worlds = self._make_worlds(num_envs)
         self.episodes = Episodes(self.worlds, self.task)
-        self.single_observation_space = space_of(self.task)
+        self.single_observation_space = space_of(self.task, self.worlds)
         self.single_action_space = self.episodes.action.space
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -133,6 +133,23 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
         if self.render_mode != "rgb_array":
             return None
         return tuple(draw(self.worlds, i, self.episodes.starts.goals[i]) for i in range(self.num_envs))
+
+    def compute_reward(self, achieved_goal: npt.ArrayLike, desired_goal: npt.ArrayLike, info: Any) -> Any:  # noqa: ANN401
+        """Return the reward of steps that have led to goals, as environments with goals have it.
+
+        Args:
+            achieved_goal: (6,) or (n, 6) of the observations.
+            desired_goal: likewise.
+            info: of the step, or (n,) of them.
+
+        Returns:
+            A number, or (n,): that of `step`, with the weights `goal` and `failure` alone.
+        """
+        weights = self.task.all_weights
+        failed = [each["has_collided"] for each in np.atleast_1d(np.asarray(info, dtype=object))]
+        rewards = weights["goal"] * goal_reward(achieved_goal, desired_goal)
+        rewards = rewards - weights["failure"] * np.asarray(failed, dtype=np.float64).reshape(rewards.shape)
+        return float(rewards) if rewards.ndim == 0 else rewards
 
     @property
     def page_url(self) -> str:

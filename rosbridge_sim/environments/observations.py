@@ -140,8 +140,14 @@ def bounds_of(name: str, task: DrivingTask) -> FloatArray:
     return OBSERVATION_PARTS[name][0](task)
 
 
-def space_of(task: DrivingTask) -> Space[Any]:
-    """Return the space of the observations of one ego."""
+def space_of(task: DrivingTask, worlds: DrivableWorlds) -> Space[Any]:
+    """Return the space of the observations of one ego.
+
+    Raises:
+        ValueError: the user's function returns something else than figures of all egos.
+    """
+    if callable(task.observation):
+        return Box(-np.inf, np.inf, _see_own(worlds, task.observation).shape[2:], np.float32)
     if task.observation == "Dict":
         return Dict({name: _box(name, task) for name in task.parts})
     if task.observation == "Goal":
@@ -164,6 +170,8 @@ def observe(
             Only `Goal` has them.
         cameras: of these worlds; only `Camera` needs them.
     """
+    if callable(task.observation):
+        return _see_own(worlds, task.observation)
     if task.observation == "Dict":
         return {name: _see(name, worlds, task, cameras) for name in task.parts}
     if task.observation == "Goal":
@@ -196,6 +204,19 @@ def _see(name: str, worlds: DrivableWorlds, task: DrivingTask, cameras: EgoCamer
     if task.normalize:
         return np.clip(figures / bounds, -1.0, 1.0).astype(np.float32)
     return np.clip(figures, -bounds, bounds).astype(np.float32)
+
+
+def _see_own(worlds: Any, function: Callable[..., npt.ArrayLike]) -> npt.NDArray[np.float32]:  # noqa: ANN401 - what it takes
+    """Return what the user's function returns.
+
+    Raises:
+        ValueError: it is no array of figures of all egos.
+    """
+    found = np.asarray(function(worlds), dtype=np.float32)
+    shape = worlds.has_ego.shape
+    if found.shape[:2] != shape:
+        raise ValueError(f"observation: expected shape {shape} and more from the function, got {found.shape}")
+    return found
 
 
 def achieved_goals(worlds: DrivableWorlds) -> npt.NDArray[np.float32]:

@@ -57,7 +57,7 @@ class DrivingParallelEnv(ParallelEnv[str, Seen, Any]):
         self.render_mode = render_mode
         self.possible_agents = [f"ego_{i}" for i in range(num_egos)]
         self.agents: list[str] = []
-        self._observation_spaces = {agent: space_of(self.task) for agent in self.possible_agents}
+        self._observation_spaces = {agent: space_of(self.task, self.worlds) for agent in self.possible_agents}
         self._action_spaces = {agent: deepcopy(self.episodes.action.space) for agent in self.possible_agents}
 
     def observation_space(self, agent: str) -> Space[Any]:

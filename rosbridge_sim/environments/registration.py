@@ -48,7 +48,7 @@ TASKS: Final[dict[str, DrivingTask]] = {
         target_speed=2.0,
         duration=60.0,
         goal="bay",
-        goal_lane="B*",
+        goal_lane="B[AB]*",
         weights={"speed": 0.0, "offset": 0.0, "steering": 0.0, "failure": 5.0, "goal": 1.0},
     ),
     "rosbridge_sim/Drive-v0": DrivingTask("town", observation="Kinematics", target_speed=12.0),

@@ -63,6 +63,8 @@ class Starts:
             self.goal_lanes[number] = np.isin(np.arange(len(self._roads)), self._ends)
             self.goal_lanes[number, np.arange(len(lanes))[lanes >= 0], lanes[lanes >= 0]] = False
         elif task.goal == "bay":
+            for uid in world.uid[world.alive & world.has_lane & (world.kind == Kind.VEHICLE)].tolist():
+                self._worlds.remove(number, uid)  # a driver that waits behind an ego would stand where it backs
             self.goals[number] = self._choose_bays(world, rng)
 
     def _start(self, number: int, ego: int, taken: list[tuple[float, float]], rng: np.random.Generator) -> int:

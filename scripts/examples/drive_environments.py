@@ -1,7 +1,8 @@
 """Drive the environments for Gymnasium with random actions and by a rule, and print what both reach.
 
-The rule steers towards the line of the lane 10 m ahead (pure pursuit), wants the target speed, and keeps a gap of 1.2 s
-and 8 m to what is ahead. Needs the extra `gym`.
+The rule steers towards the line of the lane 10 m ahead (pure pursuit), wants the target speed, keeps a gap of 1.2 s and
+8 m to what is ahead, and stops at red lights. In `Parking-v0` it drives past its bay and reverses into it in an arc.
+Needs the extra `gym`.
 
     python scripts/examples/drive_environments.py --episodes 16
 """
@@ -9,6 +10,7 @@ and 8 m to what is ahead. Needs the extra `gym`.
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,21 +21,33 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.registration import TASKS, register_all
 
-NUM_LANE = 15
-"""Figures of `Lane`, behind which those of the other entities begin."""
+NUM_LANE, NUM_LIGHT = 15, 2
+"""Figures of `Lane`, and of its lights, behind which those of the other entities begin."""
+
+NOSE = 3.6
+"""From the rear axle to the front bumper [m]."""
 
 Policy = Callable[[Any], Any]
 
 
-def by_rule(seen: Any, target: float) -> Any:  # noqa: ANN401 - arrays
+def by_rule(seen: Any, task: DrivingTask) -> Any:  # noqa: ANN401 - arrays
     """Return actions (n, 2) for observations (n, ...)."""
     forward, left, speed = 40.0 * seen[:, 9], 40.0 * seen[:, 10], 40.0 * seen[:, 0]
     steering = 12.0 * left / np.maximum(forward**2 + left**2, 1.0)
-    accel = (target - speed) / 8.0
-    if seen.shape[1] > NUM_LANE:
-        is_there, x, y, vx = (seen[:, NUM_LANE:].reshape(len(seen), -1, 9)[..., i] for i in range(4))
+    accel = (task.target_speed - speed) / 8.0
+    begin = NUM_LANE + NUM_LIGHT * task.lights
+    if task.lights:
+        room = 100.0 * seen[:, NUM_LANE] - NOSE - 1.0
+        may_stop = speed**2 < 2.0 * 3.0 * np.maximum(room, 0.0)
+        brakes = -np.square(speed) / (2.0 * np.maximum(room, 0.3))
+        must_stop = (seen[:, NUM_LANE + 1] > 0.0) & may_stop & (room < 40.0)
+        accel = np.where(must_stop, np.minimum(accel, np.where(brakes < -1.0, brakes / 4.0, accel)), accel)
+        accel = np.where(must_stop & (room < 1.0), -1.0, accel)
+    if seen.shape[1] > begin:
+        is_there, x, y, vx = (seen[:, begin:].reshape(len(seen), -1, 9)[..., i] for i in range(4))
         is_ahead = (is_there > 0.0) & (x > 0.0) & (np.abs(100.0 * y) < 2.0)
         gap = np.where(is_ahead, 100.0 * x, np.inf).min(axis=1)
         closing = np.where(is_ahead, -40.0 * vx, 0.0).max(axis=1)
@@ -42,8 +56,49 @@ def by_rule(seen: Any, target: float) -> Any:  # noqa: ANN401 - arrays
     return np.clip(np.stack([steering, accel], axis=1), -1.0, 1.0)
 
 
-def drive(name: str, policy: Policy, num: int) -> tuple[float, float, float]:
-    """Return means over episodes: the sum of rewards, the time [s] and the distance [m]."""
+class ParkByRule:
+    """Past the bay, back in an arc with the wheels at 0.5 rad, and straight back; one state for each environment."""
+
+    RADIUS, AISLE, CENTRE = 5.2, 5.5, 1.35
+    """Of the arc of the rear axle; from the middle of the bay to that of the aisle; from the rear axle to that of the
+    body [m]."""
+
+    def __init__(self, num: int) -> None:
+        self._is_back = np.zeros(num, dtype=bool)
+        self._is_turning = np.zeros(num, dtype=bool)
+
+    def __call__(self, seen: Any) -> Any:  # noqa: ANN401 - arrays
+        """Return actions (n, 2) for observations of `Goal`."""
+        lane, own, bay = (seen[name] for name in ("observation", "achieved_goal", "desired_goal"))
+        speed, wheels = 40.0 * lane[:, 0], 0.5 * lane[:, 5]
+        yaw, way = np.arctan2(own[:, 5], own[:, 4]), np.arctan2(bay[:, 5], bay[:, 4])
+        turn = (yaw - way + np.pi) % (2.0 * np.pi) - np.pi
+        east, north = 100.0 * (own[:, 0] - bay[:, 0]), 100.0 * (own[:, 1] - bay[:, 1])
+        out = east * np.cos(way) + north * np.sin(way) - self.CENTRE * np.cos(turn)
+        aside = north * np.cos(way) - east * np.sin(way) - self.CENTRE * np.sin(turn)
+        side = np.sign(np.sin(turn))
+        left = self.RADIUS - aside * side
+        is_in_aisle = (np.abs(out - self.AISLE) < 1.0) & (np.abs(np.cos(turn)) < 0.2)
+        steering = np.clip(12.0 * 40.0 * lane[:, 8] / np.maximum((40.0 * lane[:, 7]) ** 2, 1.0), -1.0, 1.0)
+        along = 0.3 * (out - self.AISLE) * side - 2.0 * (turn - side * 0.5 * np.pi)
+        steering = np.where(is_in_aisle & (left < 12.0), np.clip(along, -1.0, 1.0), steering)
+        wanted = np.where(is_in_aisle & (left > -1.0), np.clip(0.5 * left, 0.0, 2.0), 3.0)
+        self._is_turning |= is_in_aisle & (np.abs(left) < 0.15) & (np.abs(speed) < 0.1)
+        accel = wanted - speed
+        # With the wheels turned it goes back until it is nearly straight, then it steers to the line of the bay.
+        self._is_back |= self._is_turning & (np.abs(turn) < 0.15)
+        line = np.clip(4.0 * (turn - np.clip(0.3 * aside, -0.2, 0.2)), -1.0, 1.0)
+        steering = np.where(self._is_back, line, np.where(self._is_turning, side, steering))
+        is_ready = self._is_back | (np.abs(wheels - 0.5 * side) < 0.05)
+        rest = out + self.CENTRE
+        back = np.where(self._is_back, np.clip(0.5 * rest, 0.0, 1.0), 1.0)
+        accel = np.where(self._is_turning, np.where(is_ready, -back - speed, 0.0), accel)
+        accel = np.where(self._is_back & (rest < 0.1), np.where(speed < -0.02, 1.0, 0.0), accel)
+        return np.clip(np.stack([steering, accel], axis=1), -1.0, 1.0)
+
+
+def drive(name: str, policy: Policy, num: int) -> dict[str, float]:
+    """Return means over episodes: sum of rewards, time [s], distance [m], shares that arrived and that failed."""
     envs = gymnasium.make_vec(
         name,
         num_envs=num,
@@ -52,31 +107,45 @@ def drive(name: str, policy: Policy, num: int) -> tuple[float, float, float]:
     )
     seen, _ = envs.reset(seed=0)
     total, steps, distance, is_on = np.zeros(num), np.zeros(num), np.zeros(num), np.ones(num, dtype=bool)
+    arrived, failed = np.zeros(num, dtype=bool), np.zeros(num, dtype=bool)
     while is_on.any():
         seen, rewards, terminated, truncated, infos = envs.step(policy(seen))
         total += rewards * is_on
         steps += is_on
         distance = np.where(is_on, infos["distance"], distance)
+        arrived |= is_on & infos["has_arrived"]
+        failed |= is_on & terminated & ~infos["has_arrived"]
         is_on &= ~(terminated | truncated)
-    return float(total.mean()), float(steps.mean()) / 10.0, float(distance.mean())
+    return {
+        "reward": round(float(total.mean()), 1),
+        "seconds": round(float(steps.mean()) / 10.0, 1),
+        "metres": round(float(distance.mean())),
+        "arrived": round(float(arrived.mean()), 2),
+        "failed": round(float(failed.mean()), 2),
+    }
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print a line for each environment and driver."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--episodes", type=int, default=16)
+    parser.add_argument("--json", type=Path, help="file for the figures")
+    parser.add_argument("--only", default="", help="environments whose names contain this")
     chosen = parser.parse_args(arguments)
     register_all()
-    rng = np.random.default_rng(0)
+    rng, num = np.random.default_rng(0), chosen.episodes
+    figures: dict[str, dict[str, dict[str, float]]] = {}
     for name, task in TASKS.items():
-        target = task.target_speed
-        drivers: dict[str, Policy] = {
-            "random": lambda seen: rng.uniform(-1.0, 1.0, (len(seen), 2)),
-            "by rule": lambda seen, target=target: by_rule(seen, target),  # type: ignore[misc]
-        }
+        if chosen.only not in name:
+            continue
+        rule: Policy = ParkByRule(num) if task.goal == "bay" else (lambda seen, task=task: by_rule(seen, task))  # type: ignore[misc]
+        drivers: dict[str, Policy] = {"random": lambda _: rng.uniform(-1.0, 1.0, (num, 2)), "by rule": rule}
         for driver, policy in drivers.items():
-            reward, seconds, metres = drive(name, policy, chosen.episodes)
-            print(f"{name:32} {driver:8} reward {reward:7.1f}  {seconds:5.1f} s  {metres:6.0f} m", flush=True)
+            found = drive(name, policy, num)
+            figures.setdefault(name, {})[driver] = found
+            print(f"{name:32} {driver:8} {' '.join(f'{key} {value:g}' for key, value in found.items())}", flush=True)
+        if chosen.json is not None:
+            chosen.json.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -207,6 +207,22 @@ def test_function_of_the_user_replaces_the_reward() -> None:
     assert rewards[1] == pytest.approx(2.0 * rewards[0] + [0.5, 0.0] + 5.0)
 
 
+def test_function_of_the_user_is_the_observation() -> None:
+    def observation(worlds: Any) -> Any:  # noqa: ANN401 - the user's
+        return np.stack([worlds.egos()["speed"], worlds.lanes()["offset"]], axis=-1)
+
+    many = make_many(2, AutoresetMode.DISABLED, observation=observation)
+    assert many.single_observation_space.shape == (2,)
+    many.reset(seed=0)
+    seen, *_, infos = many.step(np.array([[0.1, 1.0], [0.0, 0.5]]))
+    assert seen.dtype == np.float32
+    assert seen[:, 0].tolist() == infos["speed"].astype(np.float32).tolist()
+    with pytest.raises(
+        ValueError, match=r"observation: expected shape \(2, 1\) and more from the function, got \(2,\)"
+    ):
+        make_many(2, AutoresetMode.DISABLED, observation=lambda worlds: worlds.frames)
+
+
 def test_reward_of_another_shape_is_refused() -> None:
     many = make_many(2, AutoresetMode.DISABLED, reward=lambda *_: 1.0)
     with pytest.raises(ValueError, match=r"reward: expected an array of shape \(2,\) from the function, got \(\)"):

@@ -114,3 +114,18 @@ def test_wrappers_of_many_environments_work() -> None:
     for _ in range(3):
         *_, infos = many.step(np.zeros((2, 2)))
     assert infos["episode"]["l"].tolist() == [3, 3]
+
+
+def test_environments_are_as_env_runners_of_rllib_take_them() -> None:
+    """RLlib 2.60 makes and wraps its environments so, in `SingleAgentEnvRunner.make_env`."""
+    mode = gymnasium.VectorizeMode("vector_entry_point")
+    many = gymnasium.wrappers.vector.DictInfoToList(
+        gymnasium.make_vec(LANE, num_envs=2, vectorization_mode=mode, duration=0.2)
+    )
+    _, infos = many.reset(seed=0)
+    assert infos[1]["speed"] == 0.0
+    assert infos[1]["score"]["num_collisions"] == 0.0
+    for _ in range(2):
+        _, _, _, truncated, infos = many.step(many.action_space.sample())
+    assert truncated.all()
+    assert len(infos) == many.num_envs == 2
