@@ -18,6 +18,7 @@ from rosbridge_sim.world.drivers.driver_parameters import (
     DriverParameters,
     classes_of,
 )
+from rosbridge_sim.world.state.chance import bell
 from rosbridge_sim.world.state.world import Body, Kind, World
 
 
@@ -83,3 +84,22 @@ def test_size_of_a_vehicle_gives_its_class(name: str, expected: int) -> None:
     body = model.body
     size = (np.array([figure]) for figure in (body.length, body.width, body.height))
     assert classes_of(*size).tolist() == [expected]
+
+
+def test_driver_has_the_mean_of_its_class_and_a_chance_of_its_own_in_each_figure() -> None:
+    world = World(5)
+    bodies = [Body(), Body(12.0, 2.5, 3.2), Body(5.5, 2.0, 2.6), Body(2.2, 0.8, 1.5), Body(1.8, 0.5, 1.6)]
+    rows = [world.row(world.spawn(Kind.VEHICLE, body, name="v", x=20.0 * i, y=0.0)) for i, body in enumerate(bodies)]
+    rows.append(world.row(world.spawn(Kind.EGO, Body(), name="ego", x=200.0, y=0.0)))
+    at = np.array(rows)
+    world.desired_speed[at] = np.inf
+    drivers = DriverParameters.of(world, at)
+    classes = [CAR, HEAVY, LIGHT_GOODS, MOTORCYCLE, BICYCLE, CAR]
+    for question, each in enumerate(fields(DriverParameters)):
+        chance = bell(world.salts(at), question)
+        chance[-1] = 0.0
+        for i, kind in enumerate(classes):
+            figure = FIGURES[each.name][kind]
+            value = figure.mean + figure.deviation * chance[i]
+            assert getattr(drivers, each.name)[i] == pytest.approx(min(max(value, figure.least), figure.most))
+    assert drivers.take(np.array([4, 0])).headway.tolist() == drivers.headway[[4, 0]].tolist()

@@ -10,7 +10,7 @@ from rosbridge_sim.world.followers.lane_following import _find_passed_first, _La
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from tests.world.drivers.random_drivers import situation
 from tests.world.lane_drives import world_of
-from tests.world.road_factory import built_in, car, crossing, line, make, road
+from tests.world.road_factory import arc, built_in, car, crossing, line, make, road
 
 
 @pytest.fixture(scope="module")
@@ -114,3 +114,16 @@ def test_driver_that_enters_a_lane_which_it_has_claimed_holds_it() -> None:
     world.claim[row] = world.ahead_1[row]
     _LaneFollowers(world).move(0.02)
     assert (world.held[row], world.claim[row]) == (world.lane[row], -1)
+
+
+@pytest.mark.parametrize(("speed", "accel", "way"), [(0.05, -2.0, 0.000625), (6.0, 1.0, 0.605), (0.0, 0.0, 0.0)])
+def test_driver_turns_by_the_way_up_to_the_next_decision_or_to_its_stand(
+    speed: float, accel: float, way: float
+) -> None:
+    world = world_of(make(a=(arc(0, 0, 30, 0, 180), "b"), b=(arc(0, 0, 30, 180, 180), "a")))
+    row = car(world, "a", 50.0, speed=speed)
+    world.accel[row] = accel
+    followers = _LaneFollowers(world)
+    followers._steer(followers.drivers().lanes, world.speed[[row]], world.accel[[row]])
+    assert world.yaw_rate[row] == pytest.approx(way / 30.0 / 0.1, rel=0.02)
+    assert world.lateral_accel[row] == pytest.approx(world.yaw_rate[row] * speed)

@@ -72,3 +72,17 @@ def test_places_within_a_bend_of_few_points_are_on_the_road() -> None:
     radius = np.array([38.2, 38.4, 41.6, 41.8])
     x, y = radius * np.cos(middle), radius * np.sin(middle)
     assert are_on_road(bend, x, y, np.zeros(4)).tolist() == [False, True, True, False]
+
+
+def test_edges_of_a_bend_with_points_far_apart_are_on_the_road() -> None:
+    """Its smooth line is beyond the chords between its points."""
+    angles = np.arange(-90.0, 91.0, 20.0)
+    bend = np.stack((100 + 60 * np.cos(np.radians(angles)), 60 + 60 * np.sin(np.radians(angles)), 0 * angles), axis=-1)
+    points = np.concatenate([[(0.0, 0.0, 0.0), (50.0, 0.0, 0.0)], bend])
+    roads = Roads(["a"], [points], [[]], [3.5], [20.0])
+    s = np.linspace(120.0, 200.0, 41)
+    places, yaw = roads.at(np.zeros(41, dtype=np.int64), s)
+    for aside, is_on in [(-1.7, True), (1.7, True), (-1.9, False), (1.9, False)]:
+        x, y = places[:, 0] - aside * np.sin(yaw), places[:, 1] + aside * np.cos(yaw)
+        assert are_on_road(roads, x, y, np.zeros(41)).tolist() == [is_on] * 41
+    assert np.hypot(places[:, 0] - 100.0, places[:, 1] - 60.0).max() == pytest.approx(60.0, abs=0.1)
