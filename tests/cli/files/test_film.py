@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -61,6 +62,16 @@ def test_clip_of_a_recording_ends_with_it_and_says_so(tmp_path: Path) -> None:
     assert done.code == 0
     assert done.err == f"rosbridge-sim: the recording is over: {num} of 20 pictures\n"
     assert 3 <= num <= 6
+
+
+def test_machine_that_cannot_draw_is_told_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "moderngl", None)
+    done = run("shot", *SMALL, "-o", str(tmp_path / "a.png"))
+    assert (done.code, done.complaint) == (
+        2,
+        "cameras need the library moderngl: pip install 'rosbridge-sim[sensors]'",
+    )
+    assert not (tmp_path / "a.png").exists()
 
 
 @pytest.mark.parametrize(
