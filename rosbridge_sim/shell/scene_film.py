@@ -117,14 +117,18 @@ class SceneFilm:
             is_driving: the ego drives itself; a recording moves it otherwise.
 
         Raises:
-            DocumentError: a file cannot be used, there is no such ego, or it cannot drive.
+            DocumentError: nothing can be drawn here, a file cannot be used, there is no such ego, or it cannot drive.
         """
+        self._makers = make_makers()
+        try:
+            self._makers.pictures()  # before the world, which may take a while
+        except RenderingUnavailableError as error:
+            raise DocumentError(str(error)) from None
         texts = read_definitions(settings.release, settings.schema_path)
         bus = Bus(Store(texts, leniency=LENIENCY, ros=settings.ros))
         # The cameras are drawn here, and nobody subscribes to them: the rig of the node stays empty.
         self._node = make_simulator_node(bus, replace(settings, sensors="none"), None, None)
         self._camera, self._now = camera, 0.0
-        self._makers = make_makers()
         found = self._node.egos.find(ego)
         if found is None or not found.is_there:
             raise DocumentError(f"--ego: expected the number of an ego of the scenario, got {ego}")
@@ -165,17 +169,10 @@ class SceneFilm:
         return True
 
     def shoot(self) -> bytes:
-        """Return what the camera sees now: the bytes of a sensor_msgs/Image.
-
-        Raises:
-            DocumentError: nothing can be drawn here; the text says what to install.
-        """
+        """Return what the camera sees now: the bytes of a sensor_msgs/Image."""
         sensors = self._node.component(MountedSensors)
         sight = Sight(self._camera.spec, self._motion(), NOBODY if self._camera.is_chase else self._ego.index)
-        try:
-            (result,) = draw(sensors.job_of([sight]), self._makers)
-        except RenderingUnavailableError as error:
-            raise DocumentError(str(error)) from None
+        (result,) = draw(sensors.job_of([sight]), self._makers)
         assert isinstance(result, Shot), "the sight is of a camera"
         return result.data
 

@@ -100,6 +100,7 @@ def test_machine_that_cannot_draw_is_told_the_extra(tmp_path: Path, monkeypatch:
     ],
 )
 def test_refusals_say_what_to_do(words: tuple[str, ...], text: str) -> None:
+    open_renderer()
     done = run(*words)
     assert done.code == 2
     assert text in done.err
