@@ -388,3 +388,10 @@ def test_unknown_field_error_suggests_the_nearest_name(text: str, body: object, 
     assert said.startswith("Message type p/T does not have a field ")
     assert said.endswith(advice)
     assert len(said) < 1_000
+
+
+def test_advice_names_the_field_itself_and_not_its_alias() -> None:
+    message_type = make("int32 longlCmdType")
+    assert set(message_type.spec.aliases) == {"longl_cmd_type"}
+    for name in ("longl_cmd_typ", "longlCmdTyp", "LonglCmdType"):
+        assert " (did you mean longlCmdType?)" in refusal(message_type, {name: 2})
