@@ -8,8 +8,9 @@ from pathlib import Path
 
 from rosbridge_sim.campaigns.own_limits import OwnLimits
 from rosbridge_sim.campaigns.trace import Trace
+from rosbridge_sim.printable import printable
 
-__all__ = ["KeptOutput", "Outcome"]
+__all__ = ["KeptOutput", "Outcome", "told_error"]
 
 HEAD = 32 * 1024
 TAIL = 96 * 1024
@@ -37,6 +38,16 @@ class Outcome:
     log: str = ""
     roads: list[list[tuple[float, float]]] = field(default_factory=list)
     work: Path | None = None
+
+
+def told_error(error: BaseException) -> str:
+    """Return kind and first line of an error of the user's code."""
+    try:
+        text = str(error).partition("\n")[0]
+    except Exception:  # noqa: BLE001 - the user's class
+        text = ""
+    text = printable(text, 200)
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 class KeptOutput(io.TextIOBase):

@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any, Final, Protocol
 
 from rosbridge_sim.campaign_runs.job import Job
+from rosbridge_sim.campaign_runs.outcome import told_error
 from rosbridge_sim.campaign_runs.program_groups import end_groups
-from rosbridge_sim.campaign_runs.worker import drive_runs, settle_worker
+from rosbridge_sim.campaign_runs.worker import RETIRED, drive_in_worker, settle_worker
 from rosbridge_sim.campaigns.results import Result, Run
 from rosbridge_sim.errors import DocumentError
 
@@ -85,7 +86,7 @@ class LocalPool:
             self._end()
             self._pool = self._make()
         future: Future[list[Result]] = self._pool.schedule(
-            drive_runs, args=[self._job, runs], kwargs={"may_keep": may_keep}, timeout=timeout
+            drive_in_worker, args=[self._job, runs], kwargs={"may_keep": may_keep}, timeout=timeout
         )
         return future
 
@@ -99,11 +100,13 @@ class LocalPool:
             return "time-out: the worker hung, and was killed"
         if isinstance(error, self._expired):
             code = getattr(error, "exitcode", None)
+            if code == RETIRED:
+                return ""
             how = f"signal {-code}" if isinstance(code, int) and code < 0 else f"code {code}"
             return f"the worker process died with {how}: the driver crashed it, or the machine has no memory left"
         if isinstance(error, BrokenProcessPool):
             return ""
-        return f"an internal error: {type(error).__name__}: {error}"
+        return f"an internal error: {told_error(error)}"
 
     def close(self, *, is_done: bool) -> None:
         """See `Pool`."""

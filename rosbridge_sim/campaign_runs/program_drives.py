@@ -21,7 +21,7 @@ from typing import IO, Final, NoReturn
 
 from rosbridge_sim.campaign_runs.job import LoadedJob
 from rosbridge_sim.campaign_runs.outcome import KeptOutput, Outcome
-from rosbridge_sim.campaign_runs.program_groups import note_group
+from rosbridge_sim.campaign_runs.program_groups import children, end_children, note_group
 from rosbridge_sim.campaign_runs.simulator_options import make_work_folder, simulator_options
 from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.campaign_model import DriverItem
@@ -193,10 +193,14 @@ class _Program:
         process: the program.
         words: its command line.
         output: what it printed.
+
+    Args:
+        others: children of this process that were there before.
     """
 
-    def __init__(self, process: subprocess.Popen[bytes], words: list[str]) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], words: list[str], others: frozenset[int]) -> None:
         self.process, self.words, self.output = process, words, KeptOutput()
+        self._others = others
         assert process.stdout is not None
         self._reader = threading.Thread(target=self._read, args=[process.stdout], daemon=True)
         self._reader.start()
@@ -218,7 +222,8 @@ class _Program:
             self.process.wait(patience)
         self._signal(getattr(signal, "SIGKILL", signal.SIGTERM))
         self.process.wait()
-        self._reader.join(patience)  # a process that has left the group may still hold the pipe
+        end_children(self._others)  # one that has left the group may still hold the pipe
+        self._reader.join(patience)
         return code
 
     def _signal(self, number: signal.Signals) -> None:
@@ -253,6 +258,7 @@ def _program(loaded: LoadedJob, driver: DriverItem, run: Run, url: str, work: Pa
         "TMPDIR": str(work),
     }
     own = {name: _filled(text, told) for name, text in driver.environment.items()}
+    others = children()
     try:
         process = subprocess.Popen(  # noqa: S603 - the user's own program
             words,
@@ -263,13 +269,14 @@ def _program(loaded: LoadedJob, driver: DriverItem, run: Run, url: str, work: Pa
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
-    except OSError as error:
-        raise DocumentError(f"the program {words[0]!r} cannot be started: {error.strerror}") from None
+    except (OSError, ValueError) as error:  # a text with a null character is a ValueError
+        why = error.strerror if isinstance(error, OSError) else error
+        raise DocumentError(f"the program {words[0]!r} cannot be started: {why}") from None
     with contextlib.suppress(ProcessLookupError, PermissionError, ValueError, AttributeError):
         most = driver.memory_mb * 2**20
         resource.prlimit(process.pid, resource.RLIMIT_DATA, (most, most))
     note_group(work, process.pid)
-    program = _Program(process, words)
+    program = _Program(process, words, others)
     with _stopped_with_worker(program):
         try:
             yield program

@@ -3,17 +3,22 @@
 A worker ends the group of its program itself. A worker that was killed (no memory, a hang in compiled code) cannot, so
 each group is noted in the folder of its run, and the campaign ends what is left there. The note has the time at which
 the program started, because the system gives its number to other processes later.
+
+A process that has left its group (a daemon) comes to the worker when its parent has ended, and ends with the run, too.
+Both need Linux.
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import os
 import signal
+import sys
 from pathlib import Path
 from typing import Final
 
-__all__ = ["end_groups", "note_group"]
+__all__ = ["adopt_orphans", "children", "end_children", "end_groups", "note_group"]
 
 NOTE: Final = "group"
 """Name of the file in the folder of a run."""
@@ -74,3 +79,44 @@ def _began(process: Path) -> int:
     """Return when a process started, in ticks since the start of the machine; 0 where that cannot be told."""
     fields = _stat(process)
     return int(fields[_START]) if len(fields) > _START else 0
+
+
+_SUBREAPER: Final = 36
+"""PR_SET_CHILD_SUBREAPER of prctl(2)."""
+
+
+def adopt_orphans() -> None:
+    """Have processes whose parent has ended become children of this process, if they descend from it."""
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_SUBREAPER, 1, 0, 0, 0)
+
+
+def children() -> frozenset[int]:
+    """Return the children of this process; none where that cannot be told."""
+    own = os.getpid()
+    try:
+        return frozenset(map(int, Path(f"/proc/{own}/task/{own}/children").read_text().split()))
+    except (OSError, ValueError):
+        return frozenset()
+
+
+def end_children(others: frozenset[int]) -> None:
+    """End all children but some; what these leave behind comes to this process, and ends as well.
+
+    Args:
+        others: children that stay.
+    """
+    for _ in range(_ROUNDS):
+        left = children() - others
+        if not left:
+            return
+        for number in left:
+            with contextlib.suppress(OSError):
+                os.kill(number, signal.SIGKILL)
+            with contextlib.suppress(OSError):
+                os.waitpid(number, 0)
+
+
+_ROUNDS: Final = 100
+"""Generations of processes that are ended."""

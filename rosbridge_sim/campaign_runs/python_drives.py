@@ -12,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import math
+import os
 import shutil
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -22,7 +23,7 @@ import numpy as np
 from rosbridge_sim.campaign_runs.job import LoadedJob
 from rosbridge_sim.campaign_runs.node_worlds import NodeWorlds
 from rosbridge_sim.campaign_runs.observation import Observation
-from rosbridge_sim.campaign_runs.outcome import KeptOutput, Outcome
+from rosbridge_sim.campaign_runs.outcome import KeptOutput, Outcome, told_error
 from rosbridge_sim.campaign_runs.simulator_options import WORLD_SETTINGS, check_settings, make_work_folder
 from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.campaign import RunValues, names_of
@@ -86,7 +87,7 @@ def _drive(loaded: LoadedJob, driver: DriverItem, group: Sequence[tuple[Run, Run
         worlds = _make_worlds(loaded, group, drives)
         with _captured(output):
             decide = _decider(loaded, driver, worlds, [run for run, _ in group])
-    except Exception as error:  # noqa: BLE001 - the user's code, or the user's scenario
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - the user's code, or the user's scenario
         outcome = _failed(drives, error)
         if outcome is not None:
             outcome.log = output.text + ("" if isinstance(error, DocumentError) else _trace_of(error))
@@ -99,7 +100,7 @@ def _drive(loaded: LoadedJob, driver: DriverItem, group: Sequence[tuple[Run, Run
                 with _captured(output):
                     commands = decide(worlds)
             worlds.step(commands)
-        except Exception as error:  # noqa: BLE001 - the user's code
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - the user's code
             outcome = _failed(drives, error)
             if outcome is None:
                 return None
@@ -116,7 +117,7 @@ def _drive(loaded: LoadedJob, driver: DriverItem, group: Sequence[tuple[Run, Run
     return [drive.outcome for drive in drives]
 
 
-def _failed(drives: Sequence[WatchedDrive], error: Exception) -> Outcome | None:
+def _failed(drives: Sequence[WatchedDrive], error: BaseException) -> Outcome | None:
     """Return the outcome of a drive that failed; None if several did, whose folders are removed."""
     if len(drives) == 1:
         drives[0].outcome.error = _why(error)
@@ -210,23 +211,25 @@ def _let_drive(worlds: Worlds | NodeWorlds, speed: float, runs: Sequence[Run]) -
             raise DocumentError(f"{run.scenario}: our own driver needs an ego on a lane, and along it")
 
 
-def _why(error: Exception) -> str:
+def _why(error: BaseException) -> str:
     if isinstance(error, DocumentError):
         return str(error)
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:
         return f"{error.filename or 'the disk'}: {error.strerror}"
-    text = str(error).partition("\n")[0][:200]
-    return (
-        f"the driver failed: {type(error).__name__}: {text}" if text else f"the driver failed: {type(error).__name__}"
-    )
+    return f"the driver failed: {told_error(error)}"
 
 
-def _trace_of(error: Exception) -> str:
+def _trace_of(error: BaseException) -> str:
     return "".join(traceback.format_exception(error))
 
 
 @contextlib.contextmanager
 def _captured(output: KeptOutput) -> Iterator[None]:
-    """Keep what the user's code prints."""
-    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
-        yield
+    """Keep what the user's code prints. A copy of this process that it has made ends here: it would drive on, too."""
+    number = os.getpid()
+    try:
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
+            yield
+    finally:
+        if os.getpid() != number:
+            os._exit(0)

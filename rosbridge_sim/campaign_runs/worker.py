@@ -15,8 +15,10 @@ from pathlib import Path
 from typing import Final
 
 from rosbridge_sim.campaign_runs.job import Job, LoadedJob, open_job
-from rosbridge_sim.campaign_runs.outcome import Outcome
+from rosbridge_sim.campaign_runs.memory import data_size, limited_memory
+from rosbridge_sim.campaign_runs.outcome import Outcome, told_error
 from rosbridge_sim.campaign_runs.program_drives import drive_by_program
+from rosbridge_sim.campaign_runs.program_groups import adopt_orphans, note_group
 from rosbridge_sim.campaign_runs.python_drives import drive_in_python
 from rosbridge_sim.campaigns.campaign import is_skipped
 from rosbridge_sim.campaigns.campaign_model import DriverItem
@@ -25,7 +27,7 @@ from rosbridge_sim.campaigns.results import BAD, Breach, Result, Run, Verdict
 from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["drive_runs", "run_folder", "settle_worker"]
+__all__ = ["RETIRED", "drive_in_worker", "drive_runs", "run_folder", "settle_worker"]
 
 DIGITS: Final = 5
 """Digits of the number in the name of a run's folder: 100,000 runs sort well."""
@@ -42,9 +44,45 @@ def run_folder(folder: str | Path, number: int) -> Path:
 
 
 def settle_worker() -> None:
-    """Prepare a worker process: it ends on SIGTERM, whatever a driver does, and leaves Ctrl-C to the campaign."""
+    """Prepare a worker process for what drivers may do.
+
+    It ends on SIGTERM without an exception, which a driver could catch, and leaves Ctrl-C to the campaign. It leads a
+    group, so that copies of it can be ended. What compiled code prints goes nowhere; the rest is kept in the log.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: os._exit(1))  # an exception could be caught by the user's code
+    signal.signal(signal.SIGTERM, lambda *_: os._exit(1))
+    adopt_orphans()
+    if hasattr(os, "setsid"):
+        with contextlib.suppress(OSError):
+            os.setsid()
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for descriptor in (1, 2):
+        os.dup2(nowhere, descriptor)
+    os.close(nowhere)
+
+
+def drive_in_worker(job: Job, runs: Sequence[Run], *, may_keep: bool) -> list[Result]:
+    """Drive and judge runs in a worker of a pool; arguments as for `drive_runs`.
+
+    A worker in which drivers have left too much memory retires first, and another one takes the runs.
+    """
+    driver = open_job(job).campaign.drivers[runs[0].driver]
+    place = Path(job.folder) / ".work" / f"worker-{os.getpid()}"
+    if not place.is_dir():
+        with contextlib.suppress(OSError):
+            place.mkdir(parents=True)
+            note_group(place, os.getpid())
+    if not driver.is_program and data_size() > RETIRE_SHARE * driver.memory_mb * 2**20:
+        os._exit(RETIRED)
+    with limited_memory(driver):
+        return drive_runs(job, runs, may_keep=may_keep)
+
+
+RETIRED: Final = 75
+"""Exit code of a worker that has retired; `EX_TEMPFAIL` of sysexits.h."""
+
+RETIRE_SHARE: Final = 0.7
+"""Share of a driver's `memory_mb` beyond which a worker takes no further run."""
 
 
 def drive_runs(job: Job, runs: Sequence[Run], *, may_keep: bool = True) -> list[Result]:
@@ -153,8 +191,8 @@ def _judge(loaded: LoadedJob, outcome: Outcome) -> tuple[Verdict, str, tuple[Bre
             breaches = judge_trace(outcome.trace, loaded.campaign.limits, loaded.checks, own)
         except DocumentError as error:
             outcome.error = outcome.error or str(error)
-        except Exception as error:  # noqa: BLE001 - the user's function
-            outcome.error = outcome.error or f"a limit's function failed: {type(error).__name__}: {error}"
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - the user's function
+            outcome.error = outcome.error or f"a limit's function failed: {told_error(error)}"
             outcome.log += "".join(traceback.format_exception(error))
         outcome.error = outcome.error or outcome.own.trouble
     if outcome.error:

@@ -15,11 +15,15 @@ from typing import Any, Final
 from rosbridge_sim.campaigns.campaign_model import ParameterValue
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, Value, parse_expression
+from rosbridge_sim.printable import printable
 
 __all__ = ["Assignment", "Change", "change_document", "read_assignments"]
 
 _PART: Final = re.compile(r"([A-Za-z_]\w*)((?:\[\d{1,5}\])*)")
 _TARGET: Final = re.compile(r"(scenario|setting)\.(.+)|vehicle")
+
+MAX_PATH: Final = 200
+"""Longest path [characters]."""
 
 Change = tuple[tuple[str | int, ...], Value]
 """Path in a document, and the new value there."""
@@ -65,7 +69,9 @@ def read_assignments(
         DocumentError: a target or an expression cannot be read.
     """
     known = frozenset({*parameters, "seed"})
-    return tuple(_read(target, value, known, f"{source}: set.{target!r}") for target, value in table.items())
+    return tuple(
+        _read(target, value, known, f"{source}: set.'{printable(target, 80)}'") for target, value in table.items()
+    )
 
 
 def _read(target: str, value: ParameterValue, known: frozenset[str], where: str) -> Assignment:
@@ -82,6 +88,8 @@ def _read(target: str, value: ParameterValue, known: frozenset[str], where: str)
 
 def _path_of(text: str, where: str) -> tuple[str | int, ...]:
     path: list[str | int] = []
+    if len(text) > MAX_PATH:
+        raise DocumentError(f"{where}: expected a path of at most {MAX_PATH} characters, got {len(text):,}")
     for part in text.split("."):
         found = _PART.fullmatch(part)
         if found is None:

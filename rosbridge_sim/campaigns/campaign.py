@@ -140,8 +140,6 @@ def read_campaign(values: Mapping[str, Any], source: str) -> Campaign:
     for key, listed in (("scenario", scenarios), ("seeds", seeds), ("drivers", tuple(document.drivers))):
         if not listed or len(set(listed)) < len(listed):
             raise DocumentError(f"{source}: {key}: expected at least one, and none twice")
-    if min(seeds) < 0:
-        raise DocumentError(f"{source}: seeds: expected numbers that are not negative, got {min(seeds)}")
     known = frozenset({*FIGURES, *names, "seed"})
     given = document.end_when
     end_when = None if given is None else parse_expression(given, f"{source}: end_when", known, is_followed=True)

@@ -6,10 +6,20 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, TypeAdapter, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    TypeAdapter,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from rosbridge_sim.documents import Document, keys_beside, read_document, sort_keys
@@ -18,6 +28,7 @@ from rosbridge_sim.suggestions import hint
 
 __all__ = [
     "MAX_RUNS",
+    "MAX_VALUES",
     "CampaignDocument",
     "DriverItem",
     "LimitItem",
@@ -38,10 +49,47 @@ MAX_NAMES: Final = 100
 """Most drivers, parameters, limits and assignments each."""
 
 
+MAX_VALUES: Final = 2_000_000
+"""Most values of all parameters and samples together: a second, and 100 MB."""
+
+MAX_SEED: Final = 2**32 - 1
+
+
 def _refuse_lists(value: object) -> object:
     if not isinstance(value, bool | int | float | str):
         raise PydanticCustomError("value", "expected a number, a text, or true or false")
+    if isinstance(value, float) and not math.isfinite(value):
+        raise PydanticCustomError("value", "expected a finite number")
     return value
+
+
+def _check_seeds(value: object) -> object:
+    """Check what a union of types would tell in two lines."""
+    if isinstance(value, list):
+        if not all(type(each) is int and 0 <= each <= MAX_SEED for each in value):
+            raise PydanticCustomError("seeds", "expected whole numbers from 0 to 4294967295")
+    elif type(value) is not int or not 1 <= value <= MAX_RUNS:
+        raise PydanticCustomError("seeds", "expected a whole number from 1 to 100000, or a list of seeds")
+    return value
+
+
+def _check_scenarios(value: object) -> object:
+    names = value if isinstance(value, list) else [value]
+    if not all(isinstance(each, str) for each in names):
+        raise PydanticCustomError("scenario", "expected a text, or a list of texts")
+    return value
+
+
+def _check_name(value: str) -> str:
+    """Check a name that stands in tables and on terminals."""
+    if not value.isprintable() or not 0 < len(value) <= MAX_NAME_LENGTH:
+        raise PydanticCustomError("name", "expected a name of 1 to 100 printable characters")
+    return value
+
+
+MAX_NAME_LENGTH: Final = 100
+
+_Name = Annotated[str, AfterValidator(_check_name)]
 
 
 ParameterValue = Annotated[bool | int | float | str, BeforeValidator(_refuse_lists)]
@@ -136,7 +184,7 @@ class DriverItem(_Item):
         float, Field(gt=0.0, le=86_400.0, description="longest time of a drive on the wall clock [s]")
     ] = 120.0
     memory_mb: Annotated[
-        int, Field(ge=64, le=1_000_000, description="most memory of each process of a command [MB]")
+        int, Field(ge=64, le=1_000_000, description="most memory of each process that drives [MB]")
     ] = 8_192
     environment: Annotated[dict[str, _Text], Field(max_length=100, description="of `command`: variables")] = Field(
         default_factory=dict
@@ -215,7 +263,7 @@ class LimitsItem(_Item):
     lateral_accel: Annotated[float | None, Field(ge=0.0, description="greatest lateral acceleration [m/s^2]")] = None
     distance: Annotated[float | None, Field(ge=0.0, description="least distance driven at the end [m]")] = None
     arrival: Annotated[Place | None, Field(description="a place that the ego must reach")] = None
-    own: Annotated[dict[str, LimitItem], Field(max_length=MAX_NAMES, description="your own limits, by name")] = Field(
+    own: Annotated[dict[_Name, LimitItem], Field(max_length=MAX_NAMES, description="your own limits, by name")] = Field(
         default_factory=dict
     )
 
@@ -248,14 +296,20 @@ class OutputItem(_Item):
 class CampaignDocument(_Item):
     """A campaign: every scenario, with every set of parameters, every seed and every driver."""
 
-    scenario: Annotated[str | list[str], Field(description="name of a built-in scenario or a file; or a list of them")]
+    scenario: Annotated[
+        str | list[str],
+        BeforeValidator(_check_scenarios),
+        Field(description="name of a built-in scenario or a file; or a list of them"),
+    ]
     seconds: Annotated[_Seconds, Field(description="simulated time of a drive [s]")] = 20.0
     end_when: Annotated[_Text | None, Field(description="an expression that ends a drive earlier")] = None
     skip_when: Annotated[
         _Text | None, Field(description="an expression over parameters and `seed`: runs for which it holds are skipped")
     ] = None
     seeds: Annotated[
-        int | list[int], Field(description="seeds of the simulation: a list, or a number n for 0 to n - 1")
+        int | list[int],
+        BeforeValidator(_check_seeds),
+        Field(description="seeds of the simulation: a list, or a number n for 0 to n - 1"),
     ] = 1
     repeat: Annotated[
         int, Field(ge=1, le=20, description="drives of each run; if their verdicts differ, the run is flaky")
@@ -280,7 +334,7 @@ class CampaignDocument(_Item):
             description="`scenario.PATH`, `setting.KEY` or `vehicle` = a number, or an expression over the parameters",
         ),
     ] = Field(default_factory=dict)
-    drivers: Annotated[dict[str, DriverItem], Field(max_length=MAX_NAMES, description="by name")] = Field(
+    drivers: Annotated[dict[_Name, DriverItem], Field(max_length=MAX_NAMES, description="by name")] = Field(
         default_factory=lambda: {"ours": DriverItem(own="lanes")}
     )
     limits: Annotated[LimitsItem, Field(description="what makes a run fail")] = Field(default_factory=LimitsItem)

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.campaigns.campaign_model import MAX_RUNS, CampaignDocument, ParameterItem, ParameterValue
+from rosbridge_sim.campaigns.campaign_model import MAX_RUNS, MAX_VALUES, CampaignDocument, ParameterItem, ParameterValue
 from rosbridge_sim.errors import DocumentError
 
 __all__ = ["Point", "expand_parameters", "place_in", "ranges_of", "tidy"]
@@ -37,6 +37,7 @@ def expand_parameters(document: CampaignDocument, source: str) -> list[Point]:
     items = {name: _item(value) for name, value in document.parameters.items()}
     if not items:
         return [{}]
+    _check_numbers(items, document, source)
     if document.sampling in {"random", "latin hypercube"}:
         return _draw(items, document)
     columns = {name: _values_of(item, f"{source}: parameters.{name}") for name, item in items.items()}
@@ -48,9 +49,6 @@ def expand_parameters(document: CampaignDocument, source: str) -> list[Point]:
                 f'{source}: sampling "list": expected equally many values of each parameter, got {told}'
             )
         return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
-    num = math.prod(map(len, columns.values()))
-    if num > MAX_RUNS:
-        raise DocumentError(f"{source}: parameters: expected at most {MAX_RUNS:,} sets, got {num:,}; take fewer values")
     return [dict(zip(columns, row, strict=True)) for row in itertools.product(*columns.values())]
 
 
@@ -95,6 +93,21 @@ def tidy(value: float) -> float:
 
 def _item(value: ParameterItem | Sequence[ParameterValue]) -> ParameterItem:
     return value if isinstance(value, ParameterItem) else ParameterItem(values=list(value))
+
+
+def _check_numbers(items: Mapping[str, ParameterItem], document: CampaignDocument, source: str) -> None:
+    """Refuse too many sets, before they are made.
+
+    Raises:
+        DocumentError: there are too many.
+    """
+    lengths = [item.num or 1 if item.values is None else len(item.values) for item in items.values()]
+    if document.sampling == "grid" and (num := math.prod(lengths)) > MAX_RUNS:
+        got = f"{num:,}" if num < MAX_RUNS**3 else "far more"
+        raise DocumentError(f"{source}: parameters: expected at most {MAX_RUNS:,} sets, got {got}; take fewer values")
+    num = len(items) * document.samples if document.sampling in {"random", "latin hypercube"} else sum(lengths)
+    if num > MAX_VALUES:
+        raise DocumentError(f"{source}: parameters: expected at most {MAX_VALUES:,} values together, got {num:,}")
 
 
 def _values_of(item: ParameterItem, where: str) -> Sequence[ParameterValue]:

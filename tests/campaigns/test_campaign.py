@@ -86,7 +86,22 @@ def test_assignments_are_expressions_over_the_parameters() -> None:
         ('scenario = "town"\n[set]\n"scenario.a..b" = 3', "expected a path"),
         ('scenario = "town"\n[set]\n"setting.weather" = "rain"', "no value 'rain'"),
         ('scenario = ["town", "town"]', "none twice"),
-        ('scenario = "town"\nseeds = [-1]', "not negative"),
+        ('scenario = "town"\nseeds = [-1]', "from 0 to 4294967295"),
+        ('scenario = "town"\nseeds = 1000000000000', "a whole number from 1 to 100000"),
+        ("scenario = 3", "scenario: expected a text, or a list of texts, got 3"),
+        ('scenario = "town"\n[parameters]\na = [inf]', "expected a finite number"),
+        ('scenario = "town"\n[drivers]\n"a\\u001b[2J" = "lanes"', "printable characters"),
+        (f'scenario = "town"\n[set]\n"scenario.{"a." * 5000}b" = 1', "a path of at most 200 characters"),
+        (
+            'scenario = "town"\nsampling = "random"\nsamples = 100000\n[parameters]\n'
+            + "".join(f"p{i} = {{ low = 0, high = 1 }}\n" for i in range(30)),
+            "at most 2,000,000 values together, got 3,000,000",
+        ),
+        (
+            'scenario = "town"\n[parameters]\n'
+            + "".join(f"p{i} = {{ low = 0, high = 1, num = 100000 }}\n" for i in range(99)),
+            "at most 100,000 sets, got far more",
+        ),
         ('scenario = "town"\nseeds = 2000\n[parameters]\na = { low = 0, high = 1, num = 100 }', "at most 100,000 runs"),
         ('scenario = "town"\nseconds = "long"', "expected a number"),
     ],

@@ -11,7 +11,7 @@ from rosbridge_sim.campaign_runs.worker import run_folder
 from rosbridge_sim.campaign_runs.writing import write_all
 from rosbridge_sim.campaigns.comparison import compare_results
 from rosbridge_sim.campaigns.results import Result
-from rosbridge_sim.cli.tools.text import put, put_json, put_table
+from rosbridge_sim.cli.tools.text import put_json, put_lines, put_table
 from rosbridge_sim.errors import DocumentError
 
 __all__ = ["compare", "list_runs", "report", "show"]
@@ -59,23 +59,23 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
     if is_json:
         put_json(result.to_json())
         return 0
-    put(f"run {number}: {result.run.title}\nverdict: {result.verdict} {result.reason}".rstrip())
+    put_lines(f"run {number}: {result.run.title}\nverdict: {result.verdict} {result.reason}".rstrip())
     for breach in result.breaches:
-        put(f"  {breach.limit} at {breach.time:g} s, ({breach.x:g}, {breach.y:g}): {breach.text}")
+        put_lines(f"  {breach.limit} at {breach.time:g} s, ({breach.x:g}, {breach.y:g}): {breach.text}")
     if result.verdicts:
-        put(f"drives: {', '.join(result.verdicts)}")
+        put_lines(f"drives: {', '.join(result.verdicts)}")
     put_table(("score", "value"), [(name, _number(value)) for name, value in result.scores.items()])
-    put(f"frames: {result.frames}\nstate: {result.state_hash or '-'}")
+    put_lines(f"frames: {result.frames}\nstate: {result.state_hash or '-'}")
     place = run_folder(path, number)
     for name in result.files:
-        put(f"file: {place / name}")
+        put_lines(f"file: {place / name}")
     if result.trouble:
-        put(result.trouble)
-    put(f"repeat: rosbridge-sim campaign repeat {path} {number}")
+        put_lines(result.trouble)
+    put_lines(f"repeat: rosbridge-sim campaign repeat {path} {number}")
     log = place / "log.txt"
     if log.is_file():
         text = log.read_text("utf-8", "replace")
-        put(f"\nthe driver's output:\n{text[-MAX_LOG_SHOWN:].rstrip()}")
+        put_lines(f"\nthe driver's output:\n{text[-MAX_LOG_SHOWN:].rstrip()}")
     return 0
 
 
@@ -91,7 +91,7 @@ def report(folder: str) -> int:
     path = Path(folder)
     job, name = read_text_of(path)
     write_all(ResultsFolder(path), open_job(job).campaign, _results(path), name)
-    put(str(path / "report.html"))
+    put_lines(str(path / "report.html"))
     return 0
 
 
@@ -114,7 +114,7 @@ def compare(before: str, after: str, *, is_json: bool) -> int:
         put_json(found.to_json())
     else:
         for line in found.lines():
-            put(line)
+            put_lines(line)
     return int(bool(found.regressions))
 
 

@@ -19,7 +19,7 @@ from rosbridge_sim.campaign_runs.searching import drive_search
 from rosbridge_sim.campaign_runs.writing import write_all
 from rosbridge_sim.campaigns.campaign import Campaign, plan_runs
 from rosbridge_sim.campaigns.results import BAD, VERDICTS, Result
-from rosbridge_sim.cli.tools.text import note, put, put_json, put_table
+from rosbridge_sim.cli.tools.text import note, put_json, put_lines, put_table
 from rosbridge_sim.errors import DocumentError
 
 __all__ = ["check", "repeat", "run"]
@@ -155,10 +155,10 @@ def _put_counts(results: list[Result], folder: Path, *, is_json: bool) -> None:
         put_json({"runs": len(results), **told, "folder": str(folder), "report": str(folder / "report.html")})
         return
     told_counts = ", ".join(f"{counts[verdict]:,} {verdict}" for verdict in VERDICTS if counts[verdict])
-    put(f"{len(results):,} runs: {told_counts or 'none'}")
+    put_lines(f"{len(results):,} runs: {told_counts or 'none'}")
     for result in [each for each in results if each.verdict in BAD][:_MOST_LISTED]:
-        put(f"  run {result.run.number} {result.verdict}: {result.reason}")
-    put(f"report: {folder / 'report.html'}")
+        put_lines(f"  run {result.run.number} {result.verdict}: {result.reason}")
+    put_lines(f"report: {folder / 'report.html'}")
 
 
 _MOST_LISTED = 5
@@ -172,14 +172,14 @@ def _put_plan(campaign: Campaign, *, is_json: bool) -> None:
         if is_json:
             put_json({"search": search.worst, "groups": len(groups), "budget": search.budget})
         else:
-            put(f"a search for the least {search.worst}: {len(groups)} times at most {search.budget:,} runs")
+            put_lines(f"a search for the least {search.worst}: {len(groups)} times at most {search.budget:,} runs")
         return
     for each in plan_runs(campaign):
         if is_json:
             values = {"scenario": each.scenario, "driver": each.driver, "seed": each.seed}
             put_json({"run": each.number, **values, "parameters": dict(each.parameters)})
         else:
-            put(f"{each.number}  {each.title}")
+            put_lines(f"{each.number}  {each.title}")
 
 
 def check(file: str, *, is_json: bool) -> int:
@@ -256,10 +256,12 @@ def repeat(folder: str, number: int, *, is_json: bool) -> int:
     if is_json:
         put_json({"same": is_same, "before": before.to_json(), "after": after.to_json()})
         return int(not is_same)
-    put(f"run {number}: {before.run.title}")
-    put(f"before: {before.verdict} {before.reason}\n        {before.frames} frames, state {before.state_hash or '-'}")
-    put(f"now:    {after.verdict} {after.reason}\n        {after.frames} frames, state {after.state_hash or '-'}")
-    put("the same" if is_same else "not the same")
+    put_lines(f"run {number}: {before.run.title}")
+    put_lines(
+        f"before: {before.verdict} {before.reason}\n        {before.frames} frames, state {before.state_hash or '-'}"
+    )
+    put_lines(f"now:    {after.verdict} {after.reason}\n        {after.frames} frames, state {after.state_hash or '-'}")
+    put_lines("the same" if is_same else "not the same")
     if output.strip():
-        put(f"\nthe driver's output:\n{output.rstrip()}")
+        put_lines(f"\nthe driver's output:\n{output.rstrip()}")
     return int(not is_same)

@@ -18,7 +18,7 @@ import orjson
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.terminal_text import safe
 
-__all__ = ["note", "put", "put_json", "put_record", "put_table", "read_body", "render"]
+__all__ = ["note", "put", "put_json", "put_lines", "put_record", "put_table", "read_body", "render"]
 
 
 # Output
@@ -32,6 +32,15 @@ def put(text: str) -> None:
     """
     sys.stdout.write(f"{text}\n")
     sys.stdout.flush()
+
+
+def put_lines(text: str) -> None:
+    """Print lines that have text from outside: what a terminal could take as a command is escaped.
+
+    Args:
+        text: the lines.
+    """
+    put("\n".join(map(safe, text.split("\n"))))
 
 
 def put_json(value: object) -> None:
