@@ -10,6 +10,8 @@ import pytest
 
 gymnasium = pytest.importorskip("gymnasium", reason="the extra rosbridge-sim[gym]")
 
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+
 from rosbridge_sim import Simulator  # noqa: E402
 from rosbridge_sim.client import Client  # noqa: E402
 from rosbridge_sim.environments.registration import REMOTE, register_all  # noqa: E402
@@ -51,6 +53,16 @@ def test_remote_environment_equals_one_in_this_process(server: Simulator, option
 
 def _bytes(seen: Any) -> Any:  # noqa: ANN401 - an array or a dict of them
     return {name: part.tobytes() for name, part in seen.items()} if isinstance(seen, dict) else seen.tobytes()
+
+
+@pytest.mark.slow
+def test_remote_environment_follows_the_rules(server: Simulator) -> None:
+    far = gymnasium.make(REMOTE, url=server.url, observation="Lane", render_mode="rgb_array")
+    try:
+        check_env(far.unwrapped, skip_render_check=True, skip_close_check=True)
+        assert far.unwrapped.render().shape == (400, 600, 3)
+    finally:
+        far.close()
 
 
 @pytest.mark.slow
