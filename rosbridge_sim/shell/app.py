@@ -98,10 +98,11 @@ class Simulator:
     `settings` may be read anywhere.
 
     Attributes:
-        settings: the settings that it was made with. bus: the topics and services that all participants share; None
-        before the start. node: the simulator's node; None before the start, and without a world. library: scenarios
-        and maps; one that is kept saves the next simulators reading them. Set it before the start, if
-            at all, and only with the settings' own folders, map and catalogue.
+        settings: the settings that it was made with.
+        bus: the topics and services that all participants share; None before the start.
+        node: the simulator's node; None before the start, and without a world.
+        library: scenarios and maps; one that is kept saves the next simulators reading them. Set it before the start,
+            if at all, and only with the settings' own folders, map and catalogue.
         types: message types; those that are kept save the next simulators compiling them. Set them before the start.
         attachments: the bridges that it connects to; empty before the start.
         descriptors: logs a line when no file descriptor is left; None before the start.
