@@ -267,7 +267,7 @@ def test_second_signal_ends_the_server_at_once() -> None:
 @pytest.mark.slow
 def test_signal_during_the_start_ends_the_server_quietly() -> None:
     early = "import os, signal, sys; from rosbridge_sim.shell import app; "
-    early += "app.read_definitions = lambda *_: os.kill(os.getpid(), signal.SIGINT); "
+    early += "app.read_types = lambda *_: os.kill(os.getpid(), signal.SIGINT); "
     done = run("--port", "0", code=early + "from rosbridge_sim.__main__ import main; sys.exit(main())")
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
