@@ -108,7 +108,7 @@ def read_recording(path: Path) -> Iterator[tuple[str, Any]]:
 
 
 async def test_shot_of_a_scenario_is_the_picture_of_its_server(serve: Serve, connect: Connect, tmp_path: Path) -> None:
-    client = await connect(serve("--start", "sync", "--scenario", "town", "--sensors", "camera").url)
+    client = await connect(serve("--start", "sync", "--scenario", "demo", "--sensors", "camera").url)
     await client.subscribe(IMAGE)
     await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True, time_step=200)
     await client.send(
@@ -118,7 +118,7 @@ async def test_shot_of_a_scenario_is_the_picture_of_its_server(serve: Serve, con
     while (frame := await client.read())["op"] != "service_response":
         message = frame["msg"] if frame["op"] == "publish" else message
     path = tmp_path / "shot.png"
-    words = ("shot", "--scenario", "town", "--camera", "Camera", "--drive", "none", "--at", "0.2", "-o", str(path))
+    words = ("shot", "--scenario", "demo", "--camera", "Camera", "--drive", "none", "--at", "0.2", "-o", str(path))
     done = fork_server.run(["-m", "rosbridge_sim", *words])
     assert done.returncode == 0, done.stderr
     served = np.asarray(Image.open(io.BytesIO(base64.b64decode(message["data"])))).astype(int)
