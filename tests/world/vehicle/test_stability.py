@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import DT, Body, Dynamics, Kind, Mode, World
 from rosbridge_sim.world.vehicle.dynamics import drive
 from rosbridge_sim.world.vehicle.sensor_readings import GRAVITY
+from rosbridge_sim.world.vehicle.stability import correct, make_control, share_along
 from tests.world.driven_cars import CAR
 
 
@@ -82,3 +84,45 @@ def test_full_lock_slides_straight_on() -> None:
         assert abs(world.front_slip.item(0)) > math.radians(15.0)
         paths.append(world.y.item(0))
     assert paths[0] < 1.2 * paths[1]
+
+
+class Floats:
+    """The operators of one car, in plain Python."""
+
+    least, most, magnitude, root = staticmethod(min), staticmethod(max), staticmethod(abs), staticmethod(math.sqrt)
+
+    @staticmethod
+    def pick(condition: float, if_positive: float, otherwise: float) -> float:
+        return if_positive if condition > 0.0 else otherwise
+
+
+FLOATS: Any = Floats  # it has those that stability control uses
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_brakes_of_one_side_act_against_a_yaw_rate_beyond_the_wanted_one(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    to_front, to_rear, index, front, rear = rng.uniform(
+        (1.0, 1.0, 0.8, 15.0, 15.0), (1.5, 1.5, 1.1, 25.0, 25.0)
+    ).tolist()
+    control = make_control((to_front, to_rear), index, (front, rear))
+    wheelbase = to_front + to_rear
+    for _ in range(20):
+        u, r, turned, grip = rng.uniform((-5.0, -1.5, -0.2, 0.3), (35.0, 1.5, 0.2, 1.0)).tolist()
+        understeer = max((1.0 / front - 1.0 / rear) / GRAVITY, 0.0)
+        most = GRAVITY * grip / max(abs(u), 3.0)
+        wanted = min(max(u * turned / (wheelbase + understeer * u * u), -most), most)
+        low, high = min(wanted, 0.0) - 0.05, max(wanted, 0.0) + 0.05  # between straight on and the wanted rate
+        excess = max(r - high, low - r, 0.0)
+        lever = 0.28 * wheelbase / (index * to_front * to_rear)
+        force = min(22.0 / lever * excess, 0.4 * GRAVITY * grip)
+        turn, found = correct(FLOATS, control, grip, (u, r), turned)
+        assert found == pytest.approx(force)
+        assert turn == pytest.approx(force * lever * (1.0 if r < low else -1.0))
+
+
+@pytest.mark.parametrize(
+    ("across", "kept", "left"), [(0.0, 0.85, 1.0), (0.4, 0.85, math.sqrt(0.75)), (2.0, 0.6, 0.8), (0.48, 0.97, 0.8)]
+)
+def test_axle_keeps_grip_across_for_one_and_a_quarter_of_its_force(across: float, kept: float, left: float) -> None:
+    assert share_along(FLOATS, across, kept) == pytest.approx(left)
