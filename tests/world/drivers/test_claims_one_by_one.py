@@ -11,12 +11,32 @@ from rosbridge_sim.world.drivers.intruders import stop_for_intruders
 from rosbridge_sim.world.drivers.right_of_way import give_claims, update_holds
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from tests.world.drivers.random_drivers import Situation, situation
-from tests.world.road_factory import built_in
+from tests.world.road_factory import built_in, line, make
+
+
+def one_crossing() -> LaneConflicts:
+    """Two streets that cross; the lanes in the crossing have the first rows."""
+    return LaneConflicts(
+        make(
+            we=(line((-10, 0), (10, 0)), "e"),
+            sn=(line((0, -10), (0, 10)), "n"),
+            w=(line((-200, 0), (-10, 0)), "we"),
+            s=(line((0, -200), (0, -10)), "sn"),
+            e=(line((10, 0), (400, 0)), ""),
+            n=(line((0, 10), (0, 400)), ""),
+        )
+    )
 
 
 @pytest.fixture(scope="module")
-def town() -> LaneConflicts:
-    return LaneConflicts(built_in("town").roads)
+def maps() -> list[LaneConflicts]:
+    return [LaneConflicts(built_in("town").roads), one_crossing()]
+
+
+@pytest.fixture
+def town(maps: list[LaneConflicts], seed: int) -> LaneConflicts:
+    """The town, and for each fifth situation a single crossing."""
+    return maps[seed % 5 == 4]
 
 
 def rivals_of(conflicts: LaneConflicts, lane: int) -> list[int]:

@@ -8,8 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.drivers.lane_position import LaneStart, headings, headings_ahead, keep_lane, keep_lanes
+from rosbridge_sim.world.drivers.lane_position import (
+    LaneStart,
+    headings,
+    headings_ahead,
+    keep_lane,
+    keep_lanes,
+    leave_lane,
+)
 from rosbridge_sim.world.geometry.planar import wrap_angle
+from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import Kind, World
@@ -131,3 +139,41 @@ def test_headings_on_straights_are_those_of_both_axles(name: str) -> None:
     moves = np.ones(len(lane), dtype=bool)
     quick = headings_ahead(roads, lanes, arc, wheelbase, point=point, moves=moves)
     assert np.abs(wrap_angle(quick - headings(roads, lanes, arc, wheelbase))).max() < 1e-9
+
+
+@pytest.mark.parametrize(("beyond", "holds"), [(-0.1, False), (0.1, True)])
+def test_vehicle_that_is_put_beyond_the_wait_point_holds_its_lane(beyond: float, *, holds: bool) -> None:
+    roads = make(
+        a=(line(*[(x, 0) for x in range(0, 101, 10)]), "b"),
+        b=(line((100, 0), (200, 0)), ""),
+        x=(line(*[(50, y) for y in range(-100, 101, 10)]), ""),
+    )
+    world = world_of(roads)
+    wait_point = float(roads.derived(LaneConflicts).wait_point[0])
+    assert 25.0 < wait_point < 50.0
+    row = car(world, "a", wait_point - (CAR.length - CAR.rear_overhang) + beyond)
+    assert (world.held[row], world.exit_lane[row]) == ((0, 1) if holds else (-1, -1))
+
+
+def test_vehicle_with_an_offset_is_to_the_left_of_the_line_by_it() -> None:
+    world = world_of(make(a=(line((0, 0), (0, 100)), ""), b=(line((100, 0), (200, 0)), "")))
+    for lane, place in [(0, (-0.4, 30.0)), (1, (130.0, 0.4))]:
+        row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0))
+        keep_lane(world, row, lane, 30.0, lateral=0.4)
+        assert (world.x[row], world.y[row]) == (pytest.approx(place[0]), pytest.approx(place[1]))
+
+
+def test_vehicle_that_waits_for_an_ego_stands_and_has_its_speed_for_later() -> None:
+    world = world_of(road())
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=7.0))
+    keep_lane(world, row, 0, 30.0, start_within=25.0)
+    assert (world.speed[row], world.start_within[row], world.start_speed[row]) == (0.0, 25.0, 7.0)
+
+
+def test_vehicle_that_leaves_its_lane_goes_on_as_it_moves() -> None:
+    world = world_of(road())
+    row = car(world, "a", 30.0, speed=7.0)
+    world.y[row], world.yaw[row], world.z[row] = 0.2, 0.1, 0.5
+    leave_lane(world, row)
+    state = [float(each[row]) for each in (world.x, world.y, world.z, world.yaw, world.speed)]
+    assert (world.has_lane[row], state) == (False, [30.0, 0.2, 0.5, 0.1, 7.0])

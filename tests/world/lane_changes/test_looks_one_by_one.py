@@ -517,3 +517,32 @@ def test_driver_changes_by_choice_only_where_20_metres_and_the_way_of_the_change
     world.frame = FRAME
     compare(world, decision=0)
     assert (world.change[row] == LaneChange.FASTER) == wishes
+
+
+@pytest.mark.parametrize(("beyond", "goes_around"), [(-1.0, False), (1.0, True)])
+def test_driver_does_not_go_around_what_stands_within_15_metres_of_an_intersection(
+    beyond: float, *, goes_around: bool, roads: list[tuple[Roads, SignalPlan]]
+) -> None:
+    world = world_of(*roads[0])
+    row = car(world, "b1", 20.0, speed=3.0)
+    lane, nose, gap = world.roads.row("b1"), float(Scene(world).drivers.nose[0]), 8.0
+    bumper = float(world.roads.length[lane]) - (gap + 15.0 + beyond)
+    keep_lane(world, row, lane, bumper - nose)
+    ego(world, 280.0 + bumper + gap + CAR.rear_overhang, -3.5)
+    world.frame = FRAME
+    compare(world, decision=0)
+    assert (world.change[row] == LaneChange.AROUND) == goes_around
+
+
+@pytest.mark.parametrize(
+    ("speed", "gap", "goes_around"), [(10.0, 59.0, True), (10.0, 61.0, False), (3.0, 39.0, True), (3.0, 41.0, False)]
+)
+def test_driver_goes_around_what_stands_within_six_seconds_or_forty_metres(
+    speed: float, gap: float, *, goes_around: bool, roads: list[tuple[Roads, SignalPlan]]
+) -> None:
+    world = world_of(*roads[0])
+    row = car(world, "a1", 50.0, speed=speed)
+    ego(world, 50.0 + float(Scene(world).drivers.nose[0]) + gap + CAR.rear_overhang, -3.5)
+    world.frame = FRAME
+    compare(world, decision=0)
+    assert (world.change[row] == LaneChange.AROUND) == goes_around
