@@ -9,17 +9,16 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final
-
-import numpy as np
+from typing import TYPE_CHECKING, Final
 
 from rosbridge_sim.errors import FieldError, PeerError, Reason, TypeNameError
 from rosbridge_sim.graph.ros2.cdr_objects import count_objects
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.schema.definitions.message_spec import MessageSpec, layout_of
+from rosbridge_sim.schema.definitions.message_spec import layout_of
 from rosbridge_sim.schema.definitions.names import spelled
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.plain_values import plain_message, without_unknown
 from rosbridge_sim.schema.ros_serialization import RosWriters
 from rosbridge_sim.schema.store import Store
 
@@ -90,10 +89,10 @@ class CdrType:
             why = f"{self.name}: expected at most {MAX_OBJECTS:,} messages and texts within a message; got more"
             raise FieldError(why, reason=Reason.TOO_MUCH)
         try:
-            value = _plain(self._types.deserialize_cdr(raw, self.name), self.definitions)
+            value = plain_message(self._types.deserialize_cdr(raw, self.name), self.definitions)
         except Exception as error:  # noqa: BLE001 - a library reads foreign bytes: any error means that they are broken
             raise FieldError(f"{self.name}: the bytes are not a message of this type: {error!r:.100}") from None
-        return self.type.check(value if self._is_same else _without_unknown(value, self.type.spec), stamp_ns)
+        return self.type.check(value if self._is_same else without_unknown(value, self.type.spec), stamp_ns)
 
 
 _WRITERS: Final = RosWriters(2)
@@ -163,34 +162,3 @@ class CdrTypes:
 
 _MAX_TYPES: Final = 10_000
 """Types that are remembered; a server knows fewer, unless clients name ever new ones."""
-
-
-def _without_unknown(value: Any, spec: MessageSpec) -> Any:  # noqa: ANN401 - objects of Python
-    """Return a message of ROS 2 without the fields that its type does not have in ROS 1."""
-    known = {}
-    for name, part in value.items():
-        name_here = spec.aliases.get(name, name)
-        if name_here in spec.fields:
-            nested = spec.fields[name_here].nested
-            known[name] = _without_unknown(part, nested) if nested is not None and isinstance(part, dict) else part
-    return known
-
-
-def _plain(value: Any, types: Mapping[str, Any]) -> Any:  # noqa: ANN401 - what a library has read
-    """Return a message of rosbags as Python objects, as `MessageType.check` takes them.
-
-    Args:
-        value: the message, or a value in it.
-        types: its types: name -> fields.
-    """
-    if isinstance(value, np.ndarray):
-        if value.dtype == np.uint8:
-            return value.tobytes()
-        return value.tolist() if value.dtype == np.bool_ else value.copy()
-    if isinstance(value, list):
-        return [_plain(one, types) for one in value]
-    name = getattr(value, "__msgtype__", None)
-    if name is None:
-        return value
-    found = types[name]
-    return {field: _plain(getattr(value, field), types) for field, _ in found}

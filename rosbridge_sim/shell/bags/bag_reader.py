@@ -10,15 +10,19 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
+from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.schema.plain_values import plain_message
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import Texts
 from rosbridge_sim.simulator.replays.object_list_decoder import LAYOUT, decode_object_lists
 from rosbridge_sim.simulator.replays.recorded_drive import Recording, digest_of
+from rosbridge_sim.simulator.replays.recorded_plans import MAX_PLAN_BYTES, PLAN_TYPES, RecordedPlan
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 
 if TYPE_CHECKING:  # an import of a tenth of a second that only a replay needs
@@ -54,9 +58,11 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
         egos = _find_egos(bag, path, texts, is_ros1=is_ros1)
         chosen = _choose(bag.connections, egos, reading)
         held = {one.msgtype for one in chosen}
+        start_ns: int | None = None
         for connection in chosen:
             take = _taker(connection, held, egos[connection.topic], reading, texts, is_ros1=is_ros1)
             for stamp_ns, raw in _messages(bag, connection, path, breathe):
+                start_ns = stamp_ns if start_ns is None else min(start_ns, stamp_ns)
                 try:
                     take(raw, stamp_ns)
                 except DocumentError:
@@ -64,7 +70,8 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
                 except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
                     what = f"{connection.topic}: {_first_line(error)}"
                     raise DocumentError(f"{path.name}: a message does not fit its type: {what}") from None
-    recording = reading.finish()
+        plans = _read_plans(bag, path, start_ns or 0, texts, breathe, reading=reading) if chosen else ()
+    recording = replace(reading.finish(), plans=plans)
     digest_of(recording)  # kept with it: later it would keep the event loop waiting
     return recording
 
@@ -115,6 +122,75 @@ def _taker(
             reading.take_pedals(pedals, stamps)
 
     return take_lists
+
+
+def _read_plans(
+    bag: Reader1 | Reader2,
+    path: Path,
+    start_ns: int,
+    texts: Texts,
+    breathe: Callable[[], None],
+    *,
+    reading: RecordingBuilder,
+) -> tuple[RecordedPlan, ...]:
+    """Return what programs published that viewers draw; topics that cannot be read, and what is too much, are noted.
+
+    Args:
+        bag: the open bag.
+        path: of the bag.
+        start_ns: time in the bag at which the recording begins [ns].
+        texts: definitions for a bag without its own.
+        breathe: see `read_recording`.
+        reading: takes the notes.
+
+    Raises:
+        DocumentError: the bag is broken.
+    """
+    found: dict[tuple[str, str], list[tuple[int, bytes]]] = {}
+    decoders: dict[tuple[str, str], Callable[[bytes], object]] = {}
+    num_bytes = 0
+    for connection in bag.connections:
+        key = connection.topic, connection.msgtype.replace("/msg/", "/")
+        if key[1] not in PLAN_TYPES or not connection.msgcount:
+            continue
+        try:
+            decoders[key] = _plain_decoder(connection, texts, is_ros1=path.suffix == ".bag")
+        except DocumentError as error:
+            reading.note(f"{error}: it is left out")
+            continue
+        messages = found.setdefault(key, [])
+        for stamp_ns, raw in _messages(bag, connection, path, breathe):
+            num_bytes += len(raw)
+            if num_bytes > MAX_PLAN_BYTES:
+                reading.note(f"{connection.topic}: only the first {MAX_PLAN_BYTES // 1_000_000} MB of plans are kept")
+                break
+            messages.append((stamp_ns - start_ns, raw))
+    return tuple(
+        [
+            RecordedPlan(*key, [stamp_ns for stamp_ns, _ in ordered], [raw for _, raw in ordered], decoders[key])
+            for key, messages in found.items()
+            if (ordered := sorted(messages, key=itemgetter(0)))
+        ]
+    )
+
+
+def _plain_decoder(connection: Connection, texts: Texts, *, is_ros1: bool) -> Callable[[bytes], object]:
+    """Return a function from the bytes of a topic's messages to plain objects.
+
+    Raises:
+        DocumentError: the type is unknown.
+    """
+    types = _types_of(connection, texts, is_ros1=is_ros1)
+    read = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
+    fields = {name: found for name, (_, found) in types.fielddefs.items()}
+
+    def decode(raw: bytes) -> object:
+        try:
+            return plain_message(read(raw, connection.msgtype), fields)
+        except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
+            raise DocumentError(f"it does not fit its type: {_first_line(error)}") from None
+
+    return decode
 
 
 def _stamp_of(message: Struct) -> int:

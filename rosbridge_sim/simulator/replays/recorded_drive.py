@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
+from rosbridge_sim.simulator.replays.recorded_plans import RecordedPlan
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state.world import MAX_COORDINATE, MAX_UID, BoolArray, Kind
 
@@ -179,12 +180,14 @@ class Recording:
         egos: an ego's number -> its track.
         objects: track of all others; None where the recording holds none.
         notes: remarks for the user.
+        plans: what programs published that viewers draw; it moves nothing, and is no part of the digest.
     """
 
     name: str
     egos: Mapping[int, EgoTrack] = field(default_factory=dict)
     objects: ObjectTrack | None = None
     notes: tuple[str, ...] = ()
+    plans: tuple[RecordedPlan, ...] = ()
 
     @property
     def is_empty(self) -> bool:

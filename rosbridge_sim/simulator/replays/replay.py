@@ -28,6 +28,7 @@ from rosbridge_sim.simulator.replays.recorded_drive import Recording, digest_of,
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
 from rosbridge_sim.simulator.replays.replay_info import ReplayInfoPublisher
 from rosbridge_sim.simulator.replays.replay_status import ReplayStatus
+from rosbridge_sim.simulator.replays.replayed_plans import ReplayedPlans
 from rosbridge_sim.simulator.replays.state_machine import ReplayEvent, ReplayState
 
 __all__ = ["RecordingKey", "Replay"]
@@ -65,6 +66,8 @@ class Replay(Component):
         self._service = ProcessService(context, self._process, self._playback, self._status, recordings)
         self._info = ReplayInfoPublisher(context, self._process, is_showing_drives=is_showing_drives)
         self._network = NetworkReplay(context, self._process, self._playback, self._info)
+        self._plans = ReplayedPlans(context, self._process, self._playback)
+        self._process.on_event.append(self._plans.settle)
         self._restored = Recording("")
         hooks = context.hooks
         hooks.place.append(self._place)
@@ -167,5 +170,6 @@ class Replay(Component):
         """Act on the end of a frame, and on the begin or end of a pause."""
         if self._process.state is not ReplayState.SIMULATING:  # checked first, because this is called at every frame
             self._process.check_end(now)
+            self._plans.settle(now)
         self._network.settle(now)
         self._status.settle(now)

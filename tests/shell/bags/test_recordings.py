@@ -118,6 +118,40 @@ async def test_bag_of_one_server_is_replayed_by_another(tmp_path: Path, connect:
     assert driven[-1]["velocity"]["x"] > 0.9
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["drive.bag", "drive.mcap"])
+async def test_plans_of_programs_are_replayed_beside_the_drive(tmp_path: Path, connect: Connect, name: str) -> None:
+    topics = ("/Ego_topic", "/plan/*", "/clock")
+    folder = tmp_path / "data"
+    async with Simulator(port=0, start="sync", data_dir=folder, record=folder / name, record_topics=topics) as sim:
+        client = await connect(sim.url)
+        await client.send("advertise", topic="/plan/path", type="nav_msgs/Path")
+        await client.send("advertise", topic="/plan/marks", type="visualization_msgs/MarkerArray")
+        await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True)
+        for i in range(20):
+            if i % 5 == 0:  # at frames 1, 6, 11 and 16
+                path = {"header": {"frame_id": "map"}, "poses": [{"pose": {"position": {"x": float(i)}}}]}
+                await client.send("publish", topic="/plan/path", msg=path)
+                marks = {"markers": [{"ns": "candidates", "id": i, "colors": [{"r": 1.0}]}]}
+                await client.send("publish", topic="/plan/marks", msg=marks)
+            await tick(client)
+    async with Simulator(port=0, start="sync", data_dir=folder) as sim:
+        client = await connect(sim.url)
+        await client.send("subscribe", topic="/plan/path", type="nav_msgs/Path")
+        await client.send("subscribe", topic="/plan/marks", type="visualization_msgs/MarkerArray")
+        await client.ask("/SyncModeCmd", user_id="me", start_sync_mode=True)
+        assert await command(client, 1, 1, "drive")
+        for _ in range(12):
+            await tick(client)
+        xs = [(await client.message("/plan/path"))["poses"][0]["pose"]["position"]["x"] for _ in range(3)]
+        assert xs == [0.0, 5.0, 10.0]
+        assert [(await client.message("/plan/marks"))["markers"][0]["id"] for _ in range(3)] == [0, 5, 10]
+        publishers = (await client.values("/rosapi/publishers", {"topic": "/plan/path"}))["publishers"]
+        assert publishers == ["/replay"]  # as a program that publishes them, and not as the simulator
+        assert await command(client, 32)
+        assert not (await client.values("/rosapi/publishers", {"topic": "/plan/path"}))["publishers"]
+
+
 async def test_unusable_recording_has_its_result_code(
     tmp_path: Path, connect: Connect, caplog: pytest.LogCaptureFixture
 ) -> None:

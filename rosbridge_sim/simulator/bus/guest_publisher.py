@@ -1,0 +1,94 @@
+"""A publisher beside the simulator, of messages that it has not made: viewers take them for those of a program."""
+
+from __future__ import annotations
+
+import logging
+
+from rosbridge_sim.errors import PeerError
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.topics_services import Topic
+from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.plain_values import without_unknown
+
+__all__ = ["GuestPublisher"]
+
+_log = logging.getLogger("rosbridge_sim.bus")
+
+
+class GuestPublisher:
+    """A participant with topics of its own.
+
+    A topic that somebody publishes already is left to them.
+
+    Attributes:
+        name: the node name that rosapi shows.
+        has_topics: it offers at least one.
+    """
+
+    def __init__(self, bus: Bus, name: str) -> None:
+        """Offer nothing yet.
+
+        Args:
+            bus: has the topics.
+            name: the node name.
+        """
+        self.name = name
+        self.has_topics = False
+        self._bus = bus
+
+    def notify(self, level: str, text: str) -> None:
+        """Write a message from the bus into the log.
+
+        Args:
+            level: of the message.
+            text: the message, on one line.
+        """
+        _log.debug("%s: %s: %s", self.name, level, text)
+
+    def offer(self, name: str, type_name: str) -> Topic | None:
+        """Begin to publish a topic.
+
+        Args:
+            name: the topic's.
+            type_name: its type.
+
+        Returns:
+            The topic; None where it has a publisher already, or cannot have the type. The log says so.
+        """
+        known = self._bus.find_topic(name)
+        if known is not None and known.publishers:
+            _log.info("%s: %s is left out: it has a publisher here", self.name, name)
+            return None
+        try:
+            topic = self._bus.advertise(self, name, type_name)
+        except PeerError as error:
+            _log.warning("%s: %s is left out: %s", self.name, name, error)
+            return None
+        self.has_topics = True
+        return topic
+
+    def publish(self, topic: Topic, type_name: str, value: object, now: float) -> None:
+        """Publish a message; one that does not fit its type is left out, and the log says so.
+
+        Args:
+            topic: from `offer`.
+            type_name: its type.
+            value: plain objects; fields that the type does not have are left out.
+            now: monotonic time [s].
+        """
+        try:
+            message_type = self._bus.store.message(type_name)
+            checked = message_type.check(without_unknown(value, message_type.spec), 0)
+            self._bus.publish(self, topic, Message(message_type, checked), now)
+        except PeerError as error:
+            _log.warning("%s: a message of %s is left out: %s", self.name, topic.name, error)
+
+    def leave(self, now: float) -> None:
+        """Publish none of the topics any more.
+
+        Args:
+            now: monotonic time [s].
+        """
+        if self.has_topics:
+            self._bus.leave(self, now)
+            self.has_topics = False
