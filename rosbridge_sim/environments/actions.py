@@ -75,7 +75,7 @@ class ActionKind:
         accel = MAX_ACCEL * chosen[:, 1]
         commands = {"steering": self._every(MAX_STEER * chosen[:, 0])}
         if self._task.reverses:
-            egos = self._worlds.egos()
+            egos = self._worlds.egos(("gear", "speed"))
             is_back = egos["gear"][self._at] == Gear.REVERSE
             wants_back = np.where(np.abs(egos["speed"][self._at]) < STANDSTILL, chosen[:, 1] < 0.0, is_back)
             commands["gear"] = self._every(np.where(wants_back, Gear.REVERSE, Gear.DRIVE), Gear.DRIVE)
@@ -111,7 +111,7 @@ class _DiscreteMeta(ActionKind):
 
     def begin(self, mask: BoolArray) -> None:
         """Begin with the speed that is nearest to the start's."""
-        speed = self._worlds.egos()["speed"]
+        speed = self._worlds.egos(("speed",))["speed"]
         nearest = np.abs(self._speeds - speed[..., None]).argmin(axis=-1)
         self._level[mask] = nearest[mask]
         self._want(mask)

@@ -79,7 +79,8 @@ class Episodes:
             ValueError: the actions have another shape. Nothing has moved.
         """
         chosen = self.action.check(actions, self._num)
-        self._red_lights = self.worlds.scores()["num_red_lights"][self._at]
+        if self.task.all_weights["red_light"]:
+            self._red_lights = self.worlds.scores()["num_red_lights"][self._at]
         self.worlds.step(self.action.command(chosen), self.task.frame_skip)
         return chosen
 

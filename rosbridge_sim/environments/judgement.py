@@ -24,6 +24,8 @@ Index = tuple[slice | int, slice | int]
 GOAL_WEIGHTS: Final = (1.0, 1.0, 0.0, 0.0, 0.02, 0.02)
 """Weights of the differences to a goal in the reward: those of highway-env's parking, with both places alike."""
 
+POSE: Final = ("x", "y", "yaw", "speed", "centre")
+
 BAY_PLACE, BAY_HEADING, BAY_SPEED = 0.5, 0.2, 0.2
 """An ego stands in its bay if the middle of its body is this near to that of the bay [m], its heading this near to the
 bay's [rad], and its speed at most this [m/s]: its sides are then within the 2.5 m of a usual bay."""
@@ -86,7 +88,8 @@ def judge(
     Raises:
         ValueError: the user's function has returned another shape.
     """
-    egos = {name: values[at] for name, values in worlds.egos().items()}
+    names = POSE if task.goal == "bay" else ("speed",)
+    egos = {name: values[at] for name, values in worlds.egos(names).items()}
     lanes = {name: values[at] for name, values in worlds.lanes().items()}
     scores = {name: values[at] for name, values in worlds.scores().items()}
     speed, offset = egos["speed"], lanes["offset"]

@@ -86,7 +86,7 @@ def _lane_bounds(task: DrivingTask) -> FloatArray:
 
 
 def _see_lane(worlds: DrivableWorlds, task: DrivingTask) -> FloatArray:
-    egos, lanes = worlds.egos(), worlds.lanes(AHEAD)
+    egos, lanes = worlds.egos(("speed", "steer", "yaw_rate")), worlds.lanes(AHEAD)
     columns = [
         *(egos["speed"], lanes["offset"], lanes["heading"], lanes["to_left"], lanes["to_right"]),
         *(egos["steer"], egos["yaw_rate"]),
@@ -221,7 +221,7 @@ def _see_own(worlds: Any, function: Callable[..., npt.ArrayLike]) -> npt.NDArray
 
 def achieved_goals(worlds: DrivableWorlds) -> npt.NDArray[np.float32]:
     """Return `GOAL_FIGURES` of the egos, divided by their bounds, (num_worlds, num_egos, 6)."""
-    egos = worlds.egos()
+    egos = worlds.egos(("x", "y", "yaw", "speed", "lateral_speed", "centre"))
     cos, sin = np.cos(egos["yaw"]), np.sin(egos["yaw"])
     figures = [
         *(egos["x"] + egos["centre"] * cos, egos["y"] + egos["centre"] * sin),

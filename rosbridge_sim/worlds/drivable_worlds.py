@@ -84,15 +84,24 @@ class DrivableWorlds:
         """The seeds of the worlds."""
         return [world.seed for world in self._worlds]
 
-    def egos(self) -> dict[str, FloatArray]:
-        """Return state and controls of the egos, `EGO_FIGURES`, (num_worlds, num_egos) each; nan where there is none.
+    def egos(self, names: Sequence[str] = EGO_FIGURES) -> dict[str, FloatArray]:
+        """Return state and controls of the egos, (num_worlds, num_egos) each; nan where there is none.
 
-        x, y, z [m] of the middle of the rear axle on the ground; roll, pitch, yaw [rad]; speed forward and
-        lateral_speed to the left [m/s]; accel forward and lateral_accel to the left [m/s^2]; yaw_rate [rad/s]; steer,
-        angle of the front wheels, left positive [rad]; throttle and brake 0..1; gear, a number of `Gear`; centre,
-        how far the middle of the box is ahead of the rear axle [m].
+        Args:
+            names: those of `EGO_FIGURES` that are wanted.
+
+        Returns:
+            x, y, z [m] of the middle of the rear axle on the ground; roll, pitch, yaw [rad]; speed forward and
+            lateral_speed to the left [m/s]; accel forward and lateral_accel to the left [m/s^2]; yaw_rate [rad/s];
+            steer, angle of the front wheels, left positive [rad]; throttle and brake 0..1; gear, a number of `Gear`;
+            centre, how far the middle of the box is ahead of the rear axle [m].
+
+        Raises:
+            ValueError: there is no such figure.
         """
-        return {name: self._egos.gather(name) for name in EGO_FIGURES}
+        if not set(names) <= set(EGO_FIGURES):
+            raise ValueError(f"names: expected those of {', '.join(EGO_FIGURES)}, got {', '.join(names)}")
+        return {name: self._egos.gather(name) for name in names}
 
     def others(self, num: int, out: FloatArray | None = None) -> FloatArray:
         """Return the entities nearest to each ego, the nearest first.

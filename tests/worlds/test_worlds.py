@@ -153,6 +153,13 @@ def test_egos_drive_themselves_in_many_worlds_as_in_one() -> None:
     assert many.egos()["speed"][1, 0] > 5.0
 
 
+def test_wanted_figures_of_egos_alone_are_returned() -> None:
+    worlds = Worlds("loop", 2)
+    assert list(worlds.egos(("speed", "yaw"))) == ["speed", "yaw"]
+    with pytest.raises(ValueError, match=r"names: expected those of x, y, .* got velocity"):
+        worlds.egos(("velocity",))
+
+
 def test_wrong_wishes_are_refused() -> None:
     worlds = Worlds("loop", 2)
     with pytest.raises(ValueError, match="desired_speed: expected numbers from 0 on, or nan"):
