@@ -484,7 +484,6 @@ class Barrier:
         self._take_out(member, happening.why)
         ticks = [*(tick for each, tick in self._moving if each is member), *member.ticks]
         self._moving = [entry for entry in self._moving if entry[0] is not member]
-        member.ticks.clear()
         end_all(ticks, _WHY_REFUSED[BarrierEvent.LOSS])
 
     def _remove_later(self, happening: BarrierHappening) -> None:

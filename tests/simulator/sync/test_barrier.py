@@ -805,3 +805,27 @@ def test_stop_by_a_member_is_its_leaving() -> None:
     assert model.barrier.stop("a", 0.0) == BARRIER_TABLE[BarrierState.RESTING][BarrierEvent.LEAVE]
     assert model.barrier.status().members == ["b"]
     assert model.barrier.holders == ["b", "b2"]
+
+
+def test_end_of_a_tick_is_followed_by_no_other_boundary_in_the_same_turn() -> None:
+    model = a_model(BarrierState.MOVING)
+    assert model.barrier.status().ticked == ["a", "b"]
+    for user_id in ("a", "b"):
+        model.tick(user_id)
+    model.finish()
+    assert (model.moves, model.barrier.state) == ([2], BarrierState.GATHERING)
+    assert model.barrier.due(0.0) == 0.0
+
+
+def test_member_that_is_late_for_the_first_time_is_told_beside_one_that_was_late_before() -> None:
+    model = Model()
+    for user_id in ("a", "b", "c"):
+        model.join(user_id, 40, 2.0)
+    model.tick("a")
+    model.tick("c")
+    model.wait(2.0)
+    assert model.warned == [("b", Reason.LATE_TICK)]
+    model.tick("a")
+    model.wait(2.0)
+    assert model.warned == [("b", Reason.LATE_TICK), ("c", Reason.LATE_TICK)]
+    assert model.barrier.status().late_counts == [0, 2, 1]

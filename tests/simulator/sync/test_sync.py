@@ -855,3 +855,17 @@ def test_call_for_many_steps_renews_the_lease_and_makes_its_peer_a_holder() -> N
     assert (sync.lease_due, sync.holders) == (17.0, [ME, YOU])
     sync.step("you", 2, "stranger", 14.0, on_wait=lambda: None)
     assert (sync.lease_due, sync.holders) == (17.0, [ME, YOU])
+
+
+def test_command_moves_forward_again_when_more_ticks_before_it_are_given_up() -> None:
+    sync = led()
+    sync.step("me", 3, ME, 0.0, on_wait=lambda: None)
+    sync.submit("behind", 0, 10, ME, 0.0)
+    for due in (15, 13, 11):
+        sync.give_up(1, 1.0)
+        assert sync.waiting() == [(due, "behind")]
+
+
+@pytest.mark.parametrize(("step_ms", "is_accepted"), [(1_000, True), (1_020, False), (10, False)])
+def test_time_step_is_a_number_of_frames_up_to_a_second(step_ms: int, *, is_accepted: bool) -> None:
+    assert Sync[str]().start("me", step_ms, ME, 0.0).is_accepted == is_accepted
