@@ -330,9 +330,11 @@ async def test_failing_subscribers_do_not_end_the_world(connect: Connect, caplog
         assert bad.socket.close_code == 1011
         assert sim.num_bugs == 1
         sim.bus.subscribe(InProcessListener(), "/Ego_topic", break_down)
+        async with asyncio.timeout(PATIENCE):
+            while sim.num_bugs == 1:  # on a busy machine, older messages come first
+                await good.message("/Ego_topic")
         for _ in range(10):
             await good.message("/Ego_topic")
-        assert sim.num_bugs > 1
         assert not sim._scheduler.is_failed
     lines = [record.getMessage() for record in caplog.records if record.exc_info]
     assert [line for line in lines if line.endswith(": closed because of an internal error")] == lines[:1]
