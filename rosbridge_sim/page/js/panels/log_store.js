@@ -80,13 +80,7 @@ export class LogStore {
  */
 export function rosoutLevel(level, isRos2) {
   const [info, warning, error] = isRos2 ? [20, 30, 40] : [2, 4, 8];
-  if (level >= error) {
-    return "error";
-  }
-  if (level >= warning) {
-    return "warning";
-  }
-  return level >= info ? "info" : "debug";
+  return level >= error ? "error" : level >= warning ? "warning" : level >= info ? "info" : "debug";
 }
 
 /** A line of the server's log about refused requests, which `/sim/refusals` tells, too. */

@@ -51,11 +51,8 @@ export class TimeWatch {
   take(change) {
     Object.assign(this.messages, change);
     this.state = timeStateOf(this.messages);
-    if (this.state.isOwn) {
-      this.timeStep = this.ownTimeStep;
-    } else {
-      this.timeStep = this.state.members.length ? (this.messages.barrier?.time_step ?? 0) : 0;
-    }
+    const { isOwn, members } = this.state;
+    this.timeStep = isOwn ? this.ownTimeStep : members.length ? (this.messages.barrier?.time_step ?? 0) : 0;
     this.reasons = timeReasons(this.state, this.messages, this.texts);
     if (change.sync) {
       this.addSample(performance.now(), this.state.frame);

@@ -125,13 +125,10 @@ export function parseBaseValue(type, text) {
   }
   const trimmed = text.trim();
   if (type === "bool") {
-    if (/^(true|1)$/i.test(trimmed)) {
-      return true;
+    if (!/^(true|1|false|0)$/i.test(trimmed)) {
+      throw new RangeError("true or false");
     }
-    if (/^(false|0)$/i.test(trimmed)) {
-      return false;
-    }
-    throw new RangeError("true or false");
+    return /^(true|1)$/i.test(trimmed);
   }
   const value = trimmed === "" ? NaN : Number(trimmed);
   const range = INTEGER_RANGES.get(type);

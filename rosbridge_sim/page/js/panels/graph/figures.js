@@ -12,10 +12,7 @@ export function bytesText(count) {
 
 /** Return a rate. @param {number} rate - messages in a second; negative: unknown @returns {string} */
 export function rateText(rate) {
-  if (rate < 0) {
-    return "–";
-  }
-  return rate === 0 ? "0" : rate.toFixed(rate < 10 ? 1 : 0);
+  return rate < 0 ? "–" : rate === 0 ? "0" : rate.toFixed(rate < 10 ? 1 : 0);
 }
 
 /** Return a duration. @param {number} seconds @returns {string} such as 2:05 or 1:02:05 */
