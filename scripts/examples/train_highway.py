@@ -115,6 +115,8 @@ def train(chosen: argparse.Namespace) -> Policy:
     for number in range(chosen.rounds):
         reward = improve(policy, try_out, rng, directions=DIRECTIONS, best=BEST, step=STEP, noise=NOISE)
         print(f"round {number:3}  {time.process_time():6.1f} s  reward {reward:6.2f}", flush=True)
+        if chosen.policy is not None:
+            policy.save(chosen.policy)
         if time.process_time() > 60.0 * chosen.minutes:
             break
     return policy
@@ -127,12 +129,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--rounds", type=int, default=30, help="rounds at most")
     parser.add_argument("--episodes", type=int, default=64, help="episodes at the end")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--policy", type=Path, help=".npz file for weights, mean and variance")
+    parser.add_argument("--policy", type=Path, help=".npz file for the weights, after each round")
     chosen = parser.parse_args(arguments)
     register_all()
     policy = train(chosen)
-    if chosen.policy is not None:
-        policy.save(chosen.policy)
     untrained = Policy(5, 13)
     untrained.weights[1] = 1.0  # go on
     envs = make(chosen.episodes)
