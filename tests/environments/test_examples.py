@@ -1,4 +1,4 @@
-"""The examples that train drivers with numpy alone: their rounds, curves and films, and what a round does."""
+"""The examples that drive the environments, and train with numpy alone: rounds, curves, films, and what rules reach."""
 
 from __future__ import annotations
 
@@ -100,3 +100,21 @@ def test_gaps_are_those_of_the_next_vehicles_on_each_lane(monkeypatch: pytest.Mo
     others[1, :4] = 1.0, 50.0, 0.0, 2.0  # behind the first one
     others[2, :4] = 1.0, -12.0, 3.4, 3.0  # behind on the left, faster
     assert figures_of(seen)[0].tolist() == [20.0, 100.0, 0.0, 12.0, -3.0, 30.0, -4.0, *(100.0, 0.0) * 3]
+
+
+@pytest.mark.slow
+def test_rule_parks_between_other_cars(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = load("drive_environments", monkeypatch)
+    module.register_all()
+    found = module.drive("rosbridge_sim/Parking-v0", module.ParkByRule(3), 3)
+    assert (found["arrived"], found["failed"]) == (1.0, 0.0)
+
+
+@pytest.mark.slow
+def test_rule_crosses_the_junction_and_no_red_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = load("drive_environments", monkeypatch)
+    module.register_all()
+    name = "rosbridge_sim/Intersection-v0"
+    found = module.drive(name, lambda seen: module.by_rule(seen, module.TASKS[name]), 2)
+    assert found["failed"] == 0.0
+    assert found["metres"] > 50.0
