@@ -412,3 +412,11 @@ def test_vehicle_on_a_path_drives_on_when_the_way_is_free_again() -> None:
     for _ in range(900):
         step(world)
     assert world.x[row] == pytest.approx(90.0, abs=0.5)
+
+
+def test_somebody_who_was_pushed_beyond_the_end_of_its_path_is_at_the_end() -> None:
+    world = World()
+    row = walker(world, np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]))
+    world.x[row], world.y[row], world.leg_start[row], world.frame = 10.0, 11.0, 19.9, 2
+    walk(world)
+    assert (world.arc[row], world.speed[row]) == (20.0, 0.0)
