@@ -72,18 +72,21 @@ class Driver:
         self._lane = LaneFinder()
         self._steering = 0.0
 
-    def look(self, picture: Pixels, driven: float) -> None:
-        """Take the next picture, after so many metres since the one before."""
+    def move(self, driven: float) -> None:
+        """Count the way on by so many metres: near the car the line is below the view."""
+        if self.line is not None:
+            self.line -= driven
+            if self.line < -FRONT:
+                self.line = None
+
+    def look(self, picture: Pixels) -> None:
+        """Take the next picture."""
         self._lane.look(picture)
         self._steering = self._lane.steering(self._steering)
         self.light = light_of(picture)
         seen = stop_line_of(picture)
         if seen is not None:
             self.line = seen - FRONT
-        elif self.line is not None:  # below the view: count on
-            self.line -= driven
-            if self.line < -FRONT:
-                self.line = None
 
     def command(self, speed_kmh: float) -> dict[str, float]:
         """Return the command for the car."""
@@ -122,11 +125,12 @@ def main() -> int:
         driver, speed, has_stopped = Driver(), 0.0, False
         for _ in range(round(args.seconds / 0.1)):
             car = client.step(5, commands={0: driver.command(args.speed_kmh)}).ego
-            speed = abs(car["velocity"]["x"])
+            before, speed = speed, abs(car["velocity"]["x"])
+            driver.move(0.1 * 0.5 * (before + speed))
             new = pictures.take()
             if new:
                 picture = decode(new[-1])
-                driver.look(picture, 0.1 * speed)
+                driver.look(picture)
             if not has_stopped and driver.light == "red" and driver.line is not None and speed < 0.05:
                 has_stopped = True
                 print(f"stopped at red, {driver.line:.1f} m before the line", flush=True)
