@@ -38,7 +38,7 @@ class OwnLimits:
 
     @property
     def is_judging(self) -> bool:
-        """Whether there is something to judge."""
+        """True if there is something to judge."""
         return bool(self._always or self._end) and not self.trouble
 
     def take(self, values: Mapping[str, Value]) -> None:

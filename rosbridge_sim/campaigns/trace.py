@@ -122,7 +122,7 @@ class Judge(Protocol):
 
     @property
     def is_judging(self) -> bool:
-        """Whether it wants frames."""
+        """True if it wants frames."""
 
     def take(self, values: Mapping[str, Value]) -> None:
         """Judge one frame; the values are those of expressions."""

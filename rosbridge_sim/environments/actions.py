@@ -38,7 +38,7 @@ STANDSTILL: Final = 0.05
 
 
 class ActionKind:
-    """How actions of the egos at `at` become commands.
+    """A kind of action, and the way from actions to commands of the egos at `at`.
 
     Attributes:
         space: of one action.

@@ -129,7 +129,7 @@ class DrivingTask:
 
     @property
     def has_camera(self) -> bool:
-        """Whether the observation has pictures of a camera."""
+        """True if the observation has pictures of a camera."""
         return self.observation == "Camera" or (self.observation == "Dict" and "Camera" in self.parts)
 
     @property

@@ -46,7 +46,7 @@ def make_vec_env(name: str, num_envs: int, **options: Any) -> Any:  # noqa: ANN4
 
 
 class _Methods:
-    """What stable-baselines3 wants of a vector environment.
+    """A vector environment as stable-baselines3 wants it.
 
     Args:
         envs: begin anew in the step in which they end.

@@ -60,7 +60,7 @@ class GuestPublisher:
             _log.info("%s: %s is left out: it has a publisher here", self.name, name)
             return None
         try:
-            topic = self._bus.advertise(self, name, type_name, depth=1)  # for whoever looks at a replay that is held
+            topic = self._bus.advertise(self, name, type_name, depth=1)  # a viewer may come while a replay is held
         except PeerError as error:
             _log.warning("%s: %s is left out: %s", self.name, name, error)
             return None

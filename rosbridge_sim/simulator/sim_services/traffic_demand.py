@@ -154,7 +154,7 @@ class Traffic(Component):
 
     @property
     def can_wait(self) -> bool:
-        """Whether a look at this frame changes nothing, as long as no vehicle is at the end of its road."""
+        """True if a look at this frame changes nothing, as long as no vehicle is at the end of its road."""
         is_full = self._fill_due == 0 and self._num_filled() == self._target
         return is_full and not self._points and self._context.world.frame % COUNT_INTERVAL != 0
 

@@ -46,7 +46,7 @@ PULLS_OUT_FROM: Final = 0.5
 """As far as its middle to the side, a body that stands ahead counts as in the way [shares of the way across]."""
 
 BEYOND: Final = 1.0
-"""What has its tail this much farther away than the lead vehicle is beyond it [m]: nearer, it may stand beside it."""
+"""A body is beyond the lead vehicle if its tail is this much farther away [m]. A nearer one may stand beside it."""
 
 MAX_PAIRS: Final = 1 << 16
 """Pairs of a driver and a body near it that are looked at in a decision: about 5 ms, a thousand drivers in a town. The

@@ -16,6 +16,7 @@ from rosbridge_sim.world.lane_changes.lane_change_motion import length_of_tight_
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, is_clear
 from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT, LaneNeighbours
 from rosbridge_sim.world.state.world import Body, Kind, World
+from tests.world.lane_changes.test_looks_one_by_one import Scene
 from tests.world.lane_drives import BUS, world_of
 from tests.world.road_factory import CAR, car, ego
 from tests.world.wide_roads import wide_ring, wide_road
@@ -63,16 +64,11 @@ def changes(seed: int) -> World:
     return world
 
 
-class OneByOne:
+class OneByOne(Scene):
     """The acceleration that a driver chooses for its own change, and behind what is slow and follows no lane."""
 
     def __init__(self, world: World) -> None:
-        self.world, self.followers = world, _LaneFollowers(world)
-        self.drivers = self.followers.drivers()
-        others, _, num_moving = self.followers.others(self.drivers)
-        may_enter = world.signals.may_enter
-        self.perception = perceive(self.followers.conflicts, may_enter, self.drivers, others, num_moving)
-        self.desired = np.fmin(self.drivers.parameters.desired_speed, self.perception.safe_speed)
+        super().__init__(world)
         queue = self.perception.queue
         assert queue is not None
         columns = (queue.lane, queue.s, queue.tail, queue.speed, queue.source)
