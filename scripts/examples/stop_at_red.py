@@ -15,6 +15,7 @@ import argparse
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from lane_camera import FAR, HEIGHT, LANE, METRES_PER_PIXEL, NEAR, VIEW, WIDTH, LaneFinder
@@ -36,6 +37,12 @@ MIN_DEPTH = 0.15  # of a stop line along the road [m]
 FRONT = 3.6  # of the car, ahead of its rear axle [m]
 SPARE = 0.8  # between car and line [m]
 BRAKING = 1.5  # [m/s2]
+
+
+def seconds_of(message: dict[str, Any]) -> float:
+    """Return the stamp of a message [s]."""
+    stamp = message["header"]["stamp"]
+    return float(stamp["secs"] + 1e-9 * stamp["nsecs"])
 
 
 def light_of(picture: Pixels) -> str:
@@ -79,14 +86,14 @@ class Driver:
             if self.line < -FRONT:
                 self.line = None
 
-    def look(self, picture: Pixels) -> None:
-        """Take the next picture."""
+    def look(self, picture: Pixels, driven: float) -> None:
+        """Take the next picture; since it was taken the car has driven so many metres."""
         self._lane.look(picture)
         self._steering = self._lane.steering(self._steering)
         self.light = light_of(picture)
         seen = stop_line_of(picture)
         if seen is not None:
-            self.line = seen - FRONT
+            self.line = seen - FRONT - driven
 
     def command(self, speed_kmh: float) -> dict[str, float]:
         """Return the command for the car."""
@@ -130,7 +137,7 @@ def main() -> int:
             new = pictures.take()
             if new:
                 picture = decode(new[-1])
-                driver.look(picture)
+                driver.look(picture, speed * (seconds_of(car) - seconds_of(new[-1])))
             if not has_stopped and driver.light == "red" and driver.line is not None and speed < 0.05:
                 has_stopped = True
                 print(f"stopped at red, {driver.line:.1f} m before the line", flush=True)
