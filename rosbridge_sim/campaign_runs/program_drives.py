@@ -33,6 +33,7 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.simulator.simulator_node import SimulatorNode
+from rosbridge_sim.simulator.sync.sync_table import SyncState
 
 try:
     import resource
@@ -120,6 +121,8 @@ class _Drive:
         world = simulator.node.world
         if is_real_time:
             self._stand(simulator.node, simulator.bus)
+        else:
+            self._stand_without_master(simulator.node)
         self._watched.listen(simulator.bus)
 
         def take(_now: float) -> None:
@@ -141,10 +144,22 @@ class _Drive:
 
         bus.subscribe(self._watched, NUM_CLIENTS, take)
 
+    @staticmethod
+    def _stand_without_master(node: SimulatorNode) -> None:
+        """Have only ticks move the world: a program that ends, or goes on without them, adds no frame of real time."""
+        context = node.context
+
+        def stand(now: float) -> None:
+            if context.sync.state is SyncState.FREE:
+                context.sync_driver.pause(now)
+
+        context.hooks.on_mode_change.append(stand)
+
     def close(self, simulator: Simulator) -> None:
-        """Note the state at the end. Runs in the simulator's thread."""
+        """Note the state at the end, and end the recording. Runs in the simulator's thread."""
         assert simulator.node is not None
         self._watched.finish(simulator.node.world)
+        simulator.close_recording()
         self._is_over.set()
 
     @staticmethod

@@ -18,9 +18,9 @@ from rosbridge_sim.client import Client
 
 with Client(sys.argv[1]) as client:
     client.start_sync(step_ms=20)
-    for _ in range(10):
-        client.step(1, commands={0: {"longlCmdType": 1, "accel": 1.0}})
+    client.step(20, commands={0: {"longlCmdType": 1, "accel": 1.0}})
 """
+"""Goes on for ten frames after the end of the drive."""
 
 RECORDED = """
 scenario = "loop"
@@ -46,6 +46,7 @@ def names_of(folder: CampaignFolder, run: int) -> set[str]:
     ("keep", "kept"), [("failures", (True, False)), ("all", (True, True)), ("none", (False, False))]
 )
 def test_recordings_are_kept_as_the_campaign_says(folder: CampaignFolder, keep: str, kept: tuple[bool, bool]) -> None:
+    """A recording has the ten frames of the drive, and none of those that the program asks for afterwards."""
     folder.write("program.py", PROGRAM)
     failed, passed = folder.drive(RECORDED.format(keep=keep))
     assert (failed.verdict, passed.verdict) == ("fail", "pass")

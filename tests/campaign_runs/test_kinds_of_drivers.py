@@ -136,6 +136,7 @@ def test_drive_ends_when_an_expression_over_topics_holds(both: CampaignFolder) -
 
 @pytest.mark.slow
 def test_topics_of_the_program_itself_can_be_judged(folder: CampaignFolder) -> None:
+    """The program ends before the drive does: no frame is added in real time meanwhile."""
     folder.write(
         "plans.py",
         """
@@ -151,7 +152,7 @@ def test_topics_of_the_program_itself_can_be_judged(folder: CampaignFolder) -> N
     (result,) = folder.drive(
         """
         scenario = "loop"
-        seconds = 0.2
+        seconds = 2
         [limits.own.plan]
         always = "max(/plan.data) < 5"
         [drivers]
@@ -162,6 +163,7 @@ def test_topics_of_the_program_itself_can_be_judged(folder: CampaignFolder) -> N
         "fail",
         "plan at 0.12 s: expected max(/plan.data) < 5; /plan.data 5, max(/plan.data) 5",
     )
+    assert result.frames == 10
 
 
 @pytest.mark.slow
