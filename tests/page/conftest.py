@@ -38,8 +38,9 @@ WEBGL_FLAGS = (  # WebGL without a graphics card
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
+    "--disable-gpu-compositing",  # it would draw all else of the page, too, at a tenfold price
 )
-PLAIN_FLAGS = ("--disable-gpu",)  # the software renderer of WebGL would draw all else, too, at a tenfold price
+PLAIN_FLAGS = ("--disable-gpu",)
 
 TRIES = 3
 """Chromiums that are started for one: on a busy machine some accept the connection and never answer."""
@@ -51,6 +52,12 @@ HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
 };
 """
 """A browser without WebGL 2. The software renderer needs all processors of a small machine for one moving picture."""
+
+SLOW_SCREEN = """
+const request = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (take) => setTimeout(() => request(take), 150);
+"""
+"""A screen with six pictures a second: each of the map takes the software renderer 30 ms of a processor."""
 
 
 class OpenPage(Protocol):
@@ -206,8 +213,7 @@ async def open_page(chromiums: Chromiums, tmp_path: Path, request: pytest.Fixtur
             contexts.push_async_callback(context.close)
             page = await context.new_page()
             page.set_default_timeout(PATIENCE * 1e3)
-            if not has_webgl:
-                await page.add_init_script(WITHOUT_WEBGL)
+            await page.add_init_script(SLOW_SCREEN if has_webgl else WITHOUT_WEBGL)
 
             def note(text: str) -> None:
                 if not any(part in text for part in allow):

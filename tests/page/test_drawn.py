@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -12,7 +11,7 @@ from playwright.async_api import Page, expect
 from rosbridge_sim.client import AsyncClient
 from tests.conftest import Serve
 from tests.page.conftest import OpenPage
-from tests.page.test_map import open_map, picture, places_of
+from tests.page.test_map import nothing, open_map, places_of, until
 from tests.page.test_page import faults_of
 from tests.page.test_panels import choose_tab
 from tests.support import PATIENCE
@@ -42,19 +41,14 @@ def marker(frame: str, y: float, colour: tuple[int, int, int]) -> dict[str, Any]
     }
 
 
-async def count(page: Page, colour: tuple[int, int, int], least: int, again: Callable[[], Awaitable[None]]) -> None:
-    """Publish, as planners do again and again, until the map has so many pixels of a colour; for 0, none."""
-    async with asyncio.timeout(PATIENCE):
-        while True:
-            await again()
-            num = len(places_of(await picture(page), colour, within=24.0))
-            if num >= least > 0 or num == least == 0:
-                return
-            await page.wait_for_timeout(100)
+async def until_shown(page: Page, colour: tuple[int, int, int], again: Callable[[], Awaitable[object]]) -> None:
+    """Publish, as planners do again and again, until the map has a line of a colour."""
+    await until(page, lambda pixels: len(places_of(pixels, colour, within=24.0)) >= 100, again)
 
 
-async def nothing() -> None:
-    """Publish nothing more."""
+async def until_gone(page: Page, colour: tuple[int, int, int], again: Callable[[], Awaitable[object]]) -> None:
+    """Publish until the map has nothing of a colour."""
+    await until(page, lambda pixels: len(places_of(pixels, colour, within=24.0)) == 0, again)
 
 
 async def test_map_draws_plans_in_the_frames_of_tf_with_a_switch_for_each(serve: Serve, open_page: OpenPage) -> None:
@@ -77,12 +71,12 @@ async def test_map_draws_plans_in_the_frames_of_tf_with_a_switch_for_each(serve:
             await client.publish("/plan/marks", marker("base_link", 6.0, PURPLE), "visualization_msgs/Marker")
             await client.publish("/plan/lost", line("nowhere", 0.0), "nav_msgs/Path")
 
-        await count(page, PURPLE, 100, plan)
+        await until_shown(page, PURPLE, plan)
         await expect(panel).to_contain_text("The frame nowhere has no transform to map")
         await expect(panel).to_contain_text("does not let this page subscribe")
         assert await faults_of(page) == []
         await box.uncheck()
-        await count(page, PURPLE, 0, plan)
+        await until_gone(page, PURPLE, plan)
         await box.check()
         scene = await client.wait_for("/sim/scene/state")
         mark = marker("map", scene["y"][0] + 6.0, ORANGE)
@@ -91,5 +85,5 @@ async def test_map_draws_plans_in_the_frames_of_tf_with_a_switch_for_each(serve:
         async def plan_in_map() -> None:
             await client.publish("/plan/marks", mark, "visualization_msgs/Marker")
 
-        await count(page, ORANGE, 100, plan_in_map)
-    await count(page, ORANGE, 0, nothing)  # the program has ended
+        await until_shown(page, ORANGE, plan_in_map)
+    await until_gone(page, ORANGE, nothing)  # the program has ended

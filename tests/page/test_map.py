@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from io import BytesIO
 from typing import Final
 
@@ -40,12 +40,20 @@ def places_of(pixels: Pixels, wanted: tuple[int, int, int], within: float = 60.0
     return np.stack([x, y], axis=-1)
 
 
-async def until(page: Page, check: Callable[[Pixels], bool]) -> Pixels:
-    """Wait until the canvas shows something."""
+async def nothing() -> None:
+    """Do nothing before a picture."""
+
+
+async def until(
+    page: Page, check: Callable[[Pixels], bool], before: Callable[[], Awaitable[object]] = nothing
+) -> Pixels:
+    """Wait until the canvas shows something; `before` each picture, do something."""
     async with asyncio.timeout(PATIENCE):
-        while not check(pixels := await picture(page)):
-            await page.wait_for_timeout(50)
-    return pixels
+        while True:
+            await before()
+            if check(pixels := await picture(page)):
+                return pixels
+            await page.wait_for_timeout(100)
 
 
 def ego_pixels(pixels: Pixels) -> np.ndarray:
@@ -178,14 +186,18 @@ async def test_objects_are_selected_by_the_keyboard(serve: Serve, open_page: Ope
     await expect(heading).to_have_text("Ego")
 
 
+COLLISION = """() => document.querySelector(".map-label.contact")?.textContent.includes("Collision: Ego and Vehicle")"""
+
+
 async def test_collision_is_told_on_the_map_and_listed_with_both_names(serve: Serve, open_page: OpenPage) -> None:
     server = serve("--scenario", "town", "--start", "sync")
     page = await open_map(open_page, url_of(server.port))
     async with AsyncClient(server.url) as client:
         await client.start_sync()
         await client.spawn("2015_Kia_K5", x=-85.0, y=-5.25, behaviour="stand")
+        told = asyncio.ensure_future(page.wait_for_function(COLLISION))  # it is told for 2.5 s
         await client.tick()
-    await expect(page.locator(".map-label.contact").first).to_contain_text("Collision: Ego and Vehicle")
+        await told
     entry = page.locator(".contact-list li")
     await expect(entry.first).to_contain_text("Ego and Vehicle")
     await page.get_by_role("button", name="Clear the list of collisions").click()
@@ -226,22 +238,27 @@ async def test_distance_between_two_clicks_is_measured(serve: Serve, open_page: 
     await expect(page.locator(".map-label.measure")).to_be_hidden()
 
 
+DRAWN_IN_HALF_A_SECOND = """() => new Promise((resolve) => {
+    window.drawn = 0;
+    setTimeout(() => resolve(window.drawn), 500);
+})"""
+
+
 async def test_nothing_is_drawn_while_nothing_changes(serve: Serve, open_page: OpenPage) -> None:
     server = serve("--scenario", "town")
     async with AsyncClient(server.url) as client:
         await client.start_sync()
         page = await open_map(open_page, url_of(server.port))
         await page.evaluate("""() => {
-            window.drawn = 0;
             const clear = WebGL2RenderingContext.prototype.clear;
             WebGL2RenderingContext.prototype.clear = function (mask) { window.drawn += 1; clear.call(this, mask); };
         }""")
-        await page.wait_for_timeout(500)
-        assert await page.evaluate("window.drawn") == 0
-        await client.tick()
         async with asyncio.timeout(PATIENCE):
+            while await page.evaluate(DRAWN_IN_HALF_A_SECOND):  # the last state may still move, or change the page
+                pass
+            await client.tick()
             while await page.evaluate("window.drawn") == 0:
-                await page.wait_for_timeout(20)
+                await page.wait_for_timeout(50)
 
 
 async def test_page_without_webgl_says_so_and_the_rest_works(serve: Serve, open_page: OpenPage) -> None:

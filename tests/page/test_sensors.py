@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 
 import pytest
@@ -12,7 +14,7 @@ from rosbridge_sim.client import AsyncClient
 from tests.conftest import Serve
 from tests.page.conftest import OpenPage
 from tests.page.test_map import Pixels, open_map, places_of, until, url_of
-from tests.support import PATIENCE
+from tests.support import PATIENCE, ServerProcess
 
 pytest.importorskip("moderngl")
 pytest.importorskip("embreex")
@@ -20,7 +22,7 @@ pytest.importorskip("simplejpeg")
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
-SENSORS = """
+CAMERAS = """
 [[camera]]
 width = 320
 height = 240
@@ -35,7 +37,9 @@ width = 160
 height = 120
 yaw = 70
 z = 2
+"""
 
+LIDAR = """
 [[lidar3d]]
 x = 2
 z = 1.28
@@ -48,10 +52,15 @@ OF_ASPHALT = (38, 103, 221)
 
 
 @pytest.fixture
-def rig(tmp_path: Path) -> str:
-    path = tmp_path / "rig.toml"
-    path.write_text(SENSORS)
-    return str(path)
+def serve_with(serve: Serve, tmp_path: Path) -> Callable[[str], ServerProcess]:
+    """Starts a town in synchronous mode, with sensors."""
+
+    def start(sensors: str) -> ServerProcess:
+        path = tmp_path / "sensors.toml"
+        path.write_text(sensors)
+        return serve("--scenario", "town", "--start", "sync", "--sensors", str(path))
+
+    return start
 
 
 async def press(page: Page, name: str) -> None:
@@ -64,12 +73,22 @@ async def num_subscribers(client: AsyncClient) -> list[int]:
     ]
 
 
+async def tick_until(client: AsyncClient, expectation: Coroutine[object, object, None]) -> None:
+    """Move the world until an expectation of the page holds."""
+    done = asyncio.ensure_future(expectation)
+    while not done.done():
+        await client.tick(5)  # three pictures
+        await asyncio.wait([done], timeout=0.2)
+    await done
+
+
 async def test_cameras_of_one_topic_are_shown_apart_with_boxes_and_only_while_they_are_looked_at(
-    serve: Serve, open_page: OpenPage, rig: str
+    serve_with: Callable[[str], ServerProcess], open_page: OpenPage
 ) -> None:
-    server = serve("--scenario", "town", "--sensors", rig)
+    server = serve_with(CAMERAS)
     page = await open_page(server)
     async with AsyncClient(server.url, timeout=PATIENCE) as client:
+        await client.start_sync()
         assert await num_subscribers(client) == [0, 0]
         await press(page, "Show")
         cards = page.locator(".sensor-card")
@@ -78,35 +97,40 @@ async def test_cameras_of_one_topic_are_shown_apart_with_boxes_and_only_while_th
             for name, size in (("Camera", "320 . 240 pixels"), ("Left", "160 . 120 pixels")):
                 card = cards.filter(has=page.get_by_text(name, exact=True))
                 await card.scroll_into_view_if_needed()
-                await expect(card.get_by_text(re.compile(size))).to_be_visible()
+                await tick_until(client, expect(card.get_by_text(re.compile(size))).to_be_visible())
         ahead = cards.first.locator("canvas.sensor-boxes")
         await cards.first.scroll_into_view_if_needed()
-        await expect(ahead).to_have_attribute("data-boxes", re.compile("[1-9]"))
+        await tick_until(client, expect(ahead).to_have_attribute("data-boxes", re.compile("[1-9]")))
         painted = "canvas => canvas.getContext('2d').getImageData(0, 0, 320, 240).data.some((value) => value > 0)"
         assert await ahead.evaluate(painted)
         assert await num_subscribers(client) == [1, 1]
         await press(page, "Hide")
         await expect(cards).to_have_count(0)
         while await num_subscribers(client) != [0, 0]:
-            await client.wait_for("/clock")
+            await client.tick()
 
 
 async def test_server_without_cameras_and_lidars_is_told_with_its_flag(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_page(serve("--scenario", "town"))
+    page = await open_page(serve("--scenario", "town", "--start", "sync"))
     await press(page, "Show")
     await expect(page.get_by_text("Start the server with --sensors teaching")).to_be_visible()
 
 
-async def test_points_of_a_lidar_are_on_the_map_while_it_is_shown(serve: Serve, open_page: OpenPage, rig: str) -> None:
-    page = await open_map(open_page, url_of(serve("--scenario", "town", "--sensors", rig).port))
+async def test_points_of_a_lidar_are_on_the_map_while_it_is_shown(
+    serve_with: Callable[[str], ServerProcess], open_page: OpenPage
+) -> None:
+    server = serve_with(LIDAR)
+    page = await open_map(open_page, url_of(server.port))
     for _ in range(4):
         await page.get_by_role("button", name="Zoom in").click()
 
     def num(pixels: Pixels) -> int:
         return len(places_of(pixels, OF_ASPHALT, 30.0))
 
-    await until(page, lambda pixels: num(pixels) < 100)
-    await press(page, "Show")
-    await until(page, lambda pixels: num(pixels) > 500)
-    await press(page, "Hide")
-    await until(page, lambda pixels: num(pixels) < 100)
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
+        await client.start_sync(step_ms=100)  # a turn of the lidar
+        await until(page, lambda pixels: num(pixels) < 100, client.tick)
+        await press(page, "Show")
+        await until(page, lambda pixels: num(pixels) > 500, client.tick)
+        await press(page, "Hide")
+        await until(page, lambda pixels: num(pixels) < 100, client.tick)

@@ -42,7 +42,7 @@ async def saved(page: Page, button: str) -> bytes:
 
 
 async def test_cameras_marks_pictures_and_clips_of_the_map(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--scenario", "motorway")
+    server = serve("--scenario", "motorway", "--start", "sync")
     page = await open_map(open_page, page_url(server))
     await page.get_by_role("button", name="View", exact=True).click()
 
@@ -66,20 +66,22 @@ async def test_cameras_marks_pictures_and_clips_of_the_map(serve: Serve, open_pa
         await page.get_by_role("button", name="Zoom in").click()
     await until(page, lambda pixels: num_orange(pixels) == 0)
     await page.get_by_label("Velocities").check()
-    await until(page, lambda pixels: num_orange(pixels) > 10)
     async with AsyncClient(server.url, timeout=PATIENCE) as client:
-        scene = await client.wait_for("/sim/scene/state")
+        await client.start_sync()
+        await client.set_object(0, speed=20.0)
+        await until(page, lambda pixels: num_orange(pixels) > 10, client.tick)
         await page.get_by_label("Time to collision").check()
+        scene = await client.wait_for("/sim/scene/state")
         place = {"x": scene["x"][0], "y": scene["y"][0], "z": 0.0, "heading_deg": float(scene["heading"][0]) * 57.29578}
         await client.call("/sim/spawn", {"objects": [{"model": "Box", "place": place}]})
+        await client.tick()
         await expect(page.locator(".map-label.contact").get_by_text("0.0 s")).to_be_visible()  # they touch
-
     with Image.open(BytesIO(await saved(page, "Save picture"))) as picture:
         assert picture.format == "PNG"
         pixels = np.asarray(picture.convert("RGB"), dtype=np.float64)
     assert len(places_of(pixels, colour(COLOURS["map"]["lane"]), 8.0)) > 1000
     await page.get_by_role("button", name="Record clip").click()
-    await page.evaluate(PICTURES, 40)
+    await page.evaluate(PICTURES, 5)
     assert (await saved(page, "End the clip")).startswith(bytes.fromhex("1a45dfa3"))  # of Matroska, and so of WebM
 
 
