@@ -287,3 +287,11 @@ async def test_model_is_placed_where_it_is_dragged_to(serve: Serve, open_page: O
     canvas = page.locator("main canvas").first
     await page.locator(".drag-model", has_text="Bus").drag_to(canvas, target_position={"x": 400, "y": 500})
     await expect(page.get_by_text("Bus is object")).to_be_visible()
+
+
+async def test_map_without_the_scene_says_what_the_server_denies(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "loop", "--start", "sync", "--deny-subscribe", "/sim/scene/*")
+    page = await open_page(server, has_webgl=True)
+    await expect(page.locator(".map-hint")).to_have_text(
+        "The server does not let this page see the world: it denies /sim/scene/view."
+    )

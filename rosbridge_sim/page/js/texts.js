@@ -15,6 +15,7 @@ export const TEXTS = {
     canvas: "Map of the simulation. Arrow keys move it, + and - zoom, C changes the camera, ? lists all keys.",
     noWebGl: "This browser has no WebGL 2, so the map is not drawn. All other parts of the page work.",
     failed: (/** @type {string} */ reason) => `The map cannot be drawn: ${reason}. All other parts of the page work.`,
+    refused: "The server does not let this page see the world: it denies /sim/scene/view.",
     toolbar: "Map",
     chase: "Camera behind the car",
     follow: "Follow the car",

@@ -51,6 +51,23 @@ export function makeMapControls(view, texts) {
   const bar = element("div", { className: "scale-bar" });
   const coordinates = element("div", { className: "coordinates" });
   const hint = element("div", { className: "map-hint", role: "status", hidden: true });
+  let refusal = "";
+  const tell = () => {
+    const text = view.tool === null ? refusal : view.hint;
+    setText(hint, text);
+    hint.hidden = text === "";
+  };
+  const { connection } = view.scene;
+  connection.onState(() => {
+    refusal = "";
+    tell();
+  });
+  connection.onStatus(({ id, level }) => {
+    if (level === "error" && id === "page:sub:/sim/scene/view") {
+      refusal = mapView.refused;
+      tell();
+    }
+  });
   view.onView(() => {
     chase.setAttribute("aria-pressed", String(view.isChase));
     follow.setAttribute("aria-pressed", String(view.isFollowing));
@@ -59,9 +76,7 @@ export function makeMapControls(view, texts) {
     north.style.transform = `rotate(${turn.toFixed(3)}rad)`;
     showScale(view, bar);
     showCoordinates(view, coordinates, mapView);
-    const text = view.tool === null ? "" : view.hint;
-    setText(hint, text);
-    hint.hidden = text === "";
+    tell();
   });
   return element("div", { className: "map-controls" }, toolbar, hint, element("div", { className: "map-foot" }, bar, coordinates));
 }
