@@ -45,6 +45,7 @@ _MODULES = (
     "rosbridge_sim.link.stop_signals",
     "rosbridge_sim.shell.websocket.memory",
     "rosbridge_sim.cli.command_table",
+    "rosbridge_sim.campaign_runs.running",
     "rosbridge_sim.client",
     "tests.far_side.server",
     "uvloop",

@@ -1,7 +1,8 @@
-"""Campaigns of a test: their files, and drives in the test's own process, as a worker drives."""
+"""Campaigns of a test: their files, drives in the test's own process, as a worker drives, and the command."""
 
 from __future__ import annotations
 
+import subprocess
 import textwrap
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from rosbridge_sim.campaign_runs.running import cut_into_tasks
 from rosbridge_sim.campaign_runs.worker import drive_runs
 from rosbridge_sim.campaigns.campaign import plan_runs
 from rosbridge_sim.campaigns.results import Result
+from tests import fork_server
 
 
 class CampaignFolder:
@@ -38,6 +40,10 @@ class CampaignFolder:
         job = self.job(text)
         campaign = check_job(job)
         return [each for task in cut_into_tasks(campaign, plan_runs(campaign)) for each in drive_runs(job, task)]
+
+    def command(self, *words: str) -> subprocess.CompletedProcess[str]:
+        """Run `rosbridge-sim campaign WORDS...` in the folder, with workers of its own."""
+        return fork_server.run(["-m", "rosbridge_sim", "campaign", *words], cwd=self.path)
 
 
 @pytest.fixture

@@ -6,8 +6,6 @@ import csv
 import json
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -259,28 +257,31 @@ def test_what_is_missing_is_told_before_anything_is_driven(base: Path, text: str
 @pytest.mark.slow
 def test_program_drives_and_ends_with_the_run(base: Path) -> None:
     (base / "leaves.py").write_text("import sys\nprint('bye')\nsys.exit(int(sys.argv[1]))\n")
+    (base / "waits.py").write_text("import time\ntime.sleep(60)\n")
     (base / "forks.py").write_text(
-        "import os, signal, sys, time\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nchild = os.fork()\n"
-        "if child:\n    open('child', 'w').write(str(child))\n    print('x' * 3_000_000, flush=True)\ntime.sleep(60)\n"
+        "import os, signal, time\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nchild = os.fork()\n"
+        "if not child:\n    time.sleep(60)\nopen('child', 'w').write(str(child))\nprint('x' * 3_000_000, flush=True)\n"
+        f"{PROGRAM.replace('while True', 'for _ in range(4)')}    time.sleep(60)\n"
     )
     drivers = {
         "ticks": '{ command = ["{python}", "program.py", "{url}"] }',
         "leaves": '{ command = ["{python}", "leaves.py", "0"] }',
         "fails": '{ command = ["{python}", "leaves.py", "3"] }',
-        "forks": '{ command = ["{python}", "forks.py"], timeout = 1.0 }',
+        "waits": '{ command = ["{python}", "waits.py"], timeout = 0.2 }',
+        "forks": '{ command = ["{python}", "forks.py", "{url}"] }',
     }
     text = "".join(f"{name} = {value}\n" for name, value in drivers.items())
     results = drive(base, f'scenario = "loop"\nseconds = 0.4\n[output]\nkeep = "all"\n[drivers]\n{text}')
-    assert [result.verdict for result in results] == ["pass", "error", "error", "error"]
+    assert [result.verdict for result in results] == ["pass", "error", "error", "error", "pass"]
     assert (results[0].frames, results[0].files) == (20, ("trace.csv", "scene.json", "log.txt"))
     assert "before the world has moved" in results[1].reason
     assert results[2].reason == "the program ended with code 3 after 0 frames"
-    assert results[3].reason == "time-out: 1 s on the wall clock have passed after 0 frames"
-    logs = [(base / "out" / "runs" / f"{number:05d}" / "log.txt").read_text() for number in (1, 2, 3, 4)]
+    assert results[3].reason == "time-out: 0.2 s on the wall clock have passed after 0 frames"
+    logs = [(base / "out" / "runs" / f"{number:05d}" / "log.txt").read_text() for number in (1, 2, 3, 4, 5)]
     assert logs[0].startswith("driving\n")
     assert logs[1].startswith("bye\n")
-    assert "bytes are left out" in logs[3]
-    assert len(logs[3]) < 2 * (HEAD + TAIL)
+    assert "bytes are left out" in logs[4]
+    assert len(logs[4]) < 2 * (HEAD + TAIL)
     assert not is_running(int((base / "child").read_text()))
 
 
@@ -296,11 +297,6 @@ def is_running(pid: int) -> bool:
         return False
 
 
-def campaign(base: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "rosbridge_sim", "campaign", *words]
-    return subprocess.run(command, cwd=base, capture_output=True, text=True, check=False, timeout=120)
-
-
 END_TO_END = """
 scenario = "loop"
 seconds = 0.4
@@ -313,7 +309,7 @@ always = "speed < 8"
 [drivers]
 ours = "lanes"
 batch = { python = "drivers.py:keep_lane", batch = 3 }
-hangs = { python = "drivers.py:hangs", timeout = 1.0 }
+hangs = { python = "drivers.py:hangs", timeout = 0.3 }
 dies = "drivers.py:dies"
 """
 
@@ -321,7 +317,8 @@ dies = "drivers.py:dies"
 @pytest.mark.slow
 def test_campaign_goes_on_over_workers_that_hang_and_die_and_resumes_to_the_same_table(base: Path) -> None:
     (base / "night.toml").write_text(END_TO_END)
-    done = campaign(base, "run", "night.toml", "--jobs", "2", "--json")
+    campaign = CampaignFolder(base).command
+    done = campaign("run", "night.toml", "--jobs", "2", "--json")
     assert done.returncode == 1, done.stderr
     counts = json.loads(done.stdout)
     assert [counts[name] for name in ("runs", "pass", "fail", "error")] == [8, 2, 2, 4]
@@ -333,24 +330,24 @@ def test_campaign_goes_on_over_workers_that_hang_and_die_and_resumes_to_the_same
     page = (folder / "report.html").read_text()
     assert not re.search(r"(src|href)=\"(https?:)?//", page)
 
-    again = campaign(base, "run", "night.toml", "--jobs", "2")
+    again = campaign("run", "night.toml", "--jobs", "2")
     assert again.returncode == 2
     assert "--resume goes on" in again.stderr
 
     lines = (folder / "results.jsonl").read_bytes().splitlines(keepends=True)
     (folder / "results.jsonl").write_bytes(b"".join(lines[:3]) + lines[3][:40])
-    assert campaign(base, "run", "night.toml", "--jobs", "1", "--resume").returncode == 1
+    assert campaign("run", "night.toml", "--jobs", "1", "--resume").returncode == 1
     assert (folder / "runs.csv").read_bytes() == table
     numbers = [json.loads(line)["run"] for line in (folder / "results.jsonl").read_bytes().splitlines()]
     assert sorted(numbers) == list(range(1, 9))
 
-    listed = campaign(base, "list", "night_runs", "--verdict", "fail", "--json").stdout.splitlines()
+    listed = campaign("list", "night_runs", "--verdict", "fail", "--json").stdout.splitlines()
     failed = json.loads(listed[0])["run"]
-    repeated = campaign(base, "repeat", "night_runs", str(failed))
+    repeated = campaign("repeat", "night_runs", str(failed))
     assert repeated.returncode == 0, repeated.stdout
     assert repeated.stdout.rstrip().endswith("the same")
-    assert "slow at" in campaign(base, "show", "night_runs", str(failed)).stdout
-    assert campaign(base, "compare", "night_runs", "night_runs").returncode == 0
+    assert "slow at" in campaign("show", "night_runs", str(failed)).stdout
+    assert campaign("compare", "night_runs", "night_runs").returncode == 0
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
@@ -103,9 +102,7 @@ def run(folder: CampaignFolder, text: str, jobs: int) -> tuple[dict[str, int], s
     """Drive a campaign by the command; return its counts, and what it told beside them."""
     folder.write("hostile.py", DRIVERS)
     folder.write("c.toml", text)
-    words = ["campaign", "run", "c.toml", "-o", "out", "--jobs", str(jobs), "--json"]
-    command = [sys.executable, "-m", "rosbridge_sim", *words]
-    done = subprocess.run(command, cwd=folder.path, capture_output=True, text=True, check=False, timeout=120)
+    done = folder.command("run", "c.toml", "-o", "out", "--jobs", str(jobs), "--json")
     assert "Traceback" not in done.stderr
     counts: dict[str, int] = json.loads(done.stdout)
     return counts, done.stderr
@@ -142,14 +139,8 @@ def test_each_hostile_driver_is_a_row_and_the_campaign_goes_on(folder: CampaignF
     }
     left = [int((folder.path / name).read_text()) for name in ("copy", "daemon")]
     assert [pid for pid in left if is_running(pid)] == []
-    shown = subprocess.run(
-        [sys.executable, "-m", "rosbridge_sim", "campaign", "list", "out"],
-        cwd=folder.path,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-    )
+    shown = folder.command("list", "out")
+    assert shown.returncode == 0
     assert "\x1b" not in shown.stdout
 
 

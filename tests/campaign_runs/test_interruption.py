@@ -108,10 +108,10 @@ def test_program_of_a_worker_that_was_killed_ends_and_the_campaign_goes_on(folde
     """As the system does it if there is no memory left: SIGKILL for the worker alone."""
     folder.write("stubborn.py", STUBBORN)
     folder.write("c.toml", CAMPAIGN.replace('function = "stubborn.py:drive"', ""))
-    program = folder.path / "child"
+    names = [folder.path / name for name in ("program", "child")]
     with start(folder, "--jobs", "1") as process:
-        wait_for(program.is_file, process)
-        pids = [int((folder.path / name).read_text()) for name in ("program", "child")]
+        wait_for(lambda: all(name.is_file() for name in names), process)
+        pids = [int(name.read_text()) for name in names]
         worker = int(Path(f"/proc/{pids[0]}/stat").read_text().rpartition(")")[2].split()[1])
         os.kill(worker, signal.SIGKILL)
         process.communicate(timeout=PATIENCE)

@@ -78,8 +78,7 @@ def test_files_beyond_the_quota_are_not_kept_and_the_campaign_goes_on(folder: Ca
         'scenario = "loop"\nseconds = 0.1\nseeds = 12\n[drivers]\nf = "loud.py:drive"\n'
         '[output]\nkeep = "all"\nquota_mb = 1\n',
     )
-    command = [sys.executable, "-m", "rosbridge_sim", "campaign", "run", "c.toml", "-o", "out", "--jobs", "2", "--json"]
-    done = subprocess.run(command, cwd=folder.path, capture_output=True, text=True, check=False, timeout=120)
+    done = folder.command("run", "c.toml", "-o", "out", "--jobs", "2", "--json")
     assert json.loads(done.stdout)["pass"] == 12, done.stderr
     runs = folder.path / "out" / "runs"
     size = sum(file.stat().st_size for file in runs.rglob("*") if file.is_file())
@@ -111,12 +110,4 @@ def test_disk_that_takes_no_more_is_told_in_the_row_and_the_campaign_goes_on(fol
     assert {result.trouble for result in results} == {told}
     assert all("log.txt" not in result.files and "trace.csv" in result.files for result in results)
     assert not list((folder.path / "out" / "runs").rglob("log.txt"))
-    shown = subprocess.run(
-        [sys.executable, "-m", "rosbridge_sim", "campaign", "show", "out", "1"],
-        cwd=folder.path,
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-    )
-    assert told in shown.stdout
+    assert told in folder.command("show", "out", "1").stdout
