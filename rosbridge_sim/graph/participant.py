@@ -101,6 +101,11 @@ class Guest(Protocol):
         """
 
 
+def is_guest(owner: Participant) -> bool:
+    """Return True if an owner is a guest."""
+    return _has(type(owner), Guest)
+
+
 Notify = Callable[[str, str], None]
 """`(level, text)`, as for `notify`."""
 
@@ -214,7 +219,7 @@ def gives_way(old: Participant, new: Participant) -> bool:
         old: the present owner of the name.
         new: the owner that wants it.
     """
-    return isinstance(old, Guest) and not isinstance(new, Guest)
+    return is_guest(old) and not is_guest(new)
 
 
 def take_over(old: Participant, kind: OfferKind, name: str, new: Participant) -> None:
@@ -227,8 +232,8 @@ def take_over(old: Participant, kind: OfferKind, name: str, new: Participant) ->
         new: the next owner.
     """
     why = f"{kind.capitalize()} {name} is provided by {new.name} from now on: this client's offer has ended"
-    if isinstance(old, Guest):
-        old.lose(kind, name, why)
+    if is_guest(old):
+        cast("Guest", old).lose(kind, name, why)
     else:
         old.notify("error", why)
 

@@ -12,7 +12,7 @@ from typing import Protocol
 import msgspec
 
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.graph.participant import Guest, Notify, Participant
+from rosbridge_sim.graph.participant import Notify, Participant, is_guest
 from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.smallest import Smallest
 from rosbridge_sim.schema.message import Message
@@ -74,7 +74,7 @@ class Subscription:
     @property
     def is_binding(self) -> bool:
         """True if it fixes the topic's type. A client's subscription never does: it could block publishers."""
-        return self.wanted is not None and not isinstance(self.owner, Guest)
+        return self.wanted is not None and not is_guest(self.owner)
 
 
 @dataclass(eq=False, slots=True)
@@ -137,7 +137,7 @@ class Topic:
     @property
     def is_bound(self) -> bool:
         """True if a part of the server publishes here, or subscribes with a type, so that the type cannot change."""
-        return any(not isinstance(owner, Guest) for owner in self.publishers) or any(
+        return any(not is_guest(owner) for owner in self.publishers) or any(
             subscription.is_binding for subscription in self.all_subscriptions
         )
 
@@ -186,8 +186,8 @@ class Topic:
 
     def remove(self, subscription: Subscription) -> None:
         """Remove a subscription."""
-        self.subscriptions = tuple(each for each in self.subscriptions if each is not subscription)
-        self.all_subscriptions = tuple(each for each in self.all_subscriptions if each is not subscription)
+        self.subscriptions = _without(self.subscriptions, subscription)
+        self.all_subscriptions = _without(self.all_subscriptions, subscription)
         if not self.is_settled:
             self.unsettle()
 
@@ -268,6 +268,14 @@ class Topic:
             if not depth:
                 self.kept = {}
         self.depth = depth
+
+
+def _without(subscriptions: tuple[Subscription, ...], one: Subscription) -> tuple[Subscription, ...]:
+    """Return the subscriptions but for one, which may be missing."""
+    if one not in subscriptions:
+        return subscriptions
+    i = subscriptions.index(one)
+    return subscriptions[:i] + subscriptions[i + 1 :]
 
 
 def _size_of(message: Message) -> int:

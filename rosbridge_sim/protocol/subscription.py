@@ -18,7 +18,7 @@ A feed encodes each message as its options say. A heavy message is encoded only 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
 
 from rosbridge_sim.errors import EncodingError, FrameError, PeerError
@@ -69,6 +69,9 @@ class SubscriptionOptions:
     compression: str = "none"
 
 
+_PLAIN = SubscriptionOptions()
+
+
 def read_options(op: Subscribe) -> SubscriptionOptions:
     """Return the options of a subscribe op. An unknown encoding means JSON, as in rosbridge_suite.
 
@@ -76,6 +79,8 @@ def read_options(op: Subscribe) -> SubscriptionOptions:
         op: the subscribe op.
     """
     size = op.fragment_size
+    if size is None and op.throttle_rate is None and op.queue_length is None and op.compression is None:
+        return _PLAIN
     return SubscriptionOptions(
         interval=max(0.0, op.throttle_rate or 0.0) / 1e3,
         queue_length=int(min(MAX_QUEUE, max(0.0, op.queue_length or 0.0))),
@@ -143,14 +148,11 @@ class MergedOptions:
         by_id: options of each subscription.
     """
 
-    __slots__ = ("_compressions", "_intervals", "_lengths", "_sizes", "by_id")
+    __slots__ = ("_bags", "by_id")
 
     def __init__(self) -> None:
         self.by_id: dict[Id, SubscriptionOptions] = {}
-        self._intervals = Smallest()
-        self._lengths = Smallest()
-        self._sizes = Smallest()
-        self._compressions = Smallest()
+        self._bags: tuple[Smallest, Smallest, Smallest, Smallest] | None = None
 
     def put(self, sub_id: Id, options: SubscriptionOptions | None) -> None:
         """Set, replace or remove the options of one subscription.
@@ -160,21 +162,26 @@ class MergedOptions:
             options: its options; None removes it.
         """
         old = self.by_id.pop(sub_id, None) if options is None else self.by_id.get(sub_id)
-        if old is not None:
-            for bag, number in self._numbers(old):
-                bag.remove(number)
         if options is not None:
             self.by_id[sub_id] = options
-            for bag, number in self._numbers(options):
-                bag.add(number)
+        if self._bags is not None:
+            _change(self._bags, old, options)
+        elif len(self.by_id) > 1:  # most feeds only ever have one subscription
+            self._bags = (Smallest(), Smallest(), Smallest(), Smallest())
+            for each in self.by_id.values():
+                _change(self._bags, None, each)
 
     def merged(self) -> SubscriptionOptions:
         """Return the options of the feed. There must be at least one subscription."""
-        interval, length, compression = self._intervals.get(), self._lengths.get(), self._compressions.get()
+        if self._bags is None:
+            (only,) = self.by_id.values()
+            return only if only.queue_length <= MAX_QUEUE else replace(only, queue_length=MAX_QUEUE)
+        intervals, lengths, compressions, sizes = self._bags
+        interval, length, compression = intervals.get(), lengths.get(), compressions.get()
         assert interval is not None
         assert length is not None
         assert compression is not None
-        size = self._sizes.get()
+        size = sizes.get()
         return SubscriptionOptions(
             interval=interval,
             queue_length=min(MAX_QUEUE, -int(length)),
@@ -182,16 +189,17 @@ class MergedOptions:
             compression=COMPRESSIONS[-int(compression)],
         )
 
-    def _numbers(self, options: SubscriptionOptions) -> list[tuple[Smallest, float]]:
-        """Return the numbers that the options add to each collection; negated if the largest one counts."""
-        numbers = [
-            (self._intervals, options.interval),
-            (self._lengths, -options.queue_length),
-            (self._compressions, -COMPRESSIONS.index(options.compression)),
-        ]
-        if options.fragment_size is not None:
-            numbers.append((self._sizes, options.fragment_size))
-        return numbers
+
+def _change(bags: tuple[Smallest, ...], old: SubscriptionOptions | None, new: SubscriptionOptions | None) -> None:
+    """Replace the numbers of some options in each collection; they are negated if the largest one counts."""
+    for options, act in ((old, Smallest.remove), (new, Smallest.add)):
+        if options is not None:
+            intervals, lengths, compressions, sizes = bags
+            act(intervals, options.interval)
+            act(lengths, -options.queue_length)
+            act(compressions, -COMPRESSIONS.index(options.compression))
+            if options.fragment_size is not None:
+                act(sizes, options.fragment_size)
 
 
 def _nothing(_message: object) -> int:
