@@ -10,11 +10,14 @@ Expected of a connection (`websockets.asyncio`), in addition to the methods of a
     send_data                 gives the core's output to the transport, and its end
     close_timeout             the argument of that name [s]
     connection_lost_waiter    a future, done when the transport is lost
+    connection_made           of `Connection` itself: everything but the task that a server's connection begins
+    keepalive, keepalive_task    the coroutine that waits, pings, and so on; its task, which a lost connection cancels
 
 Expected of the core:
     max_message_size          read before the content of each frame is kept
     extensions                the negotiated extensions
     available_extensions      in a server: read after `process_request`
+    parser                    a generator that reads what comes; `Protocol.parse` reads frames
     close_expected, close_rcvd    the transport should be closed; the other side has sent a close frame
 
 Rejected design: a separate WebSocket implementation would repeat the handshake, the closing, the pings and the
@@ -23,8 +26,9 @@ time-outs.
 
 from __future__ import annotations
 
-from asyncio import Future, TimerHandle
+from asyncio import BaseTransport, Future, TimerHandle, timeout
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING, TypeVar
 
 from websockets.asyncio.connection import Connection
@@ -37,6 +41,7 @@ from websockets.server import ServerProtocol
 from rosbridge_sim.loose_types import LibraryArgument
 
 if TYPE_CHECKING:
+    from websockets.http11 import Request
     from websockets.utils import apply_mask
 else:
     try:
@@ -86,6 +91,7 @@ class MessageConnection(Connection):
         self._message = bytearray()  # the fragments of a message so far
         self._is_text = True
         self._cut_off: TimerHandle | None = None
+        self._ping_timer: TimerHandle | None = None
 
     # State
 
@@ -93,6 +99,11 @@ class MessageConnection(Connection):
     def is_open(self) -> bool:
         """True after the handshake and before the closing."""
         return self.core.state is State.OPEN
+
+    @property
+    def is_opening(self) -> bool:
+        """True before the end of the handshake."""
+        return self.core.state is State.CONNECTING
 
     @property
     def lost(self) -> Future[None]:
@@ -137,6 +148,45 @@ class MessageConnection(Connection):
             return self.transport.get_write_buffer_size()
         except AttributeError:  # asyncio's TLS transport loses its buffer when it is closed twice
             return 0
+
+    # The beginning of a server's connection without a task
+
+    def begin_without_task(self, transport: BaseTransport) -> None:
+        """Do what `connection_made` does, but for the task; a later call of `connection_made` begins that.
+
+        Args:
+            transport: the transport of the connection.
+        """
+        Connection.connection_made(self, transport)
+
+    def open_without_task(self, request: Request) -> None:
+        """Treat the handshake as done, and ping from time to time. The caller has checked and answered the request.
+
+        Args:
+            request: the request for a WebSocket.
+        """
+        core = self.core
+        self.request = request
+        core.state = State.OPEN
+        core.parser = Protocol.parse(core)  # the one before waits for a request
+        next(core.parser)
+        if self.ping_interval is not None:
+            self._ping_timer = self.loop.call_later(self.ping_interval, self._start_pings)
+
+    def _start_pings(self) -> None:
+        self.keepalive_task = self.loop.create_task(self._keep_alive())
+
+    async def _keep_alive(self) -> None:
+        """Ping, then go on as the library does, which waits before its first ping."""
+        with suppress(ConnectionClosed):
+            pong = await self.ping()
+            try:
+                async with timeout(self.ping_timeout):
+                    await pong
+            except TimeoutError:
+                self.fail(CloseCode.INTERNAL_ERROR, "keepalive ping timeout")
+            else:
+                await self.keepalive()
 
     # Actions
 
@@ -238,6 +288,8 @@ class MessageConnection(Connection):
         """
         if self._cut_off is not None:
             self._cut_off.cancel()
+        if self._ping_timer is not None:
+            self._ping_timer.cancel()
         self.forget_fragments()  # the connection itself is in a cycle, and may live until garbage is collected
         super().connection_lost(exc)
 

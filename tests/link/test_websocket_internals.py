@@ -38,6 +38,7 @@ TRIED = ("16.0", "16.1.1", "17.0", "17.0.1", "17.1", "17.2", "17.3", "17.4")
 DOCUMENTED = {
     "websockets.asyncio.client": {"ClientConnection", "connect"},
     "websockets.asyncio.server": {"Server", "ServerConnection", "serve"},
+    "websockets.datastructures": {"Headers"},
     "websockets.exceptions": {
         *("ConnectionClosed", "InvalidMessage", "InvalidStatus", "InvalidURI", "ProtocolError", "WebSocketException"),
     },
@@ -53,7 +54,8 @@ DOCUMENTED = {
 
 UNDOCUMENTED = {
     *("available_extensions", "close_exc", "close_timeout", "connection_lost_waiter", "current_size"),
-    *("max_message_size", "paused", "process_event", "protocol", "recv_messages", "send_data", "send_in_progress"),
+    *("keepalive", "keepalive_task", "max_message_size", "parser", "paused", "process_event", "protocol"),
+    *("recv_messages", "send_data", "send_in_progress"),
 }
 """Attributes of the library's connections and their cores that `websocket_internals.py` alone may use."""
 

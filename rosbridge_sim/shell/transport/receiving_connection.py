@@ -230,8 +230,22 @@ class ReceivingConnection(MessageConnection, ServerConnection):
             return b""
         if end < 0:
             self._head = seen[1 - len(_BLANK_LINE) :]
-            self.feed(data)
+            self.feed_head(data)
             return b""
         cut = end + len(_BLANK_LINE) - len(self._head)
-        self.feed(data[:cut])
+        if self._num_head != cut or not self.answer(data[:cut], len(data) - cut):
+            self.feed_head(data[:cut])
         return data[cut:]
+
+    def answer(self, _head: bytes, _num_behind: int) -> bool:
+        """Answer a request that has come in one piece, without the library; return False to leave it to the library.
+
+        Args:
+            _head: the whole request.
+            _num_behind: bytes that came behind it.
+        """
+        return False
+
+    def feed_head(self, data: bytes) -> None:
+        """Give a part of a request to the library."""
+        self.feed(data)

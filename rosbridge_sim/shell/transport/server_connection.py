@@ -2,8 +2,8 @@
 
 The `websockets` library reads each frame through a chain of generators, puts it into a queue and wakes a task; that is
 half of the cost of a small message. Here the usual case, one complete data frame, is cut out of the received bytes in
-one loop. Everything else (the handshake, pings, fragments, compression, closing, and invalid data) is passed frame by
-frame to the library, which checks it and keeps the state of the connection. Messages that the library makes from
+one loop. Everything else (unusual handshakes, pings, fragments, compression, closing, and invalid data) is passed frame
+by frame to the library, which checks it and keeps the state of the connection. Messages that the library makes from
 fragments and compressed frames go to the same callback.
 A receiver sets the length of its turn, and says after each message if it accepts the next one. If it does not, or if
 its time is over, the rest stays here, the transport stops reading, and `go_on` continues.

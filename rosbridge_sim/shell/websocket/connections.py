@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Callable
 
 from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
+from websockets.http11 import Request
 
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.shell.transport.library_connection import LibraryConnection
-from rosbridge_sim.shell.transport.receiving_connection import ReceivingConnection
+from rosbridge_sim.shell.transport.receiving_connection import MAX_EARLY, ReceivingConnection
 from rosbridge_sim.shell.transport.server_connection import DirectConnection
 from rosbridge_sim.shell.websocket.connection_places import ConnectionPlaces
 from rosbridge_sim.shell.websocket.limits import MAX_OPENING
@@ -33,6 +35,10 @@ _SILENT = "it had not sent its request when too many other connections came"
 CROWDED = "there were more connections without the token than --max-strangers allows"
 
 
+def _ignore() -> None:
+    """Do nothing: no one waits for the end."""
+
+
 class ConnectionTables:
     """All connections, and the places of those that are not clients yet.
 
@@ -44,25 +50,51 @@ class ConnectionTables:
         num_bytes_received: bytes received over connections that are closed now.
     """
 
-    def __init__(self, max_strangers: int) -> None:
+    def __init__(
+        self, max_strangers: int, open_timeout: float, take: Callable[[DirectServedConnection, bytes], bool]
+    ) -> None:
         """Create empty tables.
 
         Args:
             max_strangers: most connections without the token.
+            open_timeout: longest time until a connection is open [s].
+            take: called with a whole request; returns True if it has answered it, and serves the connection.
         """
         self.sockets: dict[ServedConnection, None] = {}
         self.handshakes: dict[TlsHandshake, None] = {}
         self.opening = ConnectionPlaces(MAX_OPENING)
         self.unauthenticated = ConnectionPlaces(max_strangers)
         self.num_bytes_received = 0
+        self.open_timeout = open_timeout
+        self.take = take
+        self._closing: list[asyncio.Task[None]] = []
+
+    def close_those_without_task(self) -> None:
+        """Close connections that the library's server does not know, because the server stops."""
+        for socket in list(self.sockets):
+            if isinstance(socket, DirectServedConnection) and not socket.has_task:
+                if socket.is_open:
+                    self._closing.append(socket.loop.create_task(socket.close(CloseCode.GOING_AWAY)))
+                else:  # it has not sent a request
+                    socket.transport.abort()
+
+    async def wait_empty(self) -> None:
+        """Wait until those connections are closed."""
+        if self._closing:
+            await asyncio.wait(self._closing)
 
 
 class ServedConnection(ReceivingConnection):
-    """A connection that is in the tables while it is open. It comes first in the bases, before the class that reads."""
+    """A connection that is in the tables while it is open. It comes first in the bases, before the class that reads.
+
+    Attributes:
+        on_lost: called when the connection is over.
+    """
 
     def __init__(self, tables: ConnectionTables, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
         self._tables = tables
+        self.on_lost: Callable[[], None] = _ignore
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take a place among the connections without a request.
@@ -70,9 +102,12 @@ class ServedConnection(ReceivingConnection):
         Args:
             transport: the transport of the connection.
         """
-        super().connection_made(transport)
+        self._begin(transport)
         self._tables.sockets[self] = None
         self._tables.opening.take(self)
+
+    def _begin(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Leave all places.
@@ -86,6 +121,8 @@ class ServedConnection(ReceivingConnection):
         self._tables.opening.leave(self)
         self._tables.unauthenticated.leave(self)
         super().connection_lost(exc)
+        on_lost, self.on_lost = self.on_lost, _ignore
+        on_lost()
 
     def evict(self) -> None:
         """Close the connection without waiting for the other side, because its place is needed."""
@@ -101,7 +138,73 @@ class ServedConnection(ReceivingConnection):
 
 
 class DirectServedConnection(ServedConnection, DirectConnection):
-    """A connection of the server that reads frames with this package's own code."""
+    """A connection of the server that reads frames with this package's own code.
+
+    The library's task, which waits for a request and serves the connection, only begins with a request that is left to
+    the library. So a client that asks in the usual words costs no task.
+
+    Attributes:
+        has_task: the library's task has begun.
+    """
+
+    def __init__(self, tables: ConnectionTables, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
+        super().__init__(tables, *args, **kwargs)
+        self.has_task = False
+        self._open_timer: asyncio.TimerHandle | None = None
+
+    def _begin(self, transport: asyncio.BaseTransport) -> None:
+        self.begin_without_task(transport)
+        self._open_timer = self.loop.call_later(self._tables.open_timeout, self._give_up)
+
+    def _give_up(self) -> None:
+        """Cut off a connection that is not open in time; the library measures it from the first byte."""
+        if self.is_opening:
+            self.transport.abort()
+
+    def answer(self, head: bytes, num_behind: int) -> bool:
+        """Let the server answer; see `ReceivingConnection.answer`.
+
+        Args:
+            head: the whole request.
+            num_behind: bytes that came behind it.
+        """
+        return num_behind <= MAX_EARLY and self._tables.take(self, head)
+
+    def feed_head(self, data: bytes) -> None:
+        """Give a part of a request to the library, and begin its task with the first one.
+
+        Args:
+            data: the part.
+        """
+        if not self.has_task:
+            self.has_task = True
+            super()._begin(self.transport)
+        super().feed_head(data)
+
+    def open(self, request: Request, answer: bytes) -> None:
+        """Answer a request, without the library.
+
+        Args:
+            request: the request.
+            answer: the whole answer.
+        """
+        self._stop_open_timer()
+        self.transport.write(answer)
+        self.open_without_task(request)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Leave all places.
+
+        Args:
+            exc: the error of the transport, or None.
+        """
+        self._stop_open_timer()
+        super().connection_lost(exc)
+
+    def _stop_open_timer(self) -> None:
+        if self._open_timer is not None:
+            self._open_timer.cancel()
+            self._open_timer = None
 
 
 class LibraryServedConnection(ServedConnection, LibraryConnection):

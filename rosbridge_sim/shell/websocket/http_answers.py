@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from collections.abc import Mapping, Sequence
 from http import HTTPStatus
@@ -9,6 +10,7 @@ from http import HTTPStatus
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
+from rosbridge_sim.shell.map_page import MapText
 from rosbridge_sim.shell.page.page_file import PageFile
 from rosbridge_sim.version import __version__
 
@@ -16,6 +18,8 @@ __all__ = [
     "JSON_KIND",
     "accepts",
     "answer_file",
+    "answer_late",
+    "answer_map",
     "answer_moved",
     "answer_with",
     "is_known",
@@ -83,6 +87,46 @@ def answer_moved(connection: ServerConnection, path: str) -> Response:
     """
     response = connection.respond(HTTPStatus.PERMANENT_REDIRECT, f"It is at {path}/\n")
     response.headers["Location"] = f"{path[1:]}/"  # relative, because a proxy may put the server below a folder
+    return response
+
+
+async def answer_map(
+    connection: ServerConnection, asked: asyncio.Future[MapText], lost: asyncio.Future[None]
+) -> Response:
+    """Return the map once it is written, or why there is none.
+
+    Args:
+        connection: the connection of the request.
+        asked: the text.
+        lost: done when the connection is lost.
+    """
+    ends: list[asyncio.Future[MapText] | asyncio.Future[None]] = [asked, lost]
+    await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
+    if not asked.done():  # it has gone, or the server stops
+        return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "The connection has ended\n")
+    text = asked.result()
+    if text.why_not:
+        return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, text.why_not)
+    if text.body is None:
+        response = connection.respond(HTTPStatus.NOT_MODIFIED, "")
+        for name in ("Content-Type", "Content-Length"):  # they would be those of the text
+            del response.headers[name]
+    else:
+        response = answer_with(connection, HTTPStatus.OK, text.body, JSON_KIND)
+    response.headers["ETag"] = text.etag
+    response.headers["Cache-Control"] = "no-cache"  # ask again each time: another scenario may bring another map
+    return response
+
+
+async def answer_late(lost: asyncio.Future[None], response: Response, delay: float) -> Response:
+    """Delay the answer to a program that tries tokens; other connections are not delayed.
+
+    Args:
+        lost: done when the connection is lost.
+        response: the answer.
+        delay: the delay [s].
+    """
+    await asyncio.wait([lost], timeout=delay)
     return response
 
 

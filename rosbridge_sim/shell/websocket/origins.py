@@ -28,6 +28,7 @@ where an answer has data. It cannot be known that a request comes from a program
 
 from __future__ import annotations
 
+import logging
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -185,6 +186,26 @@ class RefusedOrigins:
             return False
         self._known.add(known)
         return True
+
+    def log(self, log: logging.Logger, address: str, text: str, origin: str | None) -> None:
+        """Log a warning for each web page once, not for each attempt: a page in a tab may try every second.
+
+        Args:
+            log: the log of the server.
+            address: address of the connection.
+            text: why it was refused.
+            origin: the refused web page; None if the page is not the reason.
+        """
+        text = text.rstrip()
+        if origin is None or not self.add(origin):
+            log.info("%s refused: %s", address, text)
+            return
+        # A separate line of code: the log limits lines by their place, and one page must not hide another page.
+        log.warning("%s refused: %s", address, text)
+        if self.is_full:
+            log.warning(
+                "web pages of %d origins were refused; further ones are logged at level info", MAX_REFUSED_ORIGINS
+            )
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,8 +3,9 @@
 Reading and writing need no task. A frame goes from the transport directly to the client's `Peer`, which does its ops
 one by one (`server_connection.py`). Long work continues in later turns (`turns.py`). Outgoing frames wait in outboxes
 until the loop's next turn, and then go to each socket in one write, as long as the socket accepts them. When a socket
-is full, the transport reports when there is room again; frames wait in the outbox until then (`protocol/outbox.py`). A
-task for each connection handles its end. The `websockets` library does the handshake, pings, limits and the closing.
+is full, the transport reports when there is room again; frames wait in the outbox until then (`protocol/outbox.py`). An
+ordinary request for a WebSocket is answered as it arrives (`upgrade_request.py`), and the connection has no task. All
+other requests go to the `websockets` library, with a task for each. The library also does pings, limits and closing.
 Rejected designs: the library's `send` costs a task switch and a system call per message. Writing at the end of each
 read, not in the next turn, costs a fifth of the calls if many clients talk to one.
 """
@@ -39,6 +40,7 @@ from rosbridge_sim.shell.transport.inflate import (
     LateDeflateFactory,
     library_deflate,
 )
+from rosbridge_sim.shell.transport.upgrade_request import answer_to, read_upgrade
 from rosbridge_sim.shell.websocket.access import Refusal
 from rosbridge_sim.shell.websocket.byte_totals import Traffic
 from rosbridge_sim.shell.websocket.connected_client import Client
@@ -54,6 +56,8 @@ from rosbridge_sim.shell.websocket.http_answers import (
     JSON_KIND,
     accepts,
     answer_file,
+    answer_late,
+    answer_map,
     answer_moved,
     answer_with,
     is_upgrade,
@@ -64,7 +68,7 @@ from rosbridge_sim.shell.websocket.http_answers import (
 from rosbridge_sim.shell.websocket.limits import CLOSE_TIMEOUT, ServerLimits
 from rosbridge_sim.shell.websocket.memory import MemoryReturn, resident_bytes, trim_memory
 from rosbridge_sim.shell.websocket.memory_budget import Holder, HttpReader, MemoryBudget
-from rosbridge_sim.shell.websocket.origins import MAX_REFUSED_ORIGINS, RefusedOrigins, own_names
+from rosbridge_sim.shell.websocket.origins import RefusedOrigins, own_names
 from rosbridge_sim.shell.websocket.tls_handshake import TlsRules
 from rosbridge_sim.shell.websocket.turns import Turns
 from rosbridge_sim.shell.websocket.unauthenticated import MAX_UNPROVEN_SIZE, WRONG_TOKEN, UnauthenticatedConnection
@@ -140,7 +144,7 @@ class Server:
         self._memory: MemoryReturn | None = None
         self._budget: MemoryBudget | None = None
         self._server: WebSocketServer | None = None
-        self._tables = ConnectionTables(limits.access.max_strangers)
+        self._tables = ConnectionTables(limits.access.max_strangers, limits.open_timeout, self._take_request)
         self.is_loopback = False
         self.own_names: frozenset[str] = frozenset()
         self._refused_origins = RefusedOrigins()
@@ -215,15 +219,18 @@ class Server:
             self._server.close()
             for handshake in list(self._tables.handshakes):
                 handshake.evict()
+            self._tables.close_those_without_task()
             try:
                 async with asyncio.timeout(CLOSE_TIMEOUT):
                     await self._server.wait_closed()
+                    await self._tables.wait_empty()
             except TimeoutError:  # some do not read the close frame; some never sent a request
                 for socket in self._tables.sockets:
                     socket.transport.abort()
                 for handshake in list(self._tables.handshakes):  # the system has already accepted them
                     handshake.evict()
                 await self._server.wait_closed()
+                await self._tables.wait_empty()
 
     async def _serve(self, socket: ServerConnection) -> None:
         """Serve a connection to its end."""
@@ -231,9 +238,12 @@ class Server:
         try:
             await self._serve_socket(socket)
         except Exception:  # the library closes it with code 1011, but its own log line is suppressed
-            self.num_bugs += 1
-            _log.exception("internal error: %s could not be served", address_of(socket))
+            self._note_unserved(socket)
             raise
+
+    def _note_unserved(self, socket: ServedConnection) -> None:
+        self.num_bugs += 1
+        _log.exception("internal error: %s could not be served", address_of(socket))
 
     async def _serve_socket(self, socket: ServedConnection) -> None:
         """Serve a client, after it has sent the token if one is needed."""
@@ -290,22 +300,63 @@ class Server:
         socket.limit_message_size(self._limits.max_frame_size)
 
     async def _serve_client(self, socket: ServedConnection) -> None:
-        assert self._turns is not None, "it listens"
-        client = Client(socket, self._bus, self._limits, self._turns, self)
-        peer = client.peer
-        self.clients[client] = None
-        self._try(self.on_clients)
-        _log.info("%s connected; %d connected now", peer.address, len(self.clients))
+        client = self._add_client(socket)
         try:
             socket.listen(client)
             await socket.wait_closed()
         finally:
-            del self.clients[client]
-            self._try(client.leave)
-            self._left.add(client)
-            self._try(self.on_clients)
-            self._on_change()
-            _log.info("%s left; %d connected now", peer.address, len(self.clients))
+            self._remove_client(client)
+
+    def _take_request(self, socket: DirectServedConnection, head: bytes) -> bool:
+        """Open and serve a connection without a task, if its request is an ordinary one and has nothing against it.
+
+        Returns:
+            True if it is served; otherwise the library reads the request, and asks `_process_request`.
+        """
+        request = read_upgrade(head, may_extend=self._limits.is_compressing)
+        if request is None or self._is_stopping or not self._may_enter(request):
+            return False
+        self._tables.opening.leave(socket)
+        self._trust(socket)
+        socket.open(request, answer_to(request))
+        try:
+            client = self._add_client(socket)
+            socket.on_lost = partial(self._remove_client, client)
+            socket.listen(client)
+        except Exception:  # noqa: BLE001 - an internal error, which ends this connection alone
+            self._note_unserved(socket)
+            socket.fail(CloseCode.INTERNAL_ERROR, "")
+        return True
+
+    def _may_enter(self, request: Request) -> bool:
+        """Return True if a request shows what is wanted, and there is room. Nothing else is done here."""
+        try:
+            return self._judge(request) is None and self._limits.access.is_shown(request)
+        except Exception:  # noqa: BLE001 - an internal error, which `_process_request` finds again
+            return False
+
+    def _judge(self, request: Request) -> Refusal | None:
+        return self._limits.access.judge(
+            request, len(self.clients), is_loopback=self.is_loopback, own_names=self.own_names
+        )
+
+    def _add_client(self, socket: ServedConnection) -> Client:
+        """Make a connection a client; the caller lets it listen."""
+        assert self._turns is not None, "it listens"
+        client = Client(socket, self._bus, self._limits, self._turns, self)
+        self.clients[client] = None
+        self._try(self.on_clients)
+        _log.info("%s connected; %d connected now", client.peer.address, len(self.clients))
+        return client
+
+    def _remove_client(self, client: Client) -> None:
+        """Forget a client whose connection is over."""
+        del self.clients[client]
+        self._try(client.leave)
+        self._left.add(client)
+        self._try(self.on_clients)
+        self._on_change()
+        _log.info("%s left; %d connected now", client.peer.address, len(self.clients))
 
     def _holders(self) -> list[Holder]:
         """Return everything for which the server holds memory: the clients, and the readers of HTTP answers."""
@@ -414,14 +465,14 @@ class Server:
             return response
         assert isinstance(connection, ServedConnection)
         self._limit(connection)  # otherwise tokens could be tried here without a delay
-        return _answer_late(connection, response, access.delay)
+        return answer_late(connection.lost, response, access.delay)
 
     def _judge_handshake(
         self, connection: ServerConnection, request: Request
     ) -> Response | Awaitable[Response | None] | None:
         assert isinstance(connection, ServedConnection)
         access = self._limits.access
-        refusal = access.judge(request, len(self.clients), is_loopback=self.is_loopback, own_names=self.own_names)
+        refusal = self._judge(request)
         if refusal is None:
             if access.is_shown(request):
                 self._tables.opening.leave(connection)
@@ -431,7 +482,7 @@ class Server:
             return None
         if refusal.status is HTTPStatus.UNAUTHORIZED:
             self._note_refused_token(connection, Reason.WRONG_TOKEN, "", WRONG_TOKEN)
-        self._log_refusal(address_of(connection), refusal)
+        self._refused_origins.log(_log, address_of(connection), refusal.text, refusal.origin)
         response = connection.respond(refusal.status, refusal.text)
         return self._delay(connection, response) if refusal.status is HTTPStatus.UNAUTHORIZED else response
 
@@ -439,7 +490,7 @@ class Server:
         """Send the refusal of a token after a delay; until then the connection counts as one without the token."""
         response.headers["WWW-Authenticate"] = "Bearer"
         self._limit(connection)
-        return _answer_late(connection, response, self._limits.access.delay)
+        return answer_late(connection.lost, response, self._limits.access.delay)
 
     def _limit(self, connection: ServedConnection) -> None:
         """Limit a connection without the token until it is trusted."""
@@ -448,19 +499,6 @@ class Server:
         self._tables.opening.leave(connection)
         if connection in self._tables.sockets:  # else it is already lost, and would never leave its place
             self._tables.unauthenticated.take(connection)
-
-    def _log_refusal(self, address: str, refusal: Refusal) -> None:
-        """Log a warning for each web page once, not for each attempt: a page in a tab may try every second."""
-        text = refusal.text.rstrip()
-        if refusal.origin is None or not self._refused_origins.add(refusal.origin):
-            _log.info("%s refused: %s", address, text)
-            return
-        # A separate line of code: the log limits lines by their place, and one page must not hide another page.
-        _log.warning("%s refused: %s", address, text)
-        if self._refused_origins.is_full:
-            _log.warning(
-                "web pages of %d origins were refused; further ones are logged at level info", MAX_REFUSED_ORIGINS
-            )
 
     def _tell_health(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
         """Answer the state of the server as JSON. Requests that get no data get only status and reason."""
@@ -477,7 +515,7 @@ class Server:
             return response
         assert isinstance(connection, ServedConnection)
         self._limit(connection)  # otherwise tokens could be tried here without a delay
-        return _answer_late(connection, response, access.delay)
+        return answer_late(connection.lost, response, access.delay)
 
     def _tell_version(self, connection: ServerConnection, request: Request) -> Response | Awaitable[Response]:
         """Answer name, version and protocol, to those who may have data."""
@@ -533,26 +571,8 @@ class Server:
         asked = ask(", ".join(request.headers.get_all("If-None-Match")))
         if asked is None:
             return connection.respond(HTTPStatus.NOT_FOUND, f"The settings have {MAP_SERVICE} turned off\n")
-        return self._answer_map(connection, asked)
-
-    async def _answer_map(self, connection: ServerConnection, asked: asyncio.Future[MapText]) -> Response:
         assert isinstance(connection, ServedConnection)
-        ends: list[asyncio.Future[MapText] | asyncio.Future[None]] = [asked, connection.lost]
-        await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
-        if not asked.done():  # it has gone, or the server stops
-            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "The connection has ended\n")
-        text = asked.result()
-        if text.why_not:
-            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, text.why_not)
-        if text.body is None:
-            response = connection.respond(HTTPStatus.NOT_MODIFIED, "")
-            for name in ("Content-Type", "Content-Length"):  # they would be those of the text
-                del response.headers[name]
-        else:
-            response = answer_with(connection, HTTPStatus.OK, text.body, JSON_KIND)
-        response.headers["ETag"] = text.etag
-        response.headers["Cache-Control"] = "no-cache"  # ask again each time: another scenario may bring another map
-        return response
+        return answer_map(connection, asked, connection.lost)
 
     def _refuse_data(
         self, connection: ServerConnection, request: Request, path: str
@@ -563,7 +583,7 @@ class Server:
             return None
         response = connection.respond(refusal.status, refusal.text)
         if refusal.status is not HTTPStatus.UNAUTHORIZED:
-            self._log_refusal(address_of(connection), refusal)
+            self._refused_origins.log(_log, address_of(connection), refusal.text, refusal.origin)
             return response
         assert isinstance(connection, ServedConnection)
         self._note_refused_token(connection, Reason.NO_TOKEN, "", f"{path} needs the token")
@@ -575,9 +595,3 @@ def _extensions(limits: ServerLimits) -> list[ServerExtensionFactory] | None:
     if not limits.is_compressing:
         return None
     return [LateDeflateFactory() if limits.is_direct else library_deflate()]
-
-
-async def _answer_late(connection: ServedConnection, response: Response, delay: float) -> Response:
-    """Delay the answer to a program that tries tokens, by `delay` seconds; other connections are not delayed."""
-    await asyncio.wait([connection.lost], timeout=delay)
-    return response

@@ -1,0 +1,213 @@
+"""Handshakes over sockets: those that the server answers by itself, and those that it leaves to the library."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AsyncExitStack, suppress
+
+import pytest
+import pytest_asyncio
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.shell.transport.receiving_connection import MAX_EARLY
+from rosbridge_sim.shell.websocket.limits import ServerLimits
+from rosbridge_sim.shell.websocket.server import Server
+from tests.graph.bus_fixture import make_store
+from tests.support import PATIENCE, Client, mask, open_raw
+
+REQUEST = (
+    b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
+    b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
+)
+CALL = '{"op":"call_service","service":"/rosapi/get_time","id":"c"}'
+FOR_EVER = 3_600.0
+
+Listen = Callable[..., Awaitable[Server]]
+
+
+@pytest_asyncio.fixture
+async def listen() -> AsyncIterator[Listen]:
+    """Servers with limits of the test's own."""
+    async with AsyncExitStack() as stack:
+
+        async def start(**limits: float) -> Server:
+            bus = Bus(make_store())
+            Rosapi(bus)
+            server = Server(bus, ServerLimits(**limits), lambda: None)  # type: ignore[arg-type] # each of its own type
+            await server.start("127.0.0.1", 0)
+            stack.push_async_callback(server.stop)
+            return server
+
+        yield start
+
+
+async def until(is_so: Callable[[], bool]) -> None:
+    async with asyncio.timeout(PATIENCE):
+        while not is_so():  # noqa: ASYNC110 - no event tells of it
+            await asyncio.sleep(0)
+
+
+def num_tasks() -> int:
+    """Number of the library's tasks for connections."""
+    return sum("_handler" in repr(task.get_coro()) for task in asyncio.all_tasks())
+
+
+async def head_of(reader: asyncio.StreamReader) -> bytes:
+    async with asyncio.timeout(PATIENCE):
+        return await reader.readuntil(b"\r\n\r\n")
+
+
+async def frame_of(reader: asyncio.StreamReader) -> tuple[int, bytes]:
+    """First byte and content of the next frame."""
+    async with asyncio.timeout(PATIENCE):
+        first, size = await reader.readexactly(2)
+        if size == 126:
+            size = int.from_bytes(await reader.readexactly(2), "big")
+        return first, await reader.readexactly(size)
+
+
+async def rest_of(reader: asyncio.StreamReader) -> bytes:
+    """What comes until the end of the connection."""
+    data = b""
+    with suppress(ConnectionError):
+        async with asyncio.timeout(PATIENCE):
+            while more := await reader.read(2**16):
+                data += more
+    return data
+
+
+async def assert_answered(reader: asyncio.StreamReader) -> None:
+    first, content = await frame_of(reader)
+    assert first == 0x81
+    assert json.loads(content)["op"] == "service_response"
+
+
+async def test_ordinary_request_costs_no_task(listen: Listen) -> None:
+    server = await listen()
+    async with await Client.open(f"ws://127.0.0.1:{server.port}") as client:
+        await client.settle()
+        assert (num_tasks(), len(server.clients)) == (0, 1)
+    await until(lambda: not server.clients)
+    assert not server._tables.sockets
+
+
+@pytest.mark.parametrize("size", [1, 7, len(REQUEST) - 1])
+async def test_request_in_parts_is_answered_by_the_library(listen: Listen, size: int) -> None:
+    server = await listen()
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    data = REQUEST + mask(CALL)
+    for start in range(0, len(data), size):
+        received = sum(each.num_bytes_received for each in server._tables.sockets)
+        writer.write(data[start : start + size])
+        await until(lambda: sum(each.num_bytes_received for each in server._tables.sockets) > received)  # noqa: B023 - at once
+    assert (await head_of(reader)).startswith(b"HTTP/1.1 101")
+    await assert_answered(reader)
+    assert num_tasks() == 1
+    writer.close()
+    await until(lambda: not server._tables.sockets)
+    await until(lambda: not num_tasks())
+
+
+async def test_frames_behind_the_request_are_handled(listen: Listen) -> None:
+    server = await listen()
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    writer.write(REQUEST + mask(CALL) * 3 + mask(CALL)[:-1])
+    assert (await head_of(reader)).startswith(b"HTTP/1.1 101")
+    for _ in range(3):
+        await assert_answered(reader)
+    writer.write(mask(CALL)[-1:])
+    await assert_answered(reader)
+    assert num_tasks() == 0
+    writer.close()
+
+
+async def test_too_much_behind_the_request_is_cut_off(listen: Listen) -> None:
+    server = await listen()
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    writer.write(REQUEST + mask("x" * (MAX_EARLY + 1)))
+    assert b" 101 " not in await rest_of(reader)
+    assert not server.clients
+    writer.close()
+
+
+@pytest.mark.parametrize("first", [b"", b"G", REQUEST[:-1], b"GET /healthz HTTP/1.1\r\n"])
+async def test_connection_without_a_whole_request_leaves_nothing(listen: Listen, first: bytes) -> None:
+    server = await listen(open_timeout=0.05)
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    writer.write(first)
+    assert await rest_of(reader) == b""
+    await until(lambda: not server._tables.sockets)
+    await until(lambda: not num_tasks())
+    assert not len(server._tables.opening)
+    writer.close()
+
+
+async def test_open_connection_outlives_the_time_for_the_request(listen: Listen) -> None:
+    server = await listen(open_timeout=0.02)
+    reader, writer = await open_raw(server.port)
+    silent, silent_writer = await asyncio.open_connection("127.0.0.1", server.port)
+    assert await rest_of(silent) == b""  # it came later, and its time is over
+    writer.write(mask(CALL))
+    await assert_answered(reader)
+    silent_writer.close()
+    writer.close()
+
+
+async def test_client_that_answers_pings_stays(listen: Listen) -> None:
+    server = await listen(ping_interval=0.01, ping_timeout=FOR_EVER)
+    reader, writer = await open_raw(server.port)
+    pings = []
+    for _ in range(4):
+        first, content = await frame_of(reader)
+        assert first == 0x89
+        pings.append(content)
+        writer.write(bytes([0x8A, 0x80 | len(content)]) + bytes(4) + content)
+    assert len(set(pings)) == 4  # each waits for the answer to the one before
+    writer.write(mask(CALL))
+    while (frame := await frame_of(reader))[0] == 0x89:
+        pass
+    assert frame[0] == 0x81
+    writer.close()
+    await until(lambda: not server._tables.sockets)
+
+
+async def test_client_that_answers_no_ping_is_closed(listen: Listen) -> None:
+    server = await listen(ping_interval=0.01, ping_timeout=0.01)
+    reader, writer = await open_raw(server.port)
+    frames = await rest_of(reader)
+    assert frames[:2] == b"\x89\x04"
+    assert frames[6:] == b"\x88\x18\x03\xf3keepalive ping timeout"  # 1011, after one ping
+    writer.close()
+    await until(lambda: not server.clients)
+
+
+async def test_silent_connection_does_not_delay_the_stop(listen: Listen) -> None:
+    server = await listen(open_timeout=FOR_EVER)
+    silent, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    await until(lambda: bool(server._tables.sockets))
+    async with asyncio.timeout(PATIENCE):
+        await server.stop()
+    assert await rest_of(silent) == b""
+    assert not server._tables.sockets
+    writer.close()
+
+
+async def test_failure_to_serve_an_ordinary_request_closes_it_alone(
+    listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = await listen()
+    good, writer = await open_raw(server.port)
+    turns, server._turns = server._turns, None  # as good a bug as any
+    bad, bad_writer = await open_raw(server.port)
+    assert (await rest_of(bad))[:4] == b"\x88\x02\x03\xf3"
+    server._turns = turns
+    writer.write(mask(CALL))
+    await assert_answered(good)
+    assert server.num_bugs == 1
+    (line,) = [record.getMessage() for record in caplog.records if record.exc_info]
+    assert line.endswith("could not be served")
+    bad_writer.close()
+    writer.close()
