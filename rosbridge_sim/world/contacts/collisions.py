@@ -280,7 +280,7 @@ class CollisionDetector:
     def _judge(self) -> IntArray:
         """Return the pairs of the list that touch, as ids."""
         pairs = self._pairs
-        poses = self.poses[:, :, pairs]  # (2, 5, 2, m)
+        poses = self.poses.take(pairs, axis=2)  # (2, 5, 2, m)
         heading = _unit(poses[:, POSE_YAW])
         middle = heading * self._centre
         middle.real += poses[:, POSE_X]

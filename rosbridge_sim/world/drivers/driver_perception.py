@@ -283,7 +283,7 @@ class _Look:
         times the delay.
         """
         drivers = self._drivers
-        start, *speeds = self._conflicts.speeds_ahead[drivers.point].T
+        start, *speeds = self._conflicts.speeds_ahead.take(drivers.point, axis=0).T
         along, ahead = drivers.arc - start, drivers.speed * self._foresight
         safe = [
             factor * (value + slope * along + np.fmin(slope, 0.0) * ahead)

@@ -111,7 +111,7 @@ def _distance_to(
     is_held: BoolArray,
 ) -> FloatArray:
     """Return the distances from bumpers to the starts of lanes that drivers claim or hold, (m,) [m]."""
-    lanes, length = drivers.lanes[:, driver], conflicts.roads.length
+    lanes, length = drivers.lanes.take(driver, axis=1), conflicts.roads.length
     ahead = -(drivers.arc[driver] + drivers.nose[driver])
     is_behind = is_held & (lanes[0] != lane)  # the tail is still on a lane that the reference point has left
     distance = np.where(is_behind, ahead - length[lane], np.inf)

@@ -26,7 +26,6 @@ __all__ = [
     "Entries",
     "EntryQueue",
     "find_entries",
-    "first_keys",
     "scale_ticks",
     "sibling_entries",
 ]
@@ -224,8 +223,13 @@ class EntryQueue:
         self.position = np.empty(self.num, dtype=np.int64)
         self.position[order] = np.arange(self.num)
         self._key = key
-        self._first_key = roads.derived(first_keys)
-        self.lane = _in_order(entries.lane, order, -1)
+        self.lane = lanes = _in_order(entries.lane, order, -1)
+        # The first entry on each lane, and at the end for lane -1.
+        self._first = np.full(len(roads) + 1, self.num, dtype=np.int64)
+        is_first = np.ones(self.num, dtype=bool)
+        np.not_equal(lanes[1:-1], lanes[:-2], out=is_first[1:])
+        first = is_first.nonzero()[0]
+        self._first[lanes.take(first)] = first
         self.s = _in_order(entries.s, order, np.inf)
         self.tail = _in_order(entries.tail, order, np.inf)
         self.speed = _in_order(entries.speed, order, 0.0)
@@ -244,13 +248,7 @@ class EntryQueue:
 
     def first_on(self, lane: IntArray) -> IntArray:
         """Return the position of the first entry on each lane, (k,) int64; `num` where the lane is empty."""
-        position = self._key.searchsorted(self._first_key[lane])
-        return np.where(self.lane[position] == lane, position, self.num)
-
-
-def first_keys(roads: Roads) -> IntArray:
-    """Return the key of the start of each lane, (l,) int64."""
-    return _keys(roads, roads.base, np.arange(len(roads)))
+        return self._first.take(lane)
 
 
 def _keys(roads: Roads, place: FloatArray, lane: IntArray) -> IntArray:

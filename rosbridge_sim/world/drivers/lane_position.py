@@ -253,7 +253,7 @@ def set_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> None:
     """
     point, _ = world.roads.locate(world.lane[rows], world.arc[rows])
     world.point[rows] = point
-    world.block(*_LEGS)[:, rows] = conflicts.legs[point].T
+    world.block(*_LEGS)[:, rows] = conflicts.legs.take(point, axis=0).T
 
 
 def headings(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArray) -> FloatArray:
@@ -303,7 +303,7 @@ def headings_ahead(
     at = ((arc + wheelbase > end[point]) & moves).nonzero()[0]
     if not len(at):
         return heading
-    heading[at] = headings(roads, lanes[:, at], arc[at], wheelbase[at])
+    heading[at] = headings(roads, lanes.take(at, axis=1), arc[at], wheelbase[at])
     return heading
 
 

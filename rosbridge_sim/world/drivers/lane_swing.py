@@ -62,7 +62,7 @@ def find_swinging(world: World, rows: IntArray) -> IntArray:
     """
     is_free = (world.lateral_left[rows] == 0.0) & (world.leaving[rows] == 0)
     tight = world.roads.derived(are_tight)
-    near = world.int_block("behind", "ahead_2")[:, rows]
+    near = world.int_block("behind", "ahead_2").take(rows, axis=1)
     is_near = np.logical_or.reduce(tight[near] & (near >= 0))
     is_off = (world.lateral[rows] != 0.0) | (world.lateral_rate[rows] != 0.0)
     is_one: BoolArray = is_free & (is_near | is_off)
@@ -92,7 +92,7 @@ def plan_swings(world: World, rows: IntArray, distance: FloatArray, interval: fl
 def _offsets(world: World, rows: IntArray, distance: FloatArray) -> FloatArray:
     """Return the offsets that vehicles want some distance ahead of where they are, (k,), left positive [m]."""
     roads = world.roads
-    lanes = world.int_block("behind", "ahead_5")[:, rows]
+    lanes = world.int_block("behind", "ahead_5").take(rows, axis=1)
     arc = world.arc[rows] + distance
     wheelbase, centre = world.wheelbase[rows], world.centre[rows]
     half_length, half_width = world.half_length[rows], world.half_width[rows]
@@ -109,7 +109,7 @@ def _offsets(world: World, rows: IntArray, distance: FloatArray) -> FloatArray:
     across[0], across[1] = half_width, -half_width
     cos, sin = np.cos(yaw), np.sin(yaw)
     x, y = rear[:, 0] + along * cos - across * sin, rear[:, 1] + along * sin + across * cos
-    lanes = lanes[:, np.arange(NUM_SIDES * NUM_PARTS * num) % num]
+    lanes = np.tile(lanes, NUM_SIDES * NUM_PARTS)
     beyond = _beyond(roads, lanes, (arc + along).ravel(), x.ravel(), y.ravel())
     left, right = (np.maximum.reduce(each.reshape(-1, num)) for each in beyond)
     to_right = np.fmin(np.fmax(left, 0.0), np.fmax(0.5 * (left - right), 0.0))
@@ -136,7 +136,8 @@ def _beyond(
             s = s + east * cos + north * sin
     lateral = north * cos - east * sin
     point, share = roads.locate(lane, here)
-    border = roads.border[point] + share[:, None] * (roads.border[point + 1] - roads.border[point])
+    border = roads.border.take(point, axis=0)
+    border += share[:, None] * (roads.border.take(point + 1, axis=0) - border)
     return lateral - border[:, 0] + MARGIN, -lateral - border[:, 1] + MARGIN
 
 

@@ -154,11 +154,14 @@ class LaneWander:
             return
         world, at = self._world, self._at
         world.wander_slope[at] += world.wander_slope_rate[at] * dt
-        by = world.block("wander_x", "wander_y")
-        now = world.block("wander_x_rate", "wander_y_rate")[:, at] * dt
-        now += by[:, at]
-        by[:, at] = now
-        world.block("x", "y")[:, at] += now
+        for by, rate, place in (
+            (world.wander_x, world.wander_x_rate, world.x),
+            (world.wander_y, world.wander_y_rate, world.y),
+        ):
+            now = rate[at] * dt
+            now += by[at]
+            by[at] = now
+            place[at] += now
 
 
 def room_of(roads: Roads) -> FloatArray:

@@ -94,7 +94,7 @@ def give_claims(
     at = asks.nonzero()[0]
     # A driver has one claim at a time. A claim for a lane before this one must become a hold first: if it were given up
     # here, the driver would have to stop before a lane that it was about to enter.
-    has_claim = (drivers.claim[at] >= 0) & (drivers.lanes[:, at] == drivers.claim[at]).any(axis=0)
+    has_claim = (drivers.claim[at] >= 0) & (drivers.lanes.take(at, axis=1) == drivers.claim[at]).any(axis=0)
     at = at[~has_claim]
     has_room = _has_room(conflicts, drivers, requests, queue, at)
     perception.is_shut_out[at[~has_room]] = True

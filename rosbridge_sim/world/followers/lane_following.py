@@ -42,7 +42,7 @@ from rosbridge_sim.world.drivers.zip_merge import follow_in_joins
 from rosbridge_sim.world.followers.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.followers.turn_signals import find_turn_signals
 from rosbridge_sim.world.geometry.bends import offset, stretch
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges, wrap_angle
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, of_rows, ranges, wrap_angle
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts, time_of_shift
 from rosbridge_sim.world.lane_changes.lane_changes import LaneChanges
@@ -246,7 +246,7 @@ class _LaneFollowers:
             desired_speed = np.fmin(self.parameters.desired_speed, perception.safe_speed)
             wanted = self.changes.decide(drivers, perception, desired_speed, wanted, self._decision())
             self.shifted = find_shifted(world, at)
-            lanes = world.int_block("lane", "ahead_5")[:, at]
+            lanes = of_rows(world.int_block("lane", "ahead_5"), at)
         accel = drivers.accel + self.response * (wanted - drivers.accel)
         if len(self.egos):  # their pedals have a lag of their own
             index = self.egos.index
@@ -269,7 +269,7 @@ class _LaneFollowers:
         """Return the lane followers; columns of the world as they are, views of it where their rows are neighbours."""
         world, at = self.world, self.at
         drivers = Drivers(
-            lanes=world.int_block("lane", "ahead_5")[:, at],
+            lanes=of_rows(world.int_block("lane", "ahead_5"), at),
             arc=world.arc[at],
             speed=world.speed[at],
             accel=world.accel[at],
@@ -361,9 +361,9 @@ class _LaneFollowers:
         if np.count_nonzero(is_past):
             self._pass_ends(is_past.nonzero()[0])
         distance = world.arc[at] - world.leg_start[at]
-        place = distance * world.block("leg_dx", "leg_dz")[:, at]
-        place += world.block("leg_x", "leg_z")[:, at]
-        world.block("x", "y")[:, at] = place[:2]
+        place = distance * of_rows(world.block("leg_dx", "leg_dz"), at)
+        place += of_rows(world.block("leg_x", "leg_z"), at)
+        world.x[at], world.y[at] = place[0], place[1]
         world.z[at] = place[2]
         curve = self.roads.curve.take(world.point[at], axis=0)
         if np.count_nonzero(curve):

@@ -114,7 +114,7 @@ def _along(world: World, lines: _Lines, rows: IntArray) -> FloatArray:
         np.where(is_on_lane, np.fmin(half, np.fmax(0.5 * SPAN_TIME * v, 0.5 * LEAST_SPAN)), half)
         for v in (speed, before)
     )
-    start, end, _, _, _, east, north, up = world.block("leg_start", "leg_dz")[:, rows]
+    start, end, _, _, _, east, north, up = world.block("leg_start", "leg_dz").take(rows, axis=1)
     leg = east + 1j * north
     curve = world.roads.curve[world.point[rows]] * is_on_lane[:, None] if len(world.roads) else np.zeros((len(rows), 2))
     now: _Points = leg, up
@@ -196,7 +196,7 @@ def _on_paths(world: World, rows: IntArray, arc: FloatArray) -> _Points:
 def _on_lanes(world: World, rows: IntArray, arc: FloatArray) -> _Points:
     """Return the points at arc lengths (k,) of the lanes of rows (k,); beyond these they continue straight."""
     roads = world.roads
-    lane, s = find_ahead(roads, world.int_block("lane", "ahead_5")[:, rows], arc)
+    lane, s = find_ahead(roads, world.int_block("lane", "ahead_5").take(rows, axis=1), arc)
     behind = world.behind[rows]
     is_before = ((s < 0.0) & (behind >= 0)).nonzero()[0]
     if len(is_before):

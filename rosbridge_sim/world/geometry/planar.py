@@ -7,7 +7,7 @@ arguments are never written, and results are new arrays. All but the rotations i
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,7 @@ __all__ = [
     "chain",
     "do_boxes_meet",
     "nearest_on_polyline",
+    "of_rows",
     "quaternion",
     "ranges",
     "rotate",
@@ -40,6 +41,8 @@ Vector = tuple[float, float, float]
 
 Quaternion = tuple[float, float, float, float]
 """x, y, z, w, of length 1."""
+
+_Columns = TypeVar("_Columns", FloatArray, IntArray)
 
 FULL_TURN = 2.0 * math.pi
 MAX_PAIRS_AT_ONCE = 1 << 18
@@ -70,6 +73,11 @@ def in_columns(first: FloatArray, second: FloatArray) -> FloatArray:
     both = np.empty((len(first), 2))
     both[:, 0], both[:, 1] = first, second
     return both
+
+
+def of_rows(columns: _Columns, rows: slice | IntArray) -> _Columns:
+    """Return columns (c, n) of some rows, (c, k): a view if these are neighbours; `columns[:, rows]` takes longer."""
+    return columns[:, rows] if isinstance(rows, slice) else columns.take(rows, axis=1)
 
 
 def wrap_angle(angle: npt.ArrayLike) -> FloatArray:

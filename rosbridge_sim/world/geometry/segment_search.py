@@ -87,11 +87,12 @@ class LaneSegments:
             (n,) from the start of the segment to the foot [m], (n,) offset from its line, left positive [m], and (n,)
             distance to the foot [m].
         """
-        away = place - self.start[segment]
-        direction = self.direction[segment]
+        # `take` needs a tenth of the time that an index needs for rows of an array.
+        away = place - self.start.take(segment, axis=0)
+        direction = self.direction.take(segment, axis=0)
         full = away[:, 0] * direction[:, 0] + away[:, 1] * direction[:, 1]
         lateral = away[:, 1] * direction[:, 0] - away[:, 0] * direction[:, 1]
-        along = np.minimum(np.maximum(full, 0.0), self.length[segment])
+        along = np.minimum(np.maximum(full, 0.0), self.length.take(segment))
         return along, lateral, np.hypot(full - along, lateral)
 
 
@@ -162,7 +163,7 @@ class SegmentSearch:
         owner, block = owner[is_seen], block[is_seen]
         size = self._size[block]
         owner, segment = owner.repeat(size), ranges(self._first[block], size)
-        _, lateral, distance = self._segments.project(place[owner], segment)
+        _, lateral, distance = self._segments.project(place.take(owner, axis=0), segment)
         is_near = (distance <= radius[owner]) & (distance - np.abs(lateral) < BESIDE)
         owner, segment, distance = owner[is_near], segment[is_near], distance[is_near]
         key = owner * self._num_lanes + self._segments.lane[segment]
@@ -225,8 +226,8 @@ class SegmentSearch:
         segment: IntArray,
     ) -> IntArray:
         """Return the nearest of some segments (m,) for each place (n,), whose indices are `owner`, rising (m,)."""
-        heading = None if heading is None else heading[owner]
-        score = self._score(place[owner], heading, None if height is None else height[owner], segment)
+        heading = None if heading is None else heading.take(owner, axis=0)
+        score = self._score(place.take(owner, axis=0), heading, None if height is None else height[owner], segment)
         return segment[first_least(score, owner, len(place))]
 
     def _score(
@@ -238,7 +239,9 @@ class SegmentSearch:
         if height is not None:
             score += height_cost(np.abs(segments.height[segment] + along * segments.slope[segment] - height))
         if heading is not None:
-            score += TURN_COST * (1.0 - (heading * segments.direction[segment]).sum(axis=1))
+            direction = segments.direction.take(segment, axis=0)
+            along_heading = heading[:, 0] * direction[:, 0] + heading[:, 1] * direction[:, 1]
+            score += TURN_COST * (1.0 - along_heading)
         return score
 
     def _candidates_of_one(self, place: FloatArray, slack: float) -> IntArray:

@@ -128,7 +128,7 @@ class LaneLook:
         self._drivers, self._perception, self._queue = drivers, perception, queue
         self._desired_speed = desired_speed
         self._which = which
-        self._lanes = drivers.lanes[:, which]
+        self._lanes = drivers.lanes.take(which, axis=1)
         self._arc, self._speed = drivers.arc[which], drivers.speed[which]
         self._shift_time = time_of_shift(drivers.parameters.change_time[which], self._speed)
         self._nose, self._rear, self._length = drivers.nose[which], drivers.rear[which], drivers.length[which]

@@ -22,7 +22,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, of_rows
 from rosbridge_sim.world.state.world import World
 
 MIN_SHIFT_TIME, MAX_SHIFT_TIME = 3.0, 6.0
@@ -74,7 +74,7 @@ def time_of_shift(change_time: FloatArray, speed: FloatArray) -> FloatArray:
 
 def find_shifted(world: World, rows: IntArray | slice) -> IntArray:
     """Return which of some lane followers are beside the line or on their way to another offset, (k,) int64 indices."""
-    state = world.block(*_COLUMNS)[:, rows]
+    state = of_rows(world.block(*_COLUMNS), rows)
     is_shifted = np.logical_or.reduce(state != 0.0) | (world.lateral_left[rows] > 0.0) | (world.lateral_to[rows] != 0.0)
     which: IntArray = is_shifted.nonzero()[0]
     return which

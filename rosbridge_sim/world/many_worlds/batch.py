@@ -134,7 +134,13 @@ class OneOfMany(World):
 
     @property
     def lights(self) -> Signals:
-        """The traffic lights as they were when they last changed; read only."""
+        """The traffic lights at this frame; read only."""
+        self._signals.advance(self.frame)
+        return self._signals
+
+    @property
+    def lights_before(self) -> Signals:
+        """The traffic lights, perhaps as they were at an earlier frame; read only."""
         return self._signals
 
     @property
@@ -302,7 +308,7 @@ class Batch(World):
 
     def _signals_of(self, slot: int) -> Signals | None:
         world = self.worlds[slot]
-        return None if world is None else world.lights
+        return None if world is None else world.lights_before
 
     # -- a step
 

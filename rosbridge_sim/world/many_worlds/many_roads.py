@@ -103,8 +103,6 @@ class ManyRoads(Roads):
         return value
 
     def _make(self, make: Callable[[Roads], T]) -> T:
-        if make is lane_entries.first_keys:
-            return make(self)
         value: Any = self.alone.derived(make)
         many: Any = value  # of points, or of places on the map
         if isinstance(value, LaneConflicts):

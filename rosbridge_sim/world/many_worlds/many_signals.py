@@ -9,7 +9,7 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
-from rosbridge_sim.world.roads.signals import Signals
+from rosbridge_sim.world.roads.signals import NEVER_FRAME, Signals, look_at
 
 __all__ = ["ManySignals"]
 
@@ -27,14 +27,14 @@ class ManySignals(Signals):
         frames: (num,) int64, the frame of each world; the owner moves it on.
     """
 
-    __slots__ = ("_frames", "_next", "_num_lanes", "_num_lights", "_signals_of", "_stale")
+    __slots__ = ("_frames", "_map_plan", "_next", "_num_lanes", "_num_lights", "_signals_of", "_stale")
 
     def __init__(
         self, plan: SignalPlan, num: int, signals_of: Callable[[int], Signals | None], frames: IntArray
     ) -> None:
         self._signals_of, self._frames = signals_of, frames
         self._num_lanes, self._num_lights = len(plan.light_of_lane), len(plan.lights)
-        self.plan = copy(plan)
+        self._map_plan, self.plan = plan, copy(plan)
         self.plan.light_of_lane = np.tile(plan.light_of_lane, num)
         self.may_enter = np.ones(num * self._num_lanes, dtype=bool)
         self.shown = np.zeros(num * self._num_lights, dtype=np.int64)
@@ -51,15 +51,16 @@ class ManySignals(Signals):
             self._next[world] = 0
         self._stale.clear()
         frames = self._frames + 1
-        for world in (frames >= self._next).nonzero()[0].tolist():
-            self._take(world, int(frames[world]))
-
-    def _take(self, world: int, frame: int) -> None:
-        signals = self._signals_of(world)
-        if signals is None:
-            self._next[world] = np.iinfo(np.int64).max
+        due = (frames >= self._next).nonzero()[0]
+        if not len(due):
             return
-        signals.advance(frame)
-        self.may_enter[world * self._num_lanes : (world + 1) * self._num_lanes] = signals.may_enter
-        self.shown[world * self._num_lights : (world + 1) * self._num_lights] = signals.shown
-        self._next[world] = signals.next_change
+        self._next[due] = NEVER_FRAME
+        found = [(world, signals.timing) for world in due.tolist() if (signals := self._signals_of(world)) is not None]
+        if not found:
+            return
+        worlds = np.array([world for world, _ in found])
+        timing = (np.stack(column) for column in zip(*(each for _, each in found), strict=True))
+        now = look_at(self._map_plan, frames[worlds, None], *timing)
+        self.may_enter.reshape(len(frames), self._num_lanes)[worlds] = now.may_enter
+        self.shown.reshape(len(frames), self._num_lights)[worlds] = now.shown
+        self._next[worlds] = now.next_change

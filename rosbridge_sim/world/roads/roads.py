@@ -255,7 +255,8 @@ class Roads:
         if len(self) == 0:
             return far, far.copy()
         point, share = self.locate(places.lane, places.s)
-        border = self.border[point] + share[:, None] * (self.border[point + 1] - self.border[point])
+        border = self.border.take(point, axis=0)
+        border += share[:, None] * (self.border.take(point + 1, axis=0) - border)
         return border[:, 0] - places.lateral, border[:, 1] + places.lateral
 
     def locate(self, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
@@ -361,14 +362,14 @@ class Roads:
             none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
             return none, LanePlaces(none, empty, empty, empty, empty)
         owner, segment = self._search.within(place, radius)
-        return owner, self._places(place[owner], segment)
+        return owner, self._places(place.take(owner, axis=0), segment)
 
     def _places(self, place: FloatArray, segment: IntArray) -> LanePlaces:
         """Return the places of points (n, 2) relative to the segments (n,) chosen for them."""
         segments = self.segments
         along, lateral, distance = segments.project(place, segment)
         point, yaw = segments.point[segment], segments.angle[segment]
-        s, curve = self.s[point] + along, self.curve[point]
+        s, curve = self.s[point] + along, self.curve.take(point, axis=0)
         if np.count_nonzero(curve):
             length = segments.length[segment]
             beyond = distance - np.abs(lateral)

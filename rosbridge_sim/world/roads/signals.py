@@ -11,7 +11,7 @@ ever. Setting the phase of an intersection counts as its beginning.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from rosbridge_sim.world.geometry.planar import BoolArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import UNSET, Lamp, SignalPlan
 
-__all__ = ["FREE", "NEVER_FRAME", "Signals", "SignalsSnapshot", "light_ahead"]
+__all__ = ["FREE", "NEVER_FRAME", "Signals", "SignalsSnapshot", "light_ahead", "look_at"]
 
 
 NEVER_FRAME: Final = 2**62
@@ -38,6 +38,56 @@ class SignalsSnapshot:
     origin: IntArray
     forced: IntArray
     until: IntArray
+
+
+class Look(NamedTuple):
+    """The lights at a frame, or those of many worlds, (w, ...) each.
+
+    Attributes:
+        shown, may_enter: as in `Signals`.
+        interval: (controllers,) int64, row of the present interval of the cycle.
+        next_change: (), the first frame at which a light shows something else.
+    """
+
+    shown: IntArray
+    may_enter: BoolArray
+    interval: IntArray
+    next_change: IntArray
+
+
+def look_at(plan: SignalPlan, frame: int | IntArray, origin: IntArray, forced: IntArray, until: IntArray) -> Look:
+    """Return what lights show at a frame, or those of many worlds, each at its own.
+
+    Args:
+        plan: the lights and their cycles.
+        frame: the frame, or (w, 1) int64.
+        origin: (controllers,) int64, or (w, controllers), frames at which the cycles began.
+        forced: (groups,) int64, or (w, groups), values of those that are forced.
+        until: the same shape, frames at which they are free again.
+    """
+    into = (frame - origin) % plan.cycle
+    interval = plan.interval_start.searchsorted(plan.base + into, side="right") - 1
+    value = np.full(forced.shape, UNSET, dtype=np.int64)
+    run = np.flatnonzero(plan.controller >= 0)
+    value[..., run] = plan.colours[interval[..., plan.controller[run]], plan.column[run]]
+    is_forced = until > frame
+    value = np.where(is_forced, forced, value)
+
+    shown = value[..., plan.group]
+    warns = plan.is_warning & ~is_forced[..., plan.group]
+    shown[warns] = Lamp.YELLOW
+    ends = plan.interval_end[interval] - plan.base - into + frame
+    next_change = np.minimum(
+        ends[..., plan.num_phases > 0].min(axis=-1, initial=NEVER_FRAME),
+        np.where(is_forced, until, NEVER_FRAME).min(axis=-1, initial=NEVER_FRAME),
+    )
+    light = plan.light_of_lane
+    if not len(plan.group):
+        return Look(shown, np.ones((*shown.shape[:-1], len(light)), dtype=bool), interval, next_change)
+    # A light that is dark or unset, or only warns, forbids nothing.
+    colour = shown[..., light]
+    is_silent = (light < 0) | (colour <= 0) | warns[..., light]
+    return Look(shown, is_silent | (colour & plan.pass_of_lane != 0), interval, next_change)
 
 
 class Signals:
@@ -87,40 +137,15 @@ class Signals:
 
     def show(self, frame: int) -> None:
         """Work out all attributes for a frame."""
-        plan = self.plan
-        self.frame = frame
-        into = (frame - self._origin) % plan.cycle
-        interval = self._interval = plan.interval_start.searchsorted(plan.base + into, side="right") - 1
-        self.phase = plan.interval_phase[interval]
-        value = np.full(plan.num_groups, UNSET, dtype=np.int64)
-        run = np.flatnonzero(plan.controller >= 0)
-        value[run] = plan.colours[interval[plan.controller[run]], plan.column[run]]
-        is_forced = self._until > frame
-        value[is_forced] = self._forced[is_forced]
-
-        self.shown = value[plan.group]
-        is_warning = plan.is_warning & ~is_forced[plan.group]
-        self.shown[is_warning] = Lamp.YELLOW
-        ends = plan.interval_end[interval] - plan.base - into + frame
-        changes = np.concatenate([ends[plan.num_phases > 0], self._until[is_forced]])
-        self._next_change = int(changes.min(initial=NEVER_FRAME))
-        self._judge(is_forced)
-
-    def _judge(self, is_forced: BoolArray) -> None:
-        """Set `may_enter`. A light that is dark or unset, or only warns, forbids nothing."""
-        plan = self.plan
-        light = plan.light_of_lane
-        if not len(self.shown):
-            self.may_enter = np.ones(len(light), dtype=bool)
-            return
-        shown = self.shown[light]
-        is_silent = (light < 0) | (shown <= 0) | plan.is_warning[light] & ~is_forced[plan.group[light]]
-        self.may_enter = is_silent | (shown & plan.pass_of_lane != 0)
+        now = look_at(self.plan, frame, *self.timing)
+        self.frame, self.shown, self.may_enter = frame, now.shown, now.may_enter
+        self._interval, self.phase = now.interval, self.plan.interval_phase[now.interval]
+        self._next_change = int(now.next_change)
 
     @property
-    def next_change(self) -> int:
-        """The first frame at which a light shows something else."""
-        return self._next_change
+    def timing(self) -> tuple[IntArray, IntArray, IntArray]:
+        """The arguments of `look_at`: all that decides what will be shown; read only."""
+        return self._origin, self._forced, self._until
 
     def next_changes(self) -> IntArray:
         """Return the frame at which each light shows something else, (lights,) int64; `NEVER_FRAME` if none is known.
