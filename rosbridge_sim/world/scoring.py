@@ -269,7 +269,7 @@ def _judge_lanes(world: World, rows: IntArray, middle: ComplexArray, heading: Co
     is_on = (to_left >= 0.0) & (to_right >= 0.0) & (places.distance - np.abs(places.lateral) < BESIDE)
     doubtful = (~is_on).nonzero()[0]
     if len(doubtful):
-        is_on[doubtful] = are_on_road(roads, x[doubtful], y[doubtful], z[doubtful])
+        is_on[doubtful] = are_on_road(world.roads, x[doubtful], y[doubtful], z[doubtful])
     world.is_off_road[rows] = ~is_on
     world.off_road_frames[rows] += ~is_on
     world.road_frames[rows] += is_on

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +15,9 @@ from rosbridge_sim.world.many_worlds.batch import Batch, OneOfMany
 from rosbridge_sim.world.state.world import Kind, World
 
 __all__ = ["EgoTable", "Part"]
+
+
+_NUM_CHANGES: Final = attrgetter("num_changes")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,11 +67,11 @@ class EgoTable:
         self.parts = [
             Part(columns, *np.array(places, dtype=np.int64).reshape(-1, 3).T) for columns, places in found.values()
         ]
-        self._seen = [world.num_changes for world in worlds]
+        self._seen = list(map(_NUM_CHANGES, worlds))
 
     def is_true(self, worlds: Sequence[OneOfMany]) -> bool:
         """Return whether the rows are still where they were."""
-        return self._seen == [world.num_changes for world in worlds]
+        return self._seen == list(map(_NUM_CHANGES, worlds))
 
     def __iter__(self) -> Iterator[Part]:
         return iter(self.parts)

@@ -98,15 +98,15 @@ class OneScene:
         """The map in use."""
         return self.scene.road_map
 
-    def after_frame(self, *, has_arrivals: bool) -> None:
-        """Let vehicles come and go; nothing on most frames.
+    @property
+    def is_settled(self) -> bool:
+        """Whether no vehicle is due; see `Traffic.is_settled`."""
+        return self._traffic.is_settled
 
-        Args:
-            has_arrivals: a vehicle is at the end of its road, see `stand_at_ends`.
-        """
-        if has_arrivals or not self._traffic.can_wait:
-            for act in self.hooks.after_frame:
-                act(0.0)
+    def after_frame(self) -> None:
+        """Let vehicles come and go; nothing on most frames."""
+        for act in self.hooks.after_frame:
+            act(0.0)
 
     def reset(self, seed: int | None) -> None:
         """Begin the opening scene again at frame 0; the seed None keeps the present one."""

@@ -13,6 +13,7 @@ from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.simulator.scene.load import FoundMap
+from rosbridge_sim.simulator.sim_services.traffic_demand import COUNT_INTERVAL
 from rosbridge_sim.world.demand import stand_at_ends
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
@@ -103,6 +104,7 @@ class Worlds(SteppedWorlds):
             self._scenes.append(one)
         self._library = library
         self._names = keys
+        self._traffic: _ManyTraffics | None = None
         self._begins: dict[tuple[str, int], SavedScene] = {}
         super().__init__([one.world for one in self._scenes])
         self._set = WorldSet(self._worlds)
@@ -130,19 +132,16 @@ class Worlds(SteppedWorlds):
         self._set.settle()
         if commands is not None:
             self.command(commands)
-        busy = [one for one in self._scenes if one.has_traffic]
-        frames = np.array([one.world.frame for one in busy], dtype=np.int64)
+        if self._traffic is None:
+            self._traffic = _ManyTraffics(self._scenes)
+        traffic = self._traffic
         while n > 0:
-            part = min(n, int((TRAFFIC_INTERVAL - frames % TRAFFIC_INTERVAL).min(initial=n)))
+            part = traffic.frames_to_look(n)
             self._set.advance(part)
             n -= part
-            frames += part
-            due = (frames % TRAFFIC_INTERVAL == 0).nonzero()[0].tolist()
-            arrived = self._set.worlds_with(stand_at_ends) if due else set()
-            for i in due:
-                busy[i].after_frame(has_arrivals=busy[i].world in arrived)
-        if busy:
-            self._set.settle()
+            if traffic.count(part):
+                traffic.look(self._set.worlds_with(stand_at_ends))
+        self._set.settle()
 
     def reset(self, mask: npt.ArrayLike | None = None, seeds: Sequence[int | None] | None = None) -> None:
         """Begin the scenario of some worlds again, at frame 0. The others stay as they are.
@@ -156,6 +155,7 @@ class Worlds(SteppedWorlds):
             ValueError: an argument has another length, or a seed is negative. Nothing has changed.
         """
         which = self._mask(mask)
+        self._traffic = None
         numbers: Sequence[int | None] = [None] * self.num_worlds if seeds is None else seeds
         if len(numbers) != self.num_worlds or any(number is not None and number < 0 for number in numbers):
             raise ValueError(f"seeds: expected {self.num_worlds} numbers that are not negative, or None")
@@ -191,6 +191,7 @@ class Worlds(SteppedWorlds):
             raise ValueError(f"saved: expected {len(which)} copies, got {len(saved)}")
         if not all(isinstance(each, SavedScene) for each in saved):
             raise ValueError("saved: expected copies from `save`")
+        self._traffic = None
         for i, each in zip(which, saved, strict=True):
             self._scenes[i].load(each)
         self._set.settle()
@@ -256,6 +257,7 @@ class Worlds(SteppedWorlds):
         if uid not in one.world or one.world.kind[one.world.row(uid)] == Kind.EGO:
             raise ValueError(f"uid: expected an object that is no ego, got {uid}")
         one.world.remove(uid)
+        self._traffic = None
         self._set.settle()
 
     def place(
@@ -296,6 +298,41 @@ class Worlds(SteppedWorlds):
         if which.shape != (self.num_worlds,) or which.dtype != np.bool_:
             raise ValueError(f"mask: expected bool of shape ({self.num_worlds},), got {which.dtype} {which.shape}")
         return which
+
+
+class _ManyTraffics:
+    """The traffic of many worlds: which of them must be asked whether vehicles come and go.
+
+    It lives until a world is reset or loaded, or loses an object.
+
+    Args:
+        scenes: of all worlds.
+    """
+
+    def __init__(self, scenes: Sequence[OneScene]) -> None:
+        self._scenes = [one for one in scenes if one.has_traffic]
+        self._frames = np.array([one.world.frame for one in self._scenes], dtype=np.int64)
+        self._index = {one.world: i for i, one in enumerate(self._scenes)}
+        self._must_ask: BoolArray = np.ones(len(self._scenes), dtype=bool)
+
+    def frames_to_look(self, most: int) -> int:
+        """Return the number of frames until one of them must be asked, at most `most`."""
+        return min(most, int((TRAFFIC_INTERVAL - self._frames % TRAFFIC_INTERVAL).min(initial=most)))
+
+    def count(self, num_frames: int) -> bool:
+        """Count frames that all worlds have moved by; return whether some are due for a look."""
+        self._frames += num_frames
+        return bool(np.count_nonzero(self._frames % TRAFFIC_INTERVAL == 0))
+
+    def look(self, arrived: set[OneOfMany]) -> None:
+        """Let vehicles come and go where that is due; `arrived` are the worlds with one at the end of its road."""
+        is_asked = self._must_ask.copy()
+        is_asked[[self._index[world] for world in arrived if world in self._index]] = True
+        is_asked &= self._frames % TRAFFIC_INTERVAL == 0
+        for i in is_asked.nonzero()[0].tolist():
+            one = self._scenes[i]
+            one.after_frame()
+            self._must_ask[i] = not (one.is_settled and self._frames[i] % COUNT_INTERVAL == 0)
 
 
 _DYNAMICS: Final = {"single-track": Dynamics.SINGLE_TRACK, "kinematic": Dynamics.KINEMATIC}

@@ -153,10 +153,12 @@ class Traffic(Component):
         return bool(self._points or self._target)
 
     @property
-    def can_wait(self) -> bool:
-        """True if a look at this frame changes nothing, as long as no vehicle is at the end of its road."""
-        is_full = self._fill_due == 0 and self._num_filled() == self._target
-        return is_full and not self._points and self._context.world.frame % COUNT_INTERVAL != 0
+    def is_settled(self) -> bool:
+        """True if nothing is due: a look changes nothing until a vehicle comes to the end of its road, or is removed.
+
+        A vehicle that something else has removed is missed at a frame of `COUNT_INTERVAL`.
+        """
+        return self._fill_due == 0 and not self._points and self._num_filled() == self._target
 
     def save_state(self) -> PlainData:
         """Return when each point is due, what it has made, and which vehicles are whose."""

@@ -295,9 +295,8 @@ class CollisionDetector:
         stray = turn / self._chord
         if np.count_nonzero(stray > 1.0):
             turning = (stray > 1.0).any(axis=0).nonzero()[0]
-            for those in self._by_world(turning):
-                num = min(MAX_SWEEP_PIECES, max(1, MAX_SWEEPS // len(those)), math.ceil(stray[:, those].max()))
-                is_hit[those] = self._judge_turning(poses[..., those], those, num)
+            for num, those in self._pieces_of(turning, stray[:, turning].max(axis=0)):
+                is_hit[those] = self._judge_turning(poses.take(those, axis=-1), those, num)
         if not np.count_nonzero(is_hit):
             return NO_CONTACTS
         pairs, z = pairs[:, is_hit], poses[:, POSE_Z][..., is_hit]
@@ -307,12 +306,21 @@ class CollisionDetector:
         pairs = pairs[:, (low < high[::-1] - TOUCHING).all(axis=0)]
         return np.ascontiguousarray(self._uid[pairs].T)
 
-    def _by_world(self, which: IntArray) -> list[IntArray]:
-        """Return pairs of the list, (m,) int64, apart for each world."""
+    def _pieces_of(self, which: IntArray, stray: FloatArray) -> list[tuple[int, IntArray]]:
+        """Return into how many pieces the step of pairs is cut, and which pairs of the list these are.
+
+        Args:
+            which: (m,) int64, at least one pair of the list.
+            stray: (m,) for each the number of pieces that is fine enough. The number is one for all pairs of a world.
+        """
         if self._world_of_row is None:
-            return [which]
+            return [(min(MAX_SWEEP_PIECES, max(1, MAX_SWEEPS // len(which)), math.ceil(stray.max())), which)]
         world = self._world_of_row[self._pairs[0, which]]
-        return [which[world == each] for each in np.unique(world)]
+        most = np.zeros(int(world.max()) + 1)
+        np.maximum.at(most, world, stray)
+        num_pairs = np.maximum(np.bincount(world), 1)
+        num = np.minimum(np.minimum(MAX_SWEEP_PIECES, np.maximum(1, MAX_SWEEPS // num_pairs)), np.ceil(most))[world]
+        return [(int(each), which[num == each]) for each in np.unique(num)]
 
     def _reach_on_slope(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return least and greatest heights of bodies on sloping ground, whose reference points are between others.

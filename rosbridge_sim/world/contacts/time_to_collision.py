@@ -13,16 +13,18 @@ The straight lines are a simplification: in a bend, oncoming traffic seems to co
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray
-from rosbridge_sim.world.geometry.world_pairs import pair_in_worlds
 from rosbridge_sim.world.roads.surface import Surface
 from rosbridge_sim.world.state.world import Kind, World
 
 __all__ = ["HORIZON", "find_times_to_collision"]
+
+_Float = TypeVar("_Float", np.float32, np.float64)
 
 HORIZON: Final = 10.0
 """Times above this count as none [s]: studies of conflicts call less than 1.5 to 4 s critical, and no driver keeps
@@ -38,6 +40,9 @@ MAX_RISE: Final = 50.0
 
 TOUCHING: Final = 1e-6
 """By how much two boxes must overlap to touch [m], as in `collisions`."""
+
+FEW: Final = 256
+"""Of fewer pairs in many worlds all are looked at."""
 
 ROUGH: Final = 0.05
 """Boxes are so much larger [m], and the horizon so much longer [s], where `_Partners` calculates roughly."""
@@ -114,8 +119,8 @@ def _near_in_many_worlds(world: World, rows: IntArray) -> tuple[IntArray, IntArr
     """Return the same pairs of egos and others of their worlds, without most of those that will not meet."""
     partners = world.derived(_Partners)
     assert rows is partners.rows
-    at = partners.may_meet(world)
-    i, pairs = partners.index[at], partners.pairs[:, at]
+    j, i = partners.may_meet(world)
+    pairs = np.stack([rows[i], partners.others[j, i]])
     motion = _move(world, pairs)
     _, middle, velocity = motion
     span = np.hypot(world.half_length[pairs], world.half_width[pairs]) + HORIZON * np.abs(velocity)
@@ -133,33 +138,32 @@ class _Partners:
 
     Attributes:
         rows: (k,) int64, rows of the egos.
-        index: (m,) int64, index of the ego of each pair.
-        pairs: (2, m) int64, rows of both.
+        others: (m, k) int64, all rows of their worlds.
     """
 
     def __init__(self, world: World) -> None:
         assert world.world_of_row is not None
         self.rows = world.rows(Kind.EGO)
-        alive = world.alive.nonzero()[0]
-        i, j = pair_in_worlds(world.world_of_row[self.rows], world.world_of_row[alive])
-        j = alive[j]
-        is_other = (self.rows[i] != j).nonzero()[0]
-        self.index = i[is_other]
-        self.pairs = np.stack([self.rows[self.index], j[is_other]])
+        in_worlds = world.world_of_row.argsort(kind="stable").reshape(int(world.world_of_row[-1]) + 1, -1)
+        self.others = in_worlds[world.world_of_row[self.rows]].T
+        # Usually that is all rows, in their order.
+        self._is_all = self.others.size == world.n and bool((self.others.ravel() == np.arange(world.n)).all())
+        self._is_other = world.alive[self.others] & (self.others != self.rows)
         radius = np.hypot(world.half_length, world.half_width)
-        self._width = (radius[self.pairs].sum(axis=0) + ROUGH).astype(np.float32)
+        self._width = (radius[self.others] + (radius[self.rows] + ROUGH)).astype(np.float32)
 
-    def may_meet(self, world: World) -> IntArray:
-        """Return which pairs may touch within the horizon, (m,) int64: all that do, and few others."""
+    def may_meet(self, world: World) -> tuple[IntArray, IntArray]:
+        """Return the indices into `others` of those that may touch within the horizon: of all that do, and few more."""
+        if self.others.size < FEW:
+            j, i = self._is_other.nonzero()
+            return j, i
         single = np.float32
         yaw, speed, aside = (column.astype(single) for column in (world.yaw, world.speed, world.lateral_speed))
         cos, sin = np.cos(yaw), np.sin(yaw)
-        me, other = self.pairs
         # Places are subtracted before they are rounded: far from the origin of a map 32 bits have no centimetres.
-        x, y = world.x + world.centre * cos, world.y + world.centre * sin
-        east, north = ((place.take(other) - place.take(me)).astype(single) for place in (x, y))
-        vx, vy = speed * cos - aside * sin, speed * sin + aside * cos
-        east_speed, north_speed = vx.take(other) - vx.take(me), vy.take(other) - vy.take(me)
+        east = self._apart(world.x + world.centre * cos).astype(single)
+        north = self._apart(world.y + world.centre * sin).astype(single)
+        east_speed, north_speed = self._apart(speed * cos - aside * sin), self._apart(speed * sin + aside * cos)
         distance = np.sqrt(east * east + north * north)
         closing = np.sqrt(east_speed * east_speed + north_speed * north_speed)
         # A velocity is wrong by some millionths of the greatest one.
@@ -169,7 +173,14 @@ class _Partners:
         is_met &= east * east_speed + north * north_speed <= error
         is_met &= np.abs(east * north_speed - north * east_speed) <= self._width * closing + error
         is_met |= distance <= self._width
-        return is_met.nonzero()[0]
+        is_met &= self._is_other
+        j, i = is_met.nonzero()
+        return j, i
+
+    def _apart(self, figure: NDArray[_Float]) -> NDArray[_Float]:
+        """Return by how much a figure of all rows, (n,), of the others is more than that of the egos, (m, k)."""
+        others = figure.reshape(self.others.shape) if self._is_all else figure.take(self.others)
+        return others - figure.take(self.rows)
 
 
 def _do_meet(world: World, pairs: IntArray, motion: ComplexArray) -> BoolArray:
@@ -181,7 +192,6 @@ def _do_meet(world: World, pairs: IntArray, motion: ComplexArray) -> BoolArray:
         motion: (3, 2, m), `_move` of these.
     """
     _, middle, velocity = motion
-    me, j = pairs
     radius = np.hypot(world.half_length[pairs], world.half_width[pairs])
     apart, towards, width = middle[1] - middle[0], velocity[1] - velocity[0], radius[1] + radius[0]
     distance, speed = np.abs(apart), np.abs(towards)
@@ -190,7 +200,7 @@ def _do_meet(world: World, pairs: IntArray, motion: ComplexArray) -> BoolArray:
     is_met: BoolArray = (product.real < 0.0) & (np.abs(product.imag) <= width * speed)
     is_met &= distance - width <= HORIZON * speed
     is_met |= distance <= width
-    is_met &= world.alive[j]
+    is_met &= world.alive[pairs[1]]
     if world.roads.is_flat:
         bottom, top = world.z[pairs], world.z[pairs] + world.height[pairs] - TOUCHING
         is_met &= (bottom[0] < top[1]) & (bottom[1] < top[0])

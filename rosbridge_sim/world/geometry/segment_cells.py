@@ -3,12 +3,13 @@
 A `SegmentSearch` compares each place with the boxes of all blocks, and then with some hundred segments. Of these, only
 about ten can be the nearest for any place of a cell of 2 m and any heading within a sector of 22.5 degrees. They are
 found when the first place comes into the cell, and kept. The nearest of them is chosen by the same equations, so the
-result is that of a `SegmentSearch`, to the bit.
+result is that of a `SegmentSearch`, to the bit. The same holds for the lanes around a place.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -39,6 +40,13 @@ MAX_NUMBER: Final = 1 << 22
 MAX_LEVEL: Final = 1 << 9
 """Bounds of the numbers of cells east and north (8,000 km), and of levels (1 km), so that a key has 60 bits."""
 
+_OTHER_BITS: Final = SECTORS * 2 * MAX_LEVEL
+"""A key has sector and level below the numbers of the cell."""
+
+AROUND: Final = 4.0
+"""The segments of all lanes within this distance of a cell are kept, too [m]: enough for a car, and for the question
+whether a place is on a road."""
+
 MORE: Final = 1.0 + 1e-9
 """Factor of bounds, so that rounding loses no segment."""
 
@@ -51,11 +59,11 @@ class SegmentCells(SegmentSearch):
         num_lanes: lanes, each of which has a segment.
     """
 
-    __slots__ = ("_count", "_found", "_keys", "_start", "_used")
+    __slots__ = ("_around", "_table")
 
     def __init__(self, segments: LaneSegments, num_lanes: int) -> None:
         super().__init__(segments, num_lanes)
-        self._forget()
+        self._table, self._around = _Table(), _Table()
 
     def nearest(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None = None) -> IntArray:
         """Return the nearest segment for each place; see `SegmentSearch.nearest`."""
@@ -63,47 +71,26 @@ class SegmentCells(SegmentSearch):
         if heading is None or is_far or (height is not None and not np.abs(height).max() < LEVEL * (MAX_LEVEL - 1)):
             return super().nearest(place, heading, height)
         keys = _keys_of(place, heading, height)
-        cell = self._find(keys)
-        is_new = cell < 0
-        if np.count_nonzero(is_new):
-            if len(self._keys) > MAX_CELLS:
-                self._forget()
-                is_new[:] = True
-            self._add(np.unique(keys[is_new]), has_height=height is not None)
-            cell = self._find(keys)
-        count = self._count[cell]
-        owner = np.arange(len(place)).repeat(count)
-        return self._choose(place, heading, height, owner, self._found[ranges(self._start[cell], count)])
+        owner, segment = self._table.find(keys, lambda new: self._look_at(new, has_height=height is not None))
+        return self._choose(place, heading, height, owner, segment)
 
-    def _forget(self) -> None:
-        """Empty the table."""
-        self._keys, self._start, self._count, self._found = (np.zeros(0, dtype=np.int64) for _ in range(4))
-        self._used = 0
+    def within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+        """Return the nearest segment of each lane that is near each place; see `SegmentSearch.within`."""
+        if not (np.abs(place).max() < CELL * (MAX_NUMBER - 1) and radius.max() <= AROUND):
+            return super().within(place, radius)
+        east, north = np.floor(place / CELL).astype(np.int64).T + MAX_NUMBER
+        owner, segment = self._around.find((east * (2 * MAX_NUMBER) + north) * _OTHER_BITS, self._look_around)
+        return self._best_of_lanes(place, radius, owner, segment)
 
-    def _find(self, keys: IntArray) -> IntArray:
-        """Return the rows of keys in the table, (n,) int64; -1 for those that are not there."""
-        if not len(self._keys):
-            return np.full(len(keys), -1, dtype=np.int64)
-        at = np.minimum(self._keys.searchsorted(keys), len(self._keys) - 1)
-        return np.where(self._keys[at] == keys, at, -1)
-
-    def _add(self, keys: IntArray, *, has_height: bool) -> None:
-        """Take cells into the table, by their keys (k,), which rise and are not in it."""
-        for first in range(0, len(keys), MAX_AT_ONCE):
-            part = keys[first : first + MAX_AT_ONCE]
-            owner, segment = self._look_at(part, has_height=has_height)
-            count = np.bincount(owner, minlength=len(part))
-            used = self._used + len(segment)
-            if used > len(self._found):
-                found = np.zeros(2 * used, dtype=np.int64)
-                found[: self._used] = self._found[: self._used]
-                self._found = found
-            self._found[self._used : used] = segment
-            at = self._keys.searchsorted(part)
-            self._keys = np.insert(self._keys, at, part)
-            self._start = np.insert(self._start, at, self._used + np.cumsum(count) - count)
-            self._count = np.insert(self._count, at, count)
-            self._used = used
+    def _look_around(self, keys: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the segments within `AROUND` of somewhere in each cell; see `_look_at`."""
+        middle = _middles_of(keys)[0]
+        reach = np.full(len(keys), (AROUND + math.sqrt(0.5) * CELL) * MORE)
+        owner, block = self._blocks_within(middle, reach)
+        size = self._size[block]
+        owner, segment = owner.repeat(size), ranges(self._first[block], size)
+        is_near = self._segments.project(middle.take(owner, axis=0), segment)[2] <= reach[owner]
+        return owner[is_near], segment[is_near]
 
     def _look_at(self, keys: IntArray, *, has_height: bool) -> tuple[IntArray, IntArray]:
         """Return the segments that can be the nearest from somewhere in each cell.
@@ -135,6 +122,68 @@ class SegmentCells(SegmentSearch):
         bound = np.minimum.reduceat(most, owner.searchsorted(np.arange(len(keys))))
         can_win = least <= bound[owner] * MORE + 1e-9
         return owner[can_win], segment[can_win]
+
+
+class _Table:
+    """Cells by their keys, each with some segments. It holds `MAX_CELLS` and a few, and then begins anew."""
+
+    __slots__ = ("_count", "_found", "_keys", "_start", "_used")
+
+    def __init__(self) -> None:
+        self._forget()
+
+    def find(
+        self, keys: IntArray, look_at: Callable[[IntArray], tuple[IntArray, IntArray]]
+    ) -> tuple[IntArray, IntArray]:
+        """Return the segments of cells.
+
+        Args:
+            keys: (n,) int64, of the cells.
+            look_at: returns the same for cells that are not in the table; their keys rise.
+
+        Returns:
+            (m,) int64, index of the cell, rising, and (m,) int64, the segments of each in rising order.
+        """
+        cell = self._rows_of(keys)
+        is_new = cell < 0
+        if np.count_nonzero(is_new):
+            if len(self._keys) > MAX_CELLS:
+                self._forget()
+                is_new[:] = True
+            self._add(np.unique(keys[is_new]), look_at)
+            cell = self._rows_of(keys)
+        count = self._count[cell]
+        return np.arange(len(keys)).repeat(count), self._found[ranges(self._start[cell], count)]
+
+    def _forget(self) -> None:
+        """Empty the table."""
+        self._keys, self._start, self._count, self._found = (np.zeros(0, dtype=np.int64) for _ in range(4))
+        self._used = 0
+
+    def _rows_of(self, keys: IntArray) -> IntArray:
+        """Return the rows of keys in the table, (n,) int64; -1 for those that are not there."""
+        if not len(self._keys):
+            return np.full(len(keys), -1, dtype=np.int64)
+        at = np.minimum(self._keys.searchsorted(keys), len(self._keys) - 1)
+        return np.where(self._keys[at] == keys, at, -1)
+
+    def _add(self, keys: IntArray, look_at: Callable[[IntArray], tuple[IntArray, IntArray]]) -> None:
+        """Take cells into the table, by their keys (k,), which rise and are not in it."""
+        for first in range(0, len(keys), MAX_AT_ONCE):
+            part = keys[first : first + MAX_AT_ONCE]
+            owner, segment = look_at(part)
+            count = np.bincount(owner, minlength=len(part))
+            used = self._used + len(segment)
+            if used > len(self._found):
+                found = np.zeros(2 * used, dtype=np.int64)
+                found[: self._used] = self._found[: self._used]
+                self._found = found
+            self._found[self._used : used] = segment
+            at = self._keys.searchsorted(part)
+            self._keys = np.insert(self._keys, at, part)
+            self._start = np.insert(self._start, at, self._used + np.cumsum(count) - count)
+            self._count = np.insert(self._count, at, count)
+            self._used = used
 
 
 def _keys_of(place: FloatArray, heading: FloatArray, height: FloatArray | None) -> IntArray:

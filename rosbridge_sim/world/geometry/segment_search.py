@@ -162,16 +162,29 @@ class SegmentSearch:
         is_seen = _thin_out(place, owner, self._size[block])
         owner, block = owner[is_seen], block[is_seen]
         size = self._size[block]
-        owner, segment = owner.repeat(size), ranges(self._first[block], size)
+        return self._best_of_lanes(place, radius, owner.repeat(size), ranges(self._first[block], size))
+
+    def _best_of_lanes(
+        self, place: FloatArray, radius: FloatArray, owner: IntArray, segment: IntArray
+    ) -> tuple[IntArray, IntArray]:
+        """Return what `within` returns, of some segments for each place.
+
+        Args:
+            place: as for `within`.
+            radius: as for `within`.
+            owner: (k,) int64, index of the place, rising.
+            segment: (k,) int64, rising for each place: so those of one lane are neighbours.
+        """
         _, lateral, distance = self._segments.project(place.take(owner, axis=0), segment)
-        is_near = (distance <= radius[owner]) & (distance - np.abs(lateral) < BESIDE)
-        owner, segment, distance = owner[is_near], segment[is_near], distance[is_near]
+        near = ((distance <= radius[owner]) & (distance - np.abs(lateral) < BESIDE)).nonzero()[0]
+        owner, segment, distance = owner[near], segment[near], distance[near]
+        if not len(near):
+            return owner, segment
         key = owner * self._num_lanes + self._segments.lane[segment]
-        order = np.lexsort((distance, key))
-        key = key[order]
-        is_first = np.ones(len(key), dtype=bool)
-        np.not_equal(key[1:], key[:-1], out=is_first[1:])
-        best = order[is_first]
+        is_new = np.zeros(len(key), dtype=np.int64)
+        np.not_equal(key[1:], key[:-1], out=is_new[1:])
+        group = is_new.cumsum()
+        best = first_least(distance, group, int(group[-1]) + 1)
         return owner[best], segment[best]
 
     def _blocks_within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:

@@ -88,7 +88,7 @@ class ManyRoads(Roads):
     def within(self, x: FloatArray, y: FloatArray, radius: FloatArray) -> tuple[IntArray, LanePlaces]:
         """Return all lanes of the map near each point; see `Roads.within`."""
         parts = [slice(start, start + MAX_POINTS) for start in range(0, max(len(x), 1), MAX_POINTS)]
-        found = [self.alone.within(x[part], y[part], radius[part]) for part in parts]
+        found = [super(ManyRoads, self).within(x[part], y[part], radius[part]) for part in parts]
         if len(found) == 1:
             return found[0]
         owners = [part.start + owner for part, (owner, _) in zip(parts, found, strict=True)]

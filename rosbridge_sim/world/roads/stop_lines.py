@@ -17,7 +17,7 @@ import numpy as np
 from rosbridge_sim.world.geometry.block_grid import BlockGrid
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, in_columns, ranges
 from rosbridge_sim.world.roads.roads import LEVEL, Roads
-from rosbridge_sim.world.roads.signal_plan import Lamp
+from rosbridge_sim.world.roads.signal_plan import Lamp, SignalPlan
 from rosbridge_sim.world.roads.signals import Signals
 
 __all__ = ["Passed", "StopLines", "find_red_lanes", "settle"]
@@ -52,7 +52,7 @@ class Passed:
 class StopLines:
     """The ends of all lanes of a map; get it by `roads.derived(StopLines)`. Lights say which are stop lines."""
 
-    __slots__ = ("_ahead", "_end", "_grid", "_height", "_left", "_right", "_roads")
+    __slots__ = ("_ahead", "_end", "_height", "_high", "_left", "_lines", "_low", "_right", "_roads")
 
     def __init__(self, roads: Roads) -> None:
         self._roads = roads
@@ -64,7 +64,8 @@ class StopLines:
         self._left, self._right = (roads.border[last] + BESIDE_LINE).T
         corners = np.stack([self._end + 1j * self._left * self._ahead, self._end - 1j * self._right * self._ahead])
         box = np.stack([corners.real, corners.imag], axis=-1)
-        self._grid = BlockGrid(box.min(axis=0), box.max(axis=0))
+        self._low, self._high = box.min(axis=0), box.max(axis=0)
+        self._lines: tuple[BoolArray, IntArray, BlockGrid] | None = None
 
     def find_passed(
         self, signals: Signals, first: ComplexArray, last: ComplexArray, heading: ComplexArray, z: FloatArray
@@ -78,11 +79,14 @@ class StopLines:
             heading: (k,) unit vectors; who comes over a line backwards has not passed it.
             z: (k,) heights; a line on another level is not passed [m].
         """
-        index, lane = self._grid.find(in_columns(last.real, last.imag))
-        is_line = self._roads.is_stop[lane] | signals.plan.is_before_light[lane]
+        lines, grid = self._lines_of(signals.plan)
+        if not len(lines):
+            return Passed(lines, lines)
+        index, line = grid.find(in_columns(last.real, last.imag))
+        lane = lines[line]
         if not self._roads.is_flat:
-            is_line &= np.abs(self._height[lane] - z[index]) < LEVEL
-        index, lane = index[is_line], lane[is_line]
+            is_level = np.abs(self._height[lane] - z[index]) < LEVEL
+            index, lane = index[is_level], lane[is_level]
         if not len(index):
             return Passed(index, lane)
         into = self._ahead[lane].conj()
@@ -98,6 +102,14 @@ class StopLines:
         order = np.lexsort((lane, np.abs(beside[at]), index))
         best = order[np.diff(index[order], prepend=-1).nonzero()[0]]
         return Passed(index[best], lane[best])
+
+    def _lines_of(self, plan: SignalPlan) -> tuple[IntArray, BlockGrid]:
+        """Return the lanes that end at stop lines, (k,) int64, and a grid of these ends; kept for one plan."""
+        before_light = plan.is_before_light
+        if self._lines is None or self._lines[0] is not before_light:
+            lines = (self._roads.is_stop | before_light).nonzero()[0]
+            self._lines = before_light, lines, BlockGrid(self._low[lines], self._high[lines])
+        return self._lines[1:]
 
 
 def find_red_lanes(roads: Roads, signals: Signals, lane: IntArray, first: IntArray) -> tuple[IntArray, IntArray]:

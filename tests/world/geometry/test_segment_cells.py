@@ -9,7 +9,7 @@ from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.geometry import segment_cells
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.geometry.segment_cells import SegmentCells
-from rosbridge_sim.world.geometry.segment_search import SegmentSearch
+from rosbridge_sim.world.geometry.segment_search import BESIDE, SegmentSearch
 from rosbridge_sim.world.roads.roads import Roads
 
 LIBRARY = DiskLibrary()
@@ -40,6 +40,36 @@ def test_cells_find_what_a_search_without_them_finds(name: str) -> None:
             assert np.array_equal(cells.nearest(place, heading, each), plain.nearest(place, heading, each))
 
 
+@pytest.mark.parametrize("name", ["loop", "town", "hills", "motorway"])
+@pytest.mark.parametrize("most", [0.0, segment_cells.AROUND, 2.0 * segment_cells.AROUND])
+def test_cells_find_the_lanes_around_places_that_a_search_without_them_finds(name: str, most: float) -> None:
+    roads = LIBRARY.map(name).roads
+    plain, cells = searches_of(roads)
+    for seed in range(3):
+        place = places_near(roads, 400, seed % 2)[0]
+        place[::5] = np.round(place[::5] / segment_cells.CELL) * segment_cells.CELL
+        radius = np.random.default_rng(seed).uniform(0.0, most, len(place))
+        radius[::7] = most
+        found, expected = cells.within(place, radius), plain.within(place, radius)
+        assert np.array_equal(found[0], expected[0])
+        assert np.array_equal(found[1], expected[1])
+
+
+def test_lanes_around_a_place_are_the_nearest_segment_of_each_lane() -> None:
+    roads = LIBRARY.map("town").roads
+    plain, _ = searches_of(roads)
+    place, radius = places_near(roads, 60, 3)[0], np.full(60, 6.0)
+    owner, segment = plain.within(place, radius)
+    segments, expected = roads.segments, []
+    for i, point in enumerate(place):
+        _, lateral, distance = segments.project(np.tile(point, (len(segments.lane), 1)), np.arange(len(segments.lane)))
+        is_near = (distance <= 6.0) & (distance - np.abs(lateral) < BESIDE)
+        for lane in np.unique(segments.lane[is_near]).tolist():
+            of_lane = (is_near & (segments.lane == lane)).nonzero()[0]
+            expected.append((i, int(of_lane[distance[of_lane].argmin()])))
+    assert list(zip(owner.tolist(), segment.tolist(), strict=True)) == expected
+
+
 def test_full_table_is_begun_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(segment_cells, "MAX_CELLS", 50)
     roads = LIBRARY.map("loop").roads
@@ -47,7 +77,7 @@ def test_full_table_is_begun_anew(monkeypatch: pytest.MonkeyPatch) -> None:
     for seed in range(6):
         place, heading, _ = places_near(roads, 40, seed)
         assert np.array_equal(cells.nearest(place, heading), plain.nearest(place, heading))
-        assert len(cells._keys) <= 90
+        assert len(cells._table._keys) <= 90
 
 
 def test_places_beyond_the_numbers_of_cells_are_searched_without_them() -> None:
