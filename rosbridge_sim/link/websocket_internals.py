@@ -10,7 +10,9 @@ Expected of a connection (`websockets.asyncio`), in addition to the methods of a
     send_data                 gives the core's output to the transport, and its end
     close_timeout             the argument of that name [s]
     connection_lost_waiter    a future, done when the transport is lost
-    connection_made           of `Connection` itself: everything but the task that a server's connection begins
+    write_limit_high, write_limit_low    limits for the transport, which `connection_made` sets
+    recv_messages             the queue, which `connection_made` makes; a lost connection closes it
+    request                   None until there is one: frames are read after that
     keepalive, keepalive_task    the coroutine that waits, pings, and so on; its task, which a lost connection cancels
 
 Expected of the core:
@@ -26,22 +28,23 @@ time-outs.
 
 from __future__ import annotations
 
-from asyncio import BaseTransport, Future, TimerHandle, timeout
+from asyncio import BaseTransport, Future, TimerHandle, Transport, timeout
 from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from websockets.asyncio.connection import Connection
+from websockets.datastructures import Headers
 from websockets.exceptions import ConnectionClosed
 from websockets.extensions import Extension
 from websockets.frames import CloseCode, Frame, Opcode
+from websockets.http11 import Request
 from websockets.protocol import Event, Protocol, State
 from websockets.server import ServerProtocol
 
 from rosbridge_sim.loose_types import LibraryArgument
 
 if TYPE_CHECKING:
-    from websockets.http11 import Request
     from websockets.utils import apply_mask
 else:
     try:
@@ -61,6 +64,20 @@ this limit it is cut off."""
 
 LAST_ANSWERS = 20.0
 """Time for a peer that has ended its side to read its answers [s]: the same as for a ping."""
+
+
+_REQUEST = Request("/", Headers())
+"""The request of all connections that are open without a task: the real one may have the token, and is not kept."""
+
+
+class _NoQueue:
+    """In place of the queue of a connection that never puts anything into it."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+_NO_QUEUE: Any = _NoQueue()  # any, because the library names its own class
 
 
 def _ignore() -> None:
@@ -152,21 +169,19 @@ class MessageConnection(Connection):
     # The beginning of a server's connection without a task
 
     def begin_without_task(self, transport: BaseTransport) -> None:
-        """Do what `connection_made` does, but for the task; a later call of `connection_made` begins that.
+        """Do what `connection_made` does, but for the task and the queue, which a later call of it makes.
 
         Args:
             transport: the transport of the connection.
         """
-        Connection.connection_made(self, transport)
+        self.transport = cast("Transport", transport)  # a cast, because uvloop's transports are not a subclass
+        self.transport.set_write_buffer_limits(self.write_limit_high, self.write_limit_low)
+        self.recv_messages = _NO_QUEUE
 
-    def open_without_task(self, request: Request) -> None:
-        """Treat the handshake as done, and ping from time to time. The caller has checked and answered the request.
-
-        Args:
-            request: the request for a WebSocket.
-        """
+    def open_without_task(self) -> None:
+        """Treat the handshake as done, and ping from time to time. The caller has checked and answered the request."""
         core = self.core
-        self.request = request
+        self.request = _REQUEST
         core.state = State.OPEN
         core.parser = Protocol.parse(core)  # the one before waits for a request
         next(core.parser)

@@ -1,8 +1,8 @@
 """The contract with the `websockets` library: what we use of it beyond its documented interface is there and behaves.
 
 A new version of the library is tried by running this file, `test_server_connection.py`, `test_client_connection.py`,
-`test_inflate.py`, `test_library_log.py`, `test_server.py` and `test_unauthenticated.py` with it. If they pass, it joins
-`TRIED`.
+`test_inflate.py`, `test_library_log.py`, `test_server.py`, `test_direct_handshake.py`, `test_upgrade_request.py` and
+`test_unauthenticated.py` with it. If they pass, it joins `TRIED`.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ DOCUMENTED = {
 UNDOCUMENTED = {
     *("available_extensions", "close_exc", "close_timeout", "connection_lost_waiter", "current_size"),
     *("keepalive", "keepalive_task", "max_message_size", "parser", "paused", "process_event", "protocol"),
-    *("recv_messages", "send_data", "send_in_progress"),
+    *("recv_messages", "send_data", "send_in_progress", "write_limit_high", "write_limit_low"),
 }
 """Attributes of the library's connections and their cores that `websocket_internals.py` alone may use."""
 

@@ -76,9 +76,10 @@ class Peer(PeerBase):
             policy: its rights.
         """
         super().__init__(bus, session, address, policy)
-        self.topics = PeerTopics(self, self._check_room)
-        self.services = PeerServices(self, self._check_room)
-        self.actions = PeerActions(self, self._check_room)
+        check_room = self._check_room
+        self.topics = PeerTopics(self, check_room)
+        self.services = PeerServices(self, check_room)
+        self.actions = PeerActions(self, check_room)
         session.on_lost_answer = self._lose_answer
         if not policy.is_open:
             policy.ways.on_change[self.topics.recheck] = None

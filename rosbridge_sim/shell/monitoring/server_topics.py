@@ -16,6 +16,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable, Mapping
+from itertools import takewhile
 from typing import Literal
 
 from rosbridge_sim.graph.bus import Bus
@@ -157,10 +158,10 @@ class ServerTopics:
         self._soon = None
         store = self.bus.store
         known = self._entries
-        for client in self._server.clients:
-            if client not in known:
-                make = store.message("rosbridge_msgs/ConnectedClient").struct_type
-                known[client] = make(ip_address=client.host, connection_time=store.time_value(client.connected_ns))
+        new = list(takewhile(lambda client: client not in known, reversed(self._server.clients)))
+        for client in reversed(new):
+            make = store.message("rosbridge_msgs/ConnectedClient").struct_type
+            known[client] = make(ip_address=client.host, connection_time=store.time_value(client.connected_ns))
         if len(known) > len(self._server.clients):  # some have left
             self._entries = {client: known[client] for client in self._server.clients}
         self.publish(self._count, data=len(self._entries))

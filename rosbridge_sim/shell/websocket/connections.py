@@ -8,7 +8,6 @@ from collections.abc import Callable
 
 from websockets.asyncio.server import ServerConnection
 from websockets.frames import CloseCode
-from websockets.http11 import Request
 
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.shell.transport.library_connection import LibraryConnection
@@ -181,16 +180,15 @@ class DirectServedConnection(ServedConnection, DirectConnection):
             super()._begin(self.transport)
         super().feed_head(data)
 
-    def open(self, request: Request, answer: bytes) -> None:
+    def open(self, answer: bytes) -> None:
         """Answer a request, without the library.
 
         Args:
-            request: the request.
             answer: the whole answer.
         """
         self._stop_open_timer()
         self.transport.write(answer)
-        self.open_without_task(request)
+        self.open_without_task()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Leave all places.

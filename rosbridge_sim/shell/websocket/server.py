@@ -318,7 +318,7 @@ class Server:
             return False
         self._tables.opening.leave(socket)
         self._trust(socket)
-        socket.open(request, answer_to(request))
+        socket.open(answer_to(request))
         try:
             client = self._add_client(socket)
             socket.on_lost = partial(self._remove_client, client)
