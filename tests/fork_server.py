@@ -3,7 +3,8 @@
 A start of `python -m rosbridge_sim` imports for three quarters of a second of CPU time, and the tests start hundreds.
 `start` forks instead: what runs then is the same `__main__`, with its own arguments, environment, output
 and end. What it does not have is a hash seed of its own, so tests that compare two programs start them in the
-ordinary way; so do tests of the start and the end of a process. Nor is its memory cleared before it ends.
+ordinary way; so do tests of the start and the end of a process. Nor is its memory cleared before it ends. The maps of
+the scenes that most tests open with are there, too, with what was computed of their roads: they never change.
 
 The process of the first fork is started when it is wanted, one for each process of tests, and ends with it:
 `python -m tests.fork_server FD`, where FD is a socket. A request is the length of a text, the text, and four file
@@ -301,6 +302,7 @@ class _Request(NamedTuple):
 def _main() -> None:
     for name in _MODULES:
         import_module(name)
+    import_module("tests.kept_maps").keep_maps()
     gc.collect()
     gc.freeze()  # a collection in a program would copy the pages of all that it shares
     with socket.socket(fileno=int(sys.argv[1])) as control:
