@@ -8,6 +8,7 @@ import pytest
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
 from rosbridge_sim.world.followers.lane_following import _find_passed_first, _LaneFollowers
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
+from rosbridge_sim.world.roads.roads import Roads
 from tests.world.drivers.random_drivers import situation
 from tests.world.lane_drives import world_of
 from tests.world.road_factory import arc, built_in, car, crossing, line, make, road
@@ -18,7 +19,7 @@ def town() -> LaneConflicts:
     return LaneConflicts(built_in("town").roads)
 
 
-def passes_first(town: LaneConflicts, drivers: Drivers, i: int, place: tuple[int, float, float]) -> bool:
+def passes_first(roads: Roads, drivers: Drivers, i: int, place: tuple[int, float, float]) -> bool:
     """Whether a driver goes on before somebody who will be on a lane ahead after some time.
 
     It cannot stop with 4 m/s^2 any more, is not past the place, and will be a metre past it in that time with at least
@@ -36,7 +37,7 @@ def passes_first(town: LaneConflicts, drivers: Drivers, i: int, place: tuple[int
             is_past_in_time = rest + 1.0 < arrival * max(speed, 2.0) or gap < -1.0
             if gap < speed**2 / 8.0 and rest > 0.0 and is_past_in_time:
                 return True
-        ahead += float(town.roads.length[here]) if here >= 0 else 0.0
+        ahead += float(roads.length[here]) if here >= 0 else 0.0
     return False
 
 
@@ -54,7 +55,7 @@ def test_people_who_come_after_a_driver_has_passed_are_those_of_one_by_one(seed:
     source, stands = np.full(num, -1), np.zeros(num, dtype=np.bool_)
     entries = Entries(lane, tail + 0.3, tail, zero, zero, source, stands)
     expected = [
-        any(passes_first(town, drivers, i, place) for i in range(len(drivers.arc)))
+        any(passes_first(town.roads, drivers, i, place) for i in range(len(drivers.arc)))
         for place in zip(lane.tolist(), tail.tolist(), arrival.tolist(), strict=True)
     ]
     assert _find_passed_first(town.roads, drivers, entries, arrival).tolist() == expected

@@ -1,0 +1,136 @@
+"""What drivers see of those that follow no lanes, box by box in plain Python: people who cross, egos, things."""
+
+from __future__ import annotations
+
+import cmath
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from rosbridge_sim.world.drivers.lane_entries import Drivers
+from rosbridge_sim.world.followers.lane_following import _LaneFollowers
+from rosbridge_sim.world.people.people import COMMITTED, find_ways_over
+from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.signal_plan import SignalPlan
+from rosbridge_sim.world.state.world import Body, Kind, World
+from tests.world.followers.test_followers_one_by_one import passes_first
+from tests.world.people.test_crossing_one_by_one import APART, NUM, people_at_the_road, street
+from tests.world.people.test_walking_one_by_one import MAN
+from tests.world.road_factory import CAR, car
+
+LANES = {0: (0.0, False), 1: (3.5, False), 2: (10.0, True)}
+"""How far to the north each lane of the street is [m], and whether it leads back to the west."""
+
+
+@pytest.fixture(scope="module")
+def roads() -> tuple[Roads, SignalPlan]:
+    return street()
+
+
+@dataclass(order=True)
+class Entry:
+    """An entry of a box, with its row, whether it drives, and when it will be in the way."""
+
+    row: int
+    lane: int
+    s: float
+    tail: float
+    speed: float
+    accel: float
+    stands: bool
+    arrival: float = 0.0
+
+
+def busy_street(roads: tuple[Roads, SignalPlan], seed: int) -> World:
+    """People at a road and vehicles, and more of all kinds on the road, some of them moving."""
+    world, rows = people_at_the_road(roads, seed)
+    rng = np.random.default_rng(seed + 1000)
+    kinds = [(Kind.PEDESTRIAN, MAN), (Kind.OBSTACLE, Body.box(1.0, 3.0, 1.0)), (Kind.VEHICLE, CAR), (Kind.EGO, CAR)]
+    for _ in range(24):
+        kind, body = kinds[int(rng.integers(0, 4))]
+        x, y, yaw = rng.uniform(20.0, APART * NUM - 20.0), rng.uniform(-9.0, 18.0), rng.uniform(-3.1, 3.1)
+        row = world.row(world.spawn(kind, body, name="one", x=x, y=y, yaw=yaw))
+        world.speed[row] = rng.choice([0.0, -0.6, 1.0]) * rng.uniform(0.3, 3.0)
+        world.accel[row] = rng.uniform(-2.0, 2.0)
+        world.loose[row] = rng.choice([0.0, 2.0])
+    for row in rows:
+        if world.yields[row] >= COMMITTED:  # one that is about to be passed, or has been
+            near = world.x[row] - CAR.length + rng.uniform(-14.0, 6.0)
+            car(world, str(rng.choice(["a", "b"])), near, speed=float(rng.choice([0.0, 4.0, 14.0])))
+    world.touch()
+    return world
+
+
+def boxes_of(world: World, row: int) -> list[tuple[complex, complex, float, float, float]]:
+    """Where a row is now and later: its middle, heading and speed, for how long that is looked at, and from when on."""
+    heading, speed = cmath.rect(1.0, float(world.yaw[row])), float(world.speed[row])
+    place = complex(world.x[row], world.y[row])
+    if world.kind[row] != Kind.PEDESTRIAN or world.yields[row] <= 1:
+        is_blind = world.kind[row] == Kind.PEDESTRIAN and world.yields[row] == 0
+        return [(place + float(world.centre[row]) * heading, heading, speed, 3.0 if is_blind else 0.0, 0.0)]
+    times, velocities = find_ways_over(world)
+    time = min(float(times[row]), 12.0)
+    if time > 0.0:
+        speed = abs(velocities[row])
+        heading = complex(velocities[row]) / speed
+    since = [3.0 * k for k in range(4) if k == 0 or time > 3.0 * k]
+    return [(place + then * speed * heading, heading, speed, min(time - then, 3.0), then) for then in since]
+
+
+def entries_of(world: World, row: int) -> list[Entry]:
+    """All entries of a row: where it is, or will be soon, within 1.4 m of the line of a lane."""
+    found = []
+    half_length, half_width = float(world.half_length[row]), float(world.half_width[row])
+    stands = bool(world.kind[row] != Kind.PEDESTRIAN and abs(world.speed[row]) < 0.5)
+    for place, heading, speed, time, since in boxes_of(world, row):
+        for lane, (north, is_back) in LANES.items():
+            turn = -1.0 if is_back else 1.0
+            local, to = turn * (place - 1j * north), turn * heading
+            s = local.real + (APART * NUM if is_back else 0.0)
+            across = abs(to.imag) * half_length + abs(to.real) * half_width + 1.4
+            there = local.imag + to.imag * speed * time
+            if min(local.imag, there) < across and max(local.imag, there) > -across:
+                tail = s - abs(to.real) * half_length - abs(to.imag) * half_width
+                arrival = since + max(abs(local.imag) - across, 0.0) / max(abs(to.imag * speed), 0.01)
+                accel = float(world.accel[row]) * to.real
+                found.append(Entry(row, lane, s, tail, max(to.real * speed, 0.0), accel, stands, arrival))
+    return found
+
+
+def seen_one_by_one(world: World, drivers: Drivers) -> tuple[list[Entry], list[Entry]]:
+    """The entries of vehicles that drive, and those of all others."""
+    driving, rest = [], []
+    for row in range(world.n):
+        if not world.alive[row] or (world.has_lane[row] and world.start_within[row] == 0.0):
+            continue
+        on_wheels = world.kind[row] in {Kind.EGO, Kind.VEHICLE}
+        for entry in entries_of(world, row):
+            place = (entry.lane, entry.tail, entry.arrival)
+            crosses = world.yields[row] >= COMMITTED
+            if crosses and any(passes_first(world.roads, drivers, i, place) for i in range(len(drivers.arc))):
+                continue
+            (driving if on_wheels and abs(world.speed[row]) > 0.5 else rest).append(entry)
+    return sorted(driving), sorted(rest)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_drivers_see_those_without_lanes_where_they_are_or_will_soon_be(
+    seed: int, roads: tuple[Roads, SignalPlan]
+) -> None:
+    world = busy_street(roads, seed)
+    followers = _LaneFollowers(world)
+    drivers = followers.drivers()
+    found, rows, num_driving = followers.others(drivers)
+    columns = (rows, found.lane, found.s, found.tail, found.speed, found.accel, found.stands)
+    told = [Entry(*values) for values in zip(*(column.tolist() for column in columns), strict=True)]
+    for seen, expected in zip((told[:num_driving], told[num_driving:]), seen_one_by_one(world, drivers), strict=True):
+        both = [[(each.row, each.lane, each.stands) for each in entries] for entries in (sorted(seen), expected)]
+        assert both[0] == both[1]
+        figures = [
+            np.array([(each.s, each.tail, each.speed, each.accel) for each in entries])
+            for entries in (sorted(seen), expected)
+        ]
+        assert figures[0] == pytest.approx(figures[1], abs=1e-9)
+        assert len(seen)
+    assert set(found.source.tolist()) == {-1}
