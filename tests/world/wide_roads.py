@@ -48,8 +48,15 @@ def wide_road(num: int = 3, lengths: Sequence[float] = (1500.0,), limit: float =
     return Roads(ids, lines, successors, [WIDTH] * len(ids), [limit] * len(ids), left=left, right=right)
 
 
-def wide_ring(num: int = 3, radius: float = 150.0, limit: float = 25.0) -> Roads:
-    """A ring of some lanes in two halves, driven to the left; `a0` is the inner lane."""
+def wide_ring(num: int = 3, radius: float = 150.0, limit: float = 25.0, *, is_woven: bool = False) -> Roads:
+    """A ring of some lanes in two halves, driven to the left; `a0` is the inner lane.
+
+    Args:
+        num: lanes.
+        radius: of the inner lane [m].
+        limit: [m/s].
+        is_woven: each lane leads also to those beside the one that continues it.
+    """
     ids, lines, left, right, successors = [], [], [], [], []
     for half in range(2):
         for k in range(num):
@@ -58,5 +65,6 @@ def wide_ring(num: int = 3, radius: float = 150.0, limit: float = 25.0) -> Roads
             row = half * num + k
             left.append(row - 1 if k else -1)
             right.append(row + 1 if k < num - 1 else -1)
-            successors.append([(row + num) % (2 * num)])
+            sides = [side for side in (0, -1, 1) if 0 <= k + side < num and (is_woven or not side)]
+            successors.append([(1 - half) * num + k + side for side in sides])
     return Roads(ids, lines, successors, [WIDTH] * len(ids), [limit] * len(ids), left=left, right=right)

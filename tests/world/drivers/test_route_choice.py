@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+import pytest
+
 from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.drivers.route_choice import RouteChoice
 from rosbridge_sim.world.state.world import Kind
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import lane_of, world_of
 from tests.world.road_factory import CAR, car, ring
+from tests.world.wide_roads import wide_ring
 
 
 def ways(others: int = 0) -> str:
@@ -55,3 +60,48 @@ def test_route_can_repeat() -> None:
         step(world)
         seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
     assert seen == "aceacea"
+
+
+def next_of_route(route: list[int], lane: int, turn: int, *, is_loop: bool) -> int:
+    """The lane that follows by a route on the woven ring of three lanes; -2 where the route says nothing.
+
+    A driver beside its route takes, of the lanes that follow, the one nearest to the next one of the route.
+    """
+    index = turn % len(route) if is_loop else turn
+    if index >= len(route):
+        return -2
+    if lane == route[index - 1]:
+        return route[index]
+    half, place = divmod(route[index], 3)
+    following = [other for other in range(6) if other // 3 != lane // 3 and abs(other % 3 - lane % 3) <= 1]
+    there = [other for other in following if lane >= 0 and other // 3 == half]
+    return min(there, key=lambda other: abs(other % 3 - place), default=-1)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_route_leads_also_those_that_are_on_a_lane_beside_it(seed: int) -> None:
+    rng, world, routes = np.random.default_rng(seed), world_of(wide_ring(is_woven=True)), []
+    for i in range(12):
+        route = [int(rng.integers(0, 6))]
+        while len(route) < i % 5 + 1 + i % 2:
+            route.append(int(rng.choice(world.roads.successors(route[-1]))))
+        is_loop = route[0] in world.roads.successors(route[-1])
+        row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0))
+        keep_lane(world, row, route[0], 10.0, route=route, is_loop=is_loop)
+        routes.append((route, is_loop))
+    without = car(world, "a1", 10.0)
+    choice = RouteChoice(world, np.arange(without + 1))
+    which, lane, turn = rng.integers(0, 13, 200), rng.integers(-1, 6, 200), rng.integers(0, 9, 200)
+    chosen, wanted = choice.choose(which, lane, turn).tolist(), choice.find_wanted(which, turn).tolist()
+    for i, here, number, found, of_route in zip(
+        *(c.tolist() for c in (which, lane, turn)), chosen, wanted, strict=True
+    ):
+        route, is_loop = routes[i] if i < without else ([], False)
+        expected = next_of_route(route, here, number, is_loop=is_loop)
+        if expected == -2:
+            assert found in (world.roads.successors(here) if here >= 0 else [-1])
+            assert of_route == -1
+        else:
+            assert found == expected
+            assert of_route == (route * 9)[number]
+    assert any(is_loop for _, is_loop in routes)
