@@ -112,6 +112,7 @@ class SyncDriver:
         self._behind_tick: deque[tuple[Callable[[float], object], Callable[[float], None]]] = deque()
         self._turn_until: float | None = None
         self._is_turn_over = False
+        sync.mute(barrier)  # its members have leases of their own
         sync.hooks.move.append(self._move)
         sync.hooks.refuse.append(self._refuse_ticks)
         sync.hooks.flow.append(pacer.start)
@@ -197,13 +198,11 @@ class SyncDriver:
     # The barrier, which is the master here while it has members
 
     def _lead_for_barrier(self, step_ms: int, now: float) -> None:
-        self._sync.mute(self._barrier)  # its members have leases of their own
         self._sync.start(BARRIER_ID, step_ms, self._barrier, now)
         self._settle(now)
 
     def _end_for_barrier(self, now: float) -> None:
         self._forget_barrier_call()
-        self._sync.unmute(self._barrier, now)
         self._sync.stop(BARRIER_ID, now)
         self._settle(now)
 
@@ -213,7 +212,6 @@ class SyncDriver:
 
     def _lose_for_barrier(self, now: float) -> None:
         self._forget_barrier_call()
-        self._sync.unmute(self._barrier, now)
         self._note_loss(self._sync.leave(self._barrier, now), BARRIER_ID, "has lost its last member", now)
 
     def _tick_for_barrier(self, now: float) -> None:

@@ -10,7 +10,7 @@ from rosbridge_sim.world.state.entity_types import ROAD_FRICTION
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import Dynamics, Kind, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.vehicle.ground import INTERVAL, OFF_ROAD_FRICTION, are_on_road
+from rosbridge_sim.world.vehicle.ground import INTERVAL, OFF_ROAD_FRICTION, are_on_road, find_friction
 from tests.world.driven_cars import CAR, pedals
 
 ROAD = Roads(["a"], [np.array([[0.0, 0.0, 0.0], [400.0, 0.0, 0.0]])], [[]], [3.5], [20.0])
@@ -86,3 +86,33 @@ def test_edges_of_a_bend_with_points_far_apart_are_on_the_road() -> None:
         x, y = places[:, 0] - aside * np.sin(yaw), places[:, 1] + aside * np.cos(yaw)
         assert are_on_road(roads, x, y, np.zeros(41)).tolist() == [is_on] * 41
     assert np.hypot(places[:, 0] - 100.0, places[:, 1] - 60.0).max() == pytest.approx(60.0, abs=0.1)
+
+
+@pytest.mark.parametrize("frame", range(6))
+def test_ground_is_looked_at_in_each_fifth_frame_below_those_that_use_their_grip(frame: int) -> None:
+    world = World(0, Dynamics.SINGLE_TRACK)
+    world.lay_roads(ROAD)
+    # Along and to the left [m/s^2]: both together count, braking and to the right too.
+    accels = [(2.9, 0.7), (2.9, 0.9), (-3.1, 0.0), (0.0, -3.1), (-2.2, -2.2), (0.0, 0.0), (-2.0, 2.0)]
+    for y in (30.0, 0.0):
+        for accel in accels:
+            row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=50.0, y=y))
+            world.accel[row], world.lateral_accel[row] = accel
+            world.friction[row] = 0.7  # neither of a road nor beside it
+    world.frame, rows = frame, np.arange(1, 2 * len(accels))
+    find_friction(world, rows)
+    expected = [
+        (OFF_ROAD_FRICTION if i < len(accels) else ROAD_FRICTION)
+        if i and frame in {0, 5} and np.hypot(*accels[i % len(accels)]) > 3.0
+        else 0.7
+        for i in range(2 * len(accels))
+    ]
+    assert world.friction.tolist() == expected
+
+
+def test_lane_above_or_below_is_no_road_unless_the_map_is_flat() -> None:
+    heights = np.array([[0.0, 0.0, 8.0], [200.0, 0.0, 8.0], [400.0, 0.0, 9.0]])
+    hill = Roads(["a"], [heights], [[]], [3.5], [20.0])
+    x, z = np.full(4, 100.0), np.array([0.0, 7.9, 8.5, 20.0])
+    assert are_on_road(hill, x, np.zeros(4), z).tolist() == [False, True, True, False]
+    assert are_on_road(ROAD, x, np.zeros(4), z).all()
