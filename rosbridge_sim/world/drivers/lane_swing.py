@@ -20,7 +20,7 @@ from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH
 from rosbridge_sim.world.drivers.lane_position import find_ahead, rear_axles
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, LaneConflicts
-from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from rosbridge_sim.world.state.world import Kind, World
 
 __all__ = ["are_tight", "find_long", "find_swinging", "plan_swings"]
@@ -135,10 +135,8 @@ def _beyond(
         if i < ROUNDS - 1:
             s = s + east * cos + north * sin
     lateral = north * cos - east * sin
-    point, share = roads.locate(lane, here)
-    border = roads.border.take(point, axis=0)
-    border += share[:, None] * (roads.border.take(point + 1, axis=0) - border)
-    return lateral - border[:, 0] + MARGIN, -lateral - border[:, 1] + MARGIN
+    to_left, to_right = roads.beside(LanePlaces(lane, here, lateral, np.abs(lateral), yaw))
+    return MARGIN - to_left, MARGIN - to_right
 
 
 def are_tight(roads: Roads) -> BoolArray:

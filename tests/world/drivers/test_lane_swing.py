@@ -176,3 +176,10 @@ def test_long_vehicle_swings_from_two_lanes_before_a_bend_to_one_after_it_but_no
     world.lateral_left[rows[2]], world.leaving[rows[3]] = 0.5, 1
     world.lateral[rows[0]], world.lateral_rate[rows[6]] = 0.1, 0.1
     assert find_swinging(world, rows).tolist() == [0, 4, 5, 6]
+
+
+def test_long_vehicle_swings_in_the_first_lane_of_a_map_if_that_is_the_bend() -> None:
+    world = world_of(make(a=(arc(0, 8.75, 8.75, -90, 90), "b"), b=(line((8.75, 8.75), (8.75, 100)), "")))
+    rows = np.array([car(world, name, s, body=BUS) for name, s in (("a", 5.0), ("b", 3.0), ("b", 50.0))])
+    world.behind[rows] = [-1, 0, -1]
+    assert find_swinging(world, rows).tolist() == [0, 1]

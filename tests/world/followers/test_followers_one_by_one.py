@@ -5,13 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rosbridge_sim.world.drivers.driver_model import accelerate
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
 from rosbridge_sim.world.followers.lane_following import _find_passed_first, _LaneFollowers
+from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.state.world import Gear, Kind
 from tests.world.drivers.random_drivers import situation
+from tests.world.lane_changes.test_looks_one_by_one import Scene
 from tests.world.lane_drives import world_of
-from tests.world.road_factory import arc, built_in, car, crossing, line, make, road
+from tests.world.road_factory import CAR, arc, built_in, car, crossing, ego, line, make, road
 
 
 @pytest.fixture(scope="module")
@@ -128,3 +132,75 @@ def test_driver_turns_by_the_way_up_to_the_next_decision_or_to_its_stand(
     followers._steer(followers.drivers().lanes, world.speed[[row]], world.accel[[row]])
     assert world.yaw_rate[row] == pytest.approx(way / 30.0 / 0.1, rel=0.02)
     assert world.lateral_accel[row] == pytest.approx(world.yaw_rate[row] * speed)
+
+
+@pytest.mark.parametrize("is_gap_between", [False, True])
+def test_decision_brings_accelerations_nearer_to_what_drivers_want_by_their_reaction(*, is_gap_between: bool) -> None:
+    world, rng = world_of(road()), np.random.default_rng(1)
+    for i in range(6):
+        if is_gap_between and i == 3:
+            world.spawn(Kind.OBSTACLE, CAR, name="box", x=300.0, y=40.0)
+        row = car(world, "a", 60.0 * i + 30.0, speed=float(rng.uniform(0.0, 14.0)))
+        world.accel[row] = rng.uniform(-2.0, 2.0)
+    world.frame = 5
+    followers = _LaneFollowers(world)
+    scene, before = Scene(world), world.accel[followers.rows].copy()
+    wanted = accelerate(scene.drivers.speed, scene.perception, scene.drivers.parameters)
+    followers.decide()
+    reached = 1.0 - np.exp(-0.1 / scene.drivers.parameters.reaction)
+    assert world.accel[followers.rows] == pytest.approx(before + reached * (wanted - before))
+
+
+def test_self_driving_ego_decides_where_it_is_and_has_its_pedals_follow_at_once() -> None:
+    world = world_of(make(a=(line((0, 0), (100, 0)), "b"), b=(line((100, 0), (300, 0)), "")))
+    rows = [ego(world, x, 0.4, speed=5.0) for x in (40.0, 90.0, 150.0)]
+    for row in rows:
+        world.gear[row] = Gear.DRIVE
+        assert start_self_driving(world, row)
+    world.x[rows], world.accel[rows] = [42.5, 103.0, 149.0], 0.3  # where their tyres have brought them
+    world.frame = 5
+    _LaneFollowers(world).decide()
+    assert world.lane[rows].tolist() == [0, 1, 1]
+    assert world.arc[rows] == pytest.approx([42.5, 3.0, 49.0])
+    wanted = world.accel[rows].copy()
+    assert world.accel_cmd[rows].tolist() == wanted.tolist()
+    assert not np.isin(wanted, 0.3).any()
+    # It steers to where its line is 0.4 m to the right, by the bend that leads there.
+    assert (world.steer_cmd[rows] < 0.0).all()
+
+
+def test_driver_before_a_full_street_chooses_other_lanes_once_in_two_seconds() -> None:
+    roads = make(
+        a=(line((0, 0), (100, 0)), "b"),
+        b=(line((100, 0), (120, 0)), "d"),
+        d=(line((120, 0), (220, 0)), ""),
+        x=(line((110, -50), (110, 50)), ""),
+    )
+    for speed, route, gives_up in ((0.0, "", True), (0.0, "a b d", False), (0.2, "", False)):
+        world = world_of(roads)
+        car(world, "d", 3.0, desired_speed=0.0)
+        row = car(world, "a", 95.0, speed=speed, route=route)
+        followers, turns = _LaneFollowers(world), []
+        for decision in range(45):
+            world.frame = 5 * decision
+            followers.decide()
+            turns.append(int(world.turns[row]))
+        at = [i for i in range(1, 45) if turns[i] != turns[i - 1]]
+        uid = int(world.uid[row])
+        assert at == [i for i in range(1, 45) if gives_up and (i + uid) % 20 == 0]
+        assert set(np.diff(turns).tolist()) <= {0, 6}
+
+
+def test_each_driver_is_let_in_for_eight_seconds_of_each_minute_and_neighbours_at_other_times() -> None:
+    world = world_of(road())
+    for i in range(3):
+        car(world, "a", 50.0 * i + 30.0)
+    followers, seen = _LaneFollowers(world), []
+    for decision in range(600):
+        world.frame = 5 * decision
+        seen.append(followers.drivers().is_let_in.tolist())
+    let_in = np.array(seen)
+    assert let_in.sum(axis=0).tolist() == [80, 80, 80]
+    begins = [np.flatnonzero(column & ~np.roll(column, 1)).tolist() for column in let_in.T]
+    assert [len(each) for each in begins] == [1, 1, 1]
+    assert len({each[0] for each in begins}) == 3

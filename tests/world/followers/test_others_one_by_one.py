@@ -120,6 +120,9 @@ def test_drivers_see_those_without_lanes_where_they_are_or_will_soon_be(
 ) -> None:
     world = busy_street(roads, seed)
     followers = _LaneFollowers(world)
+    may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
+    world.x[may_move & ~world.has_lane] += 3.0  # since the drivers came, whatever can move has moved
+    world.speed[(world.kind == Kind.EGO) & (world.speed == 0.0)] = 0.7
     drivers = followers.drivers()
     found, rows, num_driving = followers.others(drivers)
     columns = (rows, found.lane, found.s, found.tail, found.speed, found.accel, found.stands)
