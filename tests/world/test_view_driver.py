@@ -118,3 +118,23 @@ def test_driver_does_not_mention_a_light_far_ahead() -> None:
     world = world_of(roads, plan)
     row = car(world, "s", 10.0, speed=5.0)
     assert view(world, row).stop is Stop.NONE
+
+
+def test_driver_that_gives_way_at_a_green_light_names_no_light() -> None:
+    roads, plan = signalled(green=3000)
+    world = world_of(roads, plan)
+    left_behind = car(world, "sn", 12.0, desired_speed=0.0)
+    world.held[left_behind] = roads.row("sn")
+    row = car(world, "w", 180.0, speed=3.0)
+    run(world, 4.0)
+    seen = view(world, row)
+    assert (seen.stop, seen.rival_row, seen.light) == (Stop.RIGHT_OF_WAY, left_behind, -1)
+
+
+def test_question_what_a_driver_does_changes_nothing() -> None:
+    world = world_of(crossing())
+    rows = [car(world, lane, 185.0, speed=8.0) for lane in ("w", "s")]
+    before = world.digest()
+    for row in rows:
+        view(world, row)
+    assert world.digest() == before

@@ -177,3 +177,20 @@ def test_vehicle_that_leaves_its_lane_goes_on_as_it_moves() -> None:
     leave_lane(world, row)
     state = [float(each[row]) for each in (world.x, world.y, world.z, world.yaw, world.speed)]
     assert (world.has_lane[row], state) == (False, [30.0, 0.2, 0.5, 0.1, 7.0])
+
+
+@pytest.mark.parametrize("changes", [True, False])
+def test_vehicle_changes_lanes_and_wanders_only_as_it_was_put_there(*, changes: bool) -> None:
+    world = world_of(road())
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0))
+    keep_lane(world, row, 0, 30.0, changes_lanes=changes, wander=0.1 * changes)
+    assert (world.keeps_lane[row], world.wander_width[row]) == (not changes, 0.1 * changes)
+
+
+def test_row_of_a_vehicle_that_is_gone_keeps_to_no_lane() -> None:
+    world = world_of(road())
+    uid, _ = (world.spawn(Kind.VEHICLE, CAR, name="car", x=x, y=0.0) for x in (0.0, 20.0))
+    row = world.row(uid)
+    world.remove(uid)
+    with pytest.raises(ValueError, match="expected a vehicle in use"):
+        keep_lane(world, row, 0, 30.0)

@@ -59,12 +59,17 @@ def test_decision_is_that_of_the_model_for_the_first_place_that_a_body_leaves_no
     assert decide(world, row) == pytest.approx(by_the_model(SPEED, 10.0, gap, 0.0))
 
 
+@pytest.mark.parametrize("path_yaw", [0.0, 0.6])
 @pytest.mark.parametrize(("yaw", "lead"), [(0.0, 5.0), (0.7, 5.0 * math.cos(0.7)), (2.5, 0.0)])
-def test_lead_counts_with_its_speed_along_the_path_and_one_that_comes_stands(yaw: float, lead: float) -> None:
+def test_lead_counts_with_its_speed_along_the_path_and_one_that_comes_stands(
+    yaw: float, lead: float, path_yaw: float
+) -> None:
     world = World()
-    row = careful(world)
+    along = np.array([math.cos(path_yaw), math.sin(path_yaw)])
+    row = careful(world, path=np.array([[0.0, 0.0], 200.0 * along]))
     world.desired_speed[row] = 10.0
-    world.spawn(Kind.OBSTACLE, Body.box(0.4, 0.4, 1.0), name="b", x=25.0, y=0.0, yaw=yaw, speed=5.0)
+    x, y = 25.0 * along
+    world.spawn(Kind.OBSTACLE, Body.box(0.4, 0.4, 1.0), name="b", x=x, y=y, yaw=path_yaw + yaw, speed=5.0)
     turned = 0.2 + CAR.width / 2.0 + 0.4
     gap = next(
         0.5 * i

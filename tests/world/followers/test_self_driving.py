@@ -263,3 +263,12 @@ def test_vehicle_behind_sees_an_ego_that_changes_into_its_lane() -> None:
     assert world.x[row] - world.x[behind] > 0.0
     assert gap != world.x[row] - world.x[behind]
     assert not len(world.contacts)
+
+
+def test_ego_that_begins_anew_without_a_route_has_the_old_one_no_more() -> None:
+    world = world_of(make(a=(line((0, 0), (60, 0)), "b"), b=(line((60, 0), (160, 0)), "")))
+    row = ego(world, 10.0, 0.0)
+    assert start_self_driving(world, row, route=[0, 1])
+    assert world.routes
+    assert start_self_driving(world, row)
+    assert not world.routes
