@@ -3,28 +3,51 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from typing import Any
+
+import pytest
 
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
+from rosbridge_sim.simulator.sync.sync_table import SyncState
 from rosbridge_sim.world.state.world import World
 from tests.simulator.sim_harness import Client, SimHarness
+
+
+class Held(Client):
+    """A client whose input can wait.
+
+    Attributes:
+        num_holds: of its input at present.
+    """
+
+    num_holds = 0
+
+    def hold(self) -> Callable[[], None]:
+        self.num_holds += 1
+
+        def release() -> None:
+            self.num_holds -= 1
+
+        return release
 
 
 class Gated(SimHarness):
     """A simulator in synchronous mode whose gate is closed behind each frame.
 
     Attributes:
-        client: the master.
+        master: a client that ticks.
         answers: of the calls, in the order in which they came.
         closes: whether it closes the gate behind the frames that come.
     """
 
-    def __init__(self, time_step: int = 20) -> None:
-        super().__init__()
-        self.client_of_all = self.client()
-        self.client_of_all.start(time_step=time_step)
+    def __init__(self, time_step: int = 20, **settings: Any) -> None:  # noqa: ANN401 - those of the node
+        super().__init__(**settings)
+        self.master = Held(self.bus, "/master")
+        self.master.now = self.now
+        self.master.start(time_step=time_step)
         self.answers: list[dict[str, Any] | str] = []
         self.closes = True
         self.gate: FrameGate = self.node.context.gate
@@ -40,7 +63,7 @@ class Gated(SimHarness):
 
     def ask(self, service: str, client: Client | None = None, **args: Any) -> None:  # noqa: ANN401 - of the service
         """Call without waiting."""
-        self.bus.call(client or self.client_of_all, service, args, self._note, now=self.now)
+        self.bus.call(client or self.master, service, args, self._note, now=self.now)
         self.run(0.0)
 
     def _note(self, answer: Answer) -> None:
@@ -112,6 +135,29 @@ def test_call_for_several_steps_waits_behind_each_frame() -> None:
     assert (answer["result"], answer["steps"]) == (True, 2)
 
 
+@pytest.mark.parametrize("service", ["/SyncModeWaitForTick", "/sim/step", "/sim/spawn"])
+def test_caller_is_held_until_it_is_answered_and_its_silence_does_not_count(service: str) -> None:
+    harness = Gated(sync_lease=5.0)
+    master = harness.master
+    if service == "/sim/step":
+        harness.ask(service, user_id="me", n=1)
+    else:
+        harness.tick()
+    other = Held(harness.bus, "/other")
+    if service == "/sim/spawn":
+        harness.ask(service, other, objects=[{"model": "Child", "place": {"x": 100.0, "y": 300.0}}])
+    assert (master.num_holds, other.num_holds) == (1, service == "/sim/spawn")
+    harness.run(60.0)
+    assert harness.answers == []
+    assert harness.node.sync.state is SyncState.LED
+    harness.open()
+    assert (master.num_holds, other.num_holds) == (0, 0)
+    harness.run(4.9)
+    assert harness.node.sync.state is SyncState.LED
+    harness.run(0.2)
+    assert harness.node.sync.state is SyncState.FREE
+
+
 def test_gate_that_is_opened_within_its_frame_holds_nothing() -> None:
     harness = Gated(time_step=40)
     harness.node.context.hooks.after_frame.append(harness.gate.open)
@@ -161,7 +207,7 @@ def test_step_that_fails_refuses_the_ticks_that_wait_for_the_gate() -> None:
 
 def members(harness: Gated, *names: str) -> list[Client]:
     """Clients that have joined a barrier in place of the master."""
-    harness.client_of_all.stop()
+    harness.master.stop()
     clients = [harness.client() for _ in names]
     for client, name in zip(clients, names, strict=True):
         harness.ask("/sim/barrier/join", client, user_id=name)

@@ -305,6 +305,38 @@ def test_tick_of_all_waits_for_a_scenario_that_is_being_read() -> None:
     assert len(later) == 1
 
 
+@pytest.mark.parametrize("event", ["pause", "reset", "leave"])
+def test_tick_of_all_that_waits_is_refused_once_to_each_by_what_ends_it(event: str) -> None:
+    harness, (a, b) = members("a", "b", reader=ManualReader())
+    request = {"frame": 1, "file_name": "parked", **ALL}
+    harness.bus.call(harness.client(), "/SyncModeScenarioLoad", {"request": request}, lambda _: None, now=harness.now)
+    ends = [tick(a, harness, "a"), tick(b, harness, "b")]
+    assert ends == [[], []]
+    if event == "pause":
+        harness.client().ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+    elif event == "reset":
+        values(harness.client().call("/sim/reset", {}))
+    else:
+        a.leave()
+        b.leave()
+    harness.run(1.0)
+    if event != "leave":
+        assert [len(one) for one in ends] == [1, 1]
+    assert all(isinstance(each, dict) and not each["tick_status"] for one in ends for each in one)
+    assert harness.world.frame in {0, 50}
+
+
+def test_strict_frames_of_a_barrier_are_those_on_which_its_tick_ends() -> None:
+    harness = SimHarness(sync_frames="strict")
+    a, b = harness.client(), harness.client()
+    assert join(a, "a", time_step=60)["result"]
+    assert join(b, "b")["result"]
+    for frame in (3, 6):
+        ends = [tick(client, harness, name, frame) for client, name in ((a, "a"), (b, "b"))]
+        assert [one[0]["tick_status"] for one in ends if isinstance(one[0], dict)] == [True, True]
+        assert harness.world.frame == frame
+
+
 def test_failed_step_is_told_to_all_who_wait(monkeypatch: pytest.MonkeyPatch) -> None:
     harness, (a, b) = members("a", "b", on_world_failure="serve")
 
