@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.road_map import Projection, RoadMap
-from rosbridge_sim.scenarios.catalogue import find_model
+from rosbridge_sim.scenarios.catalogue import BUILT_IN
 from rosbridge_sim.scenarios.scenario import Driver, PhaseStart, Spawn
 from rosbridge_sim.scenarios.spawn_points import MAX_AT_ONCE, SpawnPoint
 from rosbridge_sim.simulator.bus.network_settings import InterfaceChoice, NetworkSettings
@@ -24,8 +24,7 @@ from tests.world.road_factory import signalled
 
 ROADS, PLAN = signalled()  # six lanes, of which the first is 190 m long; two phases of the intersection "I1"
 MAP = RoadMap("made", Projection(is_tm=False, zone=52), (0.0, 0.0, 0.0), ROADS, PLAN)
-CAR = find_model("2016_Hyundai_Ioniq")
-assert CAR is not None
+CAR = next(model for model in BUILT_IN.models if model.name == "2016_Hyundai_Ioniq")
 DRIVER = Driver(desired_speed=0.0, lane=0, s=0.0, route=(0, 5), lateral=-MAX_LATERAL)
 SPAWN = Spawn(Kind.VEHICLE, CAR, CAR.name, None, 1.0, 2.0, 3.0, 0.5, driver=DRIVER, start_within=MAX_COORDINATE)
 POINT = SpawnPoint(
@@ -113,7 +112,7 @@ def test_load_with_values_at_their_bounds_comes_back_as_it_was(changes: dict[str
 def test_load_that_its_map_could_not_carry_out_is_refused(part: str, changes: list[dict[str, Any]], said: str) -> None:
     for change in changes:
         with pytest.raises(DocumentError, match=said):
-            again(load_of(**{part: change}))
+            again(load_of(**{part: change}))  # type: ignore[arg-type] # the name of a part
 
 
 def test_map_without_lights_has_no_phase() -> None:

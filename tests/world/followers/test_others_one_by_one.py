@@ -100,7 +100,8 @@ def entries_of(world: World, row: int) -> list[Entry]:
 
 def seen_one_by_one(world: World, drivers: Drivers) -> tuple[list[Entry], list[Entry]]:
     """The entries of vehicles that drive, and those of all others."""
-    driving, rest = [], []
+    driving: list[Entry] = []
+    rest: list[Entry] = []
     for row in range(world.n):
         if not world.alive[row] or (world.has_lane[row] and world.start_within[row] == 0.0):
             continue
