@@ -33,7 +33,6 @@ from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.simulator.simulator_node import SimulatorNode
-from rosbridge_sim.simulator.sync.sync_table import SyncState
 
 try:
     import resource
@@ -150,7 +149,7 @@ class _Drive:
         context = node.context
 
         def stand(now: float) -> None:
-            if context.sync.state is SyncState.FREE:
+            if context.sync.is_free:
                 context.sync_driver.pause(now)
 
         context.hooks.on_mode_change.append(stand)
