@@ -83,8 +83,11 @@ class Run:
             one.heard.clear()
             one.raw.clear()
             one.told.clear()
+        gc.unfreeze()  # some that are replaced were made when the tests were collected
         gc.collect()
-        return Counter(type(one).__qualname__ for one in gc.get_objects())
+        counts = Counter(type(one).__qualname__ for one in gc.get_objects())
+        gc.freeze()
+        return counts
 
 
 def fingerprint(run: Run) -> tuple[str, RoadMap]:
