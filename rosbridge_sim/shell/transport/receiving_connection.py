@@ -225,7 +225,8 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         self._num_head += len(data) if end < 0 else end + len(_BLANK_LINE) - len(self._head)
         if self._num_head > MAX_EARLY:
             if not self.transport.is_closing():
-                self.transport.write(_TOO_LONG)
+                if not self.core.close_expected():  # else the library has refused it, and ended this side
+                    self.transport.write(_TOO_LONG)
                 self.transport.close()
             return b""
         if end < 0:

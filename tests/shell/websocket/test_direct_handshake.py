@@ -145,6 +145,19 @@ async def test_connection_without_a_whole_request_leaves_nothing(listen: Listen,
     writer.close()
 
 
+async def test_refused_request_that_goes_on_is_cut_off_in_silence(
+    listen: Listen, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = await listen(open_timeout=FOR_EVER)
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    writer.write(b"no request\r\n")
+    assert await rest_of(reader) == b""  # the library has ended its side
+    writer.write(b"x" * (MAX_EARLY + 1))
+    await until(lambda: not server._tables.sockets)
+    assert [record for record in caplog.records if record.exc_info] == []
+    writer.close()
+
+
 async def test_open_connection_outlives_the_time_for_the_request(listen: Listen) -> None:
     server = await listen(open_timeout=0.02)
     reader, writer = await open_raw(server.port)
