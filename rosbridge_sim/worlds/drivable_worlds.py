@@ -101,7 +101,8 @@ class DrivableWorlds:
         """
         if not set(names) <= set(EGO_FIGURES):
             raise ValueError(f"names: expected those of {', '.join(EGO_FIGURES)}, got {', '.join(names)}")
-        return {name: self._egos.gather(name) for name in names}
+        egos = self._egos
+        return {name: egos.gather(name) for name in names}
 
     def others(self, num: int, out: FloatArray | None = None) -> FloatArray:
         """Return the entities nearest to each ego, the nearest first.

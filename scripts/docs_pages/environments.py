@@ -97,9 +97,10 @@ observation by row, its reward and its end, and what drivers reach. `RemoteDrive
 server.
 
 *Random* draws each action anew. *By rule* is the driver of `scripts/examples/drive_environments.py`: it steers to the
-lane's line 10 m ahead, wants the target speed, keeps gaps, stops at red lights, gives way to nobody, and in
-`Parking-v0` reverses in an arc. Figures are means over 16 episodes with the seeds 0 to 15: sum of rewards, time and
-distance until the end, and shares of episodes that ended by arriving and by a failure.
+lane's line 10 m ahead, wants the target speed, slows down for bends, keeps gaps, stops at red lights, gives way to
+those who will be on its way first, and in `Parking-v0` reverses in an arc. Figures are means over 16 episodes with the
+seeds 0 to 15: sum of rewards, time and distance until the end, and shares of episodes that ended by arriving and by a
+failure.
 """
 
 

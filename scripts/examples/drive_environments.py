@@ -1,7 +1,8 @@
 """Drive the environments for Gymnasium with random actions and by a rule, and print what both reach.
 
-The rule steers towards the line of the lane 10 m ahead (pure pursuit), wants the target speed, keeps a gap of 1.2 s and
-8 m to what is ahead, and stops at red lights. In `Parking-v0` it drives past its bay and reverses into it in an arc.
+The rule steers towards the line of the lane 10 m ahead (pure pursuit), wants the target speed, slows down for bends,
+keeps a gap of 1.2 s and 2 m to what is on its way, and stops at red lights. It gives way to those who will be on its
+way before it, as if they went straight on. In `Parking-v0` it drives past its bay and reverses into it in an arc.
 Needs the extra `gym`.
 
     python scripts/examples/drive_environments.py --episodes 16
@@ -21,7 +22,9 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from rosbridge_sim.environments.actions import MAX_ACCEL
 from rosbridge_sim.environments.driving_task import DrivingTask
+from rosbridge_sim.environments.observations import AHEAD
 from rosbridge_sim.environments.registration import TASKS, register_all
 
 NUM_LANE, NUM_LIGHT = 15, 2
@@ -30,6 +33,20 @@ NUM_LANE, NUM_LIGHT = 15, 2
 NOSE = 3.6
 """From the rear axle to the front bumper [m]."""
 
+LATERAL = 2.0
+"""Lateral acceleration in bends [m/s^2]."""
+
+SCALES = np.array([1.0, 100.0, 100.0, 40.0, 40.0, 1.0, 1.0, 20.0, 5.0])
+"""Bounds of the figures of `Others`, which normalised ones are divided by."""
+
+WAYS_OF_LINE = np.array(AHEAD)
+TIMES = np.arange(0.0, 3.1, 0.5)
+"""Times for which the rule foresees where the others are [s]."""
+
+_KNOTS = np.array([0.0, *AHEAD])
+BETWEEN = (np.vander(np.arange(41.0), 5) @ np.linalg.inv(np.vander(_KNOTS, 5)))[:, 1:]
+"""(41, 4) from the places of the lane's line to one for each metre: the polynomial through them, and through 0."""
+
 Policy = Callable[[Any], Any]
 
 
@@ -37,23 +54,65 @@ def by_rule(seen: Any, task: DrivingTask) -> Any:  # noqa: ANN401 - arrays
     """Return actions (n, 2) for observations (n, ...)."""
     forward, left, speed = 40.0 * seen[:, 9], 40.0 * seen[:, 10], 40.0 * seen[:, 0]
     steering = 12.0 * left / np.maximum(forward**2 + left**2, 1.0)
-    accel = (task.target_speed - speed) / 8.0
+    line = 40.0 * seen[:, 7:NUM_LANE].reshape(len(seen), -1, 2)
+    accel = np.minimum((task.target_speed - speed) / 2.0, slow_down_for_bends(line, speed))
     begin = NUM_LANE + NUM_LIGHT * task.lights
     if task.lights:
         room = 100.0 * seen[:, NUM_LANE] - NOSE - 1.0
         may_stop = speed**2 < 2.0 * 3.0 * np.maximum(room, 0.0)
         brakes = -np.square(speed) / (2.0 * np.maximum(room, 0.3))
         must_stop = (seen[:, NUM_LANE + 1] > 0.0) & may_stop & (room < 40.0)
-        accel = np.where(must_stop, np.minimum(accel, np.where(brakes < -1.0, brakes / 4.0, accel)), accel)
-        accel = np.where(must_stop & (room < 1.0), -1.0, accel)
+        accel = np.where(must_stop, np.minimum(accel, np.where(brakes < -1.0, brakes, accel)), accel)
+        accel = np.where(must_stop & (room < 1.0), -MAX_ACCEL, accel)
     if seen.shape[1] > begin:
-        is_there, x, y, vx = (seen[:, begin:].reshape(len(seen), -1, 9)[..., i] for i in range(4))
-        is_ahead = (is_there > 0.0) & (x > 0.0) & (np.abs(100.0 * y) < 2.0)
-        gap = np.where(is_ahead, 100.0 * x, np.inf).min(axis=1)
-        closing = np.where(is_ahead, -40.0 * vx, 0.0).max(axis=1)
-        wanted = np.where(np.isfinite(gap), 0.3 * (gap - 8.0 - 1.2 * speed) - 0.6 * closing, np.inf)
-        accel = np.minimum(accel, wanted / 4.0)
-    return np.clip(np.stack([steering, accel], axis=1), -1.0, 1.0)
+        others = seen[:, begin:].reshape(len(seen), -1, 9) * SCALES
+        accel = np.minimum(accel, follow(line, speed, others))
+    return np.clip(np.stack([steering, accel / MAX_ACCEL], axis=1), -1.0, 1.0)
+
+
+def slow_down_for_bends(line: Any, speed: Any) -> Any:  # noqa: ANN401 - arrays
+    """Return the accelerations (n,) with which bends are slow enough [m/s^2].
+
+    Args:
+        line: (n, 4, 2) places of the lane's line ahead [m].
+        speed: (n,) [m/s].
+    """
+    places = np.concatenate([np.zeros_like(line[:, :1]), line], axis=1)
+    steps = np.diff(places, axis=1)
+    turns = np.abs(np.diff(np.unwrap(np.arctan2(steps[..., 1], steps[..., 0]), axis=1), axis=1))
+    lengths = np.hypot(steps[..., 0], steps[..., 1])
+    curvature = turns / np.maximum(0.5 * (lengths[:, :-1] + lengths[:, 1:]), 1.0)
+    allowed = LATERAL / np.maximum(curvature, 1e-3)
+    return ((allowed - speed[:, None] ** 2) / (2.0 * np.maximum(WAYS_OF_LINE[:-1] - 3.0, 1.0))).min(axis=1)
+
+
+def follow(line: Any, speed: Any, others: Any) -> Any:  # noqa: ANN401 - arrays
+    """Return the accelerations (n,) that keep gaps to those who are on the way, or will be before the ego [m/s^2].
+
+    Args:
+        line: (n, 4, 2) places of the lane's line ahead [m].
+        speed: (n,) [m/s].
+        others: (n, m, 9) in SI units.
+    """
+    # All figures have the axes (n, others, parts of a body, times).
+    is_there, x, y, vx, vy, cos, sin, length, width = np.moveaxis(others, -1, 0)[..., None, None]
+    speed = speed[:, None, None, None]
+    vx = vx + speed
+    part = 0.5 * length * np.array([-1.0, 0.0, 1.0])[:, None]
+    places = np.stack([x + part * cos + vx * TIMES, y + part * sin + vy * TIMES], axis=-1)
+    way = np.einsum("wk,nkc->nwc", BETWEEN, line)
+    away = np.square(places.reshape(len(line), -1, 1, 2) - way[:, None]).sum(axis=-1)
+    nearest, apart = away.argmin(axis=2), np.sqrt(away.min(axis=2))
+    tangent = np.take_along_axis(np.gradient(way, axis=1), nearest[..., None], axis=1).reshape(places.shape)
+    nearest, apart = nearest.reshape(places.shape[:-1]), apart.reshape(places.shape[:-1])
+    is_behind = (x < 0.0) & (np.abs(y) < 1.5)
+    is_on = (is_there > 0.0) & ~is_behind & (apart < 1.3 + 0.5 * width) & (nearest > NOSE)
+    room = np.maximum(nearest - NOSE, 0.0)
+    comes_first = is_on & (room / np.maximum(speed, 1.0) + 0.5 >= TIMES)
+    pace = np.maximum(tangent[..., 0] * vx + tangent[..., 1] * vy, 0.0)
+    gap = room - pace * TIMES  # to where it would be now, had it always been on the way
+    wanted = 0.3 * (gap - 2.0 - 1.2 * speed) - 0.6 * (speed - pace)
+    return np.where(comes_first, np.maximum(wanted, -MAX_ACCEL), np.inf).min(axis=(1, 2, 3))
 
 
 class ParkByRule:

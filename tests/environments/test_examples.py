@@ -118,3 +118,48 @@ def test_rule_crosses_the_junction_and_no_red_light(monkeypatch: pytest.MonkeyPa
     found = module.drive(name, lambda seen: module.by_rule(seen, module.TASKS[name]), 2)
     assert found["failed"] == 0.0
     assert found["metres"] > 50.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["Merge-v0", "Roundabout-v0", "Drive-v0"])
+def test_rule_drives_without_a_failure(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = load("drive_environments", monkeypatch)
+    module.register_all()
+    task = module.TASKS[f"rosbridge_sim/{name}"]
+    found = module.drive(f"rosbridge_sim/{name}", lambda seen: module.by_rule(seen, task), 4)
+    assert (found["failed"], found["seconds"]) == (0.0, task.duration)
+    assert found["metres"] > 0.5 * task.duration * task.target_speed
+
+
+STRAIGHT = [[5.0, 0.0], [10.0, 0.0], [20.0, 0.0], [40.0, 0.0]]
+
+
+def test_rule_slows_down_for_a_bend_and_not_on_a_straight(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = load("drive_environments", monkeypatch)
+    angles = np.array([5.0, 10.0, 20.0, 40.0]) / 25.0
+    bend = 25.0 * np.stack([np.sin(angles), 1.0 - np.cos(angles)], axis=1)
+    straight, fast, slow = module.slow_down_for_bends(np.array([STRAIGHT, bend, bend]), np.array([12.0, 12.0, 5.0]))
+    assert straight > module.MAX_ACCEL
+    assert fast < -module.MAX_ACCEL
+    assert slow > 0.0
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "speed", "yaw", "brakes"),
+    [
+        (25.0, 0.0, 0.0, 0.0, True),  # stands ahead
+        (25.0, 3.5, 0.0, 0.0, False),  # stands in the next lane
+        (25.0, 12.0, 8.0, -0.5 * np.pi, True),  # will cross before the ego is there
+        (25.0, 30.0, 8.0, -0.5 * np.pi, False),  # will cross behind it
+        (-10.0, 0.0, 15.0, 0.0, False),  # behind, faster
+    ],
+)
+def test_rule_gives_way_to_those_who_come_first(
+    x: float, y: float, speed: float, yaw: float, *, brakes: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = load("drive_environments", monkeypatch)
+    ego = 10.0
+    vx, vy = speed * np.cos(yaw) - ego, speed * np.sin(yaw)
+    others = np.array([[[1.0, x, y, vx, vy, np.cos(yaw), np.sin(yaw), 4.5, 1.8], [0.0] * 9]])
+    accel = module.follow(np.array([STRAIGHT]), np.array([ego]), others)[0]
+    assert (accel < -1.0) == brakes
