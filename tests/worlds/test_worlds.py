@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from functools import partial
+
 import numpy as np
 import pytest
 
-from rosbridge_sim import Worlds
+import rosbridge_sim
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.shell.files.library import DiskLibrary
@@ -15,12 +18,17 @@ from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import Dynamics, Gear, Kind, Mode, World
 from tests.simulator.sim_harness import Client, make_store
 
+LIBRARY = DiskLibrary()
+
+Worlds = partial(rosbridge_sim.Worlds, library=LIBRARY)
+"""Each map is read once for all tests."""
+
 PEDALS = {"steering": 0.02, "throttle": 0.4, "brake": 0.0}
 
 
 def digests_of_server(seed: int, num_frames: int, traffic: int) -> str:
     """Drive a server's world in synchronous mode with the pedals of `PEDALS`."""
-    library, bus, world = DiskLibrary(), Bus(make_store()), World(seed, Dynamics.SINGLE_TRACK)
+    library, bus, world = LIBRARY, Bus(make_store()), World(seed, Dynamics.SINGLE_TRACK)
     settings = NodeSettings(start_mode="external", traffic=traffic, start="sync")
     make_node(bus, world, library, library.opening_scenario("loop"), settings)
     client = Client(bus, "/master")
@@ -171,7 +179,8 @@ def test_wrong_wishes_are_refused() -> None:
 
 @pytest.mark.slow
 def test_lights_are_those_ahead_of_each_ego() -> None:
-    worlds, alone = Worlds("town", 3, seed=1), Worlds("town", seed=2)
+    town = replace(LIBRARY.scenario("town"), vehicles=())
+    worlds, alone = Worlds(town, 3, seed=1), Worlds(town, seed=2)
     lights = worlds.lights()
     assert 60.0 < lights["distance"][1, 0] < 80.0  # from x = -86 m to the junction at x = -14 m
     states: set[float] = set()
