@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.drivers.driver_perception import Sight, Stop, _Look, observe
+from rosbridge_sim.world.drivers.driver_perception import Sight, Stop, _find_rival, _Look, observe, perceive
 from rosbridge_sim.world.drivers.lane_entries import Entries
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from tests.world.drivers.random_drivers import Situation, situation
-from tests.world.road_factory import built_in, line, make
+from tests.world.road_factory import built_in, crossing, line, make
 
 NONE = -1
 
@@ -290,3 +290,30 @@ def test_view_of_a_driver_tells_what_it_stops_for_as_one_by_one(seed: int, maps:
         same = again(case)
         found = observe(case.conflicts, may_enter, same.drivers, same.others, same.num_moving, which=i)
         assert found == sight_of(again(case), may_enter, i)
+
+
+def test_rival_of_a_driver_is_another_driver_before_any_other_vehicle_and_never_itself() -> None:
+    conflicts = LaneConflicts(crossing())
+    through, across = 1, 4
+    drivers = situation(conflicts, 0, num=3).drivers
+    nobody, vehicles = np.array([0, 3]), np.array([0, across])
+    for held, claim, moving, expected in [
+        ([across, NONE, NONE], [NONE, NONE, NONE], nobody, NONE),
+        ([across, NONE, NONE], [NONE, NONE, across], vehicles, 2),
+        ([NONE, across, NONE], [across, NONE, across], vehicles, 1),
+        ([NONE, NONE, NONE], [across, NONE, NONE], vehicles, 4),
+    ]:
+        drivers.held[:], drivers.claim[:] = held, claim
+        assert _find_rival(conflicts, drivers, moving, through, 0) == expected
+
+
+def test_perception_begins_with_the_holds_of_those_that_have_come_or_gone() -> None:
+    conflicts = LaneConflicts(crossing())
+    case = situation(conflicts, 0, num=2)
+    drivers, nobody = case.drivers, case.others.first(0)
+    drivers.lanes[:, 0], drivers.lanes[:, 1] = [1, 2, -1, -1, -1, -1], [5, -1, -1, -1, -1, -1]
+    drivers.arc[:], drivers.speed[:] = [5.0, 60.0], 5.0
+    drivers.point[:] = conflicts.roads.locate(drivers.lanes[0], drivers.arc)[0]
+    drivers.claim[:], drivers.held[:] = [1, NONE], [NONE, 4]
+    perceive(conflicts, np.ones(6, dtype=np.bool_), drivers, nobody, 0)
+    assert (drivers.claim.tolist(), drivers.held.tolist()) == ([NONE, NONE], [1, NONE])
