@@ -7,6 +7,7 @@ import math
 import pytest
 
 from rosbridge_sim.world.drivers.driver_model import STOP_GAP
+from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers.lane_following import DriverView, Stop, view_driver
 from rosbridge_sim.world.state.world import Body, Kind, World
 from tests.world.lane_drives import NOSE, lane_of, run, to_line, world_of
@@ -41,6 +42,9 @@ def test_driver_alone_follows_nothing_and_stops_for_nothing() -> None:
 def test_what_follows_no_lane_is_no_driver() -> None:
     world = world_of(road())
     assert view_driver(world, ego(world, 0.0, 0.0)) is None
+    waiting = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=7.0))
+    keep_lane(world, waiting, 0, 30.0, start_within=25.0)
+    assert view_driver(world, waiting) is None
 
 
 def test_driver_behind_a_slower_one_follows_it_with_its_gap() -> None:

@@ -86,7 +86,7 @@ class RouteChoice:
         if not len(self.route):
             return chosen
         length = self.length[which]
-        index = np.where(self.is_loop[which] & (length > 0), turn % np.maximum(length, 1), turn)
+        index = np.where(self.is_loop[which], turn % np.maximum(length, 1), turn)
         is_on_route = index < length
         if np.count_nonzero(is_on_route):
             first = self.first[which[is_on_route]]
@@ -105,7 +105,7 @@ class RouteChoice:
             turn: (k,) int64, as in `choose`.
         """
         length = self.length[which]
-        index = np.where(self.is_loop[which] & (length > 0), turn % np.maximum(length, 1), turn)
+        index = np.where(self.is_loop[which], turn % np.maximum(length, 1), turn)
         wanted = np.full(len(which), -1, dtype=np.int64)
         has_one = index < length
         wanted[has_one] = self.route[self.first[which[has_one]] + index[has_one]]

@@ -123,7 +123,7 @@ def _along(world: World, lines: _Lines, rows: IntArray) -> FloatArray:
         now = leg * _turn(curve, arc - start, end - start, half), up
         past = leg * _turn(curve, then - start, end - start, old_half), up
     # Far enough from both ends of a leg, the direction is that of the leg.
-    is_bent = (then - old_half < start) | (arc - half < start) | (arc + half > end)
+    is_bent = (then - old_half < start) | (arc + half > end)
     bent = (is_bent & (speed + before > 0.0)).nonzero()[0]
     if len(bent):
         past = past[0].copy(), up.copy()

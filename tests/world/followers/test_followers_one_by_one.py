@@ -7,6 +7,7 @@ import pytest
 
 from rosbridge_sim.world.drivers.driver_model import accelerate
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
+from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers.lane_following import _find_passed_first, _LaneFollowers
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
@@ -204,3 +205,35 @@ def test_each_driver_is_let_in_for_eight_seconds_of_each_minute_and_neighbours_a
     begins = [np.flatnonzero(column & ~np.roll(column, 1)).tolist() for column in let_in.T]
     assert [len(each) for each in begins] == [1, 1, 1]
     assert len({each[0] for each in begins}) == 3
+
+
+def test_way_along_a_lane_is_that_of_those_beside_it_and_aslant_of_it() -> None:
+    rng, num, dt = np.random.default_rng(2), 40, 0.02
+    world = world_of(make(a=(arc(0, 0, 100, 0, 180), "b"), b=(arc(0, 0, 100, 180, 180), "a")))
+    for i in range(num):
+        row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0, speed=float(rng.uniform(0.0, 20.0))))
+        keep_lane(world, row, i % 2, 15.0 * (i // 2) + 5.0, wander=0.2 * (i % 4 == 0))
+    for column, most in [
+        (world.lateral, 4.0),
+        (world.drift, 0.3),
+        (world.drift_rate, 1.0),
+        (world.wander, 0.3),
+        (world.wander_slope, 0.2),
+        (world.wander_slope_rate, 1.0),
+        (world.yaw_rate, 2.0),
+    ]:
+        column[:num] = rng.uniform(-most, most, num)
+    followers, step = _LaneFollowers(world), rng.uniform(0.0, 0.3, num)
+    followers.shifted = np.arange(0, num, 2)
+    found = followers._along(step[::2], dt)
+    for k, row in enumerate(range(0, num, 2)):
+        turned = world.drift[row] + world.drift_rate[row] * dt + world.wander_slope[row]
+        bend = world.yaw_rate[row] - world.drift_rate[row] - world.wander_slope_rate[row]
+        way = float(step[row])
+        beside = min(max(float(bend * world.lateral[row]) * dt, -0.5 * way), 0.5 * way)
+        assert found[k] == pytest.approx(way * np.cos(turned) + beside)
+    wanders = followers.wander.which
+    assert wanders.tolist() == list(range(0, num, 4))
+    beside_line = followers._way_beside(dt)
+    bends = world.yaw_rate - world.drift_rate - world.wander_slope_rate
+    assert beside_line[wanders] == pytest.approx((bends * dt * world.wander)[wanders])

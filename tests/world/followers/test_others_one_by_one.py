@@ -55,6 +55,8 @@ def busy_street(roads: tuple[Roads, SignalPlan], seed: int) -> World:
         world.accel[row] = rng.uniform(-2.0, 2.0)
         world.loose[row] = rng.choice([0.0, 2.0])
     for row in rows:
+        if rng.random() < 0.3:  # almost on the other side
+            world.arc[row] += 0.9 * find_ways_over(world)[0][row] * max(world.speed[row], 0.5)
         if world.yields[row] >= COMMITTED:  # one that is about to be passed, or has been
             near = world.x[row] - CAR.length + rng.uniform(-14.0, 6.0)
             car(world, str(rng.choice(["a", "b"])), near, speed=float(rng.choice([0.0, 4.0, 14.0])))

@@ -126,6 +126,10 @@ def test_only_an_ego_can_drive_itself() -> None:
     world = world_of(road())
     with pytest.raises(ValueError, match="not driven"):
         start_self_driving(world, car(world, "a", 10.0))
+    row, _ = (ego(world, x, 0.0) for x in (30.0, 60.0))
+    world.remove(int(world.uid[row]))
+    with pytest.raises(ValueError, match="not driven"):
+        start_self_driving(world, row)
 
 
 def test_ego_goes_on_as_it_moves_when_self_driving_ends() -> None:
@@ -272,3 +276,23 @@ def test_ego_that_begins_anew_without_a_route_has_the_old_one_no_more() -> None:
     assert world.routes
     assert start_self_driving(world, row)
     assert not world.routes
+
+
+@pytest.mark.parametrize("heading", [0.5 * math.pi, -2.5])
+def test_ego_drives_itself_and_changes_lanes_on_a_road_of_any_direction(heading: float) -> None:
+    way = np.array([math.cos(heading), math.sin(heading)])
+    left = np.array([-way[1], way[0]])
+    lines = [
+        np.append(np.array([s * way + aside * left for s in (0.0, 200.0)]), np.zeros((2, 1)), 1) for aside in (0.0, 3.5)
+    ]
+    world = world_of(Roads(["R", "L"], lines, [[], []], [3.5] * 2, [15.0] * 2, left=[1, -1], right=[-1, 0]))
+    x, y = 50.0 * way + 0.4 * left
+    row = ego(world, x, y, yaw=heading)
+    assert start_self_driving(world, row)
+    assert (world.lane[row], world.arc[row]) == (0, pytest.approx(50.0))
+    world.lateral_to[row] = world.lateral_push[row] = world.lateral_bend[row] = 0.1
+    assert change_lane(world, row, LEFT)
+    assert (world.lane[row], world.arc[row]) == (1, pytest.approx(50.0))
+    assert (world.lateral[row], world.lateral_from[row]) == (pytest.approx(-3.1), pytest.approx(-3.1))
+    assert world.lateral_to[row] == world.lateral_push[row] == world.lateral_bend[row] == 0.0
+    assert (world.lateral_left[row], world.leaving[row], world.came_from[row]) == (1.0, 2 - LEFT, 2 - LEFT)

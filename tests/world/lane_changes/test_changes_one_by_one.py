@@ -230,6 +230,22 @@ def test_vehicle_that_begins_a_change_belongs_to_the_other_lane_where_it_is(side
     assert abs(float(world.drift[row])) < 0.05
 
 
+def test_vehicle_that_begins_a_change_in_a_bend_steers_along_its_new_lane() -> None:
+    world = world_of(wide_ring(3, radius=60.0))
+    row = car(world, "a1", 70.0, speed=8.0)
+    stands_at = world.roads.at([1], [100.0])[0][0]
+    ego(world, float(stands_at[0]), float(stands_at[1]))
+    world.change[row], world.signal[row] = LaneChange.AROUND, LEFT + 1
+    followers, decisions = _LaneFollowers(world), 0
+    while not world.leaving[row]:
+        world.frame = FRAME + 5 * decisions
+        followers.decide()
+        decisions += 1
+        assert decisions < 10
+    assert world.lane[row] == 0
+    assert world.yaw_rate[row] == pytest.approx(8.0 / 61.75, rel=0.2)  # about that of either lane
+
+
 @pytest.mark.parametrize("old", [LEFT, RIGHT])
 def test_driver_on_its_way_stops_to_accelerate_before_it_would_have_to_brake(old: int) -> None:
     """What stands is a little on its side of the lane that it leaves."""
