@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from scripts.mutate import TESTS, files_of, known_survivors
+from scripts.mutate import FEW, TESTS, are_enough, files_of, known_survivors
 from scripts.mutation.mutants import mutants_of, mutate
 from scripts.mutation.warm_tests import PACKAGE, ROOT, Target
 
@@ -84,6 +84,13 @@ def test_each_mutant_that_lives_for_a_reason_is_one_of_its_file() -> None:
     changes = {(target.file, target.line_of(mutant), mutant.change) for target in targets for mutant in target.mutants}
     assert set(survivors) - changes == set()
     assert all(len(reason) > 20 for reason in survivors.values())
+
+
+def test_share_below_the_least_one_is_a_failure_unless_few_were_tried() -> None:
+    assert [are_enough(100, good, 80.0) for good in (79, 80, 100)] == [False, True, True]
+    assert are_enough(FEW - 1, 0, 80.0)
+    assert not are_enough(FEW, 0, 80.0)
+    assert are_enough(FEW, 0, 0.0)
 
 
 def _constant_lines(source: str) -> set[int]:

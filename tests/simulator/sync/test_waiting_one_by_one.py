@@ -137,4 +137,4 @@ def test_commands_are_carried_out_behind_the_frames_that_were_owed_when_they_cam
     for _ in range(200):
         model.act()
         model.check()
-    assert model.frame > 40
+    assert model.frame > 20

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.lane_position import (
+    MAX_LATERAL,
+    MAX_WANDER,
     LaneStart,
     headings,
     headings_ahead,
@@ -33,6 +35,12 @@ from tests.world.road_factory import CAR, built_in, car, crossing, ego, line, ma
         ({"s": math.nan}, "s and desired_speed"),
         ({"desired_speed": -1.0}, "s and desired_speed"),
         ({"desired_speed": math.nan}, "s and desired_speed"),
+        ({"lateral": 1.01 * MAX_LATERAL}, "lateral: expected a number within"),
+        ({"lateral": math.nan}, "lateral: expected a number within"),
+        ({"wander": 1.01 * MAX_WANDER}, "wander: expected a number within"),
+        ({"wander": -0.01}, "wander: expected a number within"),
+        ({"start_within": -0.1}, "start_within: expected at least 0 m"),
+        ({"start_within": math.inf}, "start_within: expected at least 0 m"),
         ({"route": [1, 3]}, "route: expected to begin with lane 0"),
         ({"route": [0, 1, 2]}, "lane 2 does not follow lane 1"),
         ({"route": [0, 99]}, "lane 99 does not follow lane 0"),
@@ -194,3 +202,10 @@ def test_row_of_a_vehicle_that_is_gone_keeps_to_no_lane() -> None:
     world.remove(uid)
     with pytest.raises(ValueError, match="expected a vehicle in use"):
         keep_lane(world, row, 0, 30.0)
+
+
+def test_greatest_offset_and_wander_can_be_had() -> None:
+    world = world_of(road())
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0))
+    keep_lane(world, row, 0, 30.0, lateral=-MAX_LATERAL, wander=MAX_WANDER)
+    assert (world.lateral[row], world.wander_width[row]) == (-MAX_LATERAL, MAX_WANDER)

@@ -135,12 +135,12 @@ def test_driver_turns_by_the_way_up_to_the_next_decision_or_to_its_stand(
     assert world.lateral_accel[row] == pytest.approx(world.yaw_rate[row] * speed)
 
 
-@pytest.mark.parametrize("is_gap_between", [False, True])
-def test_decision_brings_accelerations_nearer_to_what_drivers_want_by_their_reaction(*, is_gap_between: bool) -> None:
+@pytest.mark.parametrize("num_between", [0, 1, 2])
+def test_decision_brings_accelerations_nearer_to_what_drivers_want_by_their_reaction(num_between: int) -> None:
     world, rng = world_of(road()), np.random.default_rng(1)
     for i in range(6):
-        if is_gap_between and i == 3:
-            world.spawn(Kind.OBSTACLE, CAR, name="box", x=300.0, y=40.0)
+        for k in range(num_between if i == 3 else 0):
+            world.spawn(Kind.OBSTACLE, CAR, name="box", x=300.0 + 20.0 * k, y=40.0)
         row = car(world, "a", 60.0 * i + 30.0, speed=float(rng.uniform(0.0, 14.0)))
         world.accel[row] = rng.uniform(-2.0, 2.0)
     world.frame = 5
@@ -237,3 +237,13 @@ def test_way_along_a_lane_is_that_of_those_beside_it_and_aslant_of_it() -> None:
     beside_line = followers._way_beside(dt)
     bends = world.yaw_rate - world.drift_rate - world.wander_slope_rate
     assert beside_line[wanders] == pytest.approx((bends * dt * world.wander)[wanders])
+
+
+def test_driver_that_stands_does_not_turn() -> None:
+    world = world_of(road())
+    row = car(world, "a", 50.0)
+    world.yaw[row] += 0.1
+    followers = _LaneFollowers(world)
+    for accel, turn in ((0.0, 0.0), (-1.0, 0.0), (1.0, -1.0)):
+        followers._steer(followers.drivers().lanes, np.array([0.0]), np.array([accel]))
+        assert (world.yaw_rate[row], world.lateral_accel[row]) == (pytest.approx(turn), 0.0)

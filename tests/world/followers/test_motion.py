@@ -19,6 +19,7 @@ from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.placement import place_ghost, show_ghosts, teleport
 from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
+from tests.world.lane_drives import world_of
 from tests.world.road_factory import CAR, arc, built_in, car, line, make, signalled
 
 MAN = Body.box(0.5, 0.6, 1.75)
@@ -288,3 +289,49 @@ def test_restored_snapshot_has_the_same_motion() -> None:
 
 def test_no_entities_give_no_rows() -> None:
     assert motion(World(), np.array([], dtype=np.int64)).shape == (6, 0)
+
+
+# Many at once
+
+
+def test_motion_of_many_rows_of_all_sorts_is_that_of_each_alone() -> None:
+    world, rng = (
+        world_of(make(a=(arc(0, 0, 12, 0, 90), "b"), b=(line((0, 12), (-20, 12), (-20, -30)), ""))),
+        np.random.default_rng(4),
+    )
+    far = BENT + np.array([50.0, 0.0])
+    for i in range(8):
+        row = car(world, "ab"[i % 2], 2.0 * i + 1.0, speed=float(rng.choice([0.0, 5.0])))
+        world.yaw[row] += 0.05
+        world.drift[row], world.drift_rate[row] = rng.choice([0.0, 0.1], 2)
+        npc(world, x=50.0, path=far, speed=3.0)
+        npc(world, kind=Kind.PEDESTRIAN, body=MAN, x=50.0, path=far, speed=1.5, is_loop=True)
+    for _ in range(13):
+        step(world)
+    rows = rng.permutation(world.n)
+    together = motion(world, rows)
+    for i, row in enumerate(rows.tolist()):
+        assert together[:, i].tolist() == motion(world, np.array([row]))[:, 0].tolist()
+
+
+def test_driver_that_moves_aslant_of_its_lane_has_a_velocity_to_that_side() -> None:
+    world = world_of(make(a=(line((0, 0), (100, 0)), "")))
+    row = car(world, "a", 30.0, speed=10.0)
+    for drift, rate, slope in [(0.1, 0.0, 0.0), (0.0, 0.0, 0.1), (0.06, 1.0, 0.04), (0.0, 1.0, 0.0)]:
+        world.drift[row], world.drift_rate[row], world.wander_slope[row] = drift, rate, slope
+        forward, left, _, ahead, aside, _ = motion(world, np.array([row]))[:, 0].tolist()
+        angle, before = drift + slope, drift + slope - 0.02 * rate
+        assert (forward, left) == (pytest.approx(10.0 * math.cos(angle)), pytest.approx(10.0 * math.sin(angle)))
+        assert ahead == pytest.approx(500.0 * (math.cos(angle) - math.cos(before)), abs=1e-6)
+        assert aside == pytest.approx(500.0 * (math.sin(angle) - math.sin(before)), abs=1e-6)
+
+
+def test_direction_in_a_corner_sharper_than_a_right_angle_is_shorter_than_one() -> None:
+    world = World()
+    back = np.array([[0.0, 0.0], [10.0, 0.0], [0.0, 0.5]])
+    row = npc(world, path=back, speed=1.0)
+    world.arc[row] = 10.0
+    world.leg_start[row], world.leg_end[row] = 0.0, 10.0
+    forward, left = motion(world, np.array([row]))[:2, 0]
+    # Its ends, 1 m before and behind the corner, are 0.05 m from each other: over 0.7 of the span of 2 m.
+    assert math.hypot(forward, left) == pytest.approx(0.05 / 1.4, abs=0.01)
