@@ -548,8 +548,8 @@ ROWS: tuple[Row, ...] = (
         flags=("--sensors", "teaching"),
     ),
     Row(
-        "ten ticks of 20 egos with a camera and a lidar, all heard",
-        lambda: [calls("/SyncModeWaitForTick", 10, {"request": {"user_id": "m"}})],
+        "five ticks of 20 egos with a camera and a lidar, all heard",
+        lambda: [calls("/SyncModeWaitForTick", 5, {"request": {"user_id": "m"}})],
         before=[
             crowds.egos_at_once(20),
             {

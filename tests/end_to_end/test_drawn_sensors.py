@@ -50,13 +50,11 @@ async def test_camera_and_lidar_come_before_the_answer_and_repeat_to_the_byte(se
     runs = []
     for _ in range(2):
         client = await connect(serve("--start", "sync", "--scenario", "loop", "--sensors", "teaching").url)
-        runs.append(await drive(client, 10))
+        runs.append(await drive(client, 5))
     first, second = runs
     assert [(name, message["header"]["seq"]) for name, message in first] == [
         *((IMAGE, seq) for seq in (2, 4, 5)),
         (POINTS, 5),
-        *((IMAGE, seq) for seq in (7, 9, 10)),
-        (POINTS, 10),
     ]
     assert first == second
     picture = np.asarray(Image.open(io.BytesIO(base64.b64decode(first[0][1]["data"]))))

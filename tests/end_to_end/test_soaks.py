@@ -46,7 +46,7 @@ def forked_programs(monkeypatch: pytest.MonkeyPatch) -> None:
 
 async def test_eight_kinds_of_clients_leave_no_memory_behind(tmp_path: Path) -> None:
     acts = ("messages heard", "messages in CBOR", "commands", "ticks", "calls answered", "goals", "load")
-    report = await soak(4.0, 1, tmp_path, num_lines=1, longest_life=1.5, max_stall=None, acts=acts)
+    report = await soak(2.5, 1, tmp_path, num_lines=1, longest_life=1.5, max_stall=None, acts=acts)
     assert report.faults == []
     kinds = {name.removeprefix("lives of ") for name in report.num if name.startswith("lives of ")}
     assert len(kinds) == 10, "services and actions have two sides"

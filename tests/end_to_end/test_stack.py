@@ -25,17 +25,19 @@ NAME_OF = {"22.R2": 'STEERING = "steering"', "26.R1": 'STEERING = "front_steer"'
 
 NOSE = 3.58  # from the rear axle to the bumper of the Ioniq [m]
 
+BEGIN = 150.0  # where the ego stands [m]
+
 Plan = Callable[..., ForkedProgram]
 """`planner("22.R2", port, path, 40)`: the planner for that release, running."""
 
 LANES = ("L2_00", "L2_01", "L2_02")
-"""The outer lane of the track: 260 m straight on from the ego, a bend to the left, and a straight."""
+"""The outer lane of the track: 150 m straight on from the ego, a bend to the left, and a straight."""
 
 
 def scene(folder: Path) -> Path:
     """The ego at the beginning of the outer lane; a car goes ahead of it at 18 km/h on the inner one."""
-    ego = {"initPosition": {"pos": {"x": 40.0, "y": -1.75}}, "gear": 4}
-    beside = {"initPosition": {"pos": {"x": 60.0, "y": 1.75}}, "constantVelocity": 18}
+    ego = {"initPosition": {"pos": {"x": BEGIN, "y": -1.75}}, "gear": 4}
+    beside = {"initPosition": {"pos": {"x": BEGIN + 20.0, "y": 1.75}}, "constantVelocity": 18}
     file = folder / "scene.json"
     file.write_text(json.dumps({"mapInfo": {"mapName": "track"}, "egoVehicle": ego, "vehicleList": [beside]}))
     return file
@@ -48,7 +50,7 @@ def course(folder: Path, length: float) -> tuple[Path, np.ndarray[Any, np.dtype[
     for name in LANES:
         s = np.arange(0.0, roads.length[roads.row(name)], 0.5)
         points += roads.at(np.full(len(s), roads.row(name)), s)[0][:, :2].tolist()
-    line = np.array([point for point in points if point[0] >= 40.0])[: int(length / 0.5) + 1]
+    line = np.array([point for point in points if point[0] >= BEGIN])[: int(length / 0.5) + 1]
     file = folder / "path.txt"
     file.write_text("".join(f"{x:.3f} {y:.3f} 0.0\n" for x, y in line))
     return file, line
@@ -128,17 +130,18 @@ async def test_driving_stack_drives_brakes_and_resumes_in_synchronous_mode(
     simulate: Simulate, connect: Connect, tmp_path: Path, planner: Plan, release: str
 ) -> None:
     harness = simulate("--release", release, "--start", "sync", "--scenario", str(scene(tmp_path)))
-    path, line = course(tmp_path, 380.0)
+    path, line = course(tmp_path, 270.0)
     referee = EgoObserver(await connect(harness.url))
     client = referee.client
-    box = {"name": "Cargo_Box", "position": {"x": 140.0, "y": -1.75, "z": 0.0}, "heading": 0.0, "frame": 0}
+    at = BEGIN + 100.0
+    box = {"name": "Cargo_Box", "position": {"x": at, "y": -1.75, "z": 0.0}, "heading": 0.0, "frame": 0}
     await change(client, release, "Add", box)
     await referee.listen()
     process = planner(release, harness.port, path, 40, "--sync")
 
     await referee.watch_until(lambda status: status["velocity"]["x"] > 10.0)
     status = await referee.watch_until(lambda status: status["velocity"]["x"] == 0.0)
-    gap = 140.0 - 0.6 - NOSE - status["position"]["x"]
+    gap = at - 0.6 - NOSE - status["position"]["x"]
     assert 1.0 < gap < 5.0, "it has stopped before the box"
     seq = status["header"]["seq"]
     still = await referee.watch_until(lambda status: status["header"]["seq"] >= seq + 100)
@@ -179,14 +182,15 @@ async def test_driving_stack_drives_brakes_and_resumes_in_real_time(
     path, line = course(tmp_path, 32.0)
     referee = EgoObserver(await connect(harness.url))
     client = referee.client
-    await put_van(client, x=62.0)
+    at = BEGIN + 22.0
+    await put_van(client, x=at)
     await referee.listen()
     process = planner(release, harness.port, path, 25)
     await referee.watch_until(lambda status: status["velocity"]["x"] > 3.0)
     status = await referee.watch_until(lambda status: status["velocity"]["x"] == 0.0)
-    rear = 62.0 - 1.07  # of the van, whose place is that of its rear axle
+    rear = at - 1.07  # of the van, whose place is that of its rear axle
     assert 0.5 < rear - NOSE - status["position"]["x"] < 8.0
-    await put_van(client, x=62.0, y=30.0)
+    await put_van(client, x=at, y=30.0)
     await referee.watch_until(
         lambda status: math.dist(place(status), line[-1]) < 2.0 and status["velocity"]["x"] < 0.05
     )

@@ -17,6 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.frames import Frame, Opcode
 
 from rosbridge_sim.link.library_log import _SHOWN, quiet
+from tests import fork_server
 from tests.conftest import Serve
 from tests.support import PATIENCE, ROOT, AttachProcess, Client, mask, open_raw
 
@@ -153,7 +154,7 @@ async def test_no_token_stands_in_any_log_or_answer_at_any_level(serve: Serve, t
         await listener.message("/sim/clients")
         said += str(list(listener.inbox) + await listener.settle())
 
-    tool = [sys.executable, "-m", "rosbridge_sim", "topic", "list", "--url"]
+    tool = ["-m", "rosbridge_sim", "topic", "list", "--url"]
     for words, code in (
         ([f"{server.url}/?token={TOKEN}"], 0),
         ([f"{server.url}/?token={WRONG}"], 2),
@@ -162,9 +163,7 @@ async def test_no_token_stands_in_any_log_or_answer_at_any_level(serve: Serve, t
         ([f"ws://x y/?token={WRONG}"], 2),
         ([f"ws://me:{WRONG}@127.0.0.1:1/?token={WRONG}"], 2),
     ):
-        done = await asyncio.to_thread(
-            subprocess.run, [*tool, *words], cwd=ROOT, capture_output=True, text=True, check=False, timeout=PATIENCE
-        )
+        done = await asyncio.to_thread(fork_server.run, [*tool, *words])
         assert done.returncode == code, done
         assert "Traceback" not in done.stderr
         said += done.stdout + done.stderr

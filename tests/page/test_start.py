@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+import os
 from pathlib import Path
 
 import pytest
 from playwright.async_api import expect
 
 from rosbridge_sim.client import AsyncClient
+from tests import fork_server
 from tests.conftest import Serve
 from tests.page.conftest import OpenPage
 from tests.page.test_page import LOST
@@ -53,9 +53,7 @@ async def test_first_program_drives_this_server_as_it_is(serve: Serve, open_page
     program = await page.locator(".start-card pre").inner_text()
     assert f"127.0.0.1:{server.port}" in program
     assert "sesame" not in program
-    done = subprocess.run(  # noqa: ASYNC221 - nothing else is to happen meanwhile
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE, check=False, env=env or None
-    )
+    done = fork_server.run(["-c", program], env={**os.environ, **env})  # nothing else is to happen meanwhile
     assert done.returncode == 0, done.stderr
     assert max(float(line.split()[0]) for line in done.stdout.splitlines()) > 20.0, done.stdout
 
