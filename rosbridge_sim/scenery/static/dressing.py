@@ -105,14 +105,13 @@ def _add_buildings(
     half = rng.uniform((6.0, 5.0), (12.0, 9.0), (num, 2))
     height = rng.choice([4.0, 7.0, 10.0, 13.0, 16.0, 22.0, 31.0], num, p=[0.14, 0.24, 0.24, 0.16, 0.12, 0.07, 0.03])
     radius = np.hypot(*half.T)
-    away = cover.distance(place)
-    is_built = (rng.random(num) < share) & (away > free + radius) & (away < REACH)
-    nearest = roads.nearest(place[:, 0], place[:, 1])
+    kept = np.flatnonzero(rng.random(num) < share)
+    away = cover.distance(place[kept])
+    kept = kept[(away > free + radius[kept]) & (away < REACH)]
     shade = rng.integers(0, len(WALLS), num)
-    kept = np.flatnonzero(is_built)
     kept = kept[_far_apart(place[kept], radius[kept])]
-    for k in kept.tolist():
-        yaw = float(nearest.yaw[k])
+    yaws = roads.nearest(place[kept, 0], place[kept, 1]).yaw
+    for k, yaw in zip(kept.tolist(), yaws.tolist(), strict=True):
         turn = np.array([[math.cos(yaw), math.sin(yaw)], [-math.sin(yaw), math.cos(yaw)]])
         a, b = half[k]
         outline = np.array([[-a, -b], [a, -b], [a, b], [-a, b]]) @ turn + place[k]
@@ -152,18 +151,20 @@ def _add_trees(
     place = _cells(roads, GRID, rng)
     num = len(place)
     size = rng.uniform(0.75, 1.35, num)
-    away = cover.distance(place)
-    is_grown = (rng.random(num) < share) & (away > free + 2.2 * size) & (away < REACH * 0.7)
-    is_grown &= rng.random(num) < np.exp(-np.maximum(away, 0.0) / 45.0)
+    kept = np.flatnonzero(rng.random(num) < share)
+    near = rng.random(num)
+    away = cover.distance(place[kept])
+    is_grown = (away > free + 2.2 * size[kept]) & (away < REACH * 0.7)
+    is_grown &= near[kept] < np.exp(-np.maximum(away, 0.0) / 45.0)
+    kept = kept[is_grown]
     kind = rng.integers(0, 3, num)
     shade = rng.integers(0, len(LEAVES), num)
     turn = rng.uniform(0.0, 2.0 * math.pi, num)
-    for k in np.flatnonzero(is_grown).tolist():
+    for k, height in zip(kept.tolist(), terrain.height(place[kept]).tolist(), strict=True):
         if len(houses) and (np.hypot(*(houses[:, :2] - place[k]).T) < houses[:, 2] + 2.0).any():
             continue
-        is_grown[k] = True
         s = size[k]
-        at = np.array([*place[k], float(terrain.height(place[k : k + 1])[0]) - 0.1])
+        at = np.array([*place[k], height - 0.1])
         if kind[k] < 2:  # noqa: PLR2004 - two of three have round crowns
             trunk, crown = column(0.16 * s, 0.0, 2.4 * s, 5), _crown(1.9 * s, 1.9 * s, 6.2 * s, turn[k])
         else:
