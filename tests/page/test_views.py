@@ -64,12 +64,15 @@ async def test_cameras_marks_pictures_and_clips_of_the_map(serve: Serve, open_pa
 
     for _ in range(5):  # a vector is as wide as some pixels
         await page.get_by_role("button", name="Zoom in").click()
-    await until(page, lambda pixels: num_orange(pixels) == 0)
-    await page.get_by_label("Velocities").check()
     async with AsyncClient(server.url, timeout=PATIENCE) as client:
         await client.start_sync()
         await client.set_object(0, speed=20.0)
-        await until(page, lambda pixels: num_orange(pixels) > 10, client.tick)
+        await client.tick()
+        num_lamps = num_orange(await until(page, lambda pixels: len(places_of(pixels, ego, 60.0)) > 100))
+        await page.get_by_label("Velocities").check()
+        await until(page, lambda pixels: num_orange(pixels) > num_lamps + 100)
+        await page.get_by_label("Velocities").uncheck()
+        await until(page, lambda pixels: num_orange(pixels) < num_lamps + 100)
         await page.get_by_label("Time to collision").check()
         scene = await client.wait_for("/sim/scene/state")
         place = {"x": scene["x"][0], "y": scene["y"][0], "z": 0.0, "heading_deg": float(scene["heading"][0]) * 57.29578}
