@@ -455,6 +455,15 @@ def test_silent_member_is_lost_when_its_lease_ends_and_one_that_waits_is_not() -
     assert model.mode == ["lead", "lose"]
 
 
+def test_lease_of_a_member_counts_from_its_joining() -> None:
+    model = Model(lease=1.5)
+    model.now = 10.0
+    assert model.join("a").is_accepted
+    assert model.barrier.due(model.now) == 11.5
+    model.wait(1.4)
+    assert model.barrier.status().members == ["a"]
+
+
 def test_lease_of_a_member_whose_tick_is_refused_counts_from_the_refusal() -> None:
     model = a_model(BarrierState.GATHERING, lease=1.5)
     model.now = 1.0
