@@ -112,7 +112,7 @@ def test_box_of_a_body_counts_and_not_its_reference_point(yaw: float) -> None:
         assert (decide(world, row) < -1.0) == counts
 
 
-@pytest.mark.parametrize(("height", "counts"), [(4.0, True), (8.0, False), (-8.0, False)])
+@pytest.mark.parametrize(("height", "counts"), [(4.0, True), (5.3, True), (5.5, False), (8.0, False), (-8.0, False)])
 def test_body_on_a_bridge_above_or_below_does_not_count(height: float, counts: bool) -> None:  # noqa: FBT001 - a case
     world = World()
     row = careful(world)

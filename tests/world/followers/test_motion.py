@@ -335,3 +335,12 @@ def test_direction_in_a_corner_sharper_than_a_right_angle_is_shorter_than_one() 
     forward, left = motion(world, np.array([row]))[:2, 0]
     # Its ends, 1 m before and behind the corner, are 0.05 m from each other: over 0.7 of the span of 2 m.
     assert math.hypot(forward, left) == pytest.approx(0.05 / 1.4, abs=0.01)
+
+
+@pytest.mark.parametrize("yields", [False, True])
+def test_pedestrian_turns_at_a_corner_of_its_path_unless_it_walks_beside_it(*, yields: bool) -> None:
+    world = World()
+    row = npc(world, kind=Kind.PEDESTRIAN, body=MAN, path=BENT, speed=1.0, yields=yields)
+    world.arc[row], world.leg_end[row] = 10.0, 10.0
+    forward, left = motion(world, np.array([row]))[:2, 0]
+    assert (forward, left) == ((1.0, 0.0) if yields else (pytest.approx(0.5**0.5), pytest.approx(0.5**0.5)))

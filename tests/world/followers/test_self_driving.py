@@ -9,13 +9,13 @@ import pytest
 
 from rosbridge_sim.world.drivers.driver_model import GAP
 from rosbridge_sim.world.drivers.lane_position import leave_lane
-from rosbridge_sim.world.followers.lane_following import DECISION
+from rosbridge_sim.world.followers.lane_following import DECISION, drive_lanes
 from rosbridge_sim.world.followers.self_driving import MAX_LATERAL_OFFSET, change_lane, start_self_driving
 from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.commands import command, shift
 from rosbridge_sim.world.state.placement import teleport
-from rosbridge_sim.world.state.world import DT, Gear, Kind, Mode, World
+from rosbridge_sim.world.state.world import DT, Dynamics, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.road_factory import CAR, arc, car, ego, line, make, road
 
@@ -296,3 +296,18 @@ def test_ego_drives_itself_and_changes_lanes_on_a_road_of_any_direction(heading:
     assert (world.lateral[row], world.lateral_from[row]) == (pytest.approx(-3.1), pytest.approx(-3.1))
     assert world.lateral_to[row] == world.lateral_push[row] == world.lateral_bend[row] == 0.0
     assert (world.lateral_left[row], world.leaving[row], world.came_from[row]) == (1.0, 2 - LEFT, 2 - LEFT)
+
+
+@pytest.mark.parametrize("frame", [5, 6])
+def test_drivers_leave_pose_and_motion_of_a_self_driving_ego_to_its_tyres(frame: int) -> None:
+    world = World(0, Dynamics.SINGLE_TRACK)
+    world.lay_roads(road())
+    row = ego(world, 50.0, 0.3, speed=8.0)
+    car(world, "a", 90.0, speed=8.0)
+    world.gear[row] = Gear.DRIVE
+    assert start_self_driving(world, row)
+    world.accel[row], world.lateral_accel[row], world.yaw_rate[row], world.frame = 0.7, 0.3, 0.1, frame
+    columns = ("x", "y", "z", "yaw", "speed", "accel", "lateral_accel", "yaw_rate")
+    before = [float(getattr(world, name)[row]) for name in columns]
+    drive_lanes(world, DT)
+    assert [float(getattr(world, name)[row]) for name in columns] == before
