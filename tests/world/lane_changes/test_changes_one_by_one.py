@@ -22,6 +22,9 @@ from tests.world.road_factory import CAR, car, ego
 from tests.world.wide_roads import wide_ring, wide_road
 
 FRAME = 5_000
+IS_OFF, LONG_IS_OFF = 1.0, 0.3
+"""A vehicle, or one of more than 7 m, this near to its new line is not on the old lane any more [m]."""
+
 VAN = Body(5.5, 2.0, 2.2, wheelbase=3.2, front_overhang=1.0, rear_overhang=1.3)
 
 
@@ -148,6 +151,31 @@ class OneByOne(Scene):
         if gap < 40.0 and perception.lead[i] < 0 and max(lead_speed, speed) < 6.0 and has_way:
             accel = min(accel, max(self.follow(i, gap - 1.0, lead_speed), -4.0))
         return accel
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_vehicle_is_also_on_the_lane_that_it_leaves_until_it_is_off_it(seed: int) -> None:
+    world = changes(seed)
+    followers = _LaneFollowers(world)
+    drivers = followers.drivers()
+    expected = []
+    for i, row in enumerate(followers.rows.tolist()):
+        away = abs(world.lateral[row] - world.lateral_to[row])
+        is_on_both = away > (LONG_IS_OFF if world.half_length[row] > 3.5 else IS_OFF)
+        part, number = world.roads.ids[world.lane[row]]
+        beside = int(number) + (1 if world.leaving[row] == RIGHT + 1 else -1)
+        if world.leaving[row] and is_on_both and 0 <= beside < 3:
+            arc, lane = float(world.arc[row]), world.roads.row(f"{part}{beside}")
+            figures = arc, arc - drivers.rear[i], drivers.speed[i], drivers.accel[i]
+            expected.append((lane, i, *figures))
+    found = drivers.leaving
+    if found is None:
+        assert not expected
+        return
+    columns = found.lane, found.source, found.s, found.tail, found.speed, found.accel
+    told = list(zip(*(column.tolist() for column in columns), strict=True))
+    assert np.array(told) == pytest.approx(np.array(expected))
+    assert not found.stands.any()
 
 
 @pytest.mark.parametrize("seed", range(70))
