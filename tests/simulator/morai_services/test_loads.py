@@ -390,7 +390,7 @@ def test_tick_of_a_departed_caller_runs_if_its_id_has_another_holder() -> None:
     first.peer.leave(0.0)
     one.reader.hand_over()
     assert (first.answers(), second.answers()) == ([], [(TICK, (True, 3))])
-    assert not one.sync._mute
+    assert not any(one.sync.is_muted(each.peer) for each in (first, second, loader))
 
 
 def test_departure_of_the_last_holder_during_a_waiting_tick_ends_the_mode() -> None:
@@ -403,7 +403,7 @@ def test_departure_of_the_last_holder_during_a_waiting_tick_ends_the_mode() -> N
     one.reader.hand_over()
     assert loader.answers() == [(LOAD_AT, True)], "it was accepted, and dropped with the mode"
     assert (one.world.frame, len(one.world)) == (0, CROWD)
-    assert not one.sync._mute
+    assert not any(one.sync.is_muted(each.peer) for each in (master, loader))
 
 
 def pause(wire: Wire) -> None:

@@ -264,6 +264,23 @@ def test_stop_by_anyone_ends_the_barrier_in_each_state() -> None:
         assert model.join("a", holder="b").is_accepted, "nobody belongs to a member any more"
 
 
+def test_stop_without_members_is_refused_even_where_anyone_may_stop() -> None:
+    outcome = Model(may_anyone_stop=True).barrier.stop("stranger", 1.0)
+    assert outcome == BARRIER_TABLE[BarrierState.EMPTY][BarrierEvent.STOP_BY_OTHER]
+
+
+@pytest.mark.parametrize("way", ["leave", "drop"])
+def test_connection_whose_member_is_gone_belongs_to_none_and_may_be_another(way: str) -> None:
+    model = a_model(BarrierState.RESTING)
+    if way == "leave":
+        assert model.barrier.leave("a", model.now).is_accepted
+        assert model.join("z", holder="a").is_accepted
+    else:
+        model.barrier.drop("a", model.now)
+        assert model.join("z", holder="a").is_accepted
+    assert "z" in model.barrier.status().members
+
+
 def test_step_is_for_the_only_member() -> None:
     model = a_model(BarrierState.RESTING)
     outcome = model.barrier.ask_step("a")

@@ -869,3 +869,24 @@ def test_command_moves_forward_again_when_more_ticks_before_it_are_given_up() ->
 @pytest.mark.parametrize(("step_ms", "is_accepted"), [(1_000, True), (1_020, False), (10, False)])
 def test_time_step_is_a_number_of_frames_up_to_a_second(step_ms: int, *, is_accepted: bool) -> None:
     assert Sync[str]().start("me", step_ms, ME, 0.0).is_accepted == is_accepted
+
+
+def test_command_that_a_stop_has_dropped_delays_no_tick_of_the_next_master() -> None:
+    sync = led()
+    sync.submit("scenario", 11, 10, ME, 0.0, is_ready=False)
+    sync.stop("me", 1.0)
+    assert not sync.has_unready
+    sync.start("me", 40, ME, 2.0)
+    assert sync.tick("me", 0, 10, ME, 2.0).state is SyncState.LED
+
+
+def test_tick_that_is_given_up_in_the_middle_has_not_begun_any_more() -> None:
+    sync, prepared = led(), list[int]()
+    sync.hooks.move.append(lambda num_frames, _now: num_frames - 1)
+    sync.step("me", 2, ME, 0.0, on_wait=lambda: None)
+    assert sync.take_turn(10, 0.0, prepare=lambda: prepared.append(1)) == 1
+    assert sync.is_in_tick
+    sync.give_up(1, 0.0)
+    assert not sync.is_in_tick
+    sync.take_turn(11, 0.0, prepare=lambda: prepared.append(2))
+    assert prepared == [1, 2]

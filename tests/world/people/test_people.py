@@ -71,6 +71,29 @@ def test_pedestrian_waits_at_the_kerb_for_green(colour: Lamp, crosses: bool) -> 
         assert world.speed[row] == 0.0
 
 
+@pytest.mark.parametrize(
+    ("colour", "goes"), [(Lamp.RED, False), (Lamp.GREEN, True), (Lamp.RED | Lamp.GREEN, True), (Lamp(0), False)]
+)
+def test_pedestrian_at_the_kerb_begins_to_cross_when_green_is_shown(colour: Lamp, *, goes: bool) -> None:
+    world = lit(colour)
+    row = walker(world)
+    world.y[row], world.leg_start[row], world.frame = -2.7, 9.3, 2
+    walk(world)
+    assert world.yields[row] == (COMMITTED if goes else 1)
+
+
+@pytest.mark.parametrize(("speed", "waits"), [(0.25, False), (0.35, True)])
+def test_pedestrian_minds_a_vehicle_in_front_of_its_way_unless_it_can_stop_at_once(
+    speed: float, *, waits: bool
+) -> None:
+    world = world_of(road())
+    row = walker(world, speed=0.6)
+    world.y[row], world.leg_start[row], world.frame = -2.7, 9.3, 2
+    ego(world, 50.0 - CAR.length + CAR.rear_overhang - 1.2, 0.0, speed=speed)
+    walk(world)
+    assert world.yields[row] == (1 if waits else COMMITTED)
+
+
 def test_pedestrian_waits_for_an_ego_that_comes_but_not_for_one_that_stands() -> None:
     for speed, is_waiting in ((10.0, True), (0.0, False)):
         world = world_of(road())
