@@ -119,7 +119,7 @@ async def test_takers_of_a_topic_share_one_subscription_and_the_last_message(
 async def test_slow_taker_beside_a_fast_one_gets_the_last_message(server: ServerProcess, load: Load) -> None:
     page = await load(server)
     await subscribe(page, "/d", kind="std_msgs/Int32")
-    assert await run(
+    slow, fast = await run(
         page,
         """async () => {
             const slow = [];
@@ -132,7 +132,10 @@ async def test_slow_taker_beside_a_fast_one_gets_the_last_message(server: Server
             }
             return [slow, taken["/d"].map((message) => message.data)];
         }""",
-    ) == [[1, 5], [1, 2, 3, 4, 5]]
+    )
+    assert fast == [1, 2, 3, 4, 5]
+    assert (slow[0], slow[-1]) == (1, 5)
+    assert len(slow) < 5, "all would need a machine on which each message takes longer than the throttle"
 
 
 async def test_mistake_of_one_taker_takes_nothing_from_the_others(server: ServerProcess, load: Load) -> None:
