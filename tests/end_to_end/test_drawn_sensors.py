@@ -68,7 +68,7 @@ async def test_camera_and_lidar_come_before_the_answer_and_repeat_to_the_byte(se
 
 
 async def test_shot_and_list_of_a_running_server(serve: Serve, tmp_path: Path) -> None:
-    server = serve("--scenario", "loop", "--sensors", "teaching")
+    server = serve("--scenario", "loop", "--sensors", "teaching", "--no-dressing")
 
     def run(*words: str) -> str:
         done = fork_server.run(["-m", "rosbridge_sim", *words, "--url", server.url])
@@ -89,7 +89,8 @@ async def test_recording_has_the_pictures_and_points_that_a_client_hears(
     tmp_path: Path, connect: Connect, name: str
 ) -> None:
     path = tmp_path / name
-    async with Simulator(port=0, start="sync", scenario="loop", sensors="teaching", record=path) as sim:
+    settings: dict[str, Any] = {"scenario": "loop", "sensors": "teaching", "dressing": False}
+    async with Simulator(port=0, start="sync", record=path, **settings) as sim:
         heard = await drive(await connect(sim.url), 5)
     recorded = [(topic, message) for topic, message in read_recording(path) if topic in (IMAGE, POINTS)]
     assert [topic for topic, _ in recorded] == [topic for topic, _ in heard]

@@ -26,7 +26,7 @@ SENSORS = "[[camera]]\nx = 1.8\nz = 2\npitch = 7\nantialiasing = false\n[[lidar3
 def test_libraries_hear_each_picture_at_30_hz_and_each_turn_at_10_hz(serve: Serve, tmp_path: Path) -> None:
     sensors = tmp_path / "sensors.toml"
     sensors.write_text(SENSORS)
-    server = serve("--scenario", "loop", "--sensors", str(sensors), "--start", "sync")
+    server = serve("--scenario", "loop", "--sensors", str(sensors), "--start", "sync", "--no-dressing")
     programs = []
     for library, words in (("roslibpy-asyncio", ()), ("roslib2", ("none",)), ("roslib2", ("cbor",))):
         programs.append(start(library, "rates", server.port, "count", *words, *TOPICS))

@@ -58,7 +58,7 @@ def serve_with(serve: Serve, tmp_path: Path) -> Callable[[str], ServerProcess]:
     def start(sensors: str) -> ServerProcess:
         path = tmp_path / "sensors.toml"
         path.write_text(sensors)
-        return serve("--scenario", "town", "--start", "sync", "--sensors", str(path))
+        return serve("--scenario", "town", "--start", "sync", "--sensors", str(path), "--no-dressing")
 
     return start
 
