@@ -25,6 +25,7 @@ from scripts.docs_pages.campaigns import write_campaigns  # noqa: E402
 from scripts.docs_pages.environments import write_environments  # noqa: E402
 from scripts.docs_pages.fields import write_fields  # noqa: E402
 from scripts.docs_pages.flags import write_flags  # noqa: E402
+from scripts.docs_pages.learning_curve import draw_learning_curve  # noqa: E402
 from scripts.docs_pages.rooms import PACKAGE_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS, draw_rooms  # noqa: E402
 from scripts.docs_pages.sync_mode import draw_states, write_table  # noqa: E402
 
@@ -42,6 +43,7 @@ GENERATED: Final[dict[str, Callable[[], str]]] = {
     "reference/barrier_table.md": write_barrier,
     "images/sync_mode.svg": draw_states,
     "images/barrier.svg": draw_barrier,
+    "images/learning_curve.svg": draw_learning_curve,
     "images/rooms.svg": lambda: draw_rooms(ROOT / "rosbridge_sim", PACKAGE_ROOMS),
     "images/rooms_simulator.svg": lambda: draw_rooms(ROOT / "rosbridge_sim", SIMULATOR_ROOMS),
     "images/rooms_world.svg": lambda: draw_rooms(ROOT / "rosbridge_sim", WORLD_ROOMS),
