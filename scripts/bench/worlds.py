@@ -5,6 +5,12 @@ world has the map and the ego of a scenario, and the `--traffic`; with `--whole`
 
     python scripts/bench/worlds.py town --worlds 1 16 64 256 1024
     python scripts/bench/worlds.py motorway --worlds 256 --profile
+
+`--beside PYTHON` compares, in the same run, with `highway-fast-v0` of highway-env, in an environment of its own, and
+with our own `Highway-v0` as one set of arrays and in processes of `AsyncVectorEnv` (on Linux):
+
+    python -m venv /tmp/highway && /tmp/highway/bin/pip install highway-env
+    python scripts/bench/worlds.py motorway --worlds 256 --beside /tmp/highway/bin/python
 """
 
 from __future__ import annotations
@@ -12,19 +18,24 @@ from __future__ import annotations
 import argparse
 import cProfile
 import json
+import os
 import pstats
 import resource
+import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
+import gymnasium
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from rosbridge_sim import Worlds
+from rosbridge_sim.environments.registration import register_all
 from rosbridge_sim.shell.files.library import DiskLibrary
 
 FRAMES = 5
@@ -101,6 +112,73 @@ def of_worlds(
     return *costs, memory
 
 
+HIGHWAY_ENV = """
+import time, gymnasium, highway_env
+gymnasium.register_envs(highway_env)
+env = gymnasium.make("highway-fast-v0", config={"vehicles_count": 20, "lanes_count": 3})
+env.reset(seed=0)
+used = num = 0
+while used < SECONDS:
+    start = time.process_time()
+    _, _, terminated, truncated, _ = env.step(env.action_space.sample())
+    used += time.process_time() - start
+    num += 1
+    if terminated or truncated:
+        env.reset()
+print(num / used, env.unwrapped.config["policy_frequency"])
+"""
+"""Counts policy steps of highway-env for a CPU second, without resets."""
+
+ENV = "rosbridge_sim/Highway-v0"
+
+
+def of_processes(num: int, options: dict[str, Any]) -> float:
+    """Return env steps of `AsyncVectorEnv` for each CPU second of its `num` processes and of this one together."""
+    envs = gymnasium.make_vec(ENV, num_envs=num, vectorization_mode="async", **options)
+    envs.reset(seed=0)
+    ids = [process.pid for process in envs.unwrapped.processes]
+
+    def used() -> float:
+        fields = [Path(f"/proc/{pid}/stat").read_text("ascii").rpartition(")")[2].split() for pid in ids]
+        return sum(int(each[11]) + int(each[12]) for each in fields) / os.sysconf("SC_CLK_TCK") + time.process_time()
+
+    actions, start, steps = np.zeros((num, 2), np.float32), used(), 0
+    while (passed := used() - start) < num * SECONDS:
+        envs.step(actions)
+        steps += num
+    envs.close()
+    return steps / passed
+
+
+def print_beside(num: int, worlds: float, python: str, options: dict[str, Any]) -> None:
+    """Print env steps and simulated seconds a CPU second of `Worlds`, of our environments, and of highway-env.
+
+    Args:
+        num: worlds in one set of arrays.
+        worlds: env steps a CPU second of `Worlds`.
+        python: interpreter that has highway-env.
+        options: of our environments.
+    """
+    register_all()
+    envs = gymnasium.make_vec(ENV, num_envs=num, vectorization_mode="vector_entry_point", **options)
+    envs.reset(seed=0)
+    actions = np.zeros((num, 2), np.float32)
+    arrays = num / measure(lambda: envs.step(actions))
+    code = HIGHWAY_ENV.replace("SECONDS", str(SECONDS))
+    answer = subprocess.check_output([python, "-c", code], text=True).split()  # noqa: S603 - the user names it
+    rate, frequency = float(answer[0]), float(answer[1])
+    rows = [
+        (f"Worlds, {num}", worlds, 0.1),
+        (f"{ENV}, {num} as arrays", arrays, 0.1),
+        (f"{ENV}, AsyncVectorEnv of 2", of_processes(2, options), 0.1),
+        ("highway-fast-v0", rate, 1.0 / frequency),
+    ]
+    print("what | env steps a CPU second | simulated seconds | Worlds in steps | Worlds in simulated seconds")
+    for name, steps, seconds in rows:
+        shares = worlds / steps, worlds * 0.1 / (steps * seconds)
+        print(f"{name} | {steps:,.0f} | {steps * seconds:,.0f} | {shares[0]:,.0f} x | {shares[1]:,.0f} x", flush=True)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print a line for each number of worlds."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -110,6 +188,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--no-scores", action="store_true", help="keep no scores")
     parser.add_argument("--whole", action="store_true", help="with all vehicles and people of the scenario")
     parser.add_argument("--profile", action="store_true", help="print where the time goes, too")
+    parser.add_argument("--beside", metavar="PYTHON", help="interpreter with highway-env, to compare with")
     chosen = parser.parse_args(arguments)
     with tempfile.TemporaryDirectory() as folder:
         scenario = chosen.scenario if chosen.whole else ego_alone(chosen.scenario, Path(folder))
@@ -128,6 +207,8 @@ def run(scenario: str, chosen: argparse.Namespace) -> None:
             f" {memory / 1e6:6.2f}",
             flush=True,
         )
+        if chosen.beside:
+            print_beside(num, num / step, chosen.beside, {"scenario": scenario, "traffic": chosen.traffic})
 
 
 if __name__ == "__main__":
