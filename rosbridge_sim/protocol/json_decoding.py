@@ -37,6 +37,7 @@ __all__ = [
     "decode_quickly",
     "end_of_value",
     "op_from_value",
+    "read_long_text",
 ]
 
 _SHOWN = 200
@@ -138,7 +139,7 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
         error only.
     """
     if len(frame) >= LONG:
-        quick = _read_long_text(frame)
+        quick = read_long_text(frame)
         if quick is not None:
             if len(frame) >= HEAVY:
                 yield None
@@ -165,8 +166,12 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
         yield from _decode_slowly(frame)
 
 
-def _read_long_text(frame: bytes) -> Op | None:
-    """Return the only op of a frame whose body is mostly one base64 text, which needs no weighing; None for others."""
+def read_long_text(frame: bytes) -> Op | None:
+    """Return the only op of a frame whose body is mostly one base64 text, which needs no weighing; None for others.
+
+    Args:
+        frame: JSON text.
+    """
     long_text = find_long_text(frame)
     op = None if long_text is None else decode_quickly(long_text.short)
     if op is None or long_text is None:
