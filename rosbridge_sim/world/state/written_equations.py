@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
-from rosbridge_sim.world.geometry.planar import wrap_angle
+from rosbridge_sim.world.geometry.planar import FloatArray, wrap_angle
 
 __all__ = ["Script", "Term", "WrittenOperators"]
 
@@ -85,14 +86,18 @@ class Script:
         self._lines += [f"cell[0] = {arg.name}", f"{function}(cell, cell)"]
         return self.write("cell.item()")
 
-    def compile(self, results: Sequence[Term]) -> Callable[[Sequence[float]], tuple[float, ...]]:
-        """Return the function: it takes the numbers of `given`, and returns those of `results`."""
+    def compile(self, results: Sequence[Term]) -> Callable[[Sequence[float], FloatArray], tuple[float, ...]]:
+        """Return the function.
+
+        It takes the numbers of `given` and an array of one number, which it uses meanwhile; it returns the numbers of
+        `results`. The array is the caller's, so that worlds in several threads can share the function.
+        """
         lines = [*self._lines, f"return {', '.join(term.name for term in results)},"]
-        source = "def function(given):\n" + "".join(f"    {line}\n" for line in lines)
-        names = {"cell": np.zeros(1), "sin": np.sin, "cos": np.cos, "arctan": np.arctan}
-        space: dict[str, Callable[..., tuple[float, ...]]] = names | {"sqrt": math.sqrt, "wrap": _wrap}  # type: ignore[assignment]
+        source = "def function(given, cell):\n" + "".join(f"    {line}\n" for line in lines)
+        space: dict[str, Any] = {"sin": np.sin, "cos": np.cos, "arctan": np.arctan, "sqrt": math.sqrt, "wrap": _wrap}
         exec(compile(source, f"<equations of {len(self.given)} numbers>", "exec"), space)  # noqa: S102 - our own lines
-        return space["function"]
+        function: Callable[[Sequence[float], FloatArray], tuple[float, ...]] = space["function"]
+        return function
 
 
 class WrittenOperators:

@@ -113,6 +113,7 @@ class _SingleTrack:
         world = self.world
         self._inputs = world.block(_FIRST, _LAST)
         self._outputs = world.block("rear_steer", "roll"), world.block("throttle", "speed")
+        self._cell = np.zeros(1)
         self._advance = [
             _write_advance(dt, is_stable=world.has_stability_control, has_controller=has) for has in (False, True)
         ]
@@ -139,11 +140,11 @@ class _SingleTrack:
         recorder.finish(program, after, columns("rear_steer", "roll") + columns("throttle", "speed"))
 
     def _advance_floats(self) -> None:
-        inputs, (state, pose) = self._inputs, self._outputs
+        inputs, (state, pose), cell = self._inputs, self._outputs, self._cell
         num = len(state)
         for row in self.rows.tolist():
             now = inputs[:, row].tolist()
-            after = self._advance[now[_JERK_LIMIT] > 0.0](now)
+            after = self._advance[now[_JERK_LIMIT] > 0.0](now, cell)
             state[:, row] = after[:num]
             pose[:, row] = after[num:]
 
@@ -151,8 +152,8 @@ class _SingleTrack:
 @lru_cache(maxsize=8)
 def _write_advance(
     dt: float, *, is_stable: bool, has_controller: bool
-) -> Callable[[Sequence[float]], tuple[float, ...]]:
-    """Return the equations of one car as one function of the columns `_FIRST` to `_LAST`.
+) -> Callable[[Sequence[float], FloatArray], tuple[float, ...]]:
+    """Return the equations of one car as one function of the columns `_FIRST` to `_LAST`; see `Script.compile`.
 
     Args:
         dt: length of a step [s].

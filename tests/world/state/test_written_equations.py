@@ -52,7 +52,7 @@ def test_functions_give_the_bits_of_arrays() -> None:
         fresh = RowProgram(world, world.rows(Kind.EGO), "x", "speed", written_from="x")
         recorder.finish(fresh, results, targets)
         fresh.run()
-        written = [function([number, other]) for number in NUMBERS]
+        written = [function([number, other], np.zeros(1)) for number in NUMBERS]
         assert np.array(written).T.tobytes() == np.array(targets).tobytes()
 
 
@@ -60,15 +60,15 @@ def test_function_may_be_called_again_and_again() -> None:
     script = Script(2)
     x, y = script.given
     function = script.compile([x + y, x])
-    assert function([1.0, 2.0]) == (3.0, 1.0)
-    assert function((0.1, 0.2)) == (0.1 + 0.2, 0.1)
+    assert function([1.0, 2.0], np.zeros(1)) == (3.0, 1.0)
+    assert function((0.1, 0.2), np.zeros(1)) == (0.1 + 0.2, 0.1)
 
 
 def test_function_refuses_another_count_of_numbers() -> None:
     script = Script(2)
     function = script.compile([script.given[0]])
     with pytest.raises(ValueError, match="unpack"):
-        function([1.0])
+        function([1.0], np.zeros(1))
 
 
 def test_smaller_and_greater_zero_has_no_sign() -> None:
@@ -76,7 +76,7 @@ def test_smaller_and_greater_zero_has_no_sign() -> None:
     do = WrittenOperators(script, is_any=True)
     (zero,) = script.given
     function = script.compile([do.least(zero, -0.0), do.most(-zero, -0.0)])
-    assert not np.signbit(function([0.0]) + function([-0.0])).any()
+    assert not np.signbit(function([0.0], np.zeros(1)) + function([-0.0], np.zeros(1))).any()
 
 
 def test_any_is_what_the_script_is_written_for() -> None:

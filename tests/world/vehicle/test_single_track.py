@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import pairwise
+from threading import Barrier
 from typing import Any
 
 import numpy as np
@@ -602,3 +605,26 @@ def test_car_that_brakes_hard_turns_in_half_as_much() -> None:
         rates.append(world.yaw_rate.item(0))
     rolling, braking = rates
     assert 0.3 * rolling < braking < 0.7 * rolling, (rolling, braking)
+
+
+def test_cars_in_two_threads_move_as_alone() -> None:
+    """One of them is the rehearsal of a scenario that is being loaded, in a thread of its own."""
+
+    def run(steer: float, start: Barrier) -> bytes:
+        world = World(0, Dynamics.SINGLE_TRACK)
+        world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0, speed=15.0)
+        pedals(world, throttle=0.3, steer=steer)
+        start.wait()
+        for _ in range(600):
+            drive(world, DT)
+        return world.x.tobytes() + world.yaw.tobytes()
+
+    steers = (0.03, -0.01)
+    alone = [run(steer, Barrier(1)) for steer in steers]
+    interval, start = sys.getswitchinterval(), Barrier(len(steers))
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(len(steers)) as threads:
+            assert list(threads.map(lambda steer: run(steer, start), steers)) == alone
+    finally:
+        sys.setswitchinterval(interval)
