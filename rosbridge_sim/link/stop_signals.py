@@ -1,9 +1,9 @@
 """Signals that end a program: the first one in good order, a second one at once, but with closed recordings.
 
 SIGHUP, which a closing terminal sends, is one of them, unless it is ignored at the start, as under `nohup`. A second
-signal is for a program that does not end: a function of the caller closes files, and at most one second later the
-process ends in any case. The exit code is then 128 + the signal's number, as in a shell. A SIGHUP never counts as a
-second signal: one closing terminal may send it twice, and service managers send it after SIGTERM.
+signal is for a program that does not end: a function of the caller closes files, and some seconds later, or with a
+third signal, the process ends in any case. The exit code is then 128 + the signal's number, as in a shell. A SIGHUP
+never counts as a second signal: one closing terminal may send it twice, and service managers send it after SIGTERM.
 Windows has no SIGHUP. It has SIGBREAK: for Ctrl-Break, for a console that closes, and when a program asks another one
 to end (`CTRL_BREAK_EVENT`). Event loops on Windows do not handle signals, so Python's own handlers pass them to the
 loop.
@@ -22,8 +22,8 @@ from typing import Final
 
 __all__ = ["on_stop_signals", "stop_signals"]
 
-HURRY: Final = 1.0
-"""Time for closing files after a second signal [s]; writing the index of a recording of hours takes a tenth of that."""
+HURRY: Final = 5.0
+"""Time for closing files after a second signal [s]: the index of a recording of hours takes 0.1 s of CPU time."""
 
 _NAMES: Final = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
 """Signals that end a program; each system has some of them."""
@@ -43,7 +43,8 @@ def on_stop_signals(stop: Callable[[signal.Signals], None], hurry: Callable[[], 
 
     Args:
         stop: the loop calls it with the first signal.
-        hurry: closes files; the loop calls it after a second signal. Then, or `HURRY` later, the process ends.
+        hurry: closes files; the loop calls it after a second signal. Then, or `HURRY` later, or at once with a third
+            signal, the process ends.
     """
     loop = asyncio.get_running_loop()
     numbers = stop_signals()
@@ -82,7 +83,7 @@ class _Ending:
         self._numbers = numbers
         self._stop = stop
         self._hurry = hurry
-        self._has_begun = False
+        self._has_begun = self._is_in_hurry = False
 
     def listen(self) -> None:
         """Let the signals call `begin`.
@@ -113,9 +114,12 @@ class _Ending:
         self._stop(number)
 
     def _end_soon(self, number: int, _frame: FrameType | None) -> None:
-        """Handle a second signal, wherever the program is."""
+        """Handle a second or third signal, wherever the program is."""
         if signal.Signals(number).name == _NEVER_SECOND:
             return
+        if self._is_in_hurry:
+            os._exit(128 + number)
+        self._is_in_hurry = True
         timer = threading.Timer(HURRY, os._exit, (128 + number,))
         timer.daemon = True
         timer.start()
