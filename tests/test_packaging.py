@@ -135,12 +135,18 @@ class Place:
         return self.folder / "env" / "bin"
 
     @property
+    def bytecode(self) -> Path:
+        """What is compiled at the first start, for the next ones."""
+        return self.folder / "bytecode"
+
+    @property
     def python(self) -> Path:
         return self.bin / "python3"
 
     def popen(self, words: Sequence[str], **env: str) -> subprocess.Popen[str]:
         """Start a command there as an ordinary user, with the image's ENV but for what `env` says."""
-        variables = {**os.environ, **environment(), "PATH": f"{self.bin}:{os.environ['PATH']}", **env}
+        own = {"PATH": f"{self.bin}:{os.environ['PATH']}", "PYTHONPYCACHEPREFIX": str(self.bytecode)}
+        variables = {**os.environ, **environment(), **own, **env}
         user = NOBODY if os.geteuid() == 0 else None
         return subprocess.Popen(
             words,
@@ -168,6 +174,8 @@ def place() -> Iterator[Place]:
     folder.chmod(0o755)  # pytest's own folders are closed to others
     try:
         place = Place(folder)
+        place.bytecode.mkdir()
+        place.bytecode.chmod(0o777)
         do(python_for_all(place), "-m", "venv", "--without-pip", str(folder / "env"))
         do(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(folder))
         (wheel,) = folder.glob("*.whl")

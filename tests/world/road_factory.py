@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ CAR = Body()
 MAPS = Path(__file__).resolve().parents[2] / "rosbridge_sim" / "data" / "maps"
 
 
+@cache  # a map never changes, and neither does what is computed of its roads
 def built_in(name: str) -> RoadMap:
     folder = MAPS / name
     return read_map({file: (folder / file).read_bytes() for file in MAP_FILES if (folder / file).exists()}, name)

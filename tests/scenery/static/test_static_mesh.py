@@ -31,6 +31,11 @@ def places_of(mesh: Mesh, *labels: Label) -> np.ndarray:
 
 
 @cache
+def dressed(name: str) -> Mesh:
+    return static_mesh(map_of(name), name, 0)
+
+
+@cache
 def bare(road_map: RoadMap) -> Mesh:
     return static_mesh(road_map, road_map.name, 0, is_dressed=False)
 
@@ -39,7 +44,7 @@ def bare(road_map: RoadMap) -> Mesh:
 @pytest.mark.parametrize("name", ["town", "hills", "parking", "roundabout", "track"])
 def test_everything_beside_the_roads_leaves_them_free(name: str) -> None:
     road_map = map_of(name)
-    mesh = static_mesh(road_map, name, 0)
+    mesh = dressed(name)
     cover = RoadCover(road_map.roads)
     # Foot and trunk level: crowns, arms and lamps may be above a road.
     corners = places_of(mesh, Label.BUILDING, Label.TREE, Label.POLE).reshape(-1, 3)
@@ -53,7 +58,7 @@ def test_everything_beside_the_roads_leaves_them_free(name: str) -> None:
 def test_dressing_follows_from_name_and_seed() -> None:
     name = "track"
     road_map = map_of(name)
-    one = static_mesh(road_map, name, 0)
+    one = dressed(name)
     assert one.digest == static_mesh(DiskLibrary().map(name), name, 0).digest
     assert one.digest != static_mesh(road_map, name, 1).digest
     assert one.digest != static_mesh(road_map, "other", 0).digest
