@@ -15,7 +15,7 @@ class RemoteDrivingEnv(DrivingEnv):
     """An environment in the world of a server, which this program alone moves.
 
     It does what `Drive-v0` does with the scenario, the traffic and the seed of that server, to the bit. The ego keeps
-    its gear, begins where the scenario has it, and is driven by `Continuous` or `Pedals`.
+    its gear, begins where the scenario has it, and is driven by `Continuous` or `Pedals`. Its goal may be a lane.
 
     Args:
         url: of the server, such as `ws://127.0.0.1:9090`.
@@ -37,9 +37,11 @@ class RemoteDrivingEnv(DrivingEnv):
         **options: Any,  # noqa: ANN401 - those of DrivingTask
     ) -> None:
         self._url, self._token = url, token
-        for name, expected in (("start_lane", ""), ("reverses", False), ("goal", "")):
+        for name, expected in (("start_lane", ""), ("reverses", False)):
             if options.get(name, expected) != expected:
                 raise ValueError(f"{name}: expected {expected!r} with a server, got {options[name]!r}")
+        if options.get("goal") == "bay":
+            raise ValueError("goal: expected '' or 'lane' with a server, whose traffic stays, got 'bay'")
         if options.get("action", "Continuous") == "DiscreteMeta":
             raise ValueError("action: expected Continuous or Pedals with a server, got 'DiscreteMeta'")
         if render_mode == "human":

@@ -60,6 +60,10 @@ class Starts:
                 lanes[ego] = self._start(number, ego, taken, rng)
             self._clear(number, world, taken)
         if task.goal == "lane":
+            if not len(self._lanes):
+                rows = world.rows(Kind.EGO)
+                found = self._roads.nearest(world.x[rows], world.y[rows], world.yaw[rows], world.z[rows])
+                lanes[: len(rows)] = found.lane
             self.goal_lanes[number] = np.isin(np.arange(len(self._roads)), self._ends)
             self.goal_lanes[number, np.arange(len(lanes))[lanes >= 0], lanes[lanes >= 0]] = False
         elif task.goal == "bay":

@@ -239,6 +239,13 @@ def test_episode_begins_on_its_lane_with_nothing_near() -> None:
         assert (np.hypot(others[:, 1], others[:, 2])[others[:, 0] > 0.0] > 0.2).all()
 
 
+def test_lane_on_which_the_scenario_has_the_ego_is_no_goal() -> None:
+    env = gymnasium.make("rosbridge_sim/Drive-v0", scenario="loop", goal="lane", goal_lane="*")
+    env.reset(seed=0)
+    *_, terminated, truncated, info = env.step(np.zeros(2))
+    assert (terminated, truncated, bool(info["has_arrived"])) == (False, False, False)
+
+
 def test_red_light_costs_and_a_lane_beyond_the_junction_is_the_goal() -> None:
     one = gymnasium.make("rosbridge_sim/Intersection-v0", traffic=0)
     seen, info = one.reset(seed=0)

@@ -32,6 +32,7 @@ def server() -> Iterator[Simulator]:
         {"observation": "Kinematics"},
         {"observation": "Dict", "parts": ("Lane", "Others", "Lidar", "OccupancyGrid"), "normalize": False},
         {"observation": "Lane", "action": "Pedals", "frame_skip": 7},
+        {"observation": "Lane", "goal": "lane", "goal_lane": "*", "weights": {"arrived": 5.0}, "frame_skip": 50},
     ],
 )
 def test_remote_environment_equals_one_in_this_process(server: Simulator, options: dict[str, Any]) -> None:
@@ -89,6 +90,7 @@ def test_second_master_is_refused(server: Simulator) -> None:
         ({"start_lane": "L2_00"}, "start_lane: expected '' with a server, got 'L2_00'"),
         ({"action": "DiscreteMeta"}, "action: expected Continuous or Pedals with a server"),
         ({"render_mode": "human"}, "render_mode: expected rgb_array or None, because the server has a page"),
+        ({"goal": "bay", "goal_lane": "*"}, "goal: expected '' or 'lane' with a server"),
         ({"reverses": True}, "reverses: expected False with a server"),
     ],
 )
