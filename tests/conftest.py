@@ -86,7 +86,7 @@ LONGEST = (
 )
 """Files in the order of their CPU time, from 36 s to 7 s. Begun last, one of them would run alone at the end."""
 
-PROGRAMS = ("page", "end_to_end", "cli")
+PROGRAMS = ("page", "end_to_end", "cli", "campaign_runs")
 """Folders whose tests start programs and wait for them. Their files come next, before many short ones."""
 
 

@@ -4,7 +4,7 @@ import json
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
@@ -72,7 +72,6 @@ def test_numbers_are_accepted_as_text_and_unknown_keys_ignored() -> None:
     assert read(text=12, other=[]).text == "12"
 
 
-@settings(max_examples=60)
 @given(st.binary(max_size=60) | st.text(max_size=60).map(str.encode))
 def test_any_bytes_are_read_or_give_one_error_line(text: bytes) -> None:
     told = ""
@@ -83,7 +82,6 @@ def test_any_bytes_are_read_or_give_one_error_line(text: bytes) -> None:
     assert len(told.splitlines()) <= 1
 
 
-@settings(max_examples=60)
 @given(st.floats(-1e12, 1e12))
 def test_any_number_can_be_given_as_text(value: float) -> None:
     assert read(number=repr(value)).number == value

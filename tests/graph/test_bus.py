@@ -333,4 +333,4 @@ class BusMachine(RuleBasedStateMachine):
 
 
 TestBusMachine = BusMachine.TestCase
-TestBusMachine.settings = settings(max_examples=50, stateful_step_count=40, deadline=None)
+TestBusMachine.settings = settings(stateful_step_count=40)

@@ -7,7 +7,7 @@ from functools import cache
 
 import cbor2
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FieldError
@@ -44,7 +44,6 @@ def check_encodings(message_type: MessageType, value: object) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=200, deadline=None)  # the first value of a type compiles it
 @given(st.data())
 def test_all_encodings_of_a_value_agree(data: st.DataObject) -> None:
     message_type = data.draw(every_type())
@@ -71,7 +70,6 @@ def test_every_type_can_be_encoded(ros: Generation) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None)  # as above
 @given(st.data())
 def test_cbor_output_is_accepted_as_input(data: st.DataObject) -> None:
     message_type = data.draw(every_type())

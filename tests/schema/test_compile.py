@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FieldError
@@ -63,7 +63,6 @@ def same(message_type: MessageType, a: object, b: object) -> bool:
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
 @given(st.data())
 def test_plain_bodies_take_the_fast_path_with_equal_results(data: st.DataObject) -> None:
     message_type = data.draw(every_type())
@@ -74,7 +73,6 @@ def test_plain_bodies_take_the_fast_path_with_equal_results(data: st.DataObject)
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
 @given(st.data())
 def test_odd_bodies_give_equal_results_on_both_paths(data: st.DataObject) -> None:
     message_type = data.draw(every_type())
@@ -86,7 +84,6 @@ def test_odd_bodies_give_equal_results_on_both_paths(data: st.DataObject) -> Non
 
 
 @pytest.mark.slow
-@settings(max_examples=300)
 @given(st.data())
 def test_fast_path_accepts_nothing_that_the_slow_path_refuses(data: st.DataObject) -> None:
     message_type = data.draw(every_type())
@@ -104,7 +101,6 @@ def test_fast_path_accepts_nothing_that_the_slow_path_refuses(data: st.DataObjec
 
 
 @pytest.mark.slow
-@settings(max_examples=100)
 @given(st.data())
 def test_decoding_after_encoding_gives_the_value_back(data: st.DataObject) -> None:
     message_type = data.draw(every_type())

@@ -12,7 +12,7 @@ import warnings
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import FieldError
@@ -344,7 +344,6 @@ def test_text_for_an_integer_is_refused_in_other_fields() -> None:
 # Typed arrays
 
 
-@settings(max_examples=60, deadline=None)
 @given(
     message_type=every_type(),
     kind=st.sampled_from(["<f8", "<f4", "<f2", "u1", "i1", "<i8", "<u8"]),

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.state.commands import command, shift
@@ -113,7 +113,6 @@ def play(world: World, actions: list[tuple[str, Any]]) -> None:
 PLAYS = st.lists(ACTIONS, max_size=25)
 
 
-@settings(max_examples=40, deadline=None)
 @given(PLAYS, PLAYS)
 def test_the_same_calls_give_the_same_bits_with_or_without_a_snapshot_between(
     before: list[tuple[str, Any]], after: list[tuple[str, Any]]
@@ -128,7 +127,6 @@ def test_the_same_calls_give_the_same_bits_with_or_without_a_snapshot_between(
     assert first.digest() == second.digest() == third.digest()
 
 
-@settings(max_examples=40, deadline=None)
 @given(PLAYS)
 def test_arrays_stay_valid_after_any_calls(actions: list[tuple[str, Any]]) -> None:
     world = World()

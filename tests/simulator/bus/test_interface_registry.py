@@ -7,7 +7,7 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.errors import DocumentError, TypeNameError
@@ -262,7 +262,6 @@ TABLES = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.lists(TABLES, max_size=5))
 def test_any_sequence_of_changes_ends_with_the_last_valid_settings(changes: list[dict[str, Any]]) -> None:
     rig = opened()

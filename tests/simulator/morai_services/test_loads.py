@@ -559,7 +559,7 @@ def run(acts: list[tuple[str, int]], reader: Reader) -> tuple[list[bytes], str]:
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(st.tuples(st.sampled_from(sorted(ACTS)), st.integers(0, 60)), max_size=12))
 def test_slow_disk_changes_no_byte_for_one_client(acts: list[tuple[str, int]]) -> None:
     logging.disable(logging.ERROR)

@@ -346,7 +346,7 @@ def fuzzed() -> tuple[Run, bytes]:
 
 
 @pytest.mark.slow
-@settings(max_examples=300, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_changed_bytes_with_a_right_checksum_change_nothing(fuzzed: tuple[Run, bytes], data: st.DataObject) -> None:
     run, whole = fuzzed

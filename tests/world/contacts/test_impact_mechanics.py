@@ -149,7 +149,6 @@ rigid = st.builds(
 
 
 @given(rigid, rigid)
-@settings(max_examples=100)
 def test_impact_keeps_momentum_and_adds_no_energy(first: Rigid, second: Rigid) -> None:
     contact = find_contact(first, second)
     before, energy = momentum([first, second]), energy_of(first) + energy_of(second)
@@ -163,7 +162,6 @@ def test_impact_keeps_momentum_and_adds_no_energy(first: Rigid, second: Rigid) -
 
 
 @given(rigid, st.floats(-3.0, 3.0))
-@settings(max_examples=100)
 def test_impact_on_a_wall_adds_no_energy(body: Rigid, x: float) -> None:
     energy = energy_of(body)
     other = wall(x)

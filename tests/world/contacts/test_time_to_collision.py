@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.contacts.time_to_collision import HORIZON, find_times_to_collision
@@ -60,7 +60,6 @@ def test_nearest_of_several_counts_and_oneself_does_not() -> None:
     assert time(alone) == math.inf
 
 
-@settings(max_examples=30)
 @given(
     place=st.tuples(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0)),
     yaw=st.floats(-math.pi, math.pi),

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.drivers.lane_position import keep_lane
@@ -205,7 +205,6 @@ def test_end_of_a_path_has_no_acceleration_peak() -> None:
 POINTS = st.lists(st.tuples(*[st.floats(-50.0, 50.0, width=32)] * 3), min_size=2, max_size=8, unique=True)
 
 
-@settings(max_examples=30, deadline=None)
 @given(points=POINTS, is_loop=st.booleans(), speed=st.floats(0.0, 30.0))
 @example(points=[(0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)], is_loop=True, speed=1.0)  # a slope ends
 def test_accelerations_on_any_path_are_differences_of_velocities(

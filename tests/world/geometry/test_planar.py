@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.geometry.planar import (
@@ -128,7 +128,6 @@ def gap(one: list[complex], other: list[complex], *yaws: float) -> float:
     return widest
 
 
-@settings(max_examples=60, deadline=None)
 @given(PLACE, PLACE, BOX, BOX)
 @example(1e-9 + 0j, 1e-9 + 0j, (4.9e-4, 0.0, -2.0), (1e-9, 0.0, -1.9))
 def test_sweeping_boxes_meet_if_their_traces_overlap(

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.geometry.planar import FloatArray
@@ -31,7 +31,6 @@ def test_segments_have_arc_start_direction_and_heading() -> None:
 POINTS = st.lists(st.tuples(*[st.floats(-100.0, 100.0, width=32)] * 3), min_size=2, max_size=10, unique=True)
 
 
-@settings(max_examples=100, deadline=None)
 @given(points=POINTS, is_loop=st.booleans(), reach=st.floats(0.05, 50.0))
 def test_headings_are_continuous_and_within_half_a_turn(
     points: list[tuple[float, float, float]],

@@ -143,7 +143,6 @@ coordinate = st.floats(-150, 150).map(lambda v: round(v, 2))
 line = st.lists(st.tuples(coordinate, coordinate), min_size=2, max_size=6, unique=True)
 
 
-@settings(max_examples=40)
 @given(
     lines=st.lists(line, min_size=1, max_size=6),
     places=st.lists(st.tuples(coordinate, coordinate, st.none() | st.floats(-4, 4)), min_size=1, max_size=6),

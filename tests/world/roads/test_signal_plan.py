@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.roads.roads import Roads
@@ -175,7 +175,6 @@ def judge(controller: Controller, group: int, frames: int) -> list[int]:
     return out[:frames]
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.lists(controllers(), min_size=1, max_size=3), st.integers(0, 10_000))
 def test_tables_equal_a_frame_by_frame_reference(parts: list[Controller], start: int) -> None:
     all_lights: list[Light] = []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.roads.roads import Roads
@@ -148,7 +148,6 @@ def play(signals: Signals, calls: list[tuple[str, int]]) -> None:
             signals.set_phase(value % 2, value // 2, 7 * value)
 
 
-@settings(max_examples=40, deadline=None)
 @given(st.lists(CALLS, max_size=12), st.lists(CALLS, max_size=12))
 def test_restored_snapshot_goes_on_like_the_original(
     before: list[tuple[str, int]], after: list[tuple[str, int]]

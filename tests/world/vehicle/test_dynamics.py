@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.geometry.planar import arc_lengths, nearest_on_polyline
@@ -410,7 +410,6 @@ WISHES = st.fixed_dictionaries(
 DRIVES = st.lists(st.tuples(WISHES, st.sampled_from(Gear), st.integers(1, 25)), min_size=1, max_size=6)
 
 
-@settings(max_examples=30, deadline=None)
 @given(st.lists(DRIVES, min_size=1, max_size=3), st.booleans())
 def test_fast_path_equals_slow_path_for_any_row_layout(
     drives: list[list[tuple[dict[str, Any], Gear, int]]],
