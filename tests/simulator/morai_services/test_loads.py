@@ -387,6 +387,7 @@ def test_tick_of_a_departed_caller_runs_if_its_id_has_another_holder() -> None:
     loader.load_at(2)
     first.tick()
     second.tick()
+    assert one.sync.is_muted(first.peer)
     first.peer.leave(0.0)
     one.reader.hand_over()
     assert (first.answers(), second.answers()) == ([], [(TICK, (True, 3))])

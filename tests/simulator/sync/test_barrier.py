@@ -816,7 +816,7 @@ def test_member_starts_synchronous_mode_with_the_step_in_force_or_none() -> None
 def test_shortest_and_longest_deadline_can_be_had(deadline: float) -> None:
     model = Model()
     assert model.barrier.deadline == 1.0
-    assert model.join("a", MAX_STEP_MS, deadline).is_accepted
+    assert model.join("a" * MAX_USER_ID, MAX_STEP_MS, deadline).is_accepted
     assert model.barrier.deadline == deadline
 
 

@@ -130,7 +130,9 @@ def test_velocity_on_a_slope_has_an_upward_part() -> None:
     points = np.array([(0.0, 0.0, 0.0), (300.0, 0.0, 30.0)])
     world.lay_roads(make(a=(points, "")))
     car(world, "a", 5.0, speed=10.0)
-    for before, now in pairwise(follow(world, np.array([0]), 50)):
+    told = follow(world, np.array([0]), 50)
+    check_accelerations(told)
+    for before, now in pairwise(told):
         assert now.velocity[2, 0] == pytest.approx(now.velocity[0, 0] / 10.0)
         assert largest(now.velocity - (now.place - before.place) / DT) < 0.05
 
@@ -341,5 +343,6 @@ def test_pedestrian_turns_at_a_corner_of_its_path_unless_it_walks_beside_it(*, y
     world = World()
     row = npc(world, kind=Kind.PEDESTRIAN, body=MAN, path=BENT, speed=1.0, yields=yields)
     world.arc[row], world.leg_end[row] = 10.0, 10.0
+    npc(world, kind=Kind.OBSTACLE, x=50.0)
     forward, left = motion(world, np.array([row]))[:2, 0]
     assert (forward, left) == ((1.0, 0.0) if yields else (pytest.approx(0.5**0.5), pytest.approx(0.5**0.5)))
