@@ -11,7 +11,7 @@ from rosbridge_sim.world.geometry.planar import FloatArray, quaternion, rotate
 from rosbridge_sim.world.state import commands, placement
 from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.vehicle.sensor_readings import GRAVITY, Mounting, feel, find_boxes, locate
+from rosbridge_sim.world.vehicle.sensor_readings import GRAVITY, Mounting, _yaw_accel, feel, find_boxes, locate
 
 CAR = Body()
 # No drag and no patience: so that circles and ways have closed forms.
@@ -201,3 +201,13 @@ def test_number_of_boxes_is_bounded_and_empty_without_objects() -> None:
         world.spawn(Kind.OBSTACLE, Body.box(1.0, 1.0, 1.0), name="box", x=10.0 - i, y=5.0, uid=i)
     world.remove(5)
     assert world.uid[find_boxes(world, 0, 100.0, 3).rows].tolist() == [8, 7, 6]
+
+
+@pytest.mark.parametrize(("share", "counts"), [(-0.9, True), (0.9, True), (1.1, False), (-3.0, False)])
+def test_wheels_that_were_set_from_outside_turn_the_car_with_no_acceleration(share: float, *, counts: bool) -> None:
+    world = World()
+    row = world.row(world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=0.0, speed=8.0))
+    turned = share * 0.5 * DT * float(world.steer_rate[row])
+    world.steer[row] = turned
+    expected = 8.0 * turned / (0.5 * DT) / float(world.wheelbase[row]) if counts else 0.0
+    assert _yaw_accel(world, row) == pytest.approx(expected)
