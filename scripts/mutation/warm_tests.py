@@ -129,7 +129,13 @@ class Tests:
     def __init__(self, session: pytest.Session, targets: Sequence[Target]) -> None:
         self._items = session.items
         self._targets = targets
+        gc.unfreeze()  # the collector does not list what is frozen, as by `conftest.py`
         self._functions = _functions_of({str(target.path) for target in targets})
+        for target in targets:
+            if target.module in sys.modules and not self._functions[str(target.path)]:
+                raise RuntimeError(
+                    f"{target.file}: expected its functions among all objects, so that mutants can be put in"
+                )
         self._caches = [thing for thing in gc.get_objects() if _is_cache_of_ours(thing)]
         self._readers = _Readers(targets)
         self.took: list[float] = []
