@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import ast
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
@@ -258,15 +259,7 @@ def find_faults(root: Path) -> Iterator[str]:
         if room not in ARROWS:
             yield f"{path.relative_to(root)}: there is no room {room!r} in the design"
             continue
-        source = path.read_text()
-        tree = ast.parse(source)
-        faults = {
-            *_import_faults(tree, room, parts),
-            *_call_faults(tree, room),
-            *_hidden_faults(tree, source, room, parts),
-            *_state_faults(tree, room),
-        }
-        for line, fault in sorted(faults):
+        for line, fault in _reading_of(path, root).faults:
             yield f"{path.relative_to(root)}:{line}: {fault}"
 
 
@@ -276,7 +269,7 @@ def find_circles(root: Path) -> Iterator[str]:
     arrows: dict[str, set[str]] = {}
     for name, path in paths.items():
         if _room_of(name.split(".")).partition(".")[0] not in OUTSIDE:
-            found = {_module_of(imported, paths) for imported in _imports_of(path, root)}
+            found = {_module_of(imported, paths) for imported in _reading_of(path, root).imports}
             arrows[name] = {target for target in found if target is not None} - {name}
     while True:
         while ready := {name for name, targets in arrows.items() if not targets & arrows.keys()}:
@@ -313,9 +306,36 @@ def _room_of(parts: Sequence[str]) -> str:
     return inner if inner in ARROWS else parts[0]
 
 
-def _imports(tree: ast.AST, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:
+class _Reading(NamedTuple):
+    """What is in a file: the lines and texts of its faults, and the full dotted names that it imports."""
+
+    faults: tuple[tuple[int, str], ...]
+    imports: tuple[str, ...]
+
+
+@cache  # several tests ask for it, and reading all sources takes seconds
+def _reading_of(path: Path, root: Path) -> _Reading:
+    """Read a file below a package's root; of one in no room only its imports."""
+    parts = path.relative_to(root).with_suffix("").parts
+    room = "" if parts == ("__init__",) else _room_of(parts)
+    source = path.read_text()
+    tree = ast.parse(source)
+    nodes = list(ast.walk(tree))
+    imports = tuple(name for _, name in _imports(nodes, parts))
+    if room not in ARROWS:
+        return _Reading((), imports)
+    faults = {
+        *_import_faults(nodes, room, parts),
+        *_call_faults(nodes, room),
+        *_hidden_faults(nodes, source, room, parts),
+        *_state_faults(tree, room),
+    }
+    return _Reading(tuple(sorted(faults)), imports)
+
+
+def _imports(nodes: Iterable[ast.AST], parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:
     """Line and full dotted name of all that is imported, by whichever statement."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -326,17 +346,9 @@ def _imports(tree: ast.AST, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]
             yield from ((node.lineno, f"{base}.{alias.name}") for alias in node.names)
 
 
-@cache
-def _imports_of(path: Path, root: Path) -> tuple[str, ...]:
-    """All that a file below a package's root imports. Two tests ask for it, and reading all sources takes seconds."""
-    return tuple(
-        name for _, name in _imports(ast.parse(path.read_text()), path.relative_to(root).with_suffix("").parts)
-    )
-
-
-def _import_faults(tree: ast.AST, room: str, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:
+def _import_faults(nodes: Sequence[ast.AST], room: str, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:
     outer = room.partition(".")[0]
-    for line, name in _imports(tree, parts):
+    for line, name in _imports(nodes, parts):
         first, *rest = name.split(".")
         if first == PACKAGE:
             target = _room_of(rest) if rest else ""
@@ -358,16 +370,13 @@ def _import_faults(tree: ast.AST, room: str, parts: tuple[str, ...]) -> Iterator
             yield line, f"{room} must not know {name}"
 
 
-def _call_faults(tree: ast.AST, room: str) -> Iterator[tuple[int, str]]:
+def _call_faults(nodes: Sequence[ast.AST], room: str) -> Iterator[tuple[int, str]]:
     if room.partition(".")[0] in OUTSIDE:
         return
     aliases = {
-        alias.asname or alias.name: alias.name
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Import)
-        for alias in node.names
+        alias.asname or alias.name: alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.Name) and node.id in IMPURE_NAMES:
             yield node.lineno, f"{room} must not use {node.id}()"
         elif isinstance(node, ast.Attribute):
@@ -385,17 +394,19 @@ def _call_faults(tree: ast.AST, room: str) -> Iterator[tuple[int, str]]:
                 yield node.lineno, f"{name}() without a seed"
 
 
-def _hidden_faults(tree: ast.AST, source: str, room: str, parts: tuple[str, ...]) -> Iterator[tuple[int, str]]:
+def _hidden_faults(
+    nodes: Sequence[ast.AST], source: str, room: str, parts: tuple[str, ...]
+) -> Iterator[tuple[int, str]]:
     """Arrows that the program does not follow when it runs, and private attributes of others."""
     if room.partition(".")[0] in OUTSIDE:
         return
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.If) and "TYPE_CHECKING" in {
             getattr(node.test, "id", ""),
             getattr(node.test, "attr", ""),
         }:
             for child in node.body:
-                for line, name in _imports(child, parts):
+                for line, name in _imports(ast.walk(child), parts):
                     if name.partition(".")[0] == PACKAGE:
                         yield line, f"{room} must not hide the import of {name} from the program"
     for line, text in enumerate(source.splitlines(), 1):
@@ -463,7 +474,7 @@ def test_every_permitted_arrow_is_used() -> None:
     for path in ROOT.rglob("*.py"):
         parts = path.relative_to(ROOT).with_suffix("").parts
         room = "" if parts == ("__init__",) else _room_of(parts)
-        for name in _imports_of(path, ROOT):
+        for name in _reading_of(path, ROOT).imports:
             if name.partition(".")[0] == PACKAGE:
                 target = _room_of(name.split(".")[1:])
                 used.setdefault(room, set()).add(target if target in ARROWS else "")

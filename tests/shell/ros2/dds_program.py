@@ -38,10 +38,10 @@ CtrlCmd = make_idl_struct(
 
 
 async def until(condition: Callable[[], bool]) -> None:
-    """Let the loop turn until a condition holds, which no event tells."""
+    """Look every two milliseconds whether a condition holds, which no event tells."""
     async with asyncio.timeout(PATIENCE):
         while not condition():  # noqa: ASYNC110 - as above
-            await asyncio.sleep(0)
+            await asyncio.sleep(0.002)
 
 
 class Heard:
