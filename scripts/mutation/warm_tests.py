@@ -127,6 +127,7 @@ class Tests:
     """
 
     def __init__(self, session: pytest.Session, targets: Sequence[Target]) -> None:
+        gc.unfreeze()  # what was imported for the tests is searched below
         self._items = session.items
         self._targets = targets
         gc.unfreeze()  # the collector does not list what is frozen, as by `conftest.py`
