@@ -45,8 +45,9 @@ def forks(seen):
     if seen.time == 0.0:
         pid = os.fork()
         if pid == 0:
-            (HERE / "copy").write_text(str(os.getpid()))
             time.sleep(60)
+            os._exit(0)
+        (HERE / "copy").write_text(str(pid))
     return COMMAND
 
 def copies(seen):
@@ -84,7 +85,8 @@ import os, sys, time
 if os.fork() == 0:
     os.setsid()
     if os.fork() == 0:
-        open("daemon", "w").write(str(os.getpid()))
+        open("daemon.new", "w").write(str(os.getpid()))
+        os.rename("daemon.new", "daemon")
         time.sleep(60)
     os._exit(0)
 while not os.path.exists("daemon"):
