@@ -15,7 +15,7 @@ with the shared state of `bus_state.py`.
 from __future__ import annotations
 
 from rosbridge_sim.graph.actions import Actions
-from rosbridge_sim.graph.bus_state import BusState
+from rosbridge_sim.graph.bus_state import BusState, earliest
 from rosbridge_sim.graph.delivery import Delivery
 from rosbridge_sim.graph.parameters import Parameters
 from rosbridge_sim.graph.participant import Participant
@@ -130,10 +130,7 @@ class Bus(BusState):
 
     def next_deadline(self) -> float | None:
         """Return when `expire` has something to do next [s]; None if never."""
-        call, topic = self._service_table.next_deadline(), self._topic_table.next_deadline()
-        if call is None or topic is None:
-            return topic if call is None else call
-        return min(call, topic)
+        return earliest(self._service_table.next_deadline(), self._topic_table.next_deadline())
 
     def expire(self, now: float) -> None:
         """Give up calls after their time-out, and forget topics that are unused for a while.

@@ -16,7 +16,14 @@ from rosbridge_sim.graph.topics_services import Call, Service, Subscription, Top
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.schema.store import Store
 
-__all__ = ["BusState", "Holdings"]
+__all__ = ["BusState", "Holdings", "earliest"]
+
+
+def earliest(one: float | None, other: float | None) -> float | None:
+    """Return the earlier of two times; None stands for never. It is asked for after each pass of the server's loop."""
+    if one is None or other is None:
+        return other if one is None else one
+    return min(one, other)
 
 
 @dataclass(slots=True)

@@ -12,7 +12,7 @@ from itertools import takewhile
 from typing import cast
 
 from rosbridge_sim.errors import GraphError, Reason
-from rosbridge_sim.graph.bus_state import BusState
+from rosbridge_sim.graph.bus_state import BusState, earliest
 from rosbridge_sim.graph.participant import Guest, Notify, Participant, is_guest, resolve
 from rosbridge_sim.graph.topics_services import Deliver, Subscription, Topic
 from rosbridge_sim.graph.type_resolution import TypeResolver
@@ -282,12 +282,10 @@ class TopicTable:
 
     def next_deadline(self) -> float | None:
         """Return when `expire` has something to do next [s]; None if never."""
-        notes = self.unpublished.next_due(), self.unheard.next_due()
-        first = min((due for due in notes if due is not None), default=None)
+        first = earliest(self.unpublished.next_due(), self.unheard.next_due())
         for topic in self._orphans:  # in the order in which they lost their publisher, so the first is the earliest
             if topic.orphaned_at is not None:
-                due = topic.orphaned_at + TYPE_MEMORY
-                return due if first is None else min(due, first)
+                return earliest(first, topic.orphaned_at + TYPE_MEMORY)
         return first
 
     def expire(self, now: float) -> None:

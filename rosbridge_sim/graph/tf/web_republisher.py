@@ -28,6 +28,7 @@ from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.actionlib import STATUS_PERIOD, Actionlib
 from rosbridge_sim.graph.actions import Goal, GoalStatus
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.bus_state import earliest
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.tf.buffer import MAX_TF_FRAMES, Placed, Transform, TransformBuffer, frame_name, turn
 from rosbridge_sim.graph.topics_services import Call, Subscription, Topic
@@ -184,8 +185,8 @@ class WebRepublisher:
         """Return when `advance` has something to do next [s]; None without active requests."""
         if self._has_ended:
             return None
-        dues = (self._alarm, self._actionlib.next_due(), self._sweep_due if self._stream_topics else None)
-        return min((due for due in dues if due is not None), default=None)
+        due = earliest(self._alarm, self._actionlib.next_due())
+        return earliest(due, self._sweep_due) if self._stream_topics else due
 
     def advance(self, now: float) -> None:
         """Check transforms that came late in their slot, publish the status of goals, remove unused topics."""

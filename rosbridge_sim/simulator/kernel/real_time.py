@@ -10,6 +10,7 @@ import logging
 from collections.abc import Callable
 from typing import Final
 
+from rosbridge_sim.graph.bus_state import earliest
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 
 __all__ = ["MAX_FRAMES_AT_ONCE", "RealTime", "set_real_time_factor"]
@@ -70,23 +71,20 @@ class RealTime:
 
     def next_due(self, now: float) -> float | None:
         """Return the time of the next call of `advance` [s]; None while only a service call can move the world."""
-        if len(self._context.late_work):
+        context = self._context
+        if len(context.late_work):
             return now
-        failure, sync, publishers, pacer = (
-            self._context.failure,
-            self._context.sync,
-            self._context.publishers,
-            self._context.pacer,
-        )
+        failure, publishers, driver = context.failure, context.publishers, context.sync_driver
         if failure.why is not None:
             return None if failure.is_serving_on else now
-        driver = self._context.sync_driver
-        dues = [driver.due(now), publishers.pause_due(now), now if driver.has_turn else None]
-        if sync.is_free:
-            dues += [self._frame_due(now) if pacer.is_started else now, publishers.repeat_due]
-        if publishers.has_viewer_to_show(is_flowing=sync.is_free):
+        is_free = context.sync.is_free
+        if driver.has_turn or publishers.has_viewer_to_show(is_flowing=is_free):
             return now
-        return min((due for due in dues if due is not None), default=None)
+        due = earliest(driver.due(now), publishers.pause_due(now))
+        if is_free:
+            frame_due = self._frame_due(now) if context.pacer.is_started else now
+            due = earliest(due, earliest(frame_due, publishers.repeat_due))
+        return due
 
     def _frame_due(self, now: float) -> float | None:
         """Return when the next frame begins [s]; None if it waits for messages of the last one."""

@@ -19,6 +19,7 @@ from functools import partial
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
+from rosbridge_sim.graph.bus_state import earliest
 from rosbridge_sim.graph.participant import Participant, hold
 from rosbridge_sim.printable import printable
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -172,8 +173,7 @@ class SyncDriver:
 
     def due(self, now: float) -> float | None:
         """Time of the next call of `expire` that is needed [s]; None if none is."""
-        dues = (self._sync.lease_due, self._barrier.due(now))
-        return min((due for due in dues if due is not None), default=None)
+        return earliest(self._sync.lease_due, self._barrier.due(now))
 
     def forget(self, now: float) -> None:
         """Refuse what waits for frames of the world before: it has begun anew."""
