@@ -11,7 +11,7 @@ from rosbridge_sim.client import AsyncClient, ClientError
 from tests.conftest import Serve
 from tests.page.conftest import OpenPage
 from tests.page.test_page import faults_of
-from tests.support import PATIENCE
+from tests.support import PATIENCE, Frame
 
 pytestmark = [pytest.mark.client, pytest.mark.slow]
 
@@ -92,23 +92,38 @@ async def test_past_is_shown_with_its_age_and_a_branch_returns_the_world_to_a_sn
         assert not (await client.call("/sim/snapshots", {}))["snapshots"]
 
 
+async def change_lane(page: Page, client: AsyncClient) -> tuple[str, Frame]:
+    """Put the ego on the lane beside its own, once the page shows that one; its own lane, and the place."""
+    scene = await client.wait_for("/sim/scene/state")
+    lanes = (await client.call("/sim/map", {"page": 0}))["lanes"]
+    link: str = (await client.call("/sim/describe", {"id": 0}))["link"]
+    [own] = [lane for lane in lanes if lane["link"] == link]
+    [beside] = [lane for lane in lanes if lane["link"] == (own["left_link"] or own["right_link"])]
+    await expect(page.locator(".instruments")).to_contain_text(link)
+    near = min(
+        range(len(beside["x"])), key=lambda i: abs(beside["x"][i] - scene["x"][0]) + abs(beside["y"][i] - scene["y"][0])
+    )
+    heading = float(scene["heading"][0]) * 57.29578
+    moved = {"x": beside["x"][near], "y": beside["y"][near], "z": 0.0, "heading_deg": heading}
+    await client.call("/sim/set", {"objects": [{"unique_id": 0, "set_place": True, "place": moved}]})
+    return link, moved
+
+
+async def test_lane_change_in_the_first_frame_is_marked(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--scenario", "loop", "--start", "sync")
+    page = await open_page(server)
+    async with AsyncClient(server.url, timeout=PATIENCE) as client:
+        await client.start_sync()
+        await change_lane(page, client)
+        await client.tick()
+        await expect(page.get_by_role("button", name=re.compile("^Lane change, 0 s ago: "))).to_be_visible()
+
+
 async def test_marks_lead_to_collisions_lane_changes_and_refusals(serve: Serve, open_page: OpenPage) -> None:
     server = serve("--scenario", "loop")
     page = await open_page(server, color_scheme="dark")
     async with AsyncClient(server.url, timeout=PATIENCE) as client:
-        scene = await client.wait_for("/sim/scene/state")
-        place = {"x": scene["x"][0], "y": scene["y"][0], "z": 0.0}
-        lanes = (await client.call("/sim/map", {"page": 0}))["lanes"]
-        link = (await client.call("/sim/describe", {"id": 0}))["link"]
-        [own] = [lane for lane in lanes if lane["link"] == link]
-        [beside] = [lane for lane in lanes if lane["link"] == (own["left_link"] or own["right_link"])]
-        await expect(page.locator(".instruments")).to_contain_text(link)
-        near = min(
-            range(len(beside["x"])), key=lambda i: abs(beside["x"][i] - place["x"]) + abs(beside["y"][i] - place["y"])
-        )
-        heading = float(scene["heading"][0]) * 57.29578
-        moved = {"x": beside["x"][near], "y": beside["y"][near], "z": 0.0, "heading_deg": heading}
-        await client.call("/sim/set", {"objects": [{"unique_id": 0, "set_place": True, "place": moved}]})
+        link, moved = await change_lane(page, client)
         await client.call("/sim/spawn", {"objects": [{"model": "Box", "place": moved}]})
         with pytest.raises(ClientError):
             await client.call("/no/such/service", {})

@@ -46,7 +46,7 @@ export class EgoWatch {
     this.subscription = null;
     /** Values of the last two minutes, the oldest first. @type {EgoValues[]} */
     this.history = [];
-    /** Lane of the last message. */
+    /** Lane of the last message, or of the scene before the first one. */
     this.lastLink = "";
     scene.onMap(() => {
       this.lanes = new LaneIndex(scene.map?.lanes ?? []);
@@ -148,6 +148,9 @@ export class EgoWatch {
     this.values = values;
     this.link = lane?.link ?? "";
     this.laneOffset = lane?.lateral ?? NaN;
+    if (this.lastLink === "" && this.scene.past === null) {
+      this.lastLink = this.link; // a change is one from the lane that is shown
+    }
     this.changes.tell();
   }
 }
