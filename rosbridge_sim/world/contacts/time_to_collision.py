@@ -34,6 +34,8 @@ MAX_PAIRS_AT_ONCE: Final = 1 << 14
 """Pairs looked at at once: the temporary arrays of 128 kB stay inside the cache."""
 
 NOTHING: Final[IntArray] = np.zeros(0, dtype=np.int64)
+NO_PAIRS: Final[IntArray] = np.zeros((2, 0), dtype=np.int64)
+NO_MOTION: Final[ComplexArray] = np.zeros((3, 2, 0), dtype=np.complex128)
 
 MAX_RISE: Final = 50.0
 """Greatest rise that is guessed from the present slope [m]: 10 % for 10 s at 50 m/s."""
@@ -62,7 +64,7 @@ def find_times_to_collision(world: World, rows: IntArray) -> FloatArray:
     """
     times = np.full(len(rows), np.inf)
     i, pairs, motion = _near_in_many_worlds(world, rows) if world.world_of_row is not None else _near(world, rows)
-    at = _do_meet(world, pairs, motion).nonzero()[0]
+    at = _do_meet(world, pairs, motion).nonzero()[0] if len(i) else i
     if not len(at):
         return times
     i, pairs, (heading, middle, velocity) = i[at], pairs[:, at], motion.take(at, axis=2)
@@ -80,9 +82,12 @@ def find_times_to_collision(world: World, rows: IntArray) -> FloatArray:
 
 def _move(world: World, rows: IntArray | slice) -> ComplexArray:
     """Return heading, middle of the box [m] and velocity [m/s] of rows (...), east + i north, (3, ...)."""
-    heading: ComplexArray = np.exp(1j * world.yaw[rows])
-    middle = world.x[rows] + 1j * world.y[rows] + world.centre[rows] * heading
-    return np.stack([heading, middle, (world.speed[rows] + 1j * world.lateral_speed[rows]) * heading])
+    yaw = world.yaw[rows]
+    motion = np.empty((3, *yaw.shape), dtype=np.complex128)
+    heading = np.exp(1j * yaw, out=motion[0])
+    motion[1] = world.x[rows] + 1j * world.y[rows] + world.centre[rows] * heading
+    motion[2] = (world.speed[rows] + 1j * world.lateral_speed[rows]) * heading
+    return motion
 
 
 def _near(world: World, rows: IntArray) -> tuple[IntArray, IntArray, ComplexArray]:
@@ -99,7 +104,7 @@ def _near(world: World, rows: IntArray) -> tuple[IntArray, IntArray, ComplexArra
     _, middle, velocity = motion
     span = np.hypot(world.half_length, world.half_width) + HORIZON * np.abs(velocity)
     east, north = middle.real.copy(), middle.imag.copy()
-    mine, others = [NOTHING], [NOTHING]
+    found = []
     size = max(1, MAX_PAIRS_AT_ONCE // max(world.n, 1))
     for first in range(0, len(rows), size):  # nearly always one portion
         part = rows[first : first + size]
@@ -108,10 +113,12 @@ def _near(world: World, rows: IntArray) -> tuple[IntArray, IntArray, ComplexArra
         is_near &= np.abs(north - north[part, None]) <= reach
         is_near[np.arange(len(part)), part] = False
         i, j = is_near.nonzero()
-        mine.append(first + i)
-        others.append(j)
-    index = np.concatenate(mine)
-    pairs = np.stack([rows[index], np.concatenate(others)])
+        if len(i):
+            found.append(np.array([first + i, part[i], j]))
+    if not found:
+        return NOTHING, NO_PAIRS, NO_MOTION
+    index, *rest = found[0] if len(found) == 1 else np.concatenate(found, axis=1)
+    pairs = np.array(rest)
     return index, pairs, motion.take(pairs, axis=1)
 
 
