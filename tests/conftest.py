@@ -63,6 +63,7 @@ LONGEST = (
     "page/test_panels.py",
     "page/test_graph.py",
     "test_doc_examples.py",
+    "environments/test_examples.py",
     "page/test_page.py",
     "shell/test_attach.py",
     "test_packaging.py",

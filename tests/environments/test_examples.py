@@ -121,12 +121,13 @@ def test_rule_crosses_the_junction_and_no_red_light(monkeypatch: pytest.MonkeyPa
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("num", [2, pytest.param(16, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", ["Merge-v0", "Roundabout-v0", "Drive-v0"])
-def test_rule_drives_without_a_failure(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rule_drives_without_a_failure(name: str, num: int, monkeypatch: pytest.MonkeyPatch) -> None:
     module = load("drive_environments", monkeypatch)
     module.register_all()
     task = module.TASKS[f"rosbridge_sim/{name}"]
-    found = module.drive(f"rosbridge_sim/{name}", lambda seen: module.by_rule(seen, task), 4)
+    found = module.drive(f"rosbridge_sim/{name}", lambda seen: module.by_rule(seen, task), num)
     assert (found["failed"], found["seconds"]) == (0.0, task.duration)
     assert found["metres"] > 0.5 * task.duration * task.target_speed
 
