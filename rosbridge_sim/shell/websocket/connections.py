@@ -72,10 +72,10 @@ class ConnectionTables:
         """Close connections that the library's server does not know, because the server stops."""
         for socket in list(self.sockets):
             if isinstance(socket, DirectServedConnection) and not socket.has_task:
-                if socket.is_open:
-                    self._closing.append(socket.loop.create_task(socket.close(CloseCode.GOING_AWAY)))
-                else:  # it has not sent a request
+                if socket.is_opening:  # it has not sent a request
                     socket.transport.abort()
+                else:
+                    self._closing.append(socket.loop.create_task(socket.close(CloseCode.GOING_AWAY)))
 
     async def wait_empty(self) -> None:
         """Wait until those connections are closed."""
