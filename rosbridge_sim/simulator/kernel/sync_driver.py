@@ -351,7 +351,7 @@ class SyncDriver:
         Call it again while `has_turn`, when all others have been served.
         """
         read_clock, sync, calls = self.read_clock, self._sync, self._calls
-        if self._stepper.is_moving or not self._gate.is_open:
+        if self._stepper.is_moving:
             return
         self._turn_until = None if read_clock is None else read_clock() + TURN_TIME
         self._is_turn_over = False

@@ -105,3 +105,18 @@ def test_route_leads_also_those_that_are_on_a_lane_beside_it(seed: int) -> None:
             assert found == expected
             assert of_route == (route * 9)[number]
     assert any(is_loop for _, is_loop in routes)
+
+
+def test_driver_that_chooses_anew_has_other_lanes_ahead_unless_it_has_a_route() -> None:
+    world = world_of(ring())
+    free, bound = car(world, "a", 1.0), car(world, "a", 30.0, route="a c e")
+    choice, seen = RouteChoice(world, np.array([free, bound])), set()
+    kept = world.int_block("lane", "ahead_5")[:, bound].tolist()
+    for i in range(12):
+        choice.change(np.array([0, 1]))
+        lanes = world.int_block("lane", "ahead_5")[:, free]
+        seen.add(int(lanes[1]))
+        assert lanes.tolist() == choice.preview(np.array([0]), lanes[:1])[:, 0].tolist()
+        assert world.turns[[free, bound]].tolist() == [6 * (i + 1), 0]
+    assert seen == {1, 2}
+    assert world.int_block("lane", "ahead_5")[:, bound].tolist() == kept
