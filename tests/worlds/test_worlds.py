@@ -26,8 +26,8 @@ Worlds = partial(rosbridge_sim.Worlds, library=LIBRARY)
 PEDALS = {"steering": 0.02, "throttle": 0.4, "brake": 0.0}
 
 
-def digests_of_server(seed: int, num_frames: int, traffic: int) -> str:
-    """Drive a server's world in synchronous mode with the pedals of `PEDALS`."""
+def digests_of_server(seed: int, num_frames: int, traffic: int, remove_at: int = -1) -> str:
+    """Drive a server's world in synchronous mode with the pedals of `PEDALS`; perhaps remove the latest vehicle."""
     library, bus, world = LIBRARY, Bus(make_store()), World(seed, Dynamics.SINGLE_TRACK)
     settings = NodeSettings(start_mode="external", traffic=traffic, start="sync")
     make_node(bus, world, library, library.opening_scenario("loop"), settings)
@@ -37,6 +37,8 @@ def digests_of_server(seed: int, num_frames: int, traffic: int) -> str:
     row = int(world.rows(Kind.EGO)[0])
     command(world, row, mode=Mode.PEDALS, steer=0.02, throttle=0.4)
     for frame in range(num_frames):
+        if frame == remove_at:
+            world.remove(int(world.uid.max()))
         client.tick(frame=frame)
     assert world.frame == num_frames
     return world.digest()
@@ -46,6 +48,18 @@ def test_world_equals_that_of_a_server() -> None:
     worlds = Worlds("loop", 3, seed=4, traffic=6)
     worlds.step(PEDALS, 37)
     assert worlds.digests()[1] == digests_of_server(5, 37, 6)
+
+
+@pytest.mark.slow
+def test_removed_vehicle_is_replaced_as_on_a_server() -> None:
+    worlds = Worlds("loop", 2, seed=4, traffic=6)
+    worlds.step(PEDALS, 73)
+    uid = int(worlds.world(1).uid.max())
+    worlds.remove(1, uid)
+    num = len(worlds.world(1))
+    worlds.step(None, 300)
+    assert len(worlds.world(1)) > num
+    assert worlds.digests()[1] == digests_of_server(5, 373, 6, remove_at=73)
 
 
 def test_reset_begins_the_masked_worlds_again() -> None:
