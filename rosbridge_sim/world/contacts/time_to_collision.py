@@ -102,7 +102,8 @@ def _near(world: World, rows: IntArray) -> tuple[IntArray, IntArray, ComplexArra
     """
     motion = _move(world, slice(None))
     _, middle, velocity = motion
-    span = np.hypot(world.half_length, world.half_width) + HORIZON * np.abs(velocity)
+    radius = np.hypot(world.half_length, world.half_width)
+    span = radius + HORIZON * np.abs(velocity)
     east, north = middle.real.copy(), middle.imag.copy()
     found = []
     size = max(1, MAX_PAIRS_AT_ONCE // max(world.n, 1))
@@ -112,6 +113,14 @@ def _near(world: World, rows: IntArray) -> tuple[IntArray, IntArray, ComplexArra
         is_near = np.abs(east - east[part, None]) <= reach
         is_near &= np.abs(north - north[part, None]) <= reach
         is_near[np.arange(len(part)), part] = False
+        if size < len(rows):  # a crowd has millions of pairs: keep those alone that will meet
+            is_near &= world.alive
+            if world.roads.is_flat:
+                top = world.z + world.height - TOUCHING
+                is_near &= (world.z < top[part, None]) & (world.z[part, None] < top)
+            is_near &= _will_touch(
+                middle - middle[part, None], velocity - velocity[part, None], radius + radius[part, None]
+            )
         i, j = is_near.nonzero()
         if len(i):
             found.append(np.array([first + i, part[i], j]))
@@ -200,17 +209,22 @@ def _do_meet(world: World, pairs: IntArray, motion: ComplexArray) -> BoolArray:
     """
     _, middle, velocity = motion
     radius = np.hypot(world.half_length[pairs], world.half_width[pairs])
-    apart, towards, width = middle[1] - middle[0], velocity[1] - velocity[0], radius[1] + radius[0]
+    is_met = _will_touch(middle[1] - middle[0], velocity[1] - velocity[0], radius[1] + radius[0])
+    is_met &= world.alive[pairs[1]]
+    if world.roads.is_flat:
+        bottom, top = world.z[pairs], world.z[pairs] + world.height[pairs] - TOUCHING
+        is_met &= (bottom[0] < top[1]) & (bottom[1] < top[0])
+    return is_met
+
+
+def _will_touch(apart: ComplexArray, towards: ComplexArray, width: FloatArray) -> BoolArray:
+    """Return whether circles touch within the horizon that are so far apart [m], move so [m/s], and are so wide [m]."""
     distance, speed = np.abs(apart), np.abs(towards)
     product = apart.conj() * towards
     # They come nearer, and will not miss one another.
     is_met: BoolArray = (product.real < 0.0) & (np.abs(product.imag) <= width * speed)
     is_met &= distance - width <= HORIZON * speed
     is_met |= distance <= width
-    is_met &= world.alive[pairs[1]]
-    if world.roads.is_flat:
-        bottom, top = world.z[pairs], world.z[pairs] + world.height[pairs] - TOUCHING
-        is_met &= (bottom[0] < top[1]) & (bottom[1] < top[0])
     return is_met
 
 
