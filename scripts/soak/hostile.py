@@ -538,14 +538,14 @@ ROWS: tuple[Row, ...] = (
             {"op": "subscribe", "topic": "/large", "type": "sensor_msgs/Image"},
             {"op": "subscribe", "topic": "/many", "type": "sensor_msgs/PointCloud2"},
         ],
-        flags=("--sensors", "lidar", "--no-dressing"),
+        flags=("--sensors", "lidar"),
         kept_mb=40.0,  # a message of 12 MB as bytes, base64 and frame
     ),
     Row(
         "2,000 glued moves of sensors that are heard",
         lambda: [calls("/sim/sensors", 2_000, {"move": ['{"frame_id": "velodyne", "z": 1.5}']})],
         listeners=SENSOR_LISTENERS,
-        flags=("--sensors", "teaching", "--no-dressing"),
+        flags=("--sensors", "teaching"),
     ),
     Row(
         "five ticks of 20 egos with a camera and a lidar, all heard",
@@ -559,7 +559,7 @@ ROWS: tuple[Row, ...] = (
             },
         ],
         listeners=[{**each, "topic": f"/Ego-{i}{each['topic']}"} for i in range(2, 60) for each in SENSOR_LISTENERS],
-        flags=("--sensors", "teaching", "--no-dressing"),
+        flags=("--sensors", "teaching"),
         kept_mb=40.0,  # their topics, and a cloud of 0.4 MB of each
     ),
     Row("an honest image of 16 MB to a listener", lambda: [image()],
