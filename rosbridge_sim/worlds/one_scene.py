@@ -100,7 +100,7 @@ class OneScene:
 
     @property
     def is_settled(self) -> bool:
-        """Whether no vehicle is due; see `Traffic.is_settled`."""
+        """True if no vehicle is due; see `Traffic.is_settled`."""
         return self._traffic.is_settled
 
     def after_frame(self) -> None:
