@@ -29,6 +29,7 @@ from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import MessageType
 
 __all__ = ["ENDED_GOAL_MEMORY", "MAX_GOAL_ID", "STATUS_PERIOD", "Actionlib", "ActionlibStatus"]
 
@@ -102,17 +103,17 @@ class Actionlib:
         self._ended: deque[_Tracked] = deque(maxlen=MAX_ENDED)
         self._status_due = 0.0
         store = bus.store
-        self._header = store.message("std_msgs/Header").struct_type
-        self._goal_id = store.message("actionlib_msgs/GoalID").struct_type
-        self._goal_status = store.message("actionlib_msgs/GoalStatus").struct_type
+        self._header = store.message("std_msgs/Header")
+        self._goal_id = store.message("actionlib_msgs/GoalID")
+        self._goal_status = store.message("actionlib_msgs/GoalStatus")
 
-        def advertise(name: str, type_name: str) -> tuple[Topic, type[msgspec.Struct]]:
+        def advertise(name: str, type_name: str) -> tuple[Topic, MessageType]:
             topic = bus.advertise(owner, f"{action.name}/{name}", type_name, is_exclusive=True)
-            return topic, store.message(type_name).struct_type
+            return topic, store.message(type_name)
 
-        self._feedback, self._feedback_struct = advertise("feedback", f"{action.type.name}ActionFeedback")
-        self._result, self._result_struct = advertise("result", f"{action.type.name}ActionResult")
-        self._status, self._status_struct = advertise("status", "actionlib_msgs/GoalStatusArray")
+        self._feedback, self._feedback_type = advertise("feedback", f"{action.type.name}ActionFeedback")
+        self._result, self._result_type = advertise("result", f"{action.type.name}ActionResult")
+        self._status, self._status_type = advertise("status", "actionlib_msgs/GoalStatusArray")
         bus.subscribe(owner, f"{action.name}/goal", self._receive_goal, type_name=f"{action.type.name}ActionGoal")
         bus.subscribe(owner, f"{action.name}/cancel", self._receive_cancel, type_name="actionlib_msgs/GoalID")
         bus.on_leave.append(self._on_leave)
@@ -147,7 +148,9 @@ class Actionlib:
         def on_feedback(values: Message) -> None:
             self._publish(
                 self._feedback,
-                self._feedback_struct(header=self._stamped(), status=self._describe(tracked), feedback=values.value),
+                self._feedback_type.struct_type(
+                    header=self._stamped(), status=self._describe(tracked), feedback=values.value
+                ),
             )
 
         def on_outcome(outcome: GoalOutcome) -> None:
@@ -198,7 +201,8 @@ class Actionlib:
         self._ended.append(tracked)
         result = self._action.type.result.default() if values is None else values
         self._publish(
-            self._result, self._result_struct(header=self._stamped(), status=self._describe(tracked), result=result)
+            self._result,
+            self._result_type.struct_type(header=self._stamped(), status=self._describe(tracked), result=result),
         )
         self._publish_status(self._now)
 
@@ -208,7 +212,7 @@ class Actionlib:
         if not self._status.has_listener:
             return
         known = [self._describe(tracked) for tracked in (*self._ended, *self._tracked.values())]
-        self._publish(self._status, self._status_struct(header=self._stamped(), status_list=known))
+        self._publish(self._status, self._status_type.struct_type(header=self._stamped(), status_list=known))
 
     def _forget_ended(self, now: float) -> None:
         while self._ended and self._ended[0].ended_at + ENDED_GOAL_MEMORY <= now:
@@ -226,12 +230,12 @@ class Actionlib:
         if not key:
             self._num_ids += 1
             key = f"{self._action.name}-{self._num_ids}"
-        return self._goal_id(stamp=stamp, id=key)
+        return self._goal_id.struct_type(stamp=stamp, id=key)
 
     def _describe(self, tracked: _Tracked) -> msgspec.Struct:
         """Return its actionlib_msgs/GoalStatus."""
-        return self._goal_status(goal_id=tracked.goal_id, status=int(tracked.status), text=tracked.text)
+        return self._goal_status.struct_type(goal_id=tracked.goal_id, status=int(tracked.status), text=tracked.text)
 
     def _stamped(self) -> msgspec.Struct:
         """Return a header with the current time."""
-        return self._header(stamp=self._bus.store.time_value(self._bus.stamp_ns))
+        return self._header.struct_type(stamp=self._bus.store.time_value(self._bus.stamp_ns))

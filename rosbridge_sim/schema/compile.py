@@ -27,7 +27,7 @@ from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
 from rosbridge_sim.schema.definitions.names import ros2_names
 from rosbridge_sim.schema.definitions.parse import Definition, Field
 from rosbridge_sim.schema.float32 import round32, round32_list
-from rosbridge_sim.schema.message_type import Encoders, Finalize, JsonBytes, MessageType
+from rosbridge_sim.schema.message_type import Finalize, JsonBytes
 
 __all__ = ["compile_message"]
 
@@ -38,20 +38,15 @@ _NO_LENGTH_LIMIT: Final = 2**63
 
 
 def compile_message(
-    definition: Definition,
-    nested: Callable[[Field], MessageType],
-    dialect: Dialect,
-    leniency: Leniency,
-    encoders: Encoders,
-) -> MessageType:
-    """Return the compiled type of a definition.
+    definition: Definition, nested: Callable[[Field], MessageSpec], dialect: Dialect, leniency: Leniency
+) -> MessageSpec:
+    """Return the fields of a definition as tables, with the struct class of its values.
 
     Args:
         definition: the parsed definition.
-        nested: returns the compiled type of a field's nested message; raises DefinitionError when there is none.
+        nested: returns those of a field's nested message; raises DefinitionError when there is none.
         dialect: of the ROS generation.
         leniency: other names and forms to accept.
-        encoders: shared by the types of one store.
 
     Raises:
         DefinitionError: a nested type is unknown or contains itself.
@@ -74,7 +69,7 @@ def compile_message(
             attribute=attribute,
             make=default if callable(default) else partial(_same, default),
             zero=None if inner is not None else _zero(f.type, dialect),
-            nested=None if inner is None else inner.spec,
+            nested=inner,
             is_single=f.array is not None and f.name in leniency.scalars.get(name, ()),
             is_numeral=f.name in leniency.numerals.get(name, ()),
         )
@@ -99,8 +94,7 @@ def compile_message(
     for other, own in ros2_names([*fields, *aliases]).items():
         aliases.setdefault(other, aliases.get(own, own))
     finalize = _make_finalize(name, fields, dialect, is_header=is_header, finalizers=finalizers)
-    spec = MessageSpec(name, definition, dialect, struct_type, fields, aliases, is_header, finalize)
-    return MessageType(spec, encoders)
+    return MessageSpec(name, definition, dialect, struct_type, fields, aliases, is_header, finalize)
 
 
 def _same(value: object) -> object:
@@ -120,7 +114,7 @@ def _attribute(name: str, definition: Definition) -> str:
 
 
 def _default(
-    f: Field, inner: MessageType | None, definition: Definition, dialect: Dialect
+    f: Field, inner: MessageSpec | None, definition: Definition, dialect: Dialect
 ) -> object | Callable[[], object]:
     """Return a field's default: the value itself if it may be shared, else a function that makes a new one."""
     count = 0 if f.array is None or f.is_bounded else f.array
@@ -154,7 +148,7 @@ def _zero(kind: str, dialect: Dialect) -> object:
     return {"string": "", "wstring": "", "bool": False, "float32": 0.0, "float64": 0.0}.get(kind, 0)
 
 
-def _annotation(f: Field, inner: MessageType | None, dialect: Dialect) -> Any:  # noqa: ANN401 - a type form
+def _annotation(f: Field, inner: MessageSpec | None, dialect: Dialect) -> Any:  # noqa: ANN401 - a type form
     """Return the type by which `msgspec` checks a field."""
     element: Any
     if inner is not None:

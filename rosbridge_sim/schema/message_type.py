@@ -23,7 +23,16 @@ from rosbridge_sim.schema.skeleton import Skeleton
 from rosbridge_sim.schema.validate import check
 from rosbridge_sim.weight import claim
 
-__all__ = ["REFUSALS", "ActionType", "Encoders", "Finalize", "JsonBytes", "MessageType", "ServiceType"]
+__all__ = [
+    "REFUSALS",
+    "ActionType",
+    "Encoders",
+    "Finalize",
+    "JsonBytes",
+    "LateMessageType",
+    "MessageType",
+    "ServiceType",
+]
 
 Finalize = Callable[[Any, int], None]
 """`(value, stamp_ns)`: completes a decoded value in place."""
@@ -41,7 +50,7 @@ _COUNTED = 32 * 1024
 
 
 class MessageType:
-    """A message type: it decodes, checks, fills and encodes its values. `compile_message` makes it.
+    """A message type: it decodes, checks, fills and encodes its values.
 
     Attributes:
         name: `pkg/Type`.
@@ -56,6 +65,7 @@ class MessageType:
 
     __slots__ = (
         "_bytes",
+        "_compiled",  # of a LateMessageType, whose memory must have the same layout
         "_decode",
         "_encoders",
         "_finalize",
@@ -79,11 +89,6 @@ class MessageType:
 
     def __repr__(self) -> str:
         return f"MessageType({self.name})"
-
-    @property
-    def finalize(self) -> Finalize | None:
-        """The function that completes a decoded value, `(value, stamp_ns)`; None where nothing is left to do."""
-        return self._finalize
 
     def decode_json(self, body: bytes | msgspec.Raw, stamp_ns: int) -> Struct:
         """Return the checked and filled value of a JSON body.
@@ -166,6 +171,38 @@ class MessageType:
     def default(self) -> Struct:
         """Return a value whose fields all have their defaults."""
         return self.struct_type()
+
+
+_COMPILED: Final = frozenset(MessageType.__slots__) - {"_compiled", "_encoders", "name"}
+"""The slots that are set when a type is compiled."""
+
+
+class LateMessageType(MessageType):
+    """A message type that is compiled when it is first used: a server has 270 types, and most clients use ten.
+
+    With its first use it becomes a `MessageType`. A class that always has `__getattr__`, or properties in place of the
+    slots, would make each message dearer.
+
+    Args:
+        name: `pkg/Type`.
+        compiled: returns the fields as tables, always the same ones.
+        encoders: shared by the types of one store.
+    """
+
+    __slots__ = ()
+
+    def __init__(self, name: str, compiled: Callable[[], MessageSpec], encoders: Encoders) -> None:
+        self.name = name
+        self._compiled = compiled
+        self._encoders = encoders
+
+    def __getattr__(self, attribute: str) -> object:
+        """Compile the type; Python calls this for the slots that are not set yet."""
+        if attribute not in _COMPILED:
+            raise AttributeError(f"{type(self).__name__} has no attribute {attribute!r}")
+        MessageType.__init__(self, self._compiled(), self._encoders)
+        self.__class__ = MessageType  # type: ignore[assignment] # the base class has the same layout
+        return getattr(self, attribute)
 
 
 class Encoders:

@@ -1,4 +1,4 @@
-"""The store of all types by name: definition texts in, compiled types out, each made at its first use.
+"""The store of all types by name: definition texts in, compiled types out, each compiled at its first use.
 
 A store gets definition texts (those in `schemas/` and in the user's folders). Further standard packages come
 from `standard.py`. The text of an action also defines the seven
@@ -8,13 +8,15 @@ inside; `spelled` returns the one that the ROS generation writes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 
 import msgspec
 
 from rosbridge_sim.errors import DefinitionError, TypeNameError, UnknownPackageError
 from rosbridge_sim.schema.compile import compile_message
 from rosbridge_sim.schema.definitions.dialect import ROS1, ROS2, Leniency
+from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 from rosbridge_sim.schema.definitions.names import (
     RENAMED_FIELDS,
     RENAMED_PACKAGES,
@@ -32,7 +34,7 @@ from rosbridge_sim.schema.definitions.standard import (
     standard_text,
 )
 from rosbridge_sim.schema.definitions.typedefs import full_text
-from rosbridge_sim.schema.message_type import ActionType, Encoders, MessageType, ServiceType
+from rosbridge_sim.schema.message_type import ActionType, Encoders, LateMessageType, MessageType, ServiceType
 from rosbridge_sim.suggestions import hint
 
 __all__ = ["Store"]
@@ -59,15 +61,23 @@ class Store:
         texts: definition texts by (package, `msg` or `srv` or `action`, name).
         leniency: other names and forms to accept.
         ros: see above.
+        is_checked: no text has a mistake. Then a type is compiled when its first message comes or goes; otherwise
+            when it is asked for, so that whoever asks is told of the mistake.
     """
 
     def __init__(
-        self, texts: Mapping[tuple[str, str, str], str], *, leniency: Leniency | None = None, ros: Generation = 1
+        self,
+        texts: Mapping[tuple[str, str, str], str],
+        *,
+        leniency: Leniency | None = None,
+        ros: Generation = 1,
+        is_checked: bool = False,
     ) -> None:
         leniency = leniency or Leniency()
         self.ros = ros
         self._dialect = {1: ROS1, 2: ROS2}[ros]
         self._encoders = Encoders(ros)
+        self._is_checked = is_checked
         self._texts = dict(texts)
         self._leniency = Leniency(
             types=leniency.types,
@@ -77,13 +87,14 @@ class Store:
         )
         self._packages = {package for package, _, _ in self._texts}
         self._definitions: dict[str, Definition] = {}
+        self._service_definitions: dict[str, tuple[Definition, Definition]] = {}
         self._parts: dict[str, tuple[Definition, Definition, Definition]] = {}
+        self._specs: dict[tuple[str, str], MessageSpec] = {}  # by kind and name
         self._messages: dict[str, MessageType] = {}
         self._services: dict[str, ServiceType] = {}
         self._actions: dict[str, ActionType] = {}
         self._spellings: dict[str, str] = {}
         self._full_texts: dict[str, str] = {}
-        self._open: list[str] = []
 
     # Names
 
@@ -265,30 +276,47 @@ class Store:
     def _message(self, name: str) -> MessageType:
         compiled = self._messages.get(name)
         if compiled is None:
-            compiled = self._messages[name] = self._compile(self._definition(name))
+            package, _, short = name.partition("/")
+            if (package, "msg", short) not in self._texts:
+                self._definition(name)  # raises an error if there is none
+            compiled = self._messages[name] = self._type("msg", name, partial(self._definition, name))
         return compiled
 
     def _service(self, name: str) -> ServiceType:
         compiled = self._services.get(name)
         if compiled is None:
-            request, response = self._service_parts(name)
-            compiled = self._services[name] = ServiceType(name, self._compile(request), self._compile(response))
+            package, _, short = name.partition("/")
+            if (package, "srv", short) not in self._texts:
+                raise self._unknown(package, name, "srv", "service")
+            request, response = (
+                self._type("srv", name + part, partial(self._service_part, name, i))
+                for i, part in enumerate(("Request", "Response"))
+            )
+            compiled = self._services[name] = ServiceType(name, request, response)
         return compiled
 
     def _service_parts(self, name: str) -> tuple[Definition, Definition]:
-        """Return request and response of a service."""
-        package, _, short = name.partition("/")
-        text = self._texts.get((package, "srv", short))
-        if text is None:
-            raise self._unknown(package, name, "srv", "service")
-        return parse_service(name, text, f"{package}/srv/{short}.srv", self.ros)
+        """Return request and response of a service that has a text."""
+        known = self._service_definitions.get(name)
+        if known is None:
+            package, _, short = name.partition("/")
+            text = self._texts[package, "srv", short]
+            known = parse_service(name, text, f"{package}/srv/{short}.srv", self.ros)
+            self._service_definitions[name] = known
+        return known
+
+    def _service_part(self, name: str, i: int) -> Definition:
+        return self._service_parts(name)[i]
 
     def _action(self, name: str) -> ActionType:
         parts = self._action_parts(name)
         if parts is None:
             raise self._unknown(name.partition("/")[0], name, "action", "action")
         goal, result, feedback = (
-            self._message(part.name) if self._definition(part.name) is part else self._compile(part) for part in parts
+            self._message(part.name)
+            if self._definition(part.name) is part
+            else self._type("action", part.name, partial(_itself, part))
+            for part in parts
         )
         return ActionType(name, goal, result, feedback)
 
@@ -303,21 +331,41 @@ class Store:
             known = self._parts[name] = parse_action(name, text, f"{package}/action/{short}.action", self.ros)
         return known
 
-    def _compile(self, definition: Definition) -> MessageType:
-        def nested(f: Field) -> MessageType:
-            if f.type in self._open:
-                circle = " > ".join([*self._open[self._open.index(f.type) :], f.type])
+    def _type(self, kind: DefinitionKind, name: str, find: Callable[[], Definition]) -> MessageType:
+        """Return a message type, compiled now or late.
+
+        Args:
+            kind: where the definition stands.
+            name: of the message itself.
+            find: returns the definition.
+        """
+        if self._is_checked:
+            return LateMessageType(name, partial(self._spec, kind, name, find), self._encoders)
+        return MessageType(self._spec(kind, name, find), self._encoders)
+
+    def _spec(
+        self, kind: DefinitionKind, name: str, find: Callable[[], Definition], within: tuple[str, ...] = ()
+    ) -> MessageSpec:
+        """Return a compiled message; `within` are the messages that contain it."""
+        known = self._specs.get((kind, name))
+        if known is None:
+            # Two threads may compile the same type at once; both get that of the first.
+            known = self._specs.setdefault((kind, name), self._compile(find(), within))
+        return known
+
+    def _compile(self, definition: Definition, within: tuple[str, ...]) -> MessageSpec:
+        within = (*within, definition.name)
+
+        def nested(f: Field) -> MessageSpec:
+            if f.type in within:
+                circle = " > ".join([*within[within.index(f.type) :], f.type])
                 raise DefinitionError(definition.source, f.line, 1, f"a message cannot contain itself: {circle}")
             try:
-                return self._message(f.type)
+                return self._spec("msg", f.type, partial(self._definition, f.type), within)
             except TypeNameError as error:
                 raise DefinitionError(definition.source, f.line, 1, f"unknown type {f.type}: {error}") from None
 
-        self._open.append(definition.name)
-        try:
-            return compile_message(definition, nested, self._dialect, self._leniency, self._encoders)
-        finally:
-            self._open.pop()
+        return compile_message(definition, nested, self._dialect, self._leniency)
 
     def _definition(self, name: str) -> Definition:
         known = self._definitions.get(name)
@@ -365,6 +413,10 @@ class Store:
             f"Unable to import {package}.{kind} from package {package}. Caused by: no folder of definitions has it"
             f"{self.near_package(name)}"
         )
+
+
+def _itself(definition: Definition) -> Definition:
+    return definition
 
 
 def _joined(

@@ -46,8 +46,8 @@ def read_fast(message_type: MessageType, text: bytes) -> Struct:
     """What the fast way makes of a text by itself; None where it leaves it to the slow one."""
     try:
         value = message_type._decode(text)
-        if message_type.finalize is not None:
-            message_type.finalize(value, STAMP_NS)
+        if message_type.spec.finalize is not None:
+            message_type.spec.finalize(value, STAMP_NS)
     except REFUSALS:
         return None
     return value

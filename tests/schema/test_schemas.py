@@ -53,10 +53,11 @@ def test_every_definition_file_starts_with_a_comment_and_is_tidy(path: Path) -> 
     assert read(path)
 
 
+@pytest.mark.parametrize("ros", [1, 2])
 @pytest.mark.parametrize("name", RELEASES)
-def test_every_definition_compiles(name: str) -> None:
+def test_every_definition_compiles(name: str, ros: Generation) -> None:
     texts = read_texts(name)
-    store = Store(texts)
+    store = Store(texts, ros=ros)
     compile_all(store, texts)
     assert len(store.names("msg")) > 180
     others = [path for path in FILES if "morai_msgs" in path.parts and name not in path.parts]

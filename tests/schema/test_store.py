@@ -9,6 +9,7 @@ import pytest
 
 from rosbridge_sim.errors import FieldError, TypeNameError, UnknownPackageError
 from rosbridge_sim.schema.definitions.dialect import Leniency, Time, Time2
+from rosbridge_sim.schema.message_type import LateMessageType, MessageType
 from rosbridge_sim.schema.store import Store
 from tests.schema.strategies import SCHEMAS, shared_store
 
@@ -147,6 +148,42 @@ def test_a_broken_definition_is_a_peers_error(texts: dict[str, str], words: str)
         with pytest.raises(TypeNameError, match=r"^Unable to resolve type p/S: "):
             store.service("p/S")
     assert store.message("std_msgs/String")
+
+
+def test_type_of_checked_texts_is_compiled_when_it_is_first_used() -> None:
+    store = Store(
+        {("p", "msg", "T"): "U u", ("p", "msg", "U"): "int8 x 7", ("p", "srv", "S"): "T t\n---"}, is_checked=True
+    )
+    late, nested, request = store.message("p/T"), store.message("p/msg/U"), store.service("p/S").request
+    assert [type(each) for each in (late, nested, request)] == [LateMessageType] * 3
+    assert (late.name, request.name, repr(late)) == ("p/T", "p/SRequest", "MessageType(p/T)")
+    assert late.encode_json(late.decode_json(b"{}", 0)) == b'{"u":{"x":7}}'
+    assert store.message("p/T") is late
+    assert [type(each) for each in (late, nested, request)] == [MessageType, LateMessageType, LateMessageType]
+    assert type(late.default().u) is nested.struct_type
+    assert type(request.default().t) is late.struct_type
+
+
+def test_late_type_has_no_other_attributes() -> None:
+    store = Store({("p", "msg", "T"): "int8 x"}, is_checked=True)
+    with pytest.raises(AttributeError, match=r"^LateMessageType has no attribute 'spek'"):
+        store.message("p/T").spek  # type: ignore[attr-defined] # noqa: B018
+    assert type(store.message("p/T")) is LateMessageType
+
+
+def test_type_that_is_asked_for_twice_at_once_is_compiled_once() -> None:
+    store = Store({("p", "msg", "T"): "int8 x"}, is_checked=True)
+    makers = [store._type("msg", "p/T", lambda: store.definition("p/T")) for _ in range(2)]
+    assert makers[0].spec is makers[1].spec is store.message("p/T").spec
+
+
+def test_unknown_types_are_refused_at_once_by_a_store_of_checked_texts() -> None:
+    store = Store({("p", "msg", "T"): "int8 x"}, is_checked=True)
+    for ask, what in ((store.message, "message"), (store.service, "service")):
+        with pytest.raises(TypeNameError, match=f"package p has no such {what}"):
+            ask("p/Gone")
+    with pytest.raises(UnknownPackageError):
+        store.message("gone_msgs/Gone")
 
 
 def test_failed_type_does_not_affect_others() -> None:

@@ -20,6 +20,7 @@ import logging
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import msgspec
@@ -141,10 +142,7 @@ class WebRepublisher:
         self._alarm_set_ns = 0
         self._sweep_due = 0.0
         self._has_ended = False
-        store = bus.store
-        self._array_struct = store.message("tf2_web_republisher/TFArray").struct_type
-        self._answer_struct = store.service("tf2_web_republisher/RepublishTFs").response.struct_type
-        self._make_transform = _transform_maker(bus)
+        self._array_type = bus.store.message("tf2_web_republisher/TFArray")
         self._listening = self._listen("/tf", is_static=False)
         self._listen("/tf_static", is_static=True)
         bus.provide(self, REPUBLISH_SERVICE, "tf2_web_republisher/RepublishTFs", self._serve, is_exclusive=True)
@@ -244,14 +242,14 @@ class WebRepublisher:
         name = f"{REPUBLISHER_NAME}/tf_repub_{self._num_stream_topics}"
 
         def send(transforms: _Transforms, now: float) -> None:
-            message = Message(topic.type, self._array_struct(transforms=transforms))
+            message = Message(topic.type, self._array_type.struct_type(transforms=transforms))
             self._bus.announce(self, topic, message, now)
 
         stream = self._open(call.caller, call.request, send)
         topic = self._bus.advertise(self, name, "tf2_web_republisher/TFArray", depth=1, is_exclusive=True)
         self._stream_topics[topic] = _StreamTopic(stream, topic, timeout or DEFAULT_TIMEOUT, unheard_since=now)
         self._start(topic, stream, now)
-        call.answer(self._answer_struct(topic_name=name))
+        call.answer(call.service.type.response.struct_type(topic_name=name))
 
     def _take_goal(self, goal: Goal) -> None:
         """Start a goal, from the ROS 2 action or from the topics of ROS 1."""
@@ -350,6 +348,10 @@ class WebRepublisher:
             stream.is_whole = len(changed) == num_placed
             stream.send(changed, now)
         return None
+
+    @cached_property
+    def _make_transform(self) -> Callable[[str, str, Placed], msgspec.Struct]:
+        return _transform_maker(self._bus)
 
 
 def _has_moved(stream: _Stream, told: Transform | None, pose: Transform) -> bool:

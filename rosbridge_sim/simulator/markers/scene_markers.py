@@ -10,6 +10,7 @@ second, and all markers are deleted and sent again for a second after a load, a 
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, Final
 
 import numpy as np
@@ -93,7 +94,6 @@ class SceneMarkers(Component):
         """
         self._context = context
         self._reader = reader
-        self._make = MarkerMaker(context.bus.store)
         self._now = 0.0
         self._map: LatchedPublisher | None = None
         self._objects: PeriodicPublisher | None = None
@@ -101,13 +101,17 @@ class SceneMarkers(Component):
         self._shown: set[_Key] = set()
         self._gone: dict[_Key, int] = {}  # -> messages that have yet to delete it
         self._num_clearing = REPEATS
-        self._lamps = _Lamps(self._make)
+        self._lamps = _Lamps()
         hooks = context.hooks
         context.bus.on_topic.append(self._note_subscriber)
         hooks.after_frame.append(self._follow_map)
         hooks.on_new_scene.append(self._follow_map)
         hooks.on_scene_change.append(lambda _now: self._clear())
         hooks.on_restore.append(self._restore)
+
+    @cached_property
+    def _make(self) -> MarkerMaker:
+        return MarkerMaker(self._context.bus.store)
 
     def publish(self, publishers: Publishers) -> None:
         """Publish the topics that exist once, not for each ego."""
@@ -203,7 +207,7 @@ class SceneMarkers(Component):
         markers: list[Struct] = []
         for row, uid, *figures in zip(rows.tolist(), world.uid[rows].tolist(), *columns, strict=True):
             markers += self._body(header, numbers.get(uid, uid), figures, has_label=row in has_label)
-        lamps = self._lamps.marker(header, world, context.scene.road_map, place)
+        lamps = self._lamps.marker(self._make, header, world, context.scene.road_map, place)
         return markers if lamps is None else [*markers, lamps]
 
     def _body(self, header: Struct, number: int, figures: list[Any], *, has_label: bool) -> list[Struct]:
@@ -237,20 +241,20 @@ class SceneMarkers(Component):
 class _Lamps:
     """Maker of the one marker of all lights. Its parts are kept while no light changes."""
 
-    def __init__(self, make: MarkerMaker) -> None:
-        self._make = make
+    def __init__(self) -> None:
         self._key: object = None
         self._points: list[Struct] = []
         self._colours: list[Struct] = []
         self._map: RoadMap | None = None
         self._heads = np.empty((0, 3))
 
-    def marker(self, header: Struct, world: World, road_map: RoadMap, place: tuple[float, float]) -> Struct | None:
+    def marker(
+        self, make: MarkerMaker, header: Struct, world: World, road_map: RoadMap, place: tuple[float, float]
+    ) -> Struct | None:
         """Return the marker; None on a map without lights."""
         plan, shown = world.signals.plan, world.signals.shown
         if not plan.lights:
             return None
-        make = self._make
         if self._map is not road_map or len(self._heads) != len(plan.lights):
             roads = world.roads
             self._heads = np.array([(light.x, light.y, lamp_height(light, roads)) for light in plan.lights])

@@ -19,7 +19,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
@@ -114,7 +114,6 @@ class MountedSensors(Component):
         self._weather = weather or WeatherControl(context)
         self._is_dressed = is_dressed
         self._rigs: dict[int, EgoRig] = {}  # by the egos' numbers
-        self._messages = SensorMessages(context.bus.store)
         self._epoch = 0  # number of resets and restores
         self._num_failures = 0
         self._num_captures = 0  # being drawn
@@ -124,6 +123,10 @@ class MountedSensors(Component):
         context.hooks.after_frame.append(self._after_frame)
         context.hooks.on_reset.append(self._reset)
         context.hooks.on_restore.append(self._forget_jobs)
+
+    @cached_property
+    def _messages(self) -> SensorMessages:
+        return SensorMessages(self._context.bus.store)
 
     # The topics
 

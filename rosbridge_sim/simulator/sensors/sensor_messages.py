@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any, Final
 
 from rosbridge_sim.loose_types import Struct
@@ -66,7 +67,7 @@ class SensorMessages:
         )
         self._point = maker(store, "geometry_msgs/Point", "x", "y", "z")
         self._vector = maker(store, "geometry_msgs/Vector3", "x", "y", "z")
-        self._vision = VisionMessages(store)
+        self._store = store
         self._boxes = maker(store, BOXES, "header", "boxes")
         self._box = maker(
             store,
@@ -74,6 +75,10 @@ class SensorMessages:
             *("unique_id", "label", "left", "top", "right", "bottom", "visibility"),
             *("center", "size", "forward", "up"),
         )
+
+    @cached_property
+    def _vision(self) -> VisionMessages:
+        return VisionMessages(self._store)
 
     def picture(self, spec: CameraSpec, header: Struct, shot: Shot) -> Struct:
         """Return the message of a picture: a CompressedImage or an Image."""
