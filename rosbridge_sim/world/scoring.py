@@ -36,7 +36,7 @@ import numpy as np
 
 from rosbridge_sim.world.contacts.collisions import POSE_SPEED, POSE_X, POSE_Y, POSE_YAW, CollisionDetector
 from rosbridge_sim.world.contacts.time_to_collision import find_times_to_collision
-from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, is_among
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from rosbridge_sim.world.roads.stop_lines import StopLines, find_red_lanes, settle
 from rosbridge_sim.world.state.world import DT, MAX_UID, Kind, World
@@ -193,7 +193,7 @@ def _count_contacts(world: World, rows: IntArray, before: IntArray) -> None:
     now = world.contacts
     if not len(now):
         return
-    is_new = ~np.isin(_keys(now), _keys(before)) if world.world_of_row is None else ~_are_among(now, before)
+    is_new = ~is_among(_keys(now), _keys(before)) if world.world_of_row is None else ~_are_among(now, before)
     new = now[is_new]
     both = np.concatenate([new, new[:, ::-1]])  # each pair once from either side
     order = np.lexsort((both[:, 1], both[:, 0]))
@@ -233,7 +233,7 @@ def _are_among(pairs: IntArray, others: IntArray) -> BoolArray:
     """Return which pairs of ids of many worlds, (m, 2), are among other pairs, (k, 2)."""
     ids, index = np.unique(np.concatenate([pairs, others]), return_inverse=True)
     keys = index.reshape(-1, 2) @ np.array([len(ids), 1])
-    return np.isin(keys[: len(pairs)], keys[len(pairs) :])
+    return is_among(keys[: len(pairs)], keys[len(pairs) :])
 
 
 def _judge_comfort(world: World, rows: IntArray, before: Before) -> None:

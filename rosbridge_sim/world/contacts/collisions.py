@@ -37,6 +37,7 @@ from rosbridge_sim.world.geometry.planar import (
     ComplexArray,
     FloatArray,
     IntArray,
+    distinct,
     do_boxes_meet,
     ranges,
     wrap_angle,
@@ -332,7 +333,7 @@ class CollisionDetector:
         np.maximum.at(most, world, stray)
         num_pairs = np.maximum(np.bincount(world), 1)
         num = np.minimum(np.minimum(MAX_SWEEP_PIECES, np.maximum(1, MAX_SWEEPS // num_pairs)), np.ceil(most))[world]
-        return [(int(each), which[num == each]) for each in np.unique(num)]
+        return [(int(each), which[num == each]) for each in distinct(num)]
 
     def _reach_on_slope(self, pairs: IntArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return least and greatest heights of bodies on sloping ground, whose reference points are between others.

@@ -32,7 +32,15 @@ import numpy as np
 
 from rosbridge_sim.world.contacts.collisions import POSE_X, POSE_Y, POSE_YAW, POSE_Z, CollisionDetector
 from rosbridge_sim.world.contacts.impact_mechanics import Rigid, play
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, do_boxes_meet, wrap_angle
+from rosbridge_sim.world.geometry.planar import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    distinct,
+    do_boxes_meet,
+    is_among,
+    wrap_angle,
+)
 from rosbridge_sim.world.state.entity_types import MAX_SPEED
 from rosbridge_sim.world.state.labels import usual_wheelbase
 from rosbridge_sim.world.state.world import NO_CONTACTS, Dynamics, Kind, World
@@ -83,7 +91,7 @@ def _collide(world: World, dt: float) -> None:
     rows = _rows_of(world, world.contacts)
     is_free, is_solid = _find_free(world), _find_solid(world)
     acts = is_solid[rows].all(axis=1) & is_free[rows].any(axis=1)
-    is_passing = np.isin(_codes(world.contacts), _codes(world.passing)) | ~acts
+    is_passing = is_among(_codes(world.contacts), _codes(world.passing)) | ~acts
     was_placed = np.flatnonzero(np.isin(world.contacts, sorted(placed)).any(axis=1))
     if len(was_placed):
         is_passing[was_placed] |= _overlap(world, rows[was_placed], poses[0])
@@ -152,7 +160,7 @@ class _Crash:
         self._is_free, self._is_solid = kinds
         pairs = rows[:MAX_PAIRS]
         if len(rows) < MAX_PAIRS:
-            pairs = np.concatenate([pairs, self._find_neighbours(np.unique(pairs))])
+            pairs = np.concatenate([pairs, self._find_neighbours(distinct(pairs))])
             pairs = pairs[np.unique(_codes(world.uid[pairs]), return_index=True)[1]][:MAX_PAIRS]
         self._rows, index = np.unique(pairs, return_inverse=True)
         self._pairs: list[tuple[int, int]] = [(i, j) for i, j in index.reshape(-1, 2).tolist()]
@@ -184,7 +192,7 @@ class _Crash:
         first, second = is_near.nonzero()
         pairs = np.stack([thrown[first], others[second]], axis=1)
         pairs = np.where((world.uid[pairs[:, 0]] < world.uid[pairs[:, 1]])[:, None], pairs, pairs[:, ::-1])
-        return np.asarray(pairs[~np.isin(_codes(world.uid[pairs]), _codes(world.passing))])
+        return np.asarray(pairs[~is_among(_codes(world.uid[pairs]), _codes(world.passing))])
 
     def _rigid(self, row: int) -> Rigid:
         """Return a row as a body within this step."""

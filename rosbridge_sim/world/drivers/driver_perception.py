@@ -29,7 +29,7 @@ from rosbridge_sim.world.drivers.driver_model import (
 from rosbridge_sim.world.drivers.intruders import stop_for_intruders
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, EntryQueue, sibling_entries
 from rosbridge_sim.world.drivers.right_of_way import Requests, give_claims, update_holds
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among
 from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, MIN_SAFE_SPEED, LaneConflicts
 
 __all__ = ["Sight", "Stop", "observe", "perceive"]
@@ -154,9 +154,9 @@ def _find_rival(conflicts: LaneConflicts, drivers: Drivers, moving: IntArray, la
     """
     _, link = conflicts.rivals.of(np.array([lane]))
     rivals = conflicts.rivals.other[link]
-    has_one = np.isin(drivers.held, rivals) | np.isin(drivers.claim, rivals)
+    has_one = is_among(drivers.held, rivals) | is_among(drivers.claim, rivals)
     has_one[which] = False
-    found = np.concatenate([has_one, np.isin(moving, rivals)]).nonzero()[0]
+    found = np.concatenate([has_one, is_among(moving, rivals)]).nonzero()[0]
     return int(found[0]) if len(found) else -1
 
 

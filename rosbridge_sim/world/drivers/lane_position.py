@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.drivers.route_choice import RouteChoice
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.labels import usual_wheelbase
@@ -310,12 +310,12 @@ def headings_ahead(
 def _find_straights(roads: Roads) -> tuple[FloatArray, FloatArray]:
     """Return for each point the arc length up to which the lane goes straight on [m], and the direction [rad], (n,)."""
     num = len(roads.points)
-    point = np.setdiff1d(np.arange(num), roads.first[1:] - 1)  # the last point of a lane has no segment
+    point = np.delete(np.arange(num), roads.first[1:] - 1)  # the last point of a lane has no segment
     yaw, end = np.zeros(num), np.zeros(num)
     yaw[point] = roads.segments.yaw(np.arange(len(point)))
     after = point + 1
     is_end = np.abs(yaw[after] - yaw[point]) > STRAIGHT
-    is_end |= np.isin(after, roads.first[1:] - 1)
+    is_end |= is_among(after, roads.first[1:] - 1)
     is_bent = roads.curve[point].any(axis=1)
     is_end |= is_bent | roads.curve[after].any(axis=1)
     # Each takes the end of the next segment that ends a straight.

@@ -14,7 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, ranges, wrap_angle
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, distinct, ranges, wrap_angle
 from rosbridge_sim.world.geometry.segment_search import HEIGHT_COST, TURN_COST, LaneSegments, SegmentSearch, height_cost
 
 __all__ = ["SegmentCells"]
@@ -150,7 +150,7 @@ class _Table:
             if len(self._keys) > MAX_CELLS:
                 self._forget()
                 is_new[:] = True
-            self._add(np.unique(keys[is_new]), look_at)
+            self._add(distinct(keys[is_new]), look_at)
             cell = self._rows_of(keys)
         count = self._count[cell]
         return np.arange(len(keys)).repeat(count), self._found[ranges(self._start[cell], count)]

@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, distinct
 from rosbridge_sim.world.roads.paths import DX, DY, END, START, Segments, X, Y
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
@@ -82,7 +82,7 @@ def find_crossings(segments: Segments, roads: Roads, plan: SignalPlan, side: flo
     if side > 0.0 and len(first):
         most = int(WIDER * (num - 1) / length)
         steps = np.arange(1, most + 1)
-        near = np.unique(np.concatenate([first[:, None] - steps, last[:, None] + steps]))
+        near = distinct(np.concatenate([first[:, None] - steps, last[:, None] + steps]))
         near = near[(near >= 0) & (near < num)]
         is_beside = np.zeros(num, dtype=bool)
         to_right = leg[near, DY], -leg[near, DX]

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, nearest_on_polyline
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among, nearest_on_polyline
 from rosbridge_sim.world.roads.lane_conflicts import Links
 from rosbridge_sim.world.roads.roads import Roads
 
@@ -101,7 +101,7 @@ class LaneNeighbours:
         is_fast = roads.speed_limit >= KEEP_RIGHT_FROM - ROUNDING
         is_free = (self.beside < 0) | self.may
         refuses = ~(is_fast & is_free.all(axis=0))
-        self.keeps_right = ~np.isin(self.group, self.group[refuses])
+        self.keeps_right = ~is_among(self.group, self.group[refuses])
 
     def cross(self, side: IntArray, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return the lanes beside given places, and the places there.

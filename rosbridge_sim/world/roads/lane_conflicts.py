@@ -18,7 +18,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges, wrap_angle
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among, ranges, wrap_angle
 from rosbridge_sim.world.roads.lane_joins import find_joins
 from rosbridge_sim.world.roads.roads import Roads
 
@@ -374,7 +374,7 @@ def _are_in_turn(roads: Roads, lane: IntArray, other: IntArray) -> np.ndarray[tu
     known = np.concatenate([begin * num + roads.successor, roads.successor * num + begin])
     is_beside = (roads.left[lane] == other) | (roads.right[lane] == other)
     is_beside |= (roads.left[other] == lane) | (roads.right[other] == lane)  # in maps that name it on one side only
-    return np.asarray(np.isin(lane * num + other, known) | is_beside)
+    return np.asarray(is_among(lane * num + other, known) | is_beside)
 
 
 def _start_together(roads: Roads, lane: IntArray, other: IntArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

@@ -31,7 +31,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, arc_lengths, wrap_angle
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, arc_lengths, distinct, wrap_angle
 
 __all__ = ["KEYS_PER_METRE", "MAX_PATH_LENGTH", "Paths", "PathsSnapshot", "Segments", "lay_segments"]
 
@@ -157,7 +157,7 @@ def _cut(arcs: FloatArray, direction: FloatArray, reach: float, *, is_loop: bool
     is_far = np.minimum(enters - edges[leg], edges[leg + 1] - enters) > MIN_SEGMENT
     is_long = edges[leg + 1] - edges[leg] > 0.5 * reach
     enters = enters[is_far & is_long & (enters > 0.0) & (enters < length)]
-    cuts = np.union1d(arcs, enters)
+    cuts = distinct(np.concatenate([arcs, enters]))
     ahead = np.minimum(cuts + reach, edges[-1])
     heading = (np.interp(ahead, edges, total) - np.interp(cuts, edges, total)) / reach
     heading = np.stack([heading[:-1], heading[1:]], axis=1)
@@ -193,7 +193,7 @@ def _wrap_segments(cuts: FloatArray, heading: FloatArray) -> tuple[FloatArray, F
             if start + MIN_SEGMENT < at < end - MIN_SEGMENT:
                 crossings.append(at)
     if crossings:
-        more = np.union1d(cuts, np.array(crossings))
+        more = distinct(np.concatenate([cuts, crossings]))
         owner = cuts[1:-1].searchsorted(more[:-1], side="right")
         part = np.stack([more[:-1] - cuts[owner], more[1:] - cuts[owner]], axis=1) / np.diff(cuts)[owner, None]
         heading = heading[owner, :1] + part * (heading[owner, 1:] - heading[owner, :1])

@@ -8,9 +8,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from rosbridge_sim.world.geometry.planar import (
+    IntArray,
     arc_lengths,
     chain,
+    distinct,
     do_boxes_meet,
+    is_among,
     nearest_on_polyline,
     quaternion,
     rotate,
@@ -162,3 +165,20 @@ def test_chained_rotations_compose_and_invert() -> None:
     assert rotate(chain(first, second), vector) == pytest.approx(rotate(first, rotate(second, vector)), abs=1e-14)
     assert rotate_back(first, rotate(first, vector)) == pytest.approx(vector, abs=1e-14)
     assert rotate(quaternion(0.0, 0.0, math.pi / 2), (1.0, 0.0, 0.0)) == pytest.approx((0.0, 1.0, 0.0), abs=1e-15)
+
+
+NUMBERS = st.lists(st.integers(-3, 3) | st.integers(-(2**62), 2**62), max_size=12).map(
+    lambda rows: np.array(rows, np.int64)
+)
+
+
+@given(NUMBERS)
+def test_distinct_values_are_those_of_numpy(values: IntArray) -> None:
+    assert distinct(values).tolist() == np.unique(values).tolist()
+    assert distinct(np.stack([values, values[::-1]]) / 3.0).tolist() == np.unique(values / 3.0).tolist()
+
+
+@given(NUMBERS, NUMBERS)
+def test_values_among_others_are_those_of_numpy(values: IntArray, others: IntArray) -> None:
+    both = np.stack([values, values[::-1]])
+    assert is_among(both, others).tolist() == np.isin(both, others).tolist()
