@@ -33,6 +33,10 @@ from scripts.soak.harness import Figures, SoakError, WatchedServer  # noqa: E402
 
 __all__ = ["Report", "judge", "soak"]
 
+NUM_WARM = 6_500
+"""Turns before the first figures of a long run: the server's list of snapshots by their bytes (`MAX_OWN`) is full then,
+with some ten small objects for each."""
+
 NUM_KEPT = 20
 """Snapshots that are kept at once: each turn replaces one of them."""
 
@@ -153,7 +157,7 @@ class _Turns:
         await self._client.start_sync(user_id="soak")
 
 
-async def soak(turns: int, seed: int, folder: Path, *, num_parts: int = 10) -> Report:
+async def soak(turns: int, seed: int, folder: Path, *, num_parts: int = 10, num_warm: int = 0) -> Report:
     """Run the soak.
 
     Args:
@@ -161,6 +165,7 @@ async def soak(turns: int, seed: int, folder: Path, *, num_parts: int = 10) -> R
         seed: random seed.
         folder: for the log.
         num_parts: parts of the run; the figures are compared after each.
+        num_warm: turns before the first part.
 
     Returns:
         The report.
@@ -174,6 +179,8 @@ async def soak(turns: int, seed: int, folder: Path, *, num_parts: int = 10) -> R
             play = _Turns(client, report.num, seed)
             begun = time.perf_counter()
             try:
+                for _ in range(num_warm):
+                    await play.turn()
                 for i in range(1, num_parts + 1):
                     for _ in range(turns * i // num_parts - turns * (i - 1) // num_parts):
                         await play.turn()
@@ -230,7 +237,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        report = asyncio.run(soak(options.turns, options.seed, Path(name)))
+        report = asyncio.run(soak(options.turns, options.seed, Path(name), num_warm=NUM_WARM))
     print(", ".join(f"{count:,} {what}" for what, count in sorted(report.num.items())))
     faults = [*report.faults, *judge(report)]
     for fault in faults:
