@@ -51,7 +51,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     chosen: list[pytest.Item] = []
     others: list[pytest.Item] = []
     for item in items:
-        (chosen if _is_of(item, is_long=is_long) else others).append(item)
+        (chosen if is_in_run(item, is_long=is_long) else others).append(item)
     config.hook.pytest_deselected(items=others)
     items[:] = sorted(chosen, key=_turn_of)
 
@@ -91,6 +91,14 @@ LONGEST = (
 )
 """Files in the order of their CPU time, from 36 s to 7 s. Begun last, one of them would run alone at the end."""
 
+LONGEST_LONG = (
+    "world/many_worlds/test_batch.py",
+    "end_to_end/test_sensor_programs.py",
+    "simulator/test_town_traffic.py",
+    "campaign_runs/test_same_table.py",
+)
+"""The same for the long tests, which take up to two minutes each."""
+
 PROGRAMS = ("page", "end_to_end", "cli", "campaign_runs")
 """Folders whose tests start programs and wait for them. Their files come next, before many short ones."""
 
@@ -98,16 +106,19 @@ PROGRAMS = ("page", "end_to_end", "cli", "campaign_runs")
 def _turn_of(item: pytest.Item) -> tuple[int, int]:
     """Place of a test's file in the run; files of the same place stay in their order."""
     file = item.path.relative_to(Path(__file__).parent).as_posix()
-    if file in LONGEST:
-        return 0, LONGEST.index(file)
+    longest = LONGEST_LONG if item.config.getoption("--long") else LONGEST
+    if file in longest:
+        return 0, longest.index(file)
     return (1 if file.partition("/")[0] in PROGRAMS else 2), 0
 
 
-def _is_of(item: pytest.Item, *, is_long: bool) -> bool:
+def is_in_run(item: pytest.Item, *, is_long: bool) -> bool:
     """Whether a test is one of the long run, or of the ordinary one."""
-    if is_long:
-        return any(item.get_closest_marker(name) for name in ("long", "hypothesis"))
-    return item.get_closest_marker("long") is None
+    is_marked = item.get_closest_marker("long") is not None
+    if not is_long:
+        return not is_marked
+    # Not by the mark `hypothesis`: its plugin sets it after our hook.
+    return is_marked or (isinstance(item, pytest.Function) and hypothesis.is_hypothesis_test(item.obj))
 
 
 Serve = Callable[..., ServerProcess]
