@@ -1,48 +1,68 @@
-"""JSON documents of the user: bytes -> a checked model, or one readable line with the place and the mistake.
+"""Models of JSON documents of the user: their base class, the spelling of numbers, and their keys.
 
-Scenario and map files share this module: the spelling of numbers, and the form of errors. The models are pydantic's;
-only this module knows pydantic's error reports.
+Scenario, map and sensor files share this module. A model also gives the function that reads documents without a
+mistake. `document_reading` reads any document.
 """
 
 from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args
+from functools import cache, cached_property, partial
+from math import inf
+from types import UnionType
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Final,
+    Generic,
+    NamedTuple,
+    Self,
+    TypeAlias,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, TypeAdapter, ValidationError, WithJsonSchema
-from pydantic_core import ErrorDetails, PydanticCustomError
+import msgspec
+from msgspec import Meta
 
-from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
-from rosbridge_sim.not_json import explain_not_json
 
 __all__ = [
+    "FLAG",
+    "MAX_DOCUMENT_COORDINATE",
+    "NUMBER",
+    "WHOLE",
     "Coordinate",
     "Document",
+    "DocumentType",
     "KeptAsWritten",
     "LenientBool",
     "Mistake",
     "Number",
     "Ratio",
     "SortedKeys",
+    "Spelling",
     "Whole",
-    "find_mistakes",
+    "fields_of",
     "keys_beside",
-    "read_document",
-    "read_number",
+    "number_spelling",
     "sort_keys",
 ]
 
 T = TypeVar("T")
 
-MAX_VALUE_SHOWN = 40
-"""Longest part of an offending value that an error shows [characters]."""
+Model: TypeAlias = Any
+"""A class: a `Document`, or a model of pydantic with the same class values."""
 
-MAX_DOCUMENT_MISTAKES = 100
-"""Largest number of mistakes that are reported for one document."""
+MAX_NUMBER_TEXT = 40
+"""Longest text that is a number [characters]."""
 
 MAX_DOCUMENT_COORDINATE = 1e8
 """Largest coordinate [m]; beyond every plane coordinate on earth, with false eastings."""
@@ -51,8 +71,10 @@ MAX_DOCUMENT_COORDINATE = 1e8
 _NUMBER = re.compile(r"[+-]?(\d{1,3}(,\d{3})+|\d+)?(\.\d*)?([eE][+-]?\d{1,3})?")
 
 
-class Document(BaseModel):
+class Document(msgspec.Struct, frozen=True, kw_only=True):
     """An object of a document. Unknown keys are ignored, because MORAI writes many and adds more.
+
+    Subclasses are `frozen` and `kw_only`, too, which keeps their fields in order.
 
     Attributes:
         other_keys: keys that are read in addition to the fields.
@@ -62,82 +84,108 @@ class Document(BaseModel):
     other_keys: ClassVar[frozenset[str]] = frozenset()
     idle_keys: ClassVar[frozenset[str]] = frozenset()
 
-    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False, coerce_numbers_to_str=True)
+    def changed(self, **fields: Any) -> Self:  # noqa: ANN401 - each field has its own type
+        """Return a model with other values of some fields; they are not checked."""
+        return msgspec.structs.replace(self, **fields)
+
+    @classmethod
+    def prepare(cls, value: JsonValue) -> JsonValue:
+        """Return the JSON value that is read in place of a given one."""
+        return value
 
 
-def read_number(value: object) -> object:
+class Spelling:
+    """Mark of a field whose value may be written in more ways than JSON's own.
+
+    Attributes:
+        read: returns the value for what was written; raises ValueError, whose text follows the place in an error.
+        check: raises ValueError for a value that does not fit, in the same way.
+        schema: for the JSON Schema; None for that of the type.
+    """
+
+    __slots__ = ("check", "read", "schema")
+
+    def __init__(
+        self,
+        read: Callable[[object], object] | None = None,
+        *,
+        check: Callable[[Any], None] | None = None,
+        schema: Mapping[str, object] | None = None,
+    ) -> None:
+        self.read = read
+        self.check = check
+        self.schema = schema
+
+
+def _read_number(value: object) -> object:
     """Return a number that is given as such or as text; MORAI also writes numbers as text with thousands commas."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return value
     if isinstance(value, str):
         text = value.strip()
-        if len(text) <= MAX_VALUE_SHOWN and any(map(str.isdigit, text)) and _NUMBER.fullmatch(text):
+        if len(text) <= MAX_NUMBER_TEXT and any(map(str.isdigit, text)) and _NUMBER.fullmatch(text):
             text = text.replace(",", "")
             return int(text) if text.lstrip("+-").isdecimal() else float(text)
-    raise PydanticCustomError("number", "expected a number")
+    raise ValueError("expected a number")
 
 
-def _flag(value: object) -> object:
+def _read_flag(value: object) -> object:
     if isinstance(value, bool):
         return value
     if isinstance(value, int) and value in {0, 1}:
         return value == 1
     if isinstance(value, str) and value.strip().lower() in {"true", "false"}:
         return value.strip().lower() == "true"
-    raise PydanticCustomError("flag", "expected true or false")
+    raise ValueError("expected true or false")
 
 
-_NUMBER_SCHEMA = WithJsonSchema({"type": ["number", "string"]})
+NUMBER: Final = Spelling(_read_number, schema={"type": ["number", "string"]})
+WHOLE: Final = Spelling(_read_number, schema={"type": ["integer", "string"]})
+FLAG: Final = Spelling(_read_flag, schema={"type": "boolean"})
 
-Number = Annotated[float, BeforeValidator(read_number), Field(ge=-1e12, le=1e12), _NUMBER_SCHEMA]
+Number = Annotated[float, NUMBER, Meta(ge=-1e12, le=1e12)]
 """Any finite number, also as text."""
 
-Coordinate = Annotated[
-    float, BeforeValidator(read_number), Field(ge=-MAX_DOCUMENT_COORDINATE, le=MAX_DOCUMENT_COORDINATE), _NUMBER_SCHEMA
-]
+Coordinate = Annotated[float, NUMBER, Meta(ge=-MAX_DOCUMENT_COORDINATE, le=MAX_DOCUMENT_COORDINATE)]
 """Metres."""
 
 Ratio = Annotated[
     float,
-    BeforeValidator(read_number),
-    Field(ge=0.0, le=1.0),
-    WithJsonSchema({"type": ["number", "string"], "minimum": 0, "maximum": 1}),
+    Spelling(_read_number, schema={"type": ["number", "string"], "minimum": 0, "maximum": 1}),
+    Meta(ge=0.0, le=1.0),
 ]
 
-Whole = Annotated[
-    int, BeforeValidator(read_number), Field(ge=-(2**31), le=2**31 - 1), WithJsonSchema({"type": ["integer", "string"]})
-]
+Whole = Annotated[int, WHOLE, Meta(ge=-(2**31), le=2**31 - 1)]
 """An int32, also as text or as 2.0."""
 
-LenientBool = Annotated[bool, BeforeValidator(_flag), WithJsonSchema({"type": "boolean"})]
+LenientBool = Annotated[bool, FLAG]
 
 
-KeptAsWritten = Annotated[Any, WithJsonSchema({})]
+KeptAsWritten = Annotated[Any, Spelling(schema={})]
 """Any JSON value, kept as it is written; a key without effect cannot hold a mistake."""
 
 
-def read_document(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int) -> T:
-    """Read and check a document.
+def number_spelling(low: float, high: float, kind: str = "number") -> Spelling:
+    """Return the mark of a number, also as text, whose schema tells its bounds."""
+    return Spelling(_read_number, schema={"type": [kind, "string"], "minimum": low, "maximum": high})
 
-    Args:
-        kind: the expected model.
-        text: UTF-8, with or without a byte order mark.
-        source: the file's name, for errors.
-        max_bytes: largest length of `text`.
 
-    Returns:
-        The model.
+class DocumentType(Generic[T]):
+    """What a document holds.
 
-    Raises:
-        DocumentError: one line. `demo.json:3:17: ...` where the text is not JSON (line and column, from 1);
-            `demo.json: vehicleList[2].initPosition.pos.x: expected a number, got 'abc'` where a value does not fit.
-            Of several mistakes the first is reported.
+    Attributes:
+        form: a model, or a type such as `list[Model]`, with the marks of this module.
+        knows_mistakes: what finds its mistakes was made; see `document_mistakes`.
     """
-    try:
-        return _validate(kind, text, source, max_bytes)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-    raise DocumentError(_one_line(first, source))
+
+    def __init__(self, form: Any) -> None:  # noqa: ANN401 - a type form
+        self.form = form
+        self.knows_mistakes = False
+
+    @cached_property
+    def read(self) -> Callable[[Any], T]:
+        """Function that returns the model of a JSON value; it raises ValueError for one that may have a mistake."""
+        return _reader_of(self.form)
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,98 +201,123 @@ class Mistake:
     text: str
 
 
-def find_mistakes(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int) -> list[Mistake]:
-    """Return all mistakes of a document, each in the words of `read_document`.
-
-    Args:
-        kind: the expected model.
-        text: UTF-8, with or without a byte order mark.
-        source: the file's name, for errors.
-        max_bytes: largest length of `text`.
-
-    Returns:
-        The mistakes in the document's order; empty if there are none.
-    """
-    try:
-        _validate(kind, text, source, max_bytes)
-    except DocumentError as error:
-        return [Mistake((), str(error))]
-    except ValidationError as error:
-        errors = error.errors(include_url=False)
-        found = [Mistake(one["loc"], _one_line(one, source)) for one in errors[:MAX_DOCUMENT_MISTAKES]]
-        if len(errors) > MAX_DOCUMENT_MISTAKES:
-            found.append(Mistake((), f"{source}: ... and {len(errors) - MAX_DOCUMENT_MISTAKES:,} more"))
-        return list({mistake.text: mistake for mistake in found}.values())
-    return []
+@cache
+def fields_of(kind: Model) -> dict[str, Any]:
+    """Return the types of the keys of a model."""
+    if not issubclass(kind, Document):
+        return {name: field.annotation for name, field in kind.model_fields.items()}
+    hints = get_type_hints(kind, include_extras=True)
+    return {name: hints[name] for name in kind.__struct_fields__}
 
 
-def _validate(kind: TypeAdapter[T], text: bytes, source: str, max_bytes: int) -> T:
-    if len(text) > max_bytes:
-        raise DocumentError(f"{source}: expected at most {max_bytes:,} bytes, got {len(text):,}")
-    if not text.strip():
-        raise DocumentError(f"{source}: expected a JSON document, got nothing")
-    return kind.validate_json(text.removeprefix(b"\xef\xbb\xbf"))
+# Readers
+
+_Reader: TypeAlias = Callable[[Any], Any]
+"""Returns the value for a JSON value; raises ValueError where there may be a mistake."""
 
 
-def _one_line(error: ErrorDetails, source: str) -> str:
-    if error["type"] == "json_invalid":
-        what = str(error.get("ctx", {}).get("error", "")) or error["msg"]
-        return explain_not_json(error["input"], what, source)
-    path = _path(error["loc"])
-    where = f"{source}: {path}" if path else source
-    if error["type"] == "missing":
-        return f"{where}: missing"
-    return f"{where}: {_expected(error)}, got {_shown(error['input'])}"
+_ALL: Final = (-inf, inf)
 
 
-def _path(loc: tuple[int | str, ...]) -> str:
-    """`("vehicleList", 2, "pos")` -> `vehicleList[2].pos`; an empty text is the tag of a union's member."""
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc if part != "").removeprefix(".")
+def _reader_of(form: Any) -> _Reader:  # noqa: ANN401, PLR0911 - a type form, and a line for each kind of it
+    """Return the function that reads values of a type."""
+    marks: list[Any] = []
+    while get_origin(form) is Annotated:
+        form, *more = get_args(form)
+        marks = [*more, *marks]
+    spelling = next((mark for mark in marks if isinstance(mark, Spelling)), Spelling())
+    bounds = next(((mark.ge, mark.le) for mark in marks if isinstance(mark, Meta) and mark.ge is not None), _ALL)
+    longest = next((mark.max_length for mark in marks if isinstance(mark, Meta) and mark.max_length is not None), inf)
+    origin, args = get_origin(form), get_args(form)
+    if form is Any:
+        return _as_it_is
+    if isinstance(form, type) and issubclass(form, Document):
+        return _model_reader(form)
+    if origin in {Union, UnionType}:
+        return _choice_reader([_reader_of(arg) for arg in args])
+    if form is str:
+        return partial(_read_text, spelling.check, longest)
+    if spelling.read is not None and form in {float, int, bool}:
+        return partial(_read_spelled, form, spelling.read, bounds)
+    if origin is list or (origin is tuple and args[1:] == (...,)):
+        each = _reader_of(args[0]) if _has_own(args[0]) else None
+        return partial(_read_each, each or partial(msgspec.convert, type=form), origin if each else None, longest)
+    if origin is tuple and _has_own(form):
+        return partial(_read_places, [_reader_of(arg) for arg in args])
+    return partial(msgspec.convert, type=form)
 
 
-_EXPECTED = {
-    "model_type": "an object",
-    "model_attributes_type": "an object",
-    "dict_type": "an object",
-    "list_type": "a list",
-    "tuple_type": "a list",
-    "string_type": "a text",
-    "bool_type": "true or false",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "int_parsing_size": "a whole number of 32 bits",
-    "float_type": "a number",
-    "float_parsing": "a number",
-    "finite_number": "a finite number",
-}
+def _has_own(form: Any) -> bool:  # noqa: ANN401 - a type form
+    """Tell whether a type holds a model, a text, or a value with other spellings, which msgspec cannot read."""
+    if form is str or (isinstance(form, type) and issubclass(form, Document)) or isinstance(form, Spelling):
+        return True
+    return any(map(_has_own, [*get_args(form), *getattr(form, "__metadata__", ())]))
 
 
-def _expected(error: ErrorDetails) -> str:
-    kind, context = error["type"], error.get("ctx", {})
-    if kind in _EXPECTED:
-        return f"expected {_EXPECTED[kind]}"
-    if kind == "greater_than_equal":
-        return f"expected at least {context['ge']:,.15g}"
-    if kind == "less_than_equal":
-        return f"expected at most {context['le']:,.15g}"
-    if kind in {"too_long", "string_too_long"}:
-        return f"expected at most {context['max_length']:,} {'characters' if kind == 'string_too_long' else 'entries'}"
-    text = " ".join(error["msg"].split())
-    return text[:1].lower() + text[1:]
+def _as_it_is(value: object) -> object:
+    return value
 
 
-def _shown(value: JsonValue) -> str:
-    """Return a value as a short text on one line."""
-    if isinstance(value, dict):
-        return "an object"
-    if isinstance(value, list | tuple):
-        return f"a list of {len(value):,}"
-    if value is None:
-        return "null"
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    text = repr(value) if len(str(value)) <= MAX_VALUE_SHOWN else repr(str(value)[:MAX_VALUE_SHOWN]) + "..."
-    return " ".join(text.split())
+def _read_text(check: Callable[[str], None] | None, longest: float, value: object) -> str:
+    if type(value) is int:
+        value = str(value)
+    if not isinstance(value, str) or len(value) > longest:
+        raise ValueError("no such text")
+    if check is not None:
+        check(value)
+    return value
+
+
+def _read_spelled(kind: type[float], read: Callable[[object], Any], bounds: tuple[Any, Any], value: object) -> float:
+    found = read(value)
+    if not bounds[0] <= found <= bounds[1]:
+        raise ValueError("out of range")
+    number = kind(found)
+    if number != found:
+        raise ValueError("no whole number")
+    return number
+
+
+def _read_each(read: _Reader, kind: type[Any] | None, longest: float, value: object) -> object:
+    """Read the entries of a list; or a list as a whole, if there is no kind."""
+    if not isinstance(value, list) or len(value) > longest:
+        raise ValueError("no such list")
+    return read(value) if kind is None else kind(map(read, value))
+
+
+def _read_places(readers: list[_Reader], value: object) -> object:
+    if not isinstance(value, list) or len(value) != len(readers):
+        raise ValueError("no such list")
+    return tuple(read(one) for read, one in zip(readers, value, strict=True))
+
+
+def _choice_reader(readers: list[_Reader]) -> _Reader:
+    """Return the function that reads a value as one of several types."""
+
+    def read(value: object) -> object:
+        for each in readers:
+            try:
+                return each(value)
+            except ValueError:
+                pass
+        raise ValueError("none of the types")
+
+    return read
+
+
+def _model_reader(kind: type[Document]) -> _Reader:
+    """Return the function that reads objects of a model."""
+    readers = {name: _reader_of(form) for name, form in fields_of(kind).items()}
+    needed = {field.name for field in msgspec.structs.fields(kind) if field.required}
+    prepare = kind.prepare if "prepare" in vars(kind) else _as_it_is
+
+    def read(value: object) -> object:
+        value = prepare(value)
+        if not (isinstance(value, dict) and value.keys() >= needed):
+            raise ValueError("no such object")
+        return kind(**{name: read(value[name]) for name, read in readers.items() if name in value})
+
+    return read
 
 
 # Keys
@@ -264,7 +337,7 @@ class SortedKeys(NamedTuple):
     passed_over: Counter[str]
 
 
-def sort_keys(kind: type[Document], value: object) -> SortedKeys:
+def sort_keys(kind: Model, value: object) -> SortedKeys:
     """Sort the keys of a JSON value by their use when it is read as a document.
 
     Args:
@@ -280,7 +353,7 @@ def sort_keys(kind: type[Document], value: object) -> SortedKeys:
     return keys
 
 
-def keys_beside(kind: type[Document], path: str) -> list[str]:
+def keys_beside(kind: Model, path: str) -> list[str]:
     """Return the keys that are valid at a path.
 
     Args:
@@ -292,15 +365,14 @@ def keys_beside(kind: type[Document], path: str) -> list[str]:
     """
     for part in path.split("."):
         # A list may be within a list. The last key is unknown and may contain points.
-        field = kind.model_fields.get(part.rstrip("[]"))
-        inner = None if field is None else _kind_within(field.annotation)
+        inner = _kind_within(fields_of(kind).get(part.rstrip("[]")))
         if inner is None:
             break
         kind = inner
-    return list(kind.model_fields)
+    return list(fields_of(kind))
 
 
-def _keys(kind: type[Document], value: object, path: str, keys: SortedKeys) -> Iterator[tuple[str, Counter[str]]]:
+def _keys(kind: Model, value: object, path: str, keys: SortedKeys) -> Iterator[tuple[str, Counter[str]]]:
     """Yield the path of each key and the counter that it belongs to."""
     if isinstance(value, list):
         for one in value:
@@ -308,18 +380,18 @@ def _keys(kind: type[Document], value: object, path: str, keys: SortedKeys) -> I
     elif isinstance(value, dict):
         for key, one in value.items():
             where = f"{path}.{key}".removeprefix(".")
-            field = kind.model_fields.get(key)
+            field = fields_of(kind).get(key)
             if key in kind.idle_keys:
                 yield where, keys.idle
                 continue
             yield where, keys.passed_over if field is None and key not in kind.other_keys else keys.read
-            inner = None if field is None else _kind_within(field.annotation)
+            inner = _kind_within(field)
             if inner is not None:
                 yield from _keys(inner, one, where, keys)
 
 
-def _kind_within(annotation: object) -> type[Document] | None:
+def _kind_within(annotation: object) -> Model | None:
     """Return the model in a field's type: directly, in a list, or optional; None if there is none."""
-    if isinstance(annotation, type) and issubclass(annotation, Document):
+    if isinstance(annotation, type) and hasattr(annotation, "idle_keys"):
         return annotation
     return next((kind for kind in map(_kind_within, get_args(annotation)) if kind is not None), None)

@@ -6,20 +6,20 @@ import math
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import TypeAdapter
 
-from rosbridge_sim.documents import Document, LenientBool, Number, Whole, read_document
+from rosbridge_sim.document_reading import read_document
+from rosbridge_sim.documents import Document, DocumentType, LenientBool, Number, Whole
 from rosbridge_sim.errors import DocumentError
 
 
-class Sample(Document):
+class Sample(Document, frozen=True, kw_only=True):
     number: Number = 0.0
     whole: Whole = 0
     flag: LenientBool = False
     text: str = ""
 
 
-SAMPLE = TypeAdapter(Sample)
+SAMPLE = DocumentType[Sample](Sample)
 
 
 def read(**values: object) -> Sample:

@@ -58,9 +58,11 @@ world: world.contacts world.drivers world.followers world.geometry world.lane_ch
     world.state world.vehicle
 world.many_worlds: world world.contacts world.drivers world.geometry world.roads world.state
 # files of the user
-documents: * not_json
-maps: * documents units world.geometry world.roads world.state
-scenarios: * documents maps units world.drivers world.geometry world.roads world.state
+documents: *
+document_mistakes: * documents not_json
+document_reading: * document_mistakes documents
+maps: * document_reading documents units world.geometry world.roads world.state
+scenarios: * document_reading documents maps units world.drivers world.geometry world.roads world.state
 # what sensors see
 scenery: world.followers world.geometry world.roads world.state
 scenery.static: maps scenery world.geometry world.roads
@@ -77,10 +79,10 @@ simulator.scene: * graph maps morai morai.messages scenarios simulator.bus simul
     world.geometry world.roads world.state
 simulator.kernel: * graph morai.messages schema simulator.bus simulator.plain simulator.scene simulator.sync
     world.drivers world.followers world.geometry world.roads world.state world.vehicle
-simulator.sensors: * documents graph maps morai.messages scenery schema simulator.bus simulator.kernel simulator.plain
-    world.geometry world.state world.vehicle
-simulator.sensor_services: * graph morai.messages simulator.bus simulator.kernel simulator.plain simulator.sensors
-    world.vehicle
+simulator.sensors: * document_reading documents graph maps morai.messages scenery schema simulator.bus simulator.kernel
+    simulator.plain world.geometry world.state world.vehicle
+simulator.sensor_services: * document_reading graph morai.messages simulator.bus simulator.kernel simulator.plain
+    simulator.sensors world.vehicle
 simulator.morai_services: * graph maps morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
     simulator.scene simulator.sensor_services simulator.sync world.contacts world.roads world.state
 simulator.markers: * graph maps morai.messages schema simulator.bus simulator.kernel simulator.plain units
@@ -96,7 +98,7 @@ simulator: * graph morai morai.messages scenarios scenery schema simulator.bus s
     simulator.morai_services simulator.plain simulator.replays simulator.scene simulator.sensor_services
     simulator.sensors simulator.sim_services simulator.snapshots simulator.sync world world.geometry world.state
 # campaigns, without processes and files
-campaigns: * documents expressions world.state
+campaigns: * document_mistakes document_reading documents expressions world.state
 # outside
 link: * protocol
 client: * link protocol
@@ -167,12 +169,14 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "graph": {"msgspec", "orjson"},
     "graph.ros2": {"numpy", "rosbags"},
     "world": {"numpy"},
-    "maps": {"numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
-    "scenarios": {"numpy", "pydantic", "pydantic_core"},
+    "maps": {"msgspec", "numpy", "orjson", "pydantic", "pydantic_core", "pyproj"},
+    "scenarios": {"msgspec", "numpy"},
     "scenery": {"numpy"},
     "morai": {"msgspec", "numpy", "orjson"},
-    "simulator": {"msgspec", "numpy", "orjson", "pydantic", "pydantic_core"},
-    "documents": {"pydantic", "pydantic_core"},
+    "simulator": {"msgspec", "numpy", "orjson"},
+    "documents": {"msgspec"},
+    "document_mistakes": {"msgspec", "pydantic", "pydantic_core"},
+    "document_reading": {"msgspec"},
     "errors": set(),
     "loose_types": set(),
     "printable": set(),

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from pydantic import TypeAdapter
 
-from rosbridge_sim.documents import Document, read_document
+from rosbridge_sim.document_reading import read_document
+from rosbridge_sim.documents import Document, DocumentType
 from rosbridge_sim.errors import DocumentError
 
 GOOD = '{"a": "é",\n "b": 1}'
@@ -29,6 +29,6 @@ GOOD = '{"a": "é",\n "b": 1}'
 )
 def test_text_that_is_not_json_is_explained_in_one_line(text: bytes, said: str) -> None:
     with pytest.raises(DocumentError) as caught:
-        read_document(TypeAdapter(Document), text, "x", 1_000)
+        read_document(DocumentType[Document](Document), text, "x", 1_000)
     assert str(caught.value) == said
     assert "\n" not in said

@@ -22,7 +22,9 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from rosbridge_sim.documents import Document, keys_beside, read_document, sort_keys
+from rosbridge_sim.document_mistakes import CheckedModel, read_model
+from rosbridge_sim.document_reading import content_of
+from rosbridge_sim.documents import keys_beside, sort_keys
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.suggestions import hint
 
@@ -100,7 +102,7 @@ _Seconds = Annotated[float, Field(ge=0.02, le=36_000.0)]
 _Frames = Annotated[int, Field(ge=1, le=500)]
 
 
-class _Item(Document):
+class _Item(CheckedModel):
     """A table of the file; keys that there are not are mistakes."""
 
     model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False, strict=True)
@@ -367,10 +369,10 @@ def read_campaign_document(document: Mapping[str, Any], source: str) -> Campaign
         raise DocumentError(f"{source}: {path}: expected one of {', '.join(known)}{hint(key, known)}")
     _check_named(document, source)
     text = json.dumps(document, default=str).encode()
-    return read_document(_DOCUMENT, text, source, MAX_CAMPAIGN_BYTES)
+    return read_model(_DOCUMENT, content_of(text, source, MAX_CAMPAIGN_BYTES), source)
 
 
-_NAMED: Final[tuple[tuple[tuple[str, ...], type[Document]], ...]] = (
+_NAMED: Final[tuple[tuple[tuple[str, ...], type[CheckedModel]], ...]] = (
     (("parameters",), ParameterItem),
     (("drivers",), DriverItem),
     (("limits", "own"), LimitItem),

@@ -11,9 +11,10 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Final
 
-from pydantic import Field, TypeAdapter
+from msgspec import Meta
 
-from rosbridge_sim.documents import Coordinate, Document, find_mistakes, read_document
+from rosbridge_sim.document_reading import find_mistakes, read_document
+from rosbridge_sim.documents import Coordinate, Document, DocumentType
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.mgeo_lights import (
     CROSSWALK_FILES,
@@ -50,16 +51,16 @@ BORDER_FILES: Final = ("lane_marking_set.json", "lane_boundary_set.json")
 MAP_FILES: Final = (INFO_FILE, *FILES, *BORDER_FILES, *LIGHT_FILES, *CROSSWALK_FILES, MARKING_FILE, SIGN_FILE)
 """All files that `read_mgeo` reads."""
 
-MapText = Annotated[str, Field(max_length=1_000)]
+MapText = Annotated[str, Meta(max_length=1_000)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 
 
-class _GlobalInfo(Document):
+class _GlobalInfo(Document, frozen=True, kw_only=True):
     global_coordinate_system: MapText
     local_origin_in_global: Point = (0.0, 0.0, 0.0)
 
 
-_GLOBAL_INFO: Final = TypeAdapter(_GlobalInfo)
+_GLOBAL_INFO: Final = DocumentType[_GlobalInfo](_GlobalInfo)
 
 
 NO_PROJECTION: Final = Projection(is_tm=False, ellipse="", scale_factor=0.0)

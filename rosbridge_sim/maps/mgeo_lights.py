@@ -14,17 +14,10 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final
 
-from pydantic import Field, TypeAdapter, model_validator
+from msgspec import Meta
 
-from rosbridge_sim.documents import (
-    Coordinate,
-    Document,
-    Mistake,
-    Number,
-    Whole,
-    find_mistakes,
-    read_document,
-)
+from rosbridge_sim.document_reading import find_mistakes, read_document
+from rosbridge_sim.documents import NUMBER, Coordinate, Document, DocumentType, Mistake, Number, Whole
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.mgeo_links import MAX_LINKS, MAX_MAP_BYTES, Identifier, Lanes, read_line
 from rosbridge_sim.maps.road_map import Crosswalk
@@ -62,12 +55,12 @@ DEFAULT_YELLOW: Final = 3.0
 LEFT_TURN: Final = math.radians(40.0)
 """Smallest turn of a lane that is a left or right turn, if the map names no movement [rad]."""
 
-Seconds = Annotated[Number, Field(ge=0.0, le=100_000.0)]
-Names = Annotated[list[Identifier], Field(max_length=MAX_LINKS)]
+Seconds = Annotated[float, NUMBER, Meta(ge=0.0, le=100_000.0)]
+Names = Annotated[list[Identifier], Meta(max_length=MAX_LINKS)]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 
 
-class _Light(Document):
+class _Light(Document, frozen=True, kw_only=True):
     idx: Identifier
     link_id_list: Names | None = None
     type: Identifier | None = None
@@ -76,58 +69,58 @@ class _Light(Document):
     heading: Number | None = None
 
 
-class _Synced(Document):
+class _Synced(Document, frozen=True, kw_only=True):
     idx: Identifier
     signal_id_list: Names
     intersection_controller_id: Identifier | None = None
 
 
-class _Controller(Document):
+class _Controller(Document, frozen=True, kw_only=True):
     idx: Identifier
-    TL: Annotated[list[Names], Field(max_length=1_000)]
+    TL: Annotated[list[Names], Meta(max_length=1_000)]
 
 
-class _Phase(Document):
+class _Phase(Document, frozen=True, kw_only=True):
     """A phase. Colours are in the order of a controller's groups, or named by group (`groups`)."""
 
     duration: Seconds
     lightcolor: Names
-    groups: Names = []  # noqa: RUF012 - pydantic copies it
+    groups: Names = []  # noqa: RUF012 - msgspec copies it
 
-    @model_validator(mode="before")
     @classmethod
-    def _part_names(cls, value: JsonValue) -> JsonValue:
+    def prepare(cls, value: JsonValue) -> JsonValue:
+        """Part colours that are named by group into both lists."""
         colours = value.get("lightcolor") if isinstance(value, dict) else None
         if not isinstance(colours, dict):
             return {**value, "groups": []} if isinstance(value, dict) else value
         return {**value, "lightcolor": list(colours.values()), "groups": list(colours)}
 
 
-class _Schedule(Document):
+class _Schedule(Document, frozen=True, kw_only=True):
     idx: Identifier
-    TLState: Annotated[list[_Phase], Field(max_length=1_000)]
-    yelloduration: Annotated[list[Seconds], Field(max_length=1_000)] | None = None
-    PSState: Annotated[list[tuple[Whole, Identifier, Seconds, Seconds, Seconds]], Field(max_length=1_000)] | None = None
+    TLState: Annotated[list[_Phase], Meta(max_length=1_000)]
+    yelloduration: Annotated[list[Seconds], Meta(max_length=1_000)] | None = None
+    PSState: Annotated[list[tuple[Whole, Identifier, Seconds, Seconds, Seconds]], Meta(max_length=1_000)] | None = None
 
 
-class _Crosswalk(Document):
+class _Crosswalk(Document, frozen=True, kw_only=True):
     idx: Identifier
     single_crosswalk_list: Names | None = None
     ref_traffic_light_list: Names | None = None
 
 
-class _Stripe(Document):
+class _Stripe(Document, frozen=True, kw_only=True):
     idx: Identifier
     points: list[tuple[float, float, float]]
     ref_crosswalk_id: Identifier | None = None
 
 
-_LIGHTS: Final = TypeAdapter(Annotated[list[_Light], Field(max_length=MAX_LINKS)])
-_SYNCED: Final = TypeAdapter(Annotated[list[_Synced], Field(max_length=MAX_LINKS)])
-_CONTROLLERS: Final = TypeAdapter(Annotated[list[_Controller], Field(max_length=MAX_LINKS)])
-_SCHEDULES: Final = TypeAdapter(Annotated[list[_Schedule], Field(max_length=MAX_LINKS)])
-_CROSSWALKS: Final = TypeAdapter(Annotated[list[_Crosswalk], Field(max_length=MAX_LINKS)])
-_STRIPES: Final = TypeAdapter(Annotated[list[_Stripe], Field(max_length=MAX_LINKS)])
+_LIGHTS: Final = DocumentType[list[_Light]](Annotated[list[_Light], Meta(max_length=MAX_LINKS)])
+_SYNCED: Final = DocumentType[list[_Synced]](Annotated[list[_Synced], Meta(max_length=MAX_LINKS)])
+_CONTROLLERS: Final = DocumentType[list[_Controller]](Annotated[list[_Controller], Meta(max_length=MAX_LINKS)])
+_SCHEDULES: Final = DocumentType[list[_Schedule]](Annotated[list[_Schedule], Meta(max_length=MAX_LINKS)])
+_CROSSWALKS: Final = DocumentType[list[_Crosswalk]](Annotated[list[_Crosswalk], Meta(max_length=MAX_LINKS)])
+_STRIPES: Final = DocumentType[list[_Stripe]](Annotated[list[_Stripe], Meta(max_length=MAX_LINKS)])
 
 
 # Colours and types
@@ -323,7 +316,7 @@ def find_light_mistakes(files: Mapping[str, tuple[bytes, str]]) -> list[Mistake]
     Returns:
         The mistakes, file by file.
     """
-    kinds: dict[str, TypeAdapter[Any]] = {
+    kinds: dict[str, DocumentType[Any]] = {
         "lights": _LIGHTS,
         "synced": _SYNCED,
         "controllers": _CONTROLLERS,
@@ -381,8 +374,8 @@ def _run_by_group(schedule: _Schedule, synced: Sequence[_Synced]) -> tuple[list[
         phases = []
         for state in schedule.TLState:
             colours = dict(zip(state.groups, state.lightcolor, strict=False))
-            phases.append(state.model_copy(update={"lightcolor": [colours.get(name, "red") for name in beside]}))
-        return beside, schedule.model_copy(update={"TLState": phases})
+            phases.append(state.changed(lightcolor=[colours.get(name, "red") for name in beside]))
+        return beside, schedule.changed(TLState=phases)
     if schedule.idx in known:
         return [schedule.idx], schedule
     walked = {target for _, target, *_ in schedule.PSState or ()}

@@ -12,17 +12,10 @@ from itertools import pairwise
 from typing import Annotated, Final
 
 import numpy as np
-from pydantic import Field, TypeAdapter
+from msgspec import Meta
 
-from rosbridge_sim.documents import (
-    Document,
-    KeptAsWritten,
-    LenientBool,
-    Mistake,
-    Number,
-    find_mistakes,
-    read_document,
-)
+from rosbridge_sim.document_reading import find_mistakes, read_document
+from rosbridge_sim.documents import Document, DocumentType, KeptAsWritten, LenientBool, Mistake, Number
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.road_map import Border
@@ -63,16 +56,16 @@ NO_ROADS: Final = frozenset(
 from RoadRunner. Others are roads: numbers of the Korean survey, `Driving`, `DRIVABLE_LANE`, `Parking`, none, and words
 that are unknown."""
 
-Identifier = Annotated[str, Field(max_length=1_000)]
-Identifiers = Annotated[list[Identifier], Field(max_length=MAX_LINKS)]
+Identifier = Annotated[str, Meta(max_length=1_000)]
+Identifiers = Annotated[list[Identifier], Meta(max_length=MAX_LINKS)]
 
 
-class _Node(Document):
+class _Node(Document, frozen=True, kw_only=True):
     idx: Identifier
     on_stop_line: LenientBool | None = None
 
 
-class _Link(Document):
+class _Link(Document, frozen=True, kw_only=True):
     idx: Identifier
     from_node_idx: Identifier | None = None
     to_node_idx: Identifier | None = None
@@ -92,7 +85,7 @@ class _Link(Document):
     lane_mark_right: Identifiers | None = None
 
 
-class _Border(Document):
+class _Border(Document, frozen=True, kw_only=True):
     idx: Identifier
     points: list[tuple[float, float, float]]
     lane_type: KeptAsWritten = None
@@ -100,9 +93,9 @@ class _Border(Document):
     lane_color: KeptAsWritten = None
 
 
-_NODES: Final = TypeAdapter(Annotated[list[_Node], Field(max_length=MAX_LINKS)])
-_LINKS: Final = TypeAdapter(Annotated[list[_Link], Field(max_length=MAX_LINKS)])
-_BORDERS: Final = TypeAdapter(Annotated[list[_Border], Field(max_length=MAX_LINKS)])
+_NODES: Final = DocumentType[list[_Node]](Annotated[list[_Node], Meta(max_length=MAX_LINKS)])
+_LINKS: Final = DocumentType[list[_Link]](Annotated[list[_Link], Meta(max_length=MAX_LINKS)])
+_BORDERS: Final = DocumentType[list[_Border]](Annotated[list[_Border], Meta(max_length=MAX_LINKS)])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

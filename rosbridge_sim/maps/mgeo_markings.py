@@ -11,9 +11,10 @@ import math
 from collections.abc import Mapping
 from typing import Annotated, Final
 
-from pydantic import Field, TypeAdapter
+from msgspec import Meta
 
-from rosbridge_sim.documents import Coordinate, Document, Number, read_document
+from rosbridge_sim.document_reading import read_document
+from rosbridge_sim.documents import Coordinate, Document, DocumentType, Number
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.mgeo_links import MAX_LINKS, MAX_MAP_BYTES, Identifier, read_line
 from rosbridge_sim.maps.road_map import Marking, Sign
@@ -30,13 +31,13 @@ _CROSSWALK: Final = "532"
 _Point = tuple[Coordinate, Coordinate, Coordinate]
 
 
-class _Marking(Document):
+class _Marking(Document, frozen=True, kw_only=True):
     idx: Identifier
     points: list[tuple[float, float, float]]
     sub_type: Identifier | None = None
 
 
-class _Sign(Document):
+class _Sign(Document, frozen=True, kw_only=True):
     idx: Identifier
     point: _Point
     heading: Number | None = None
@@ -45,8 +46,8 @@ class _Sign(Document):
     height: Number | None = None
 
 
-_MARKINGS: Final = TypeAdapter(Annotated[list[_Marking], Field(max_length=MAX_LINKS)])
-_SIGNS: Final = TypeAdapter(Annotated[list[_Sign], Field(max_length=MAX_LINKS)])
+_MARKINGS: Final = DocumentType[list[_Marking]](Annotated[list[_Marking], Meta(max_length=MAX_LINKS)])
+_SIGNS: Final = DocumentType[list[_Sign]](Annotated[list[_Sign], Meta(max_length=MAX_LINKS)])
 
 
 def read_markings(files: Mapping[str, tuple[bytes, str]], notes: list[str]) -> tuple[Marking, ...]:

@@ -14,19 +14,22 @@ from __future__ import annotations
 
 from typing import Annotated, Any, ClassVar, Final, TypeVar
 
-from pydantic import Field, TypeAdapter, model_validator
+from msgspec import Meta
 
+from rosbridge_sim.document_reading import document_schema, find_mistakes, read_document
 from rosbridge_sim.documents import (
+    MAX_DOCUMENT_COORDINATE,
+    NUMBER,
+    WHOLE,
     Coordinate,
     Document,
+    DocumentType,
     KeptAsWritten,
     LenientBool,
     Mistake,
     Number,
     Ratio,
     Whole,
-    find_mistakes,
-    read_document,
 )
 from rosbridge_sim.loose_types import JsonValue
 
@@ -66,17 +69,17 @@ MAX_SCENARIO_TEXT: Final = 200
 
 T = TypeVar("T")
 
-ShortText = Annotated[str, Field(max_length=MAX_SCENARIO_TEXT)]
-Speed = Annotated[Number, Field(ge=-1_000.0, le=1_000.0)]
-BoundedList = Annotated[list[T], Field(max_length=MAX_ITEMS)]
+ShortText = Annotated[str, Meta(max_length=MAX_SCENARIO_TEXT)]
+Speed = Annotated[float, NUMBER, Meta(ge=-1_000.0, le=1_000.0)]
+BoundedList = Annotated[list[T], Meta(max_length=MAX_ITEMS)]
 
 
 ActiveDistance = Annotated[
-    Coordinate | None, Field(description="stands until an ego is this near [m]; 0 or less: starts at once")
+    Coordinate | None, Meta(description="stands until an ego is this near [m]; 0 or less: starts at once")
 ]
 
 
-class EnuPosition(Document):
+class EnuPosition(Document, frozen=True, kw_only=True):
     """A position on the map: metres east, north and up of its origin."""
 
     other_keys: ClassVar[frozenset[str]] = frozenset({"_x", "_y", "_z"})
@@ -85,9 +88,8 @@ class EnuPosition(Document):
     y: Coordinate
     z: Coordinate = 0.0
 
-    @model_validator(mode="before")
     @classmethod
-    def _from_texts(cls, value: JsonValue) -> JsonValue:
+    def prepare(cls, value: JsonValue) -> JsonValue:
         """Use the text `_x` where the number `x` is missing, because MORAI writes each number twice."""
         if not isinstance(value, dict):
             return value
@@ -95,68 +97,68 @@ class EnuPosition(Document):
         return {**value, **texts}
 
 
-class Rotation(Document):
+class Rotation(Document, frozen=True, kw_only=True):
     """Heading, roll and pitch; MORAI's angles may be larger than a full turn."""
 
-    yaw: Annotated[Number, Field(description="degrees counter-clockwise from east")] = 0.0
-    roll: Annotated[Number, Field(description="degrees")] = 0.0
-    pitch: Annotated[Number, Field(description="degrees")] = 0.0
+    yaw: Annotated[Number, Meta(description="degrees counter-clockwise from east")] = 0.0
+    roll: Annotated[Number, Meta(description="degrees")] = 0.0
+    pitch: Annotated[Number, Meta(description="degrees")] = 0.0
 
 
-class Scale(Document):
+class Scale(Document, frozen=True, kw_only=True):
     """Size of a thing relative to its model, in the engine's axes of the thing itself."""
 
-    x: Annotated[Number, Field(description="of its width")] = 1.0
-    y: Annotated[Number, Field(description="of its height")] = 1.0
-    z: Annotated[Number, Field(description="of its length")] = 1.0
+    x: Annotated[Number, Meta(description="of its width")] = 1.0
+    y: Annotated[Number, Meta(description="of its height")] = 1.0
+    z: Annotated[Number, Meta(description="of its length")] = 1.0
 
 
-class InitPosition(Document):
+class InitPosition(Document, frozen=True, kw_only=True):
     """Start of a vehicle: a position, or a place along a link of the map."""
 
-    initPositionMode: Annotated[ShortText, Field(description='"Absolute": pos and rot; "Link": initLink')] = "Absolute"
+    initPositionMode: Annotated[ShortText, Meta(description='"Absolute": pos and rot; "Link": initLink')] = "Absolute"
     pos: EnuPosition | None = None
     rot: Rotation | None = None
-    initLink: Annotated[ShortText | None, Field(description="id of a link of the map")] = None
-    initLinkRatio: Annotated[Ratio | None, Field(description="0 at the link's start, 1 at its end")] = None
-    gear: Annotated[Whole | None, Field(description="of an ego; 1 P, 2 R, 3 N, 4 D")] = None
+    initLink: Annotated[ShortText | None, Meta(description="id of a link of the map")] = None
+    initLinkRatio: Annotated[Ratio | None, Meta(description="0 at the link's start, 1 at its end")] = None
+    gear: Annotated[Whole | None, Meta(description="of an ego; 1 P, 2 R, 3 N, 4 D")] = None
 
 
-class PlacedItem(Document):
+class PlacedItem(Document, frozen=True, kw_only=True):
     """Keys of every agent."""
 
-    UNIQUEID: Annotated[Whole | None, Field(description="its id; without one it gets the next free one")] = None
-    DataID: Annotated[Whole | None, Field(description="MORAI's number of the model")] = None
-    modelName: Annotated[ShortText | None, Field(description="name of the model, used instead of DataID (ours)")] = None
+    UNIQUEID: Annotated[Whole | None, Meta(description="its id; without one it gets the next free one")] = None
+    DataID: Annotated[Whole | None, Meta(description="MORAI's number of the model")] = None
+    modelName: Annotated[ShortText | None, Meta(description="name of the model, used instead of DataID (ours)")] = None
 
 
-class EgoVehicle(PlacedItem):
+class EgoVehicle(PlacedItem, frozen=True, kw_only=True):
     """The car that clients drive. UNIQUEID -1, as in MORAI's files, is the first ego: 0 on the wire."""
 
     initPosition: InitPosition
-    gear: Annotated[Whole | None, Field(description="used if initPosition has none; D if both are absent")] = None
-    currentVelocity: Annotated[Speed | None, Field(description="speed at the start [km/h]")] = None
+    gear: Annotated[Whole | None, Meta(description="used if initPosition has none; D if both are absent")] = None
+    currentVelocity: Annotated[Speed | None, Meta(description="speed at the start [km/h]")] = None
 
 
-class Follower(PlacedItem):
+class Follower(PlacedItem, frozen=True, kw_only=True):
     """An agent that may follow a path of waypointDataList."""
 
     isWaypointMode: Annotated[
-        LenientBool | None, Field(description="false: the path is not followed; true without waypoints: it stands")
+        LenientBool | None, Meta(description="false: the path is not followed; true without waypoints: it stands")
     ] = None
     pathName: Annotated[
         ShortText | None,
-        Field(description="name of its path (ours); without it, the path whose name ends in ' - UNIQUEID'"),
+        Meta(description="name of its path (ours); without it, the path whose name ends in ' - UNIQUEID'"),
     ] = None
 
 
 Yields = Annotated[
     LenientBool | None,
-    Field(description="true: it stops for what is ahead on its path; a pedestrian crosses by light or gap (ours)"),
+    Meta(description="true: it stops for what is ahead on its path; a pedestrian crosses by light or gap (ours)"),
 ]
 
 
-class NpcVehicle(Follower):
+class NpcVehicle(Follower, frozen=True, kw_only=True):
     """A vehicle: on a path at constant speed; without a path, on the lanes as a driver; otherwise straight ahead.
 
     It follows the lanes if it starts on a link. It also does so if it stands on a lane and `isWaypointMode` is false,
@@ -172,30 +174,30 @@ class NpcVehicle(Follower):
     initPosition: InitPosition
     velocityType: Annotated[
         Whole | None,
-        Field(description="1: linkVelocity, on lanes the speed limit; 2: desiredVelocity, on lanes its highest speed"),
+        Meta(description="1: linkVelocity, on lanes the speed limit; 2: desiredVelocity, on lanes its highest speed"),
     ] = None
-    desiredVelocity: Annotated[Speed | None, Field(description="its own cruise speed [km/h]")] = None
+    desiredVelocity: Annotated[Speed | None, Meta(description="its own cruise speed [km/h]")] = None
     constantVelocity: Annotated[
-        Speed | None, Field(description="cruise speed if desiredVelocity is absent or 0 [km/h]")
+        Speed | None, Meta(description="cruise speed if desiredVelocity is absent or 0 [km/h]")
     ] = None
-    linkVelocity: Annotated[Speed | None, Field(description="[km/h]")] = None
-    currentVelocity: Annotated[Speed | None, Field(description="speed at the start, on lanes [km/h]")] = None
-    isCloseLoop: Annotated[LenientBool | None, Field(description="the path or route begins again at its end")] = None
+    linkVelocity: Annotated[Speed | None, Meta(description="[km/h]")] = None
+    currentVelocity: Annotated[Speed | None, Meta(description="speed at the start, on lanes [km/h]")] = None
+    isCloseLoop: Annotated[LenientBool | None, Meta(description="the path or route begins again at its end")] = None
     route: Annotated[
-        list[ShortText] | None,
-        Field(max_length=MAX_WAYPOINTS, description="ids of links, from its first link on (ours); after them random"),
+        Annotated[list[ShortText], Meta(max_length=MAX_WAYPOINTS)] | None,
+        Meta(description="ids of links, from its first link on (ours); after them random"),
     ] = None
     activeDistance: ActiveDistance = None
     yields: Yields = None
     startPointLinkInfo: KeptAsWritten = None
     currentLinkInfo: KeptAsWritten = None
     isLaneChange: Annotated[
-        JsonValue, Field(description="false: on lanes it never changes them; absent or any other value: it may")
+        JsonValue, Meta(description="false: on lanes it never changes them; absent or any other value: it may")
     ] = None
     latBiasMode: KeptAsWritten = None
     latBias: Annotated[
         JsonValue,
-        Field(description="offset from the line of its lane, left positive, -5..5; other values count as 0 [m]"),
+        Meta(description="offset from the line of its lane, left positive, -5..5; other values count as 0 [m]"),
     ] = None
     spawnPointUniqueID: KeptAsWritten = None
     destinationUniqueID: KeptAsWritten = None
@@ -203,43 +205,44 @@ class NpcVehicle(Follower):
     endPointLinkInfo: KeptAsWritten = None
 
 
-class Pedestrian(Follower):
+class Pedestrian(Follower, frozen=True, kw_only=True):
     """A pedestrian: walks along its path; without a path, movingDistance straight ahead; otherwise straight ahead."""
 
     idle_keys: ClassVar[frozenset[str]] = frozenset({"active"})
 
     pos: EnuPosition
     rot: Rotation | None = None
-    speed: Annotated[Speed | None, Field(description="[km/h]")] = None
-    loop: Annotated[LenientBool | None, Field(description="at the end it begins again, or walks back")] = None
-    movingDistance: Annotated[Coordinate | None, Field(description="[m]")] = None
+    speed: Annotated[Speed | None, Meta(description="[km/h]")] = None
+    loop: Annotated[LenientBool | None, Meta(description="at the end it begins again, or walks back")] = None
+    movingDistance: Annotated[Coordinate | None, Meta(description="[m]")] = None
     activeDistance: ActiveDistance = None
     yields: Yields = None
     active: KeptAsWritten = None
 
 
-class Obstacle(Follower):
+class Obstacle(Follower, frozen=True, kw_only=True):
     """A thing that stands, or moves along its path."""
 
     pos: EnuPosition
     rot: Rotation | None = None
-    moveSpeed: Annotated[Speed | None, Field(description="[km/h]")] = None
+    moveSpeed: Annotated[Speed | None, Meta(description="[km/h]")] = None
     activeDistance: ActiveDistance = None
-    scale: Annotated[Scale | None, Field(description="of the model's size")] = None
+    scale: Annotated[Scale | None, Meta(description="of the model's size")] = None
 
 
-class LinkInfo(Document):
+class LinkInfo(Document, frozen=True, kw_only=True):
     """A place on a link of the map."""
 
-    linkIdx: Annotated[ShortText | None, Field(description="id of the link")] = None
-    pointIdx: Annotated[Whole | None, Field(description="number of the point of the link, from 0")] = None
+    linkIdx: Annotated[ShortText | None, Meta(description="id of the link")] = None
+    pointIdx: Annotated[Whole | None, Meta(description="number of the point of the link, from 0")] = None
 
 
-Seconds = Annotated[Number | None, Field(ge=0.0, le=1e6)]
-Kmh = Annotated[Number | None, Field(ge=0.0, le=1_000.0)]
+Seconds = Annotated[float, NUMBER, Meta(ge=0.0, le=1e6)] | None
+Kmh = Annotated[float, NUMBER, Meta(ge=0.0, le=1_000.0)] | None
+Count = Annotated[int, WHOLE, Meta(ge=0, le=2**31 - 1)]
 
 
-class SpawnPointItem(Document):
+class SpawnPointItem(Document, frozen=True, kw_only=True):
     """A point where vehicles appear, drive along the lanes to their destination, and leave there."""
 
     idle_keys: ClassVar[frozenset[str]] = frozenset(
@@ -249,50 +252,49 @@ class SpawnPointItem(Document):
         }
     )
 
-    UNIQUEID: Annotated[Whole | None, Field(description="its id, for the destinations of other points")] = None
-    modelName: Annotated[ShortText | None, Field(description="name of the model of its vehicles (ours)")] = None
-    spawnVehicleTypeID: Annotated[Whole | None, Field(description="MORAI's number of the model; -1: random")] = None
-    pos: Annotated[EnuPosition | None, Field(description="used if startLinkInfo names no link of the map")] = None
-    startLinkInfo: Annotated[LinkInfo | None, Field(description="where vehicles appear")] = None
-    endLinkInfo: Annotated[LinkInfo | None, Field(description="where they leave; without it they turn at random")] = (
-        None
-    )
+    UNIQUEID: Annotated[Whole | None, Meta(description="its id, for the destinations of other points")] = None
+    modelName: Annotated[ShortText | None, Meta(description="name of the model of its vehicles (ours)")] = None
+    spawnVehicleTypeID: Annotated[Whole | None, Meta(description="MORAI's number of the model; -1: random")] = None
+    pos: Annotated[EnuPosition | None, Meta(description="used if startLinkInfo names no link of the map")] = None
+    startLinkInfo: Annotated[LinkInfo | None, Meta(description="where vehicles appear")] = None
+    endLinkInfo: Annotated[LinkInfo | None, Meta(description="where they leave; without it they turn at random")] = None
     destinationObjUniqueID: Annotated[
-        Whole | None, Field(description="id of the spawn point where they leave, if endLinkInfo names no link")
+        Whole | None, Meta(description="id of the spawn point where they leave, if endLinkInfo names no link")
     ] = None
     maximumSpawnVehicle: Annotated[
-        Whole | None, Field(ge=0, description="its vehicles in the world at the same time, at most 999")
+        Count | None, Meta(description="its vehicles in the world at the same time, at most 999")
     ] = None
     minSpawnPeriod: Annotated[
-        Seconds, Field(description="least time between two vehicles [s]; 5 if both are absent")
+        Seconds, Meta(description="least time between two vehicles [s]; 5 if both are absent")
     ] = None
-    maxSpawnPeriod: Annotated[Seconds, Field(description="greatest time [s]; 10 if both are absent")] = None
-    waitSpawnTime: Annotated[Seconds, Field(description="time until the first vehicle [s]; else a period")] = None
+    maxSpawnPeriod: Annotated[Seconds, Meta(description="greatest time [s]; 10 if both are absent")] = None
+    waitSpawnTime: Annotated[Seconds, Meta(description="time until the first vehicle [s]; else a period")] = None
     SpawnVelocityType: Annotated[
-        Whole | None, Field(description="2: Min/MaxSpawnVelocity_Custom; else the link's speed")
+        Whole | None, Meta(description="2: Min/MaxSpawnVelocity_Custom; else the link's speed")
     ] = None
-    MinSpawnVelocity_Custom: Annotated[Kmh, Field(description="least speed at the start [km/h]")] = None
-    MaxSpawnVelocity_Custom: Annotated[Kmh, Field(description="greatest speed at the start [km/h]")] = None
+    MinSpawnVelocity_Custom: Annotated[Kmh, Meta(description="least speed at the start [km/h]")] = None
+    MaxSpawnVelocity_Custom: Annotated[Kmh, Meta(description="greatest speed at the start [km/h]")] = None
     DesiredVelocityType: Annotated[
-        Whole | None, Field(description="2: Min/MaxDesiredVelocity_Custom; else the link's speed")
+        Whole | None, Meta(description="2: Min/MaxDesiredVelocity_Custom; else the link's speed")
     ] = None
-    MinDesiredVelocity_Custom: Annotated[Kmh, Field(description="least cruise speed [km/h]")] = None
-    MaxDesiredVelocity_Custom: Annotated[Kmh, Field(description="greatest cruise speed [km/h]")] = None
+    MinDesiredVelocity_Custom: Annotated[Kmh, Meta(description="least cruise speed [km/h]")] = None
+    MaxDesiredVelocity_Custom: Annotated[Kmh, Meta(description="greatest cruise speed [km/h]")] = None
     SafetyDist: Annotated[
-        Coordinate | None, Field(ge=0.0, description="room before and behind a new vehicle [m]; 5 if absent")
+        Annotated[float, NUMBER, Meta(ge=0.0, le=MAX_DOCUMENT_COORDINATE)] | None,
+        Meta(description="room before and behind a new vehicle [m]; 5 if absent"),
     ] = None
-    TTC: Annotated[Seconds, Field(description="least time to a collision of a new vehicle [s]; 1 if absent")] = None
+    TTC: Annotated[Seconds, Meta(description="least time to a collision of a new vehicle [s]; 1 if absent")] = None
     isLaneChange: Annotated[
-        JsonValue, Field(description="false: its vehicles never change lanes; absent or any other value: they may")
+        JsonValue, Meta(description="false: its vehicles never change lanes; absent or any other value: they may")
     ] = None
     latBiasMode: Annotated[
-        JsonValue, Field(description="2: offsets have a bell-shaped distribution between both bounds; else the middle")
+        JsonValue, Meta(description="2: offsets have a bell-shaped distribution between both bounds; else the middle")
     ] = None
     MinLatBias: Annotated[
         JsonValue,
-        Field(description="least offset from the line of the lane, left positive, -5..5; other values count as 0 [m]"),
+        Meta(description="least offset from the line of the lane, left positive, -5..5; other values count as 0 [m]"),
     ] = None
-    MaxLatBias: Annotated[JsonValue, Field(description="greatest offset [m]")] = None
+    MaxLatBias: Annotated[JsonValue, Meta(description="greatest offset [m]")] = None
     listVehicleLengthType: KeptAsWritten = None
     isCloseLoop: KeptAsWritten = None
     isSpawning: KeptAsWritten = None
@@ -301,7 +303,7 @@ class SpawnPointItem(Document):
     NPCSpawnType: KeptAsWritten = None
 
 
-class EnginePosition(Document):
+class EnginePosition(Document, frozen=True, kw_only=True):
     """Position of a waypoint in the engine's axes: x west, y up, z south [m]."""
 
     x: Coordinate
@@ -309,36 +311,38 @@ class EnginePosition(Document):
     z: Coordinate
 
 
-class Waypoint(Document):
+class Waypoint(Document, frozen=True, kw_only=True):
     """A point of a path."""
 
     pos: EnginePosition
 
 
-class WaypointPath(Document):
+class WaypointPath(Document, frozen=True, kw_only=True):
     """A path."""
 
-    pathName: Annotated[ShortText, Field(description='any name; "... - 7" is the path of the item with UNIQUEID 7')]
-    waypointData: Annotated[list[Waypoint], Field(max_length=MAX_WAYPOINTS)]
+    pathName: Annotated[ShortText, Meta(description='any name; "... - 7" is the path of the item with UNIQUEID 7')]
+    waypointData: Annotated[list[Waypoint], Meta(max_length=MAX_WAYPOINTS)]
 
 
-class IntersectionState(Document):
+class IntersectionState(Document, frozen=True, kw_only=True):
     """Phase of an intersection at the start."""
 
     index: Annotated[
-        ShortText, Field(description="index of its controller among the map's, from 0; any other text is its id")
+        ShortText, Meta(description="index of its controller among the map's, from 0; any other text is its id")
     ]
-    state: Annotated[Whole, Field(description="number of the phase, from 0")] = 0
-    deltaTime: Annotated[Number | None, Field(ge=0.0, description="time since the phase began [s]")] = None
+    state: Annotated[Whole, Meta(description="number of the phase, from 0")] = 0
+    deltaTime: Annotated[
+        Annotated[float, NUMBER, Meta(ge=0.0, le=1e12)] | None, Meta(description="time since the phase began [s]")
+    ] = None
 
 
-class MapInfo(Document):
+class MapInfo(Document, frozen=True, kw_only=True):
     """The map of the scenario."""
 
     mapName: ShortText | None = None
 
 
-class ScenarioDocument(Document):
+class ScenarioDocument(Document, frozen=True, kw_only=True):
     """A scenario: the part of MORAI's scenario files that rosbridge_sim reads. Other keys are ignored."""
 
     idle_keys: ClassVar[frozenset[str]] = frozenset(
@@ -347,18 +351,18 @@ class ScenarioDocument(Document):
 
     mapInfo: MapInfo | None = None
     egoVehicle: EgoVehicle | None = None
-    vehicleList: Annotated[list[NpcVehicle], Field(max_length=MAX_VEHICLES)] | None = None
+    vehicleList: Annotated[list[NpcVehicle], Meta(max_length=MAX_VEHICLES)] | None = None
     pedestrianList: BoundedList[Pedestrian] | None = None
     objectList: BoundedList[Obstacle] | None = None
-    waypointDataList: Annotated[list[WaypointPath], Field(max_length=MAX_PATHS)] | None = None
-    tlList: Annotated[list[IntersectionState], Field(max_length=MAX_PATHS)] | None = None
+    waypointDataList: Annotated[list[WaypointPath], Meta(max_length=MAX_PATHS)] | None = None
+    tlList: Annotated[list[IntersectionState], Meta(max_length=MAX_PATHS)] | None = None
     spawnPointList: BoundedList[SpawnPointItem] | None = None
     pedspawnPointList: KeptAsWritten = None
     frictionChangeMaterialList: KeptAsWritten = None
     shadedAreaList: KeptAsWritten = None
 
 
-_DOCUMENT: Final = TypeAdapter(ScenarioDocument)
+_DOCUMENT: Final = DocumentType[ScenarioDocument](ScenarioDocument)
 
 
 def read_scenario_document(text: bytes, source: str) -> ScenarioDocument:
@@ -396,7 +400,7 @@ def scenario_schema() -> dict[str, Any]:
     Returns:
         The schema as a JSON object.
     """
-    schema = _without_noise(_DOCUMENT.json_schema())
+    schema = _without_noise(document_schema(_DOCUMENT))
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": "Scenario", **schema}
 
 

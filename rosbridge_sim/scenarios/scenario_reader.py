@@ -7,6 +7,7 @@ MORAI's engine, (x, y, z) = (-east, up, -north). All speeds are in km/h.
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -16,7 +17,7 @@ from typing import Any, Final, Literal, TypeVar
 
 import numpy as np
 
-from rosbridge_sim.documents import Document
+from rosbridge_sim.documents import Document, fields_of
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.scenarios.catalogue import (
@@ -111,8 +112,9 @@ def read_scenario(text: bytes, source: str, notify: OnMistake = _refuse, catalog
         DocumentError: one line: place, expected value, actual value.
     """
     document = read_scenario_document(text, source)
-    if not document.model_fields_set:
-        expected = ", ".join(ScenarioDocument.model_fields)
+    keys = fields_of(ScenarioDocument)
+    if document == ScenarioDocument() and not keys.keys() & json.loads(text.decode("utf-8-sig")).keys():
+        expected = ", ".join(keys)
         raise DocumentError(f"{source}: expected a scenario with at least one of {expected}")
     return _Reader(document, source, notify, catalogue).scenario()
 
@@ -575,7 +577,7 @@ def _tilt(rotation: Rotation | None, axis: Literal["roll", "pitch"]) -> float:
 
 def _kept(item: Document) -> dict[str, Any]:
     """Return the keys of a part of a document that have no effect yet, in the order of its model."""
-    found = {key: getattr(item, key) for key in type(item).model_fields if key in type(item).idle_keys}
+    found = {key: getattr(item, key) for key in fields_of(type(item)) if key in type(item).idle_keys}
     return {key: value for key, value in found.items() if value is not None}
 
 

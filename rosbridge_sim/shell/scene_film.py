@@ -86,8 +86,8 @@ class FilmCamera:
             none = "" if cameras else "; --sensors camera brings one"
             raise DocumentError(f"--camera: expected {', '.join(known)}, got {name[:80]!r}{hint(name, known)}{none}")
         if size is not None:
-            spec = spec.model_copy(update={"width": size[0], "height": size[1]})
-        self.spec = spec.model_copy(update={"encoding": "raw"}) if spec.picture == "rgb" else spec
+            spec = spec.changed(width=size[0], height=size[1])
+        self.spec = spec.changed(encoding="raw") if spec.picture == "rgb" else spec
 
     @property
     def size(self) -> tuple[int, int]:

@@ -20,12 +20,12 @@ from rosbridge_sim.campaigns.campaign_model import (
     SearchItem,
 )
 from rosbridge_sim.campaigns.trace import FIGURES, SCORES
-from rosbridge_sim.documents import Document
+from rosbridge_sim.document_mistakes import CheckedModel
 from rosbridge_sim.expressions import FUNCTIONS, RUNNING
 
 __all__ = ["write_campaigns"]
 
-_TABLES: Final[tuple[tuple[str, type[Document]], ...]] = (
+_TABLES: Final[tuple[tuple[str, type[CheckedModel]], ...]] = (
     ("The file", CampaignDocument),
     ("`[parameters]`: `NAME = { ... }`, or a list of values", ParameterItem),
     ('`[drivers]`: `NAME = { ... }`, or `"lanes"`, or `"FILE.py:NAME"`', DriverItem),

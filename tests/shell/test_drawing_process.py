@@ -62,7 +62,7 @@ def test_process_gives_the_bytes_that_this_process_gives(shared_process: Drawing
 
 def test_job_that_fails_is_told_and_the_next_one_is_done(shared_process: DrawingProcess) -> None:
     bad = job()
-    wrong = Sight(Lidar3dSpec.model_construct(model="none", rate=10.0), bad.sights[0].motion, -1)
+    wrong = Sight(Lidar3dSpec().changed(model="none"), bad.sights[0].motion, -1)
     with pytest.raises(DrawingError):
         shared_process.draw(DrawingJob(bad.road_map, bad.map_name, bad.seed, bad.frame, [wrong]))
     pid = shared_process.pid

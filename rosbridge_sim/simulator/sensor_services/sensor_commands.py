@@ -12,6 +12,8 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Final
 
+import msgspec
+
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.graph.participant import Notify, Participant, notifier
 from rosbridge_sim.loose_types import Struct
@@ -71,7 +73,7 @@ class Sensors(Component):
 
     def save_state(self) -> PlainData:
         """Return the settings of the noise, so that a snapshot goes on with the same readings."""
-        return None if self._noise is None else self._noise.model_dump_json()
+        return None if self._noise is None else msgspec.json.encode(self._noise).decode()
 
     def load_state(self, data: PlainData, now: float) -> None:  # noqa: ARG002 - the settings do not change
         """Check that the snapshot was made with the same noise; there is no other state.

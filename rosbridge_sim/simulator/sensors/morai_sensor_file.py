@@ -15,9 +15,10 @@ from collections import Counter
 from collections.abc import Iterator
 from typing import Annotated, Any, Final
 
-from pydantic import Field, TypeAdapter
+from msgspec import Meta
 
-from rosbridge_sim.documents import Document, KeptAsWritten, Number, Whole, read_document
+from rosbridge_sim.document_reading import read_document
+from rosbridge_sim.documents import Document, DocumentType, KeptAsWritten, Number, Whole
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.simulator.sensors.sensor_presets import MAX_SENSORS_BYTES, read_rig
 from rosbridge_sim.simulator.sensors.sensor_specs import FRAME_RATE, MAX_SENSORS, Rig
@@ -35,27 +36,27 @@ _LIDARS: Final = {0: "VLP-16"}
 
 _TOPIC: Final = re.compile(r"/?[A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z][A-Za-z0-9_]*)*")
 
-_Items = Annotated[tuple["_Item", ...], Field(max_length=4 * MAX_SENSORS)]
+_Items = Annotated[tuple["_Item", ...], Meta(max_length=4 * MAX_SENSORS)]
 
 
-class _Vector(Document):
+class _Vector(Document, frozen=True, kw_only=True):
     x: Number = 0.0
     y: Number = 0.0
     z: Number = 0.0
 
 
-class _Angles(Document):
+class _Angles(Document, frozen=True, kw_only=True):
     roll: Number = 0.0
     pitch: Number = 0.0
     yaw: Number = 0.0
 
 
-class _Ros(Document):
+class _Ros(Document, frozen=True, kw_only=True):
     Topic: str = ""
     frameID: str = ""  # noqa: N815 - MORAI's name
 
 
-class _Block(Document):
+class _Block(Document, frozen=True, kw_only=True):
     """Values that only some kinds have; keys of other kinds are absent."""
 
     sensorPeriod: Number | None = None  # noqa: N815 - MORAI's names, here and below
@@ -70,7 +71,7 @@ class _Block(Document):
     fireDistance: Number = 100.0  # noqa: N815
 
 
-class _Item(Document):
+class _Item(Document, frozen=True, kw_only=True):
     m_TargetUniqueID: Whole = 0  # noqa: N815
     m_SensorUniqueID: Whole = 0  # noqa: N815
     pos: _Vector = _Vector()
@@ -87,10 +88,7 @@ class _Item(Document):
         return self.cc or self.lc or self.rc or self.gc or self.ic or _Block()
 
 
-_Item.model_rebuild()
-
-
-class _File(Document):
+class _File(Document, frozen=True, kw_only=True):
     cameraList: _Items = ()  # noqa: N815
     Lidar3DList: _Items = ()
     Lidar2DList: _Items = ()
@@ -101,7 +99,7 @@ class _File(Document):
     IMUList: _Items = ()
 
 
-_DOCUMENT: Final = TypeAdapter(_File)
+_DOCUMENT: Final = DocumentType[_File](_File)
 _LISTS: Final = ("cameraList", "Lidar3DList", "Lidar2DList", "GPSList", "IMUList", "RadarList", "UltrasonicList")
 
 

@@ -421,7 +421,7 @@ class MountedSensors(Component):
         saved_rigs = read_as(tuple[tuple[int, tuple[str, ...]], ...], () if data is None else data, "sensors")
         rigs: dict[int, Rig] = {}
         for index, texts in saved_rigs:
-            rigs[index] = tuple(spec for text in texts for spec in read_rig_text(text, "sensors"))
+            rigs[index] = tuple(spec for text in texts for spec in read_rig_text(text, "sensors", is_quick=True))
             check_rig(rigs[index])
         egos = {ego.index: ego for ego in self._context.egos}
         if not rigs.keys() <= egos.keys():

@@ -26,9 +26,10 @@ from hashlib import blake2b
 from typing import Annotated, Any, Final
 
 import numpy as np
-from pydantic import BeforeValidator, Field, TypeAdapter, WithJsonSchema
+from msgspec import Meta
 
-from rosbridge_sim.documents import Document, Ratio, keys_beside, read_document, read_number, sort_keys
+from rosbridge_sim.document_reading import document_schema, read_document
+from rosbridge_sim.documents import Document, DocumentType, Ratio, keys_beside, number_spelling, sort_keys
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.geometry.planar import Quaternion, Vector, chain, quaternion
@@ -72,22 +73,16 @@ MAX_CLUTTER: Final = 100.0
 """Most echoes in a scan that nothing gives."""
 
 
-def _schema(low: float, high: float) -> WithJsonSchema:
-    return WithJsonSchema({"type": ["number", "string"], "minimum": low, "maximum": high})
+_Sigma = Annotated[float, number_spelling(0.0, MAX_SIGMA), Meta(ge=0.0, le=MAX_SIGMA)]
+_Time = Annotated[float, number_spelling(MIN_TIME, MAX_TIME), Meta(ge=MIN_TIME, le=MAX_TIME)]
+_Grey = Annotated[float, number_spelling(0.0, 255.0), Meta(ge=0.0, le=255.0)]
+_Blur = Annotated[float, number_spelling(0.0, MAX_BLUR), Meta(ge=0.0, le=MAX_BLUR)]
+_Exposure = Annotated[float, number_spelling(-MAX_EXPOSURE, MAX_EXPOSURE), Meta(ge=-MAX_EXPOSURE, le=MAX_EXPOSURE)]
+_Clutter = Annotated[float, number_spelling(0.0, MAX_CLUTTER), Meta(ge=0.0, le=MAX_CLUTTER)]
+_Rate = Annotated[float, number_spelling(0.0, MAX_RATE), Meta(ge=0.0, le=MAX_RATE)]
 
 
-_Sigma = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_SIGMA), _schema(0.0, MAX_SIGMA)]
-_Time = Annotated[float, BeforeValidator(read_number), Field(ge=MIN_TIME, le=MAX_TIME), _schema(MIN_TIME, MAX_TIME)]
-_Grey = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=255.0), _schema(0.0, 255.0)]
-_Blur = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_BLUR), _schema(0.0, MAX_BLUR)]
-_Exposure = Annotated[
-    float, BeforeValidator(read_number), Field(ge=-MAX_EXPOSURE, le=MAX_EXPOSURE), _schema(-MAX_EXPOSURE, MAX_EXPOSURE)
-]
-_Clutter = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_CLUTTER), _schema(0.0, MAX_CLUTTER)]
-_Rate = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_RATE), _schema(0.0, MAX_RATE)]
-
-
-class AxisNoise(Document):
+class AxisNoise(Document, frozen=True, kw_only=True):
     """Error of one axis; standard deviations in its unit.
 
     Attributes:
@@ -108,7 +103,7 @@ class AxisNoise(Document):
         return float(self.white * self.white + self.wander * self.wander + self.offset * self.offset)
 
 
-class GpsNoise(Document):
+class GpsNoise(Document, frozen=True, kw_only=True):
     """Errors of `/gps`.
 
     Attributes:
@@ -124,7 +119,7 @@ class GpsNoise(Document):
     drop_out_time: _Time = 5.0
 
 
-class ImuNoise(Document):
+class ImuNoise(Document, frozen=True, kw_only=True):
     """Errors of `/imu`, along the axes of the sensor.
 
     Attributes:
@@ -142,7 +137,7 @@ class ImuNoise(Document):
     lost: Ratio = 0.0
 
 
-class CameraNoise(Document):
+class CameraNoise(Document, frozen=True, kw_only=True):
     """Errors of the colours of cameras. Depth, classes, instances and boxes stay exact.
 
     Attributes:
@@ -160,7 +155,7 @@ class CameraNoise(Document):
     lost: Ratio = 0.0
 
 
-class LidarNoise(Document):
+class LidarNoise(Document, frozen=True, kw_only=True):
     """Errors of 3D and 2D lidars.
 
     Attributes:
@@ -180,7 +175,7 @@ class LidarNoise(Document):
     lost: Ratio = 0.0
 
 
-class RadarNoise(Document):
+class RadarNoise(Document, frozen=True, kw_only=True):
     """Errors of radars.
 
     Attributes:
@@ -202,7 +197,7 @@ class RadarNoise(Document):
     lost: Ratio = 0.0
 
 
-class SensorNoise(Document):
+class SensorNoise(Document, frozen=True, kw_only=True):
     """Errors of the sensors; all are 0 unless they are given."""
 
     gps: GpsNoise = GpsNoise()
@@ -237,7 +232,7 @@ TYPICAL: Final = SensorNoise(
 )
 """See the head of this file. Drop-outs are our estimate for a town."""
 
-_DOCUMENT: Final = TypeAdapter(SensorNoise)
+_DOCUMENT: Final = DocumentType[SensorNoise](SensorNoise)
 
 
 def read_noise(text: bytes, source: str) -> SensorNoise:
@@ -260,7 +255,7 @@ def read_noise(text: bytes, source: str) -> SensorNoise:
 
 def noise_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of these documents."""
-    schema = _DOCUMENT.json_schema()
+    schema = document_schema(_DOCUMENT)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 

@@ -10,9 +10,11 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Final
 
-from pydantic import Field, TypeAdapter
+import msgspec
+from msgspec import Meta
 
-from rosbridge_sim.documents import Document, keys_beside, read_document, sort_keys
+from rosbridge_sim.document_reading import document_schema, learn_mistakes, read_document
+from rosbridge_sim.documents import Document, DocumentType, keys_beside, sort_keys
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.simulator.sensors.sensor_specs import (
     MAX_SENSORS,
@@ -34,6 +36,7 @@ __all__ = [
     "PRESETS",
     "SensorList",
     "document_of",
+    "learn_rig_mistakes",
     "parse_object",
     "read_rig",
     "read_rig_text",
@@ -68,15 +71,15 @@ PRESETS: Final[Mapping[str, Rig]] = {
 """Rigs by name. The level lidar and the radar of `all` are behind the front bumper of a usual car."""
 
 
-class SensorList(Document):
+class SensorList(Document, frozen=True, kw_only=True):
     """The sensors of an ego, by kind."""
 
     gps: GpsSpec | None = None
     imu: ImuSpec | None = None
-    camera: Annotated[tuple[CameraSpec, ...], Field(max_length=MAX_SENSORS)] = ()
-    lidar3d: Annotated[tuple[Lidar3dSpec, ...], Field(max_length=MAX_SENSORS)] = ()
-    lidar2d: Annotated[tuple[Lidar2dSpec, ...], Field(max_length=MAX_SENSORS)] = ()
-    radar: Annotated[tuple[RadarSpec, ...], Field(max_length=MAX_SENSORS)] = ()
+    camera: Annotated[tuple[CameraSpec, ...], Meta(max_length=MAX_SENSORS)] = ()
+    lidar3d: Annotated[tuple[Lidar3dSpec, ...], Meta(max_length=MAX_SENSORS)] = ()
+    lidar2d: Annotated[tuple[Lidar2dSpec, ...], Meta(max_length=MAX_SENSORS)] = ()
+    radar: Annotated[tuple[RadarSpec, ...], Meta(max_length=MAX_SENSORS)] = ()
 
     @property
     def rig(self) -> Rig:
@@ -85,25 +88,27 @@ class SensorList(Document):
         return (*each, *self.camera, *self.lidar3d, *self.lidar2d, *self.radar)
 
 
-_DOCUMENT: Final = TypeAdapter(SensorList)
+_DOCUMENT: Final = DocumentType[SensorList](SensorList)
 
 
-def read_rig(document: Mapping[str, Any], source: str) -> Rig:
+def read_rig(document: Mapping[str, Any], source: str, *, is_quick: bool = False) -> Rig:
     """Read a file of ours.
 
     Args:
         document: the parsed file.
         source: its name, for errors.
+        is_quick: see `read_document`; `learn_rig_mistakes` is what to call then.
 
     Raises:
         DocumentError: one line with the place, what was expected, and what came.
+        MistakeNotReadyError: see `is_quick`.
     """
     for path in sort_keys(SensorList, document).passed_over:
         key = path.rpartition(".")[2]
         known = keys_beside(SensorList, path)
         raise DocumentError(f"{source}: {path}: expected one of {', '.join(known)}{hint(key, known)}")
     text = json.dumps(document, default=str).encode()  # a date of TOML is no value of any key
-    return rig_of(read_document(_DOCUMENT, text, source, MAX_SENSORS_BYTES), source)
+    return rig_of(read_document(_DOCUMENT, text, source, MAX_SENSORS_BYTES, is_quick=is_quick), source)
 
 
 def rig_of(sensors: SensorList, source: str) -> Rig:
@@ -126,7 +131,7 @@ def document_of(spec: SensorSpec, **changes: object) -> dict[str, Any]:
         spec: the sensor.
         changes: other values of its keys.
     """
-    values = spec.model_dump(mode="json") | changes
+    values = msgspec.to_builtins(spec) | changes
     return {spec.kind: values if isinstance(spec, FrameSpec) else [values]}
 
 
@@ -135,17 +140,24 @@ def text_of(spec: SensorSpec) -> str:
     return json.dumps(document_of(spec))
 
 
-def read_rig_text(text: str, where: str) -> Rig:
+def read_rig_text(text: str, where: str, *, is_quick: bool = False) -> Rig:
     """Read the JSON of a file of ours.
 
     Args:
         text: JSON.
         where: its name, for errors.
+        is_quick: see `read_rig`.
 
     Raises:
         DocumentError: it is no such text.
+        MistakeNotReadyError: see `is_quick`.
     """
-    return read_rig(parse_object(text, where), where)
+    return read_rig(parse_object(text, where), where, is_quick=is_quick)
+
+
+def learn_rig_mistakes() -> None:
+    """Make what words the mistakes of these files; see `learn_mistakes`."""
+    learn_mistakes(_DOCUMENT)
 
 
 def parse_object(text: str, where: str) -> dict[str, Any]:
@@ -169,4 +181,4 @@ def parse_object(text: str, where: str) -> dict[str, Any]:
 
 def rig_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of these files."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **_DOCUMENT.json_schema()}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **document_schema(_DOCUMENT)}

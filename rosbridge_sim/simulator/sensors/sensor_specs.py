@@ -13,15 +13,15 @@ from __future__ import annotations
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import lru_cache
 from typing import Annotated, ClassVar, Final, Literal, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
-from pydantic_core import PydanticCustomError
+import msgspec
+from msgspec import Meta
 
-from rosbridge_sim.documents import Document, read_number
+from rosbridge_sim.documents import Document, Spelling, number_spelling
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.simulator.bus.network_settings import USUAL_RATE
@@ -118,47 +118,36 @@ _TOPIC: Final = re.compile(r"(?:/[A-Za-z][A-Za-z0-9_]*)+")
 _TAKEN_FRAMES: Final = frozenset({MAP, BASE, CENTER, Gps.frame, Imu.frame})
 
 
-def _check_frame(value: str) -> str:
+def _check_frame(value: str) -> None:
     if len(value) > MAX_NAME or not _FRAME_ID.fullmatch(value):
-        raise PydanticCustomError("frame", "expected letters, digits, _, . and -, at most 100")
+        raise ValueError("expected letters, digits, _, . and -, at most 100")
     if value in _TAKEN_FRAMES:
-        raise PydanticCustomError("frame", "expected a name that no other frame of the vehicle has")
-    return value
+        raise ValueError("expected a name that no other frame of the vehicle has")
 
 
-def _check_topic(value: str) -> str:
+def _check_topic(value: str) -> None:
     if len(value) > MAX_NAME or not _TOPIC.fullmatch(value):
-        raise PydanticCustomError("topic", "expected the name of a topic, such as /lidar3D, at most 100 characters")
-    return value
+        raise ValueError("expected the name of a topic, such as /lidar3D, at most 100 characters")
 
 
-def _schema(low: float, high: float, kind: str = "number") -> WithJsonSchema:
-    return WithJsonSchema({"type": [kind, "string"], "minimum": low, "maximum": high})
+_FrameId = Annotated[str, Spelling(check=_check_frame, schema={"type": "string", "pattern": f"^{_FRAME_ID.pattern}$"})]
+_Topic = Annotated[str, Spelling(check=_check_topic, schema={"type": "string", "pattern": f"^{_TOPIC.pattern}$"})]
+_Metres = Annotated[float, number_spelling(-MAX_LEVER, MAX_LEVER), Meta(ge=-MAX_LEVER, le=MAX_LEVER)]
+_Degrees = Annotated[float, number_spelling(-360.0, 360.0), Meta(ge=-360.0, le=360.0)]
+_Rate = Annotated[float, number_spelling(MIN_RATE, FRAME_RATE), Meta(ge=MIN_RATE, le=FRAME_RATE)]
+_Range = Annotated[float, number_spelling(0.1, MAX_RANGE), Meta(ge=0.1, le=MAX_RANGE)]
+_Near = Annotated[float, number_spelling(0.0, MAX_RANGE), Meta(ge=0.0, le=MAX_RANGE)]
+_Fov = Annotated[float, number_spelling(1.0, MAX_FOV), Meta(ge=1.0, le=MAX_FOV)]
+_Elevation = Annotated[float, number_spelling(-90.0, 90.0), Meta(ge=-90.0, le=90.0)]
+_Side = Annotated[int, number_spelling(1, MAX_SIDE, "integer"), Meta(ge=1, le=MAX_SIDE)]
+_Quality = Annotated[int, number_spelling(1, 100, "integer"), Meta(ge=1, le=100)]
+_Count = Annotated[int, number_spelling(1, MAX_SCAN, "integer"), Meta(ge=1, le=MAX_SCAN)]
+_Index = Annotated[int, number_spelling(0, MAX_RAYS, "integer"), Meta(ge=0, le=MAX_RAYS)]
+_Echoes = Annotated[int, number_spelling(1, 1000, "integer"), Meta(ge=1, le=1000)]
+_Coefficient = Annotated[float, number_spelling(-1.0, 1.0), Meta(ge=-1.0, le=1.0)]
 
 
-_FrameId = Annotated[
-    str, AfterValidator(_check_frame), WithJsonSchema({"type": "string", "pattern": f"^{_FRAME_ID.pattern}$"})
-]
-_Topic = Annotated[
-    str, AfterValidator(_check_topic), WithJsonSchema({"type": "string", "pattern": f"^{_TOPIC.pattern}$"})
-]
-_Metres = Annotated[
-    float, BeforeValidator(read_number), Field(ge=-MAX_LEVER, le=MAX_LEVER), _schema(-MAX_LEVER, MAX_LEVER)
-]
-_Degrees = Annotated[float, BeforeValidator(read_number), Field(ge=-360.0, le=360.0), _schema(-360.0, 360.0)]
-_Rate = Annotated[float, BeforeValidator(read_number), Field(ge=MIN_RATE, le=FRAME_RATE), _schema(MIN_RATE, FRAME_RATE)]
-_Range = Annotated[float, BeforeValidator(read_number), Field(ge=0.1, le=MAX_RANGE), _schema(0.1, MAX_RANGE)]
-_Near = Annotated[float, BeforeValidator(read_number), Field(ge=0.0, le=MAX_RANGE), _schema(0.0, MAX_RANGE)]
-_Fov = Annotated[float, BeforeValidator(read_number), Field(ge=1.0, le=MAX_FOV), _schema(1.0, MAX_FOV)]
-_Elevation = Annotated[float, BeforeValidator(read_number), Field(ge=-90.0, le=90.0), _schema(-90.0, 90.0)]
-_Side = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=MAX_SIDE), _schema(1, MAX_SIDE, "integer")]
-_Quality = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=100), _schema(1, 100, "integer")]
-_Count = Annotated[int, BeforeValidator(read_number), Field(ge=1, le=MAX_SCAN), _schema(1, MAX_SCAN, "integer")]
-_Index = Annotated[int, BeforeValidator(read_number), Field(ge=0, le=MAX_RAYS), _schema(0, MAX_RAYS, "integer")]
-_Coefficient = Annotated[float, BeforeValidator(read_number), Field(ge=-1.0, le=1.0), _schema(-1.0, 1.0)]
-
-
-class PlacedSpec(Document):
+class PlacedSpec(Document, frozen=True, kw_only=True):
     """Place of a sensor on a vehicle.
 
     Attributes:
@@ -180,7 +169,7 @@ class PlacedSpec(Document):
         return Mounting(self.x, self.y, self.z, *map(math.radians, (self.roll, self.pitch, self.yaw)))
 
 
-class GpsSpec(PlacedSpec):
+class GpsSpec(PlacedSpec, frozen=True, kw_only=True):
     """The GPS antenna; the settings of topics have its rate."""
 
     kind: ClassVar[str] = "gps"
@@ -189,7 +178,7 @@ class GpsSpec(PlacedSpec):
     rate: ClassVar[float] = USUAL_RATE
 
 
-class ImuSpec(PlacedSpec):
+class ImuSpec(PlacedSpec, frozen=True, kw_only=True):
     """The inertial unit; the settings of topics have its rate."""
 
     kind: ClassVar[str] = "imu"
@@ -198,7 +187,7 @@ class ImuSpec(PlacedSpec):
     rate: ClassVar[float] = USUAL_RATE
 
 
-class MountedSpec(PlacedSpec):
+class MountedSpec(PlacedSpec, frozen=True, kw_only=True):
     """Specification of a sensor that an ego may have several of.
 
     Attributes:
@@ -212,7 +201,11 @@ class MountedSpec(PlacedSpec):
     rate: _Rate = 10.0
 
 
-class CameraSpec(MountedSpec):
+_NO_TOPIC: Final = "/{}/compressed".format("image_jpeg")
+"""Default topic of a camera; a topic that was given is another object, even if it is equal."""
+
+
+class CameraSpec(MountedSpec, frozen=True, kw_only=True):
     """A camera with square pixels and the principal point in the middle.
 
     Attributes:
@@ -228,7 +221,7 @@ class CameraSpec(MountedSpec):
 
     kind: ClassVar[str] = "camera"
     frame_id: _FrameId = "Camera"
-    topic: _Topic = "/image_jpeg/compressed"
+    topic: _Topic = _NO_TOPIC
     rate: _Rate = 30.0
     width: _Side = 640
     height: _Side = 480
@@ -240,15 +233,11 @@ class CameraSpec(MountedSpec):
     distortion: tuple[_Coefficient, _Coefficient, _Coefficient, _Coefficient, _Coefficient] = (0.0, 0.0, 0.0, 0.0, 0.0)
     detections: bool = False
 
-    @model_validator(mode="before")
-    @classmethod
-    def _choose_topic(cls, value: object) -> object:
+    def __post_init__(self) -> None:
         """Give another picture than colours a topic of its own, unless it has one."""
-        if isinstance(value, dict) and "topic" not in value:
-            name = _CAMERA_TOPICS.get((str(value.get("picture", "rgb")), str(value.get("encoding", "jpeg"))))
-            name = name or _CAMERA_TOPICS.get((str(value.get("picture")), "raw"))
-            return value if name is None else {**value, "topic": name}
-        return value
+        if self.topic is _NO_TOPIC:
+            topic = _CAMERA_TOPICS.get((self.picture, self.encoding)) or _CAMERA_TOPICS[self.picture, "raw"]
+            msgspec.structs.force_setattr(self, "topic", topic)
 
     @property
     def is_jpeg(self) -> bool:
@@ -267,7 +256,7 @@ class CameraSpec(MountedSpec):
         return head if head and last.startswith("compressed") else self.topic
 
 
-_CAMERA_TOPICS: Final = {
+_CAMERA_TOPICS: Final[Mapping[tuple[str, str], str]] = {
     ("rgb", "jpeg"): "/image_jpeg/compressed",
     ("rgb", "raw"): "/image_raw",
     ("depth", "raw"): "/image",
@@ -277,7 +266,7 @@ _CAMERA_TOPICS: Final = {
 """Picture and encoding -> default topic. `/image` is that of MORAI's depth camera; the last three are ours."""
 
 
-class Lidar3dSpec(MountedSpec):
+class Lidar3dSpec(MountedSpec, frozen=True, kw_only=True):
     """A lidar that turns, with one beam for each ring.
 
     Attributes:
@@ -291,7 +280,7 @@ class Lidar3dSpec(MountedSpec):
     frame_id: _FrameId = "velodyne"
     topic: _Topic = "/lidar3D"
     model: Literal["VLP-16", "HDL-32E", "OS1-64", "OS1-128", "own"] = "VLP-16"
-    elevations: Annotated[tuple[_Elevation, ...], Field(max_length=MAX_RINGS)] = ()
+    elevations: Annotated[tuple[_Elevation, ...], Meta(max_length=MAX_RINGS)] = ()
     columns: _Index = 0
     min_range: _Near = 0.5
     max_range: _Range = 100.0
@@ -307,7 +296,7 @@ class Lidar3dSpec(MountedSpec):
         return self.columns or (1800 if self.model == "own" else LIDAR_MODELS[self.model].columns)
 
 
-class Lidar2dSpec(MountedSpec):
+class Lidar2dSpec(MountedSpec, frozen=True, kw_only=True):
     """A lidar with one level ring; a message is a LaserScan of a full turn.
 
     Attributes:
@@ -325,7 +314,7 @@ class Lidar2dSpec(MountedSpec):
     max_range: _Range = 30.0
 
 
-class RadarSpec(MountedSpec):
+class RadarSpec(MountedSpec, frozen=True, kw_only=True):
     """A radar with a wide beam for what is near and a narrow beam for what is far.
 
     The defaults are our choice, of the class of a car's 77 GHz radar with two beams.
@@ -346,7 +335,7 @@ class RadarSpec(MountedSpec):
     near_fov: _Fov = 90.0
     far_fov: _Fov = 20.0
     vertical_fov: _Fov = 10.0
-    max_echoes: Annotated[int, BeforeValidator(read_number), Field(ge=1, le=1000), _schema(1, 1000, "integer")] = 64
+    max_echoes: _Echoes = 64
 
 
 FrameSpec: TypeAlias = GpsSpec | ImuSpec

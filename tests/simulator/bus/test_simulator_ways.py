@@ -77,7 +77,7 @@ def test_denying_one_alias_denies_all(harness: SimHarness, row: tuple[tuple[Use,
 def test_names_in_the_alias_table_exist_in_the_simulator(release: str) -> None:
     """Of one release or the other."""
     camera, *others = PRESETS["all"]
-    rig = (camera.model_copy(update={"detections": True}), *others)
+    rig = (camera.changed(detections=True), *others)
     node = SimHarness(release=release, sensors=rig, worker=AtOnceWorker(), standard_topics=True).node
     items = {(item.kind, item.default) for item in node.interfaces.listing()}
     items |= {(InterfaceKind.SUBSCRIBER, f"/SyncMode{what}Obj") for what in ("Add", "Remove")}

@@ -232,7 +232,7 @@ def test_detections_are_the_boxes_in_the_optical_frame(ros: Generation) -> None:
 
 
 def test_cameras_share_a_topic_and_differ_in_the_frame() -> None:
-    rig = [CAMERA.model_copy(update={"frame_id": f"Camera-{i}", "yaw": 60.0 * i}) for i in range(3)]
+    rig = [CAMERA.changed(frame_id=f"Camera-{i}", yaw=60.0 * i) for i in range(3)]
     _, client = in_sync(*rig)
     client.listen(IMAGE)
     client.tick()
@@ -640,7 +640,7 @@ def test_weather_is_that_of_the_settings_until_the_service_changes_it() -> None:
 
 
 def test_lidar_loses_far_echoes_in_fog() -> None:
-    rig = (LIDAR.model_copy(update={"rate": 50.0}),)
+    rig = (LIDAR.changed(rate=50.0),)
     seen = []
     for weather in (Weather.NOON, Weather.NIGHT, Weather.RAIN, Weather.FOG):
         _, client = in_sync(*rig, weather=weather)
