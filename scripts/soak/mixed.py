@@ -61,6 +61,10 @@ MIN_SECONDS = 300.0
 MAX_SLOPE = 30.0
 """Largest growth of memory in an hour, by the regression line after the warm-up [MB]: half of an idle server."""
 
+MAX_STEP = 6.0
+"""Growth of memory at rest that is not judged [MB]: a load of a larger map, or more clients at once than before, leave
+it behind, and it does not come again. In five minutes one such step looks like 50 MB in an hour."""
+
 MAX_OBJECTS = 5_000
 """Small objects that may be added in a run of any length: a rare message type has some hundreds of them, made once."""
 
@@ -139,8 +143,9 @@ class Mixed:
             self._num_warm = self._num_lives
             await self._play("", seconds * (1 - WARM_UP), num_lines)
             await self._settle()
-            await self._judge(before, await self._rest(before), names, files)
-            self._judge_figures(seconds)
+            after = await self._rest(before)
+            await self._judge(before, after, names, files)
+            self._judge_figures(seconds, after.memory - before.memory)
         except SoakError as error:
             self._faults[str(error)] += 1
         return Report(
@@ -258,10 +263,10 @@ class Mixed:
             if len(there) != 1:
                 self._faults[f"/sim/clients: expected only this client, got {len(there)}"] += 1
 
-    def _judge_figures(self, seconds: float) -> None:
+    def _judge_figures(self, seconds: float, growth: float) -> None:
         """Note the failed bounds of memory, waits and the log; this stops the server."""
-        if seconds >= MIN_SECONDS and self._slope > MAX_SLOPE:
-            self._faults[f"memory: {self._slope:+.1f} MB/hour"] += 1
+        if seconds >= MIN_SECONDS and self._slope > MAX_SLOPE and growth > MAX_STEP:
+            self._faults[f"memory: {growth:+.1f} MB at rest, {self._slope:+.1f} MB/hour"] += 1
         if self._max_stall is not None and self._longest[0] > self._longest[1] + self._max_stall:
             text = f"the bystander waited {self._longest[0]:.0f} ms, at an idle server {self._longest[1]:.0f}"
             self._faults[text] += 1
