@@ -189,7 +189,7 @@ class Outbox:
                 break
             topic = topic or self._begun
             try:
-                made = frame.take(max_bytes - total)
+                made = frame.take(max_bytes)
             except Exception as error:
                 if topic is None:
                     raise

@@ -259,7 +259,7 @@ class Session:
             return frame
         self._num_fragmented += 1
         text = Characters(frame) if share is None else share()
-        return Pieces(text, int(min(size, 2**31)), f"frag:{self._num_fragmented}")
+        return Pieces(text, int(size), f"frag:{self._num_fragmented}")
 
     def _lose_message(self, spelling: str, cause: Exception) -> None:
         """Report a message whose frames could not be made when the outbox reached it."""

@@ -18,7 +18,7 @@ A feed encodes each message as its options say. A heavy message is encoded only 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from rosbridge_sim.errors import EncodingError, FrameError, PeerError
@@ -129,7 +129,7 @@ def read_qos(qos: dict[str, object] | None) -> Qos:
         if values is None and policy not in {"depth", "deadline", "lifespan"}:
             known = [*QOS_VALUES, "depth", "deadline", "lifespan"]
             raise FrameError(f"{policy!r} is not a valid policy name. Valid options are: {known}")
-        if values is not None and (not isinstance(value, str) or value not in values):
+        if values is not None and value not in values:
             raise FrameError(f"{value!r} is not a valid {policy}. Valid options are: {list(values)}")
     depth = qos.get("depth", 1)
     if not isinstance(depth, int) or isinstance(depth, bool) or depth < 0:
@@ -175,7 +175,7 @@ class MergedOptions:
         """Return the options of the feed. There must be at least one subscription."""
         if self._bags is None:
             (only,) = self.by_id.values()
-            return only if only.queue_length <= MAX_QUEUE else replace(only, queue_length=MAX_QUEUE)
+            return only
         intervals, lengths, compressions, sizes = self._bags
         interval, length, compression = intervals.get(), lengths.get(), compressions.get()
         assert interval is not None
@@ -184,7 +184,7 @@ class MergedOptions:
         size = sizes.get()
         return SubscriptionOptions(
             interval=interval,
-            queue_length=min(MAX_QUEUE, -int(length)),
+            queue_length=-int(length),
             fragment_size=None if size is None else int(size),
             compression=COMPRESSIONS[-int(compression)],
         )

@@ -259,6 +259,43 @@ def test_frames_made_late_count_towards_the_requested_bytes() -> None:
     assert (outbox.take(2), outbox.take(2)) == ([b"a1"], [b"after"])
 
 
+def test_slice_of_work_that_makes_no_frame_is_all_that_one_turn_does() -> None:
+    """Else a picture is made in one go, while all other clients wait."""
+
+    class InSlices(LateFrames):
+        num_slices = 0
+
+        def take(self, max_bytes: int) -> list[bytes]:
+            self.num_slices += 1
+            return super().take(max_bytes) if self.num_slices > 2 else []
+
+    outbox = Socket(OutboxLimits(), is_open=False).outbox
+    outbox.offer("/a", InSlices("a"))
+    assert [outbox.take(ALL) for _ in range(5)] == [[], [], [b"a1"], [b"a2"], [b"a3"]]
+
+
+def test_message_that_is_made_late_is_sent_although_another_one_was_dropped() -> None:
+    outbox = Socket(OutboxLimits(burst=4), is_open=False).outbox
+    outbox.bursts["/t"] = 3
+    outbox.offer("/a", LateFrames("a"))
+    for i in range(4):
+        outbox.offer("/t", b"%d" % i)
+    assert outbox.dropped == {"/t": 1}
+    assert [outbox.take(ALL) for _ in range(3)] == [[b"a1"], [b"a2"], [b"a3", b"1", b"2", b"3"]]
+
+
+def test_closed_outbox_holds_nothing_not_even_the_rest_of_a_message() -> None:
+    outbox = Socket(OutboxLimits(), is_open=False).outbox
+    outbox.offer("/a", LateFrames("a"))
+    outbox.send(b"after")
+    assert outbox.take(1) == [b"a1"]
+    outbox.close()
+    assert (len(outbox), outbox.num_bytes, outbox.take(ALL)) == (0, 0, [])
+    outbox.send(LateFrames("b", 0))  # an answer, not the rest of that message
+    with pytest.raises(ZeroDivisionError):
+        outbox.take(ALL)
+
+
 def test_partly_sent_message_of_a_stalled_client_is_not_dropped() -> None:
     """Pieces without their rest would be waited for by the client, and paid for, until it gives up."""
     outbox = Socket(OutboxLimits(burst=2), is_open=False).outbox

@@ -11,7 +11,7 @@ import pytest
 
 from rosbridge_sim.errors import EncodingError, FieldError, FrameError
 from rosbridge_sim.protocol.account import Account
-from rosbridge_sim.protocol.json_decoding import HEAVY
+from rosbridge_sim.protocol.json_decoding import HEAVY, LONG
 from rosbridge_sim.protocol.ops import Advertise, Op, Subscribe
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.png import Picture
@@ -56,6 +56,13 @@ class Body:
 
     def shared(self, _key: object, make: Callable[[], T]) -> T:
         return make()
+
+
+class Numbered(Body):
+    """A message that holds a number."""
+
+    def __init__(self, number: int) -> None:
+        self.json = b'{"data":%d}' % number
 
 
 class Heavy(Body):
@@ -354,6 +361,28 @@ def test_frame_of_exactly_the_fragment_size_is_sent_whole(spare: int, op: str) -
     assert said(session)[0]["op"] == op
 
 
+def test_fragments_of_each_frame_have_their_own_id() -> None:
+    session = make_session()
+    for _ in range(2):
+        session.answer("/s", None, Body(), is_ok=True, fragment_size=40)
+    frames: list[Any] = []
+    while len(session.outbox):
+        frames += said(session)
+    assert [frame["op"] for frame in frames] == ["fragment"] * 4
+    assert len({frame["id"] for frame in frames}) == 2
+
+
+def test_messages_that_wait_are_sent_first_when_the_throttle_ends() -> None:
+    session = make_session()
+    feed = make_feed(session, SubscriptionOptions(interval=1.0, queue_length=3))
+    for i in range(3):
+        feed.deliver(Numbered(i), 0.0, 0)
+    feed.set_options(None, SubscriptionOptions(queue_length=3))
+    feed.deliver(Numbered(3), 0.5, 0)
+    session.flush(1.0, 0)
+    assert [frame["msg"]["data"] for frame in said(session)] == [0, 1, 2, 3]
+
+
 def test_large_message_is_fragmented_completely() -> None:
     session = make_session()
     make_feed(session, SubscriptionOptions(fragment_size=20)).deliver(Heavy(), 0.0, 0)
@@ -392,8 +421,9 @@ def test_length_of_a_frame_inside_another_one_counts() -> None:
 
 def test_each_received_frame_is_counted_once() -> None:
     session = make_session()
+    image = b'{"op":"publish","topic":"/t","msg":{"data":"%s"}}' % (b"A" * LONG)
     for num, frame in enumerate(
-        [b'{"op":"subscribe","topic":"/t"}', b"rubbish", b'{"op":"unsubscribe","topic":"/t"}'], 1
+        [b'{"op":"subscribe","topic":"/t"}', b"rubbish", image, b'{"op":"unsubscribe","topic":"/t"}'], 1
     ):
         receive(session, frame)
         assert session.num_received == num

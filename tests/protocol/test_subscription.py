@@ -111,7 +111,7 @@ def merge_terms(terms: Iterable[SubscriptionOptions]) -> SubscriptionOptions:
     sizes = [t.fragment_size for t in each if t.fragment_size is not None]
     return SubscriptionOptions(
         interval=min(t.interval for t in each),
-        queue_length=min(MAX_QUEUE, max(t.queue_length for t in each)),
+        queue_length=max(t.queue_length for t in each),
         fragment_size=min(sizes, default=None),
         compression=max((t.compression for t in each), key=COMPRESSIONS.index),
     )
@@ -134,7 +134,6 @@ def test_subscription_options_merge() -> None:
         merged(SubscriptionOptions(compression="cbor"), SubscriptionOptions(compression="cbor-raw")).compression
         == "cbor-raw"
     )
-    assert merged(SubscriptionOptions(queue_length=10**9)).queue_length == MAX_QUEUE
 
 
 SOME_TERMS = st.builds(
@@ -165,17 +164,33 @@ def test_options_of_a_subscribe_op_are_read() -> None:
     )
     op = Subscribe(topic="/t", throttle_rate=-5.0, queue_length=-1.0, fragment_size=0.0, compression="zip")
     assert read_options(op) == SubscriptionOptions()
+    assert read_options(Subscribe(topic="/t", queue_length=1e300)).queue_length == MAX_QUEUE
+
+
+@pytest.mark.parametrize(
+    ("op", "options"),
+    [
+        (Subscribe(topic="/t", throttle_rate=250.0), SubscriptionOptions(interval=0.25)),
+        (Subscribe(topic="/t", queue_length=3.0), SubscriptionOptions(queue_length=3)),
+        (Subscribe(topic="/t", fragment_size=9.0), SubscriptionOptions(fragment_size=9)),
+        (Subscribe(topic="/t", compression="cbor"), SubscriptionOptions(compression="cbor")),
+    ],
+)
+def test_each_option_may_be_given_alone(op: Subscribe, options: SubscriptionOptions) -> None:
+    assert read_options(op) == options
 
 
 def test_qos_of_a_subscribe_op_is_read() -> None:
     assert read_qos(None) == read_qos({}) == Qos()
     assert read_qos({"durability": "transient_local", "depth": 7}) == Qos(depth=7, is_latching=True)
     assert read_qos({"durability": "volatile", "depth": 0}) == Qos(depth=1, is_latching=False)
-    assert read_qos({"history": "keep_all"}).depth == MAX_QOS_DEPTH
+    assert read_qos({"history": "keep_all"}).depth == read_qos({"depth": 10**9}).depth == MAX_QOS_DEPTH
     assert read_qos({"deadline": {"secs": 1, "nsecs": 0}, "lifespan": "infinite"}) == Qos()
     wrong: list[dict[str, object]] = [
         {"speed": 1},
         {"durability": "forever"},
+        {"durability": ["volatile"]},
+        {"history": 5},
         {"depth": -1},
         {"depth": "7"},
         {"depth": True},
