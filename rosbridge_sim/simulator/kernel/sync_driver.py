@@ -13,6 +13,7 @@ there are no turns, and what has ended is not answered.
 from __future__ import annotations
 
 import logging
+import math
 from collections import deque
 from collections.abc import Callable
 from functools import partial
@@ -111,7 +112,7 @@ class SyncDriver:
         self._calls: deque[WaitingCall] = deque()
         self._call_in_hand: WaitingCall | None = None
         self._behind_tick: deque[tuple[Callable[[float], object], Callable[[float], None]]] = deque()
-        self._turn_until: float | None = None
+        self._turn_until = math.inf
         self._is_turn_over = False
         sync.mute(barrier)  # its members have leases of their own
         sync.hooks.move.append(self._move)
@@ -224,7 +225,6 @@ class SyncDriver:
             else:
                 barrier.not_moved(result.why, self._ended_at)
 
-        self._ended_at = now
         named, call = world.frame + sync.num_frames, WaitingCall(OneTick(end), sync.num_frames)
         self._barrier_call = call
         wait = partial(self._calls.append, call)
@@ -294,7 +294,7 @@ class SyncDriver:
 
     def _begin(self, call: WaitingCall, now: float) -> None:
         """Let a tick that has come have its first turn at once, unless others wait before it."""
-        if self._calls and self._calls[0] is call:
+        if self._calls[0] is call:
             self.take_turns(now)
 
     def _ask_barrier_tick(self, user_id: str, named: int, caller: Participant, on_end: OnTick, now: float) -> None:
@@ -353,7 +353,7 @@ class SyncDriver:
         read_clock, sync, calls = self.read_clock, self._sync, self._calls
         if self._stepper.is_moving:
             return
-        self._turn_until = None if read_clock is None else read_clock() + TURN_TIME
+        self._turn_until = math.inf if read_clock is None else read_clock() + TURN_TIME
         self._is_turn_over = False
         while calls and not self._is_turn_over and self._gate.is_open:
             call = calls.popleft()
@@ -477,7 +477,7 @@ class SyncDriver:
         if failure.why is not None:
             raise GraphError(failure.why)
         num_of_tick = num_frames if call is None else call.num_frames
-        read_clock, until = self.read_clock, None if call is None else self._turn_until
+        read_clock = None if call is None else self.read_clock
         num_left = num_frames
         stepper.is_moving = True
         try:
@@ -486,7 +486,7 @@ class SyncDriver:
                 is_last = num_left % num_of_tick == 0
                 stepper.compute(now, is_tick=True, is_last=is_last)
                 self.num_ticks += is_last
-                if until is not None and read_clock is not None and read_clock() >= until:
+                if read_clock is not None and read_clock() >= self._turn_until:
                     self._is_turn_over = True
                 if call is not None and call.why is not None:  # what a tick brings about does not stop that tick
                     if is_last:
