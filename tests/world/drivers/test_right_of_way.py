@@ -194,6 +194,24 @@ def test_driver_keeps_its_claim_until_it_has_entered_when_another_crossing_is_ne
     assert set(claims[first:-1]) == {into}
 
 
+@pytest.mark.parametrize(
+    ("decision", "speed", "distance", "is_let_in"),
+    [(0, 0.0, 1.9, True), (0, 0.05, 0.5, True), (100, 0.0, 1.9, False), (0, 0.15, 1.9, False), (0, 0.0, 2.1, False)],
+)
+def test_driver_that_stands_at_its_stop_line_is_let_in_now_and_then(
+    decision: int, speed: float, distance: float, *, is_let_in: bool
+) -> None:
+    """Not before its eight seconds have come, not while it creeps, and not from 2 m away on."""
+    roads = crossing()
+    roads.is_stop[roads.row("s")] = True
+    world = world_of(roads)
+    minor = car(world, "s", 190.0 - NOSE - distance, speed=speed)
+    major = car(world, "w", 150.0, speed=10.0)
+    world.frame = DECISION * decision
+    step(world)
+    assert (world.claim[[minor, major]] >= 0).tolist() == [is_let_in, not is_let_in]
+
+
 @pytest.mark.slow
 def test_driver_at_a_stop_line_is_let_in_beside_a_full_road() -> None:
     """A side street stood for ten minutes beside a road on which one vehicle followed the other."""

@@ -274,8 +274,8 @@ def test_ego_that_begins_anew_without_a_route_has_the_old_one_no_more() -> None:
     row = ego(world, 10.0, 0.0)
     assert start_self_driving(world, row, route=[0, 1])
     assert world.routes
-    assert start_self_driving(world, row)
-    assert not world.routes
+    assert start_self_driving(world, row, is_loop=True)
+    assert (world.routes, world.is_loop[row]) == ({}, False)
 
 
 @pytest.mark.parametrize("heading", [0.5 * math.pi, -2.5])

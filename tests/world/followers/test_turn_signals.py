@@ -13,27 +13,29 @@ from tests.world.lane_drives import NOSE, lane_of, world_of
 from tests.world.road_factory import arc, car, ego, line, make
 
 
-def junction() -> Roads:
+def junction(first: str = "way") -> Roads:
     """A way in from the west, and three ways on; the one ahead goes through a bend afterwards."""
-    return make(
-        way=(line((-100, 0), (0, 0)), "left right ahead"),
-        left=(arc(0, 15, 15, -90, 90), "north"),
-        right=(arc(0, -10, 10, 90, -90), "south"),
-        ahead=(line((0, 0), (15, 0)), "bend"),
-        north=(line((15, 15), (15, 100)), ""),
-        south=(line((10, -10), (10, -100)), ""),
-        bend=(arc(15, 40, 40, -90, 90), "end"),
-        end=(line((55, 40), (55, 100)), ""),
-    )
+    lanes = {
+        "way": (line((-100, 0), (0, 0)), "left right ahead"),
+        "left": (arc(0, 15, 15, -90, 90), "north"),
+        "right": (arc(0, -10, 10, 90, -90), "south"),
+        "ahead": (line((0, 0), (15, 0)), "bend"),
+        "north": (line((15, 15), (15, 100)), ""),
+        "south": (line((10, -10), (10, -100)), ""),
+        "bend": (arc(15, 40, 40, -90, 90), "end"),
+        "end": (line((55, 40), (55, 100)), ""),
+    }
+    return make(**{first: lanes[first], **lanes})
 
 
 def shown(world: World, row: int) -> int:
     return int(find_turn_signals(world, np.array([row]))[0])
 
 
+@pytest.mark.parametrize("first", ["way", "left"])
 @pytest.mark.parametrize(("to", "signal"), [("left north", 1), ("right south", 2), ("ahead bend", 0)])
-def test_driver_signals_before_and_in_a_turn_at_an_intersection(to: str, signal: int) -> None:
-    world = world_of(junction())
+def test_driver_signals_before_and_in_a_turn_at_an_intersection(to: str, signal: int, first: str) -> None:
+    world = world_of(junction(first))
     route = f"way {to}"
     far, near = (car(world, "way", 100.0 - NOSE - away, route=route) for away in (31.0, 29.0))
     fast, slow = (car(world, "way", 100.0 - NOSE - 40.0, speed=speed, route=route) for speed in (14.0, 13.0))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.drivers.driver_perception import perceive
-from rosbridge_sim.world.drivers.lane_position import keep_lane
+from rosbridge_sim.world.drivers.lane_position import headings, keep_lane
 from rosbridge_sim.world.followers.lane_following import _LaneFollowers
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange, follow
@@ -256,6 +256,8 @@ def test_vehicle_that_begins_a_change_belongs_to_the_other_lane_where_it_is(side
     assert foot[0] - lateral * math.sin(heading) == pytest.approx(x, abs=1e-4)
     assert foot[1] + lateral * math.cos(heading) == pytest.approx(y, abs=1e-4)
     assert abs(float(world.drift[row])) < 0.05
+    lanes = world.int_block("lane", "ahead_5")[:, [row]]
+    assert heading == pytest.approx(headings(world.roads, lanes, world.arc[[row]], world.wheelbase[[row]]), abs=1e-4)
 
 
 def test_vehicle_that_begins_a_change_in_a_bend_steers_along_its_new_lane() -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, is_clear
 from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT
-from rosbridge_sim.world.state.world import World
+from rosbridge_sim.world.state.world import Body, World
 from tests.world.lane_drives import BUS, world_of
 from tests.world.road_factory import CAR, car, ego
 from tests.world.wide_roads import wide_road
@@ -70,6 +70,36 @@ def test_what_stands_beyond_the_lead_vehicle_counts_where_the_driver_comes_to_it
     )
     gap = {"nothing": np.inf, "first": first, "second": second}[stops_at]
     assert find_blocked(world, shifts, np.array([4.0])) == pytest.approx([gap])
+
+
+@pytest.mark.parametrize("side", [LEFT, RIGHT])
+@pytest.mark.parametrize(
+    ("body", "is_tight", "least"), [(CAR, True, 1.95), (CAR, False, 3.2), (BUS, True, 4.3), (BUS, False, 9.75)]
+)
+def test_vehicle_at_rest_comes_out_from_behind_another_one_by_the_gap_that_its_steering_needs(
+    body: Body, side: int, least: float, *, is_tight: bool
+) -> None:
+    """With its wheels at full lock, or in an easy turn."""
+    found = []
+    for gap in (-6.0, least - 0.1, least + 0.1, 3.0 * least):
+        world = world_of(wide_road(2))
+        row = car(world, "l1" if side == LEFT else "l0", 100.0, body=body)
+        nose = world.half_length[[row]] + world.centre[[row]]
+        ego(world, 100.0 + nose.item() + gap + CAR.rear_overhang, float(world.y[row]))
+        shifts = Shifts(
+            rows=np.array([row]),
+            nose=nose,
+            length=2.0 * world.half_length[[row]],
+            side=np.array([side]),
+            done=np.zeros(1),
+            across=np.array([3.5]),
+            gap=np.array([gap]),
+            lead_speed=np.zeros(1),
+            is_tight=np.array([is_tight]),
+            change_time=np.array([4.4]),
+        )
+        found.append(is_clear(world, shifts, np.zeros(1)).item())
+    assert found == [False, False, True, True]
 
 
 def test_driver_that_moves_over_slowly_needs_a_longer_gap() -> None:

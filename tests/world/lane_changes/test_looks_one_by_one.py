@@ -248,6 +248,7 @@ class OneByOne:
         is_before_join = self.conflicts.joins.join[self.lanes[0]] >= 0
         is_near = self.gap < max(40.0, 6.0 * self.speed) and self.lead_speed < 0.5
         self.to_entry = self.entry(waits if is_near and is_before_join else np.fmin(waits, narrow))
+        self.options = list[Option]()
 
     def run_on(self, lanes: list[int], s: float) -> float:
         """How far lanes go on from a place."""
@@ -403,7 +404,7 @@ class OneByOne:
     def decide(self, decision: int) -> Wish:
         """Reason and side, and whether it begins now."""
         world, row = self.world, self.row
-        options = [self.option(LEFT), self.option(RIGHT)]
+        options = self.options = [self.option(LEFT), self.option(RIGHT)]
         now, since, signal = int(world.change[row]), float(world.change_since[row]), int(world.signal[row])
         wish = Wish(*self.must(options))
         is_inside = self.to_entry <= 0.0 or self.drivers.held[self.i] >= 0
@@ -483,11 +484,17 @@ def compare(world: World, decision: int) -> None:
     followers, perception = scene.followers, scene.perception
     is_free = (world.leaving[followers.rows] == 0).nonzero()[0]
     which = is_free[followers.changes.neighbours.has_side[world.lane[followers.rows[is_free]]]]
-    wishes = [OneByOne(scene, int(i)).decide(decision) for i in which]
+    one_by_one = [OneByOne(scene, int(i)) for i in which]
+    wishes = [each.decide(decision) for each in one_by_one]
     assert perception.queue is not None
     arguments = (followers.choice, scene.drivers, perception, perception.queue, scene.desired)
     accel = np.full(followers.num, 9.0)
-    begins, sides, tight = LaneLook(world, followers.rows, *arguments, which).decide(accel, decision)
+    look = LaneLook(world, followers.rows, *arguments, which)
+    for side, option in enumerate(look._look_aside()):
+        for name in ("is_there", "run", "gap", "lead_speed", "gap_behind", "follower", "advantage", "is_safe"):
+            values = [getattr(each.options[side], name) for each in one_by_one]
+            assert getattr(option, name).tolist() == pytest.approx(values, rel=1e-9, abs=1e-9), name
+    begins, sides, tight = look.decide(accel, decision)
     rows = followers.rows[which]
     assert world.change[rows].tolist() == [wish.reason for wish in wishes]
     assert world.signal[rows].tolist() == [wish.side + 1 if wish.reason else 0 for wish in wishes]

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rosbridge_sim.world.people.crossings import Crossings, find_crossings
-from rosbridge_sim.world.people.people import COMMITTED, find_ways_over, walk
+from rosbridge_sim.world.people.people import COMMITTED, _People, find_ways_over, walk
 from rosbridge_sim.world.roads.paths import DX, DY, START, X, Y
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
@@ -212,6 +212,34 @@ def test_people_wait_cross_and_step_back_as_one_by_one(seed: int, roads: tuple[R
     assert world.yields[rows].tolist() == list(states)
     assert world.speed[rows] == pytest.approx(speed, abs=CLOSE)
     assert np.exp(1j * world.yaw[rows]) == pytest.approx(np.exp(1j * yaw), abs=CLOSE)
+
+
+@pytest.mark.parametrize("body", [CAR, BUS])
+@pytest.mark.parametrize("is_driver", [False, True])
+def test_vehicle_endangers_a_crossing_from_any_side_and_at_any_angle_as_one_by_one(
+    body: Body, roads: tuple[Roads, SignalPlan], *, is_driver: bool
+) -> None:
+    rng, world = np.random.default_rng(2 * (body is BUS) + is_driver), world_of(*roads)
+    middle = 0.5 * APART
+    path = np.array([[middle, -9.0], [middle + 3.0, 16.0]])
+    uid = world.spawn(Kind.PEDESTRIAN, MAN, name="p", x=middle, y=-9.0, path=path, speed=1.2, yields=True)
+    if is_driver:
+        row = car(world, "a", middle, body=body)
+    else:
+        row = world.row(world.spawn(Kind.EGO, body, name="ego", x=middle, y=0.0))
+    person = Crosser(world, world.row(uid))
+    people = world.derived(_People)
+    one, speed = np.zeros(1, dtype=np.int64), np.array([1.2])
+    found, expected = [], []
+    for _ in range(300):
+        away = cmath.rect(rng.choice([3.0, 8.0, 30.0]) * rng.uniform(0.0, 1.5), rng.uniform(-math.pi, math.pi))
+        world.x[row], world.y[row] = middle + away.real, 1.7 + away.imag
+        world.yaw[row] = rng.choice([rng.uniform(-3.1, 3.1), cmath.phase(-away) + rng.uniform(-1.5, 1.5)])
+        world.speed[row] = rng.choice([0.0, 0.25, 0.35, 1.0, 1.0, 1.0]) * rng.uniform(1.0, 12.0)
+        found.append(people._is_endangered(one, one, speed).item())
+        expected.append(person.is_endangered(row, person.crossings.ends[0].tolist()))
+    assert found == expected
+    assert 50 < sum(expected) < 250
 
 
 @pytest.mark.parametrize("seed", range(4))
