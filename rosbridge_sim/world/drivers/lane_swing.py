@@ -20,7 +20,7 @@ from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH
 from rosbridge_sim.world.drivers.lane_position import find_ahead, rear_axles
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, LaneConflicts
-from rosbridge_sim.world.roads.roads import LanePlaces, Roads
+from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import Kind, World
 
 __all__ = ["are_tight", "find_long", "find_swinging", "plan_swings"]
@@ -98,9 +98,11 @@ def _offsets(world: World, rows: IntArray, distance: FloatArray) -> FloatArray:
     half_length, half_width = world.half_length[rows], world.half_width[rows]
     rear, yaw = rear_axles(roads, lanes[1:], arc, wheelbase)
     # All places are counted from the start of the lane behind, where the tail may be.
-    is_first = lanes[0] < 0
-    lanes = np.where(is_first, np.concatenate([lanes[1:], lanes[-1:]]), lanes)
-    arc = arc + np.where(is_first, 0.0, roads.length[lanes[0]])
+    first = (lanes[0] < 0).nonzero()[0]
+    before = roads.length[lanes[0]]
+    before[first] = 0.0
+    lanes[:-1, first] = lanes[1:, first]
+    arc += before
     # Both corners of the tail, both sides in the middle of the wheelbase, and both corners of the nose
     num = len(rows)
     along = np.empty((NUM_SIDES, NUM_PARTS, num))
@@ -109,7 +111,7 @@ def _offsets(world: World, rows: IntArray, distance: FloatArray) -> FloatArray:
     across[0], across[1] = half_width, -half_width
     cos, sin = np.cos(yaw), np.sin(yaw)
     x, y = rear[:, 0] + along * cos - across * sin, rear[:, 1] + along * sin + across * cos
-    lanes = np.tile(lanes, NUM_SIDES * NUM_PARTS)
+    lanes = np.concatenate([lanes] * (NUM_SIDES * NUM_PARTS), axis=1)
     beyond = _beyond(roads, lanes, (arc + along).ravel(), x.ravel(), y.ravel())
     left, right = (np.maximum.reduce(each.reshape(-1, num)) for each in beyond)
     to_right = np.fmin(np.fmax(left, 0.0), np.fmax(0.5 * (left - right), 0.0))
@@ -129,13 +131,13 @@ def _beyond(
         y: (m,) north [m].
     """
     for i in range(ROUNDS):
-        lane, here = find_ahead(roads, lanes, s)
-        foot, yaw = roads.at(lane, here)
+        point, share = roads.locate(*find_ahead(roads, lanes, s))
+        foot, yaw = roads.between(point, share)
         east, north, cos, sin = x - foot[:, 0], y - foot[:, 1], np.cos(yaw), np.sin(yaw)
         if i < ROUNDS - 1:
             s = s + east * cos + north * sin
     lateral = north * cos - east * sin
-    to_left, to_right = roads.beside(LanePlaces(lane, here, lateral, np.abs(lateral), yaw))
+    to_left, to_right = roads.edges(point, share, lateral)
     return MARGIN - to_left, MARGIN - to_right
 
 

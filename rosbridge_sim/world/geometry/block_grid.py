@@ -63,8 +63,8 @@ class BlockGrid:
         Returns:
             (m,) int64, index of the place, rising, and (m,) int64, index of the box, rising for each place.
         """
-        column, line = np.floor(place / self._size).astype(np.int64).T
-        number = column * CELL_COLUMN + line
+        cell = np.floor(place / self._size).astype(np.int64)
+        number = cell[:, 0] * CELL_COLUMN + cell[:, 1]
         start = self._number.searchsorted(number, side="left")
         count = self._number.searchsorted(number, side="right") - start
         if not np.count_nonzero(count):

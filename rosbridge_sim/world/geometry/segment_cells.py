@@ -15,7 +15,14 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, distinct, ranges, wrap_angle
-from rosbridge_sim.world.geometry.segment_search import HEIGHT_COST, TURN_COST, LaneSegments, SegmentSearch, height_cost
+from rosbridge_sim.world.geometry.segment_search import (
+    HEIGHT_COST,
+    TURN_COST,
+    LaneSegments,
+    Near,
+    SegmentSearch,
+    height_cost,
+)
 
 __all__ = ["SegmentCells"]
 
@@ -74,7 +81,7 @@ class SegmentCells(SegmentSearch):
         owner, segment = self._table.find(keys, lambda new: self._look_at(new, has_height=height is not None))
         return self._choose(place, heading, height, owner, segment)
 
-    def within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+    def within(self, place: FloatArray, radius: FloatArray) -> Near:
         """Return the nearest segment of each lane that is near each place; see `SegmentSearch.within`."""
         if not (np.abs(place).max() < CELL * (MAX_NUMBER - 1) and radius.max() <= AROUND):
             return super().within(place, radius)

@@ -16,7 +16,10 @@ import numpy as np
 from rosbridge_sim.world.geometry.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
 
-__all__ = ["BESIDE", "SAME_HEIGHT", "LaneSegments", "SegmentSearch", "first_least", "height_cost"]
+__all__ = ["BESIDE", "SAME_HEIGHT", "LaneSegments", "Near", "SegmentSearch", "first_least", "height_cost"]
+
+Near = tuple[IntArray, IntArray, tuple[FloatArray, FloatArray, FloatArray]]
+"""See `SegmentSearch.within`."""
 
 BLOCK_SEGMENTS: Final = 32
 """Segments in a block: about the root of their number on a small map, and 16 to 32 m of road."""
@@ -41,6 +44,9 @@ CROWD_SQUARE: Final = 4.0
 CROWD: Final = 64
 """Above `MAX_SEGMENTS`, at most so many places are looked at in a square of this side [m]; and of all squares the first
 places come before the second ones. An entity that stands among others in one place changes little."""
+
+MAX_PAIRWISE: Final = 1 << 10
+"""Up to so many pairs of a place and a block are all compared, without a grid: 5 us in place of 20."""
 
 MAX_BLOCK_PAIRS: Final = 1 << 18
 """Pairs (place, block) compared at once: 2 MB for each temporary array, which stays inside the cache."""
@@ -106,7 +112,7 @@ class SegmentSearch:
 
     __slots__ = (
         *("_bottom", "_first", "_grid", "_high", "_low", "_middle", "_middle_height", "_num_lanes", "_segments"),
-        *("_sides", "_size", "_top"),
+        *("_size", "_top"),
     )
 
     def __init__(self, segments: LaneSegments, num_lanes: int) -> None:
@@ -125,7 +131,6 @@ class SegmentSearch:
         self._top = np.maximum.reduceat(np.maximum(segments.height, end_height), self._first)
         self._low = np.minimum.reduceat(np.minimum(segments.start, segments.end), self._first)
         self._high = np.maximum.reduceat(np.maximum(segments.start, segments.end), self._first)
-        self._sides = np.array([self._low.T, self._high.T])
         self._grid: BlockGrid | None = None
 
     def nearest(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None = None) -> IntArray:
@@ -148,7 +153,7 @@ class SegmentSearch:
             )
         return best
 
-    def within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
+    def within(self, place: FloatArray, radius: FloatArray) -> Near:
         """Return the nearest segment of each lane that is near each place; see `Roads.within`.
 
         Args:
@@ -156,17 +161,16 @@ class SegmentSearch:
             radius: (n,) [m].
 
         Returns:
-            (m,) int64, index of the place, rising, and (m,) int64, the segment.
+            (m,) int64, index of the place, rising; (m,) int64, the segment; and the place as `LaneSegments.project`
+            returns it.
         """
         owner, block = self._blocks_within(place, radius)
-        is_seen = _thin_out(place, owner, self._size[block])
-        owner, block = owner[is_seen], block[is_seen]
         size = self._size[block]
+        is_seen = _thin_out(place, owner, size)
+        owner, block, size = owner[is_seen], block[is_seen], size[is_seen]
         return self._best_of_lanes(place, radius, owner.repeat(size), ranges(self._first[block], size))
 
-    def _best_of_lanes(
-        self, place: FloatArray, radius: FloatArray, owner: IntArray, segment: IntArray
-    ) -> tuple[IntArray, IntArray]:
+    def _best_of_lanes(self, place: FloatArray, radius: FloatArray, owner: IntArray, segment: IntArray) -> Near:
         """Return what `within` returns, of some segments for each place.
 
         Args:
@@ -175,20 +179,25 @@ class SegmentSearch:
             owner: (k,) int64, index of the place, rising.
             segment: (k,) int64, rising for each place: so those of one lane are neighbours.
         """
-        _, lateral, distance = self._segments.project(place.take(owner, axis=0), segment)
+        along, lateral, distance = self._segments.project(place.take(owner, axis=0), segment)
         near = ((distance <= radius[owner]) & (distance - np.abs(lateral) < BESIDE)).nonzero()[0]
-        owner, segment, distance = owner[near], segment[near], distance[near]
+        owner, segment = owner[near], segment[near]
+        projected = along[near], lateral[near], distance[near]
         if not len(near):
-            return owner, segment
+            return owner, segment, projected
         key = owner * self._num_lanes + self._segments.lane[segment]
-        is_new = np.zeros(len(key), dtype=np.int64)
-        np.not_equal(key[1:], key[:-1], out=is_new[1:])
-        group = is_new.cumsum()
-        best = first_least(distance, group, int(group[-1]) + 1)
-        return owner[best], segment[best]
+        is_first = np.ones(len(key), dtype=bool)
+        np.not_equal(key[1:], key[:-1], is_first[1:])
+        best = first_least(projected[2], is_first.cumsum() - 1, is_first.nonzero()[0])
+        along, lateral, distance = projected
+        return owner[best], segment[best], (along[best], lateral[best], distance[best])
 
     def _blocks_within(self, place: FloatArray, radius: FloatArray) -> tuple[IntArray, IntArray]:
         """Return (m,) which place, rising, and (m,) the blocks whose boxes are within its radius, rising for each."""
+        if len(place) * len(self._size) <= MAX_PAIRWISE:
+            gap = np.maximum(self._low - place[:, None], place[:, None] - self._high)
+            owner, block = (_length(np.maximum(gap, 0.0, out=gap)) <= radius[:, None]).nonzero()
+            return owner, block
         if self._grid is None:  # made at the first search for all lanes near a place
             self._grid = BlockGrid(self._low, self._high)
         owner, block = self._grid.find(place)
@@ -203,22 +212,12 @@ class SegmentSearch:
             block = np.concatenate([block[is_near], np.tile(np.arange(num), len(far))])
             order = np.lexsort((block, owner))
             owner, block = owner[order], block[order]
-        for axis in (0, 1):  # most are too far away in one direction alone
-            near = (self._gap(place, owner, block, axis) <= radius.take(owner)).nonzero()[0]
-            owner, block = owner.take(near), block.take(near)
-        gap = np.stack([self._gap(place, owner, block, axis) for axis in (0, 1)], axis=1)
-        is_within = _length(gap) <= radius[owner]
-        return owner[is_within], block[is_within]
-
-    def _gap(self, place: FloatArray, owner: IntArray, block: IntArray, axis: int) -> FloatArray:
-        """Return (m,) how far blocks' boxes are from places along an axis, at least 0 [m]."""
-        where = np.ascontiguousarray(place[:, axis]).take(owner)
-        gap: FloatArray = self._sides[0, axis].take(block) - where
-        beyond = self._sides[1, axis].take(block)
-        np.subtract(where, beyond, out=beyond)
-        np.maximum(gap, beyond, out=gap)
-        np.maximum(gap, 0.0, out=gap)
-        return gap
+        where = place.take(owner, axis=0)
+        gap = self._low.take(block, axis=0) - where
+        where -= self._high.take(block, axis=0)
+        np.maximum(gap, where, out=gap)
+        near = (_length(np.maximum(gap, 0.0, out=gap)) <= radius[owner]).nonzero()[0]
+        return owner[near], block[near]
 
     def _best(self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None) -> IntArray:
         """Return the nearest segment for each place, (n,); arguments as for `nearest`."""
@@ -241,7 +240,7 @@ class SegmentSearch:
         """Return the nearest of some segments (m,) for each place (n,), whose indices are `owner`, rising (m,)."""
         heading = None if heading is None else heading.take(owner, axis=0)
         score = self._score(place.take(owner, axis=0), heading, None if height is None else height[owner], segment)
-        return segment[first_least(score, owner, len(place))]
+        return segment[first_least(score, owner, owner.searchsorted(np.arange(len(place))))]
 
     def _score(
         self, place: FloatArray, heading: FloatArray | None, height: FloatArray | None, segment: IntArray
@@ -289,18 +288,17 @@ class SegmentSearch:
         return owner.repeat(size), ranges(self._first[block], size)
 
 
-def first_least(score: FloatArray, owner: IntArray, num: int) -> IntArray:
-    """Return for each of `num` owners the index of its least score; of equal ones the first.
+def first_least(score: FloatArray, owner: IntArray, start: IntArray) -> IntArray:
+    """Return for each owner the index of its least score; of equal ones the first.
 
     Args:
         score: (m,) with one or more for each owner.
-        owner: (m,) int64, rising, 0 to `num` - 1.
-        num: owners.
+        owner: (m,) int64, rising, 0 to k - 1.
+        start: (k,) int64, the first index of each owner.
     """
-    start = owner.searchsorted(np.arange(num))
     least = np.minimum.reduceat(score, start)
     hit = (score == least[owner]).nonzero()[0]
-    return np.asarray(hit[np.searchsorted(hit, start)])
+    return np.asarray(hit[hit.searchsorted(start)])
 
 
 def height_cost(amount: FloatArray) -> FloatArray:
@@ -324,7 +322,7 @@ def _thin_out(place: FloatArray, owner: IntArray, cost: IntArray) -> BoolArray |
     Returns:
         (m,) bool, or a slice for all.
     """
-    if cost.sum() <= MAX_SEGMENTS:
+    if BLOCK_SEGMENTS * len(cost) <= MAX_SEGMENTS or cost.sum() <= MAX_SEGMENTS:
         return slice(None)
     cost_of_place = np.bincount(owner, weights=cost, minlength=len(place))
     _, square = np.unique(np.floor(place / CROWD_SQUARE), axis=0, return_inverse=True)

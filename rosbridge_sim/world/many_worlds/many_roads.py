@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import Any, Final, TypeVar, cast
 
 import numpy as np
-import numpy.typing as npt
 
 from rosbridge_sim.world.drivers import lane_entries, lane_swing, lane_wander
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
@@ -76,10 +75,6 @@ class ManyRoads(Roads):
         """Return the lanes that begin where a lane ends, in its world."""
         world, row = divmod(lane, len(self.alone))
         return self.alone.successors(row) + world * len(self.alone)
-
-    def at(self, lane: npt.ArrayLike, s: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return points on lanes; see `Roads.at`."""
-        return self.alone.at(np.asarray(lane) % len(self.alone), s)
 
     def locate(self, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return between which points given places lie; see `Roads.locate`."""

@@ -346,9 +346,9 @@ class Paths:
         return content
 
     def find(self, base: IntArray, arc: FloatArray) -> Segments:
-        """Return the segments, (k, 10), at arc lengths (k,) of the paths whose bases (k,) are given."""
+        """Return the segments, (..., 10), at arc lengths (..., k) of the paths whose bases (k,) are given."""
         keys = base + (arc * KEYS_PER_METRE).astype(np.int64)
-        return np.asarray(self.segments[self.keys.searchsorted(keys, side="right") - 1])
+        return self.segments.take(self.keys.searchsorted(keys, side="right") - 1, axis=0)
 
     def digest(self) -> bytes:
         """Return a hash of the whole store. The store is most of a world and changes rarely, so the hash is kept."""

@@ -86,9 +86,11 @@ class Roads:
     __slots__ = (
         "_derived",
         "_last_leg",
+        "_leg_end",
         "_legs_per_metre",
         "_rows",
         "_search",
+        "_segment_of_point",
         "alone",
         "bank",
         "base",
@@ -226,12 +228,14 @@ class Roads:
         """
         if not isinstance(lane, np.ndarray) or lane.ndim == 0:
             lane = np.atleast_1d(np.asarray(lane, dtype=np.int64))
-        point, share = self.locate(lane, np.asarray(s, dtype=np.float64))
+        return self.between(*self.locate(lane, np.asarray(s, dtype=np.float64)))
+
+    def between(self, point: IntArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what `at` returns, for places as `locate` returns them."""
         start, curve = self.points.take(point, axis=0), self.curve.take(point, axis=0)
         step = self.points.take(point + 1, axis=0) - start
         place = start + share[:, None] * step
-        # Each lane before has one segment fewer than it has points.
-        segment = point - lane
+        segment = self._segment_of_point[point]
         yaw = self.segments.angle[segment]
         if not np.count_nonzero(curve):
             return place, yaw
@@ -254,10 +258,13 @@ class Roads:
         far = np.full(len(places.lane), np.inf)
         if len(self) == 0:
             return far, far.copy()
-        point, share = self.locate(places.lane, places.s)
+        return self.edges(*self.locate(places.lane, places.s), places.lateral)
+
+    def edges(self, point: IntArray, share: FloatArray, lateral: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what `beside` returns, for places as `locate` returns them and offsets to the left of the line [m]."""
         border = self.border.take(point, axis=0)
         border += share[:, None] * (self.border.take(point + 1, axis=0) - border)
-        return border[:, 0] - places.lateral, border[:, 1] + places.lateral
+        return border[:, 0] - lateral, border[:, 1] + lateral
 
     def locate(self, lane: IntArray, s: FloatArray) -> tuple[IntArray, FloatArray]:
         """Return between which points of the roads given places lie.
@@ -274,12 +281,13 @@ class Roads:
         first, last = self.first[lane], self._last_leg[lane]
         # Most lanes have their points at equal distances: then the place is known without a search.
         point = np.minimum(first + (s * self._legs_per_metre[lane]).astype(np.int64), last)
-        is_wrong = (s < self.s[point]) | (s >= self.s[point + 1])
-        if np.count_nonzero(is_wrong):
-            at = is_wrong.nonzero()[0]
-            found = np.searchsorted(self.chain, self.base[lane[at]] + s[at], side="right") - 1
+        start = self.s[point]
+        at = ((s < start) | (s >= self._leg_end[point])).nonzero()[0]
+        if len(at):
+            found = self.chain.searchsorted(self.base[lane[at]] + s[at], side="right") - 1
             point[at] = np.minimum(np.maximum(found, first[at]), last[at])
-        return point, (s - self.s[point]) / self.segments.length[point - lane]
+            start = self.s[point]
+        return point, (s - start) / self.segments.length[self._segment_of_point[point]]
 
     def nearest(
         self,
@@ -318,7 +326,8 @@ class Roads:
         height = None
         if z is not None and not self.is_flat:
             height = np.broadcast_to(np.asarray(z, dtype=np.float64), (n,))
-        return self._places(place, self._search.nearest(place, heading, height))
+        segment = self._search.nearest(place, heading, height)
+        return self._places(segment, *self.segments.project(place, segment))
 
     def find_segments(self, place: FloatArray, height: FloatArray) -> IntArray:
         """Return the nearest segment for each place, (n,) int64, rows of `segments`.
@@ -361,13 +370,12 @@ class Roads:
         if self._search is None or len(place) == 0:
             none, empty = np.zeros(0, dtype=np.int64), np.zeros(0)
             return none, LanePlaces(none, empty, empty, empty, empty)
-        owner, segment = self._search.within(place, radius)
-        return owner, self._places(place.take(owner, axis=0), segment)
+        owner, segment, projected = self._search.within(place, radius)
+        return owner, self._places(segment, *projected)
 
-    def _places(self, place: FloatArray, segment: IntArray) -> LanePlaces:
-        """Return the places of points (n, 2) relative to the segments (n,) chosen for them."""
+    def _places(self, segment: IntArray, along: FloatArray, lateral: FloatArray, distance: FloatArray) -> LanePlaces:
+        """Return the places of points relative to the segments chosen for them; (n,) each, see `project`."""
         segments = self.segments
-        along, lateral, distance = segments.project(place, segment)
         point, yaw = segments.point[segment], segments.angle[segment]
         s, curve = self.s[point] + along, self.curve.take(point, axis=0)
         if np.count_nonzero(curve):
@@ -409,6 +417,8 @@ class Roads:
         self.s = self.chain - self.base[lane_of_point]
         self.length = self.s[self.first[1:] - 1]
         self._last_leg = self.first[1:] - 2
+        self._leg_end = np.append(self.s[1:], 0.0)
+        self._segment_of_point = np.cumsum(~is_last) - 1
         num_legs = (self._last_leg + 1 - self.first[:-1]).astype(np.float64)
         # A lane of a nanometre behind many kilometres of lanes has no length here.
         self._legs_per_metre = np.divide(num_legs, self.length, out=num_legs, where=self.length > 0.0)

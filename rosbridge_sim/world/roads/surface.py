@@ -118,7 +118,8 @@ class Surface:
             score = distance[is_near] + height_cost(np.abs(height - z[owner]))
             found = np.bincount(owner, minlength=len(place)).nonzero()[0]
             if len(found):
-                chosen[found] = segment[first_least(score, found.searchsorted(owner), len(found))]
+                owner = found.searchsorted(owner)
+                chosen[found] = segment[first_least(score, owner, owner.searchsorted(np.arange(len(found))))]
         far = (chosen < 0).nonzero()[0]
         if len(far):
             chosen[far] = self._roads.find_segments(place[far], z[far])

@@ -53,13 +53,14 @@ def test_cells_find_the_lanes_around_places_that_a_search_without_them_finds(nam
         found, expected = cells.within(place, radius), plain.within(place, radius)
         assert np.array_equal(found[0], expected[0])
         assert np.array_equal(found[1], expected[1])
+        assert all(np.array_equal(*pair) for pair in zip(found[2], expected[2], strict=True))
 
 
 def test_lanes_around_a_place_are_the_nearest_segment_of_each_lane() -> None:
     roads = LIBRARY.map("town").roads
     plain, _ = searches_of(roads)
     place, radius = places_near(roads, 60, 3)[0], np.full(60, 6.0)
-    owner, segment = plain.within(place, radius)
+    owner, segment, _ = plain.within(place, radius)
     segments, expected = roads.segments, []
     for i, point in enumerate(place):
         _, lateral, distance = segments.project(np.tile(point, (len(segments.lane), 1)), np.arange(len(segments.lane)))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from rosbridge_sim.world.geometry.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.geometry.segment_search import BESIDE, CROWD, TURN_COST
-from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 
 
 def straight(*corners: tuple[float, float], z: float = 0.0) -> FloatArray:
@@ -278,6 +278,10 @@ def test_lanes_near_places_equal_a_full_search(size: float) -> None:
         who, places = roads.within(x, y, radius)
         assert list(zip(who.tolist(), places.lane.tolist(), strict=True)) == slow_within(roads, x, y, radius)
         num_found += len(who)
+        few = [roads.within(x[[i]], y[[i]], radius[[i]])[1] for i in range(len(x))]  # without a grid
+        for name in LanePlaces.__slots__:
+            alone = np.concatenate([getattr(each, name) for each in few])
+            assert alone.tobytes() == getattr(places, name).tobytes()
     assert num_found > 60
 
 
