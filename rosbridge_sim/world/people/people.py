@@ -194,6 +194,8 @@ class _People:
             return
         rows = self.rows
         self.base, self.length, self.is_loop = world.path_bases(rows), world.path_length[rows], world.is_loop[rows]
+        self._has_loops, self._has_ends = bool(self.is_loop.any()), not self.is_loop.all()
+        self._stop_from = np.where(self.is_loop, np.inf, self.length - AT_KERB)
         low, high = SIDES
         share = (world.uid[rows] * 0x9E3779B1 % 2**32) / 2**32  # even, and the same in every world
         self.side = low + (high - low) * share
@@ -201,6 +203,7 @@ class _People:
         on_ground = world.alive & (world.kind != Kind.PEDESTRIAN)
         self.solid: IntArray = on_ground.nonzero()[0]
         self.cars: IntArray = (on_ground & ((world.kind == Kind.EGO) | (world.kind == Kind.VEHICLE))).nonzero()[0]
+        self.longest = world.most_of_world(world.half_length[self.solid], self.solid, rows)
         self._find_crossings()
 
     def _find_crossings(self) -> None:
@@ -216,49 +219,70 @@ class _People:
         self.number = np.arange(len(self.owner)) - self.first[self.owner]
         self.start, self.end, self.ends = found.start, found.end, found.ends
         self.light = world.own_lights(self.rows[self.owner], found.light)
+        # Those who have a crossing, and the first crossing of each.
+        self._at_road = count.nonzero()[0]
+        self._first_of_each = self.first[self._at_road]
+        self._round = np.where(self.is_loop, self.length, 0.0)[self.owner]
 
     def decide(self) -> None:
         """Choose speeds and headings until the next decision."""
         world, rows = self.world, self.rows
-        x, y = world.x[rows], world.y[rows]
-        arc = self._hold_at_kerb(self._project(x, y))
-        wish = np.where(world.start_within[rows] > 0.0, 0.0, world.desired_speed[rows])
-        wish[~self.is_loop & (arc >= self.length - AT_KERB)] = 0.0
+        x, y, yaw_now, speed_now, z = world.block("x", "z").take(rows, axis=1)
+        place = x + 1j * y
+        arc, goal, course = self._project(x, y, place)
+        held = self._hold_at_kerb(arc)
+        if held is not arc:
+            arc = held
+            goal, course = self._look_along(arc)
+        wish = world.desired_speed[rows]
+        wish[(world.start_within[rows] > 0.0) | (arc >= self._stop_from)] = 0.0
         free_wish = wish
         wish = self._mind_kerb(arc, wish)
-        towards, course = self._towards(arc, x, y)
-        heading = np.exp(1j * world.yaw[rows])
-        velocity = world.speed[rows] * heading
+        way = goal - place
+        towards = way / np.fmax(np.abs(way), STANDS)
+        velocity = speed_now * np.exp(1j * yaw_now)
         from_solid, around = self._push_of_solid(x, y, towards, course)
         steps_back = (wish < free_wish) & (np.abs(from_solid) > CLOSE)
-        push = (wish * towards - velocity) / RELAXATION + self._push(x, y, towards) + around
-        push = np.where(steps_back, -velocity / RELAXATION, push) + from_solid
-        size = np.abs(push)
-        push *= np.fmin(1.0, MAX_PUSH / np.fmax(size, MAX_PUSH))
+        push = (wish * towards - velocity) / RELAXATION + self._push(x, y, place, towards) + around
+        most = HASTE * wish
+        at = steps_back.nonzero()[0]
+        if len(at):
+            push[at] = -velocity[at] / RELAXATION
+            most[at] = np.fmax(most[at], STEP_BACK)
+        push += from_solid
+        push *= np.fmin(1.0, MAX_PUSH / np.fmax(np.abs(push), MAX_PUSH))
         after = velocity + push * _SECONDS
         speed = np.abs(after)
-        most = np.where(steps_back, np.fmax(HASTE * wish, STEP_BACK), HASTE * wish)
         after *= np.fmin(speed, most) / np.fmax(speed, STANDS)
         speed = np.abs(after)
         stands = speed < STANDS
         speed[stands] = 0.0
-        yaw = np.where(stands, world.yaw[rows], np.arctan2(after.imag, after.real))
-        world.accel[rows] = (speed - world.speed[rows]) / _SECONDS
+        yaw = np.where(stands, yaw_now, np.arctan2(after.imag, after.real))
+        world.accel[rows] = (speed - speed_now) / _SECONDS
         world.speed[rows], world.yaw[rows] = speed, yaw
         world.arc[rows] = world.leg_start[rows] = arc
         world.leg_end[rows] = np.inf
-        world.leg_x[rows], world.leg_y[rows], world.leg_z[rows] = x, y, world.z[rows]
+        world.leg_x[rows], world.leg_y[rows], world.leg_z[rows] = x, y, z
         world.leg_dx[rows], world.leg_dy[rows], world.leg_dz[rows] = np.cos(yaw), np.sin(yaw), 0.0
         world.leg_yaw[rows], world.leg_turn[rows] = yaw, 0.0
 
-    def _project(self, x: FloatArray, y: FloatArray) -> FloatArray:
-        """Return the arc lengths of the places on the paths that belong to positions, near the last ones."""
+    def _project(
+        self, x: FloatArray, y: FloatArray, place: ComplexArray
+    ) -> tuple[FloatArray, ComplexArray, ComplexArray]:
+        """Return the arc lengths of the places on the paths that belong to positions, near the last ones.
+
+        With them, what `_look_along` returns for them.
+        """
         arc = self.world.leg_start[self.rows]  # of the last decision
         (here, ahead), (distance, other), is_over = self._feet(np.array([arc, self._ahead(arc, LOOK_AHEAD)]), x, y)
         arc = np.where((other < distance) | is_over[0], ahead, here)
         # On the inner side of a corner the goal may be where one stands already.
-        is_there = np.abs(self._goal(arc) - (x + 1j * y)) < 0.5 * LOOK_AHEAD
-        return np.where(is_there, self._ahead(arc, 0.25 * LOOK_AHEAD), arc)
+        goal, course = self._look_along(arc)
+        is_there = np.abs(goal - place) < 0.5 * LOOK_AHEAD
+        if np.count_nonzero(is_there):
+            arc = np.where(is_there, self._ahead(arc, 0.25 * LOOK_AHEAD), arc)
+            goal, course = self._look_along(arc)
+        return arc, goal, course
 
     def _feet(self, arc: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Return the foot points of positions on pieces of the paths, their distances, and which are at an end.
@@ -271,45 +295,45 @@ class _People:
         Returns:
             (m, k) each.
         """
-        leg = np.moveaxis(self.world.paths.find(self.base, arc), -1, 0)
-        along = (x - leg[X]) * leg[DX] + (y - leg[Y]) * leg[DY]
-        foot = np.fmin(np.fmax(along, 0.0), leg[END] - leg[START])
-        away = np.hypot(x - leg[X] - foot * leg[DX], y - leg[Y] - foot * leg[DY])
-        return leg[START] + foot, away, along >= leg[END] - leg[START]
+        leg = self.world.paths.find(self.base, arc).transpose(2, 0, 1)
+        start, course_x, course_y = leg[START], leg[DX], leg[DY]
+        length, east, north = leg[END] - start, x - leg[X], y - leg[Y]
+        along = east * course_x + north * course_y
+        foot = np.fmin(np.fmax(along, 0.0), length)
+        away = np.hypot(east - foot * course_x, north - foot * course_y)
+        return start + foot, away, along >= length
 
     def _ahead(self, arc: FloatArray, distance: float) -> FloatArray:
         """Return arc lengths that are farther on; a loop begins again, another path ends."""
         there = arc + distance
-        return np.asarray(np.where(self.is_loop, np.fmod(there, self.length), np.fmin(there, self.length)))
+        if not self._has_loops:
+            return np.asarray(np.fmin(there, self.length))
+        again = np.asarray(np.fmod(there, self.length))
+        return np.where(self.is_loop, again, np.fmin(there, self.length)) if self._has_ends else again
 
-    def _towards(self, arc: FloatArray, x: FloatArray, y: FloatArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return the directions to walk in, and those of the paths at arc lengths, (k,) complex of length one each."""
+    def _look_along(self, arc: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return the places to walk to from arc lengths [m], and the directions of the paths there; (k,) complex each.
+
+        The places are to the right of the paths.
+        """
         ahead = self._ahead(arc, LOOK_AHEAD)
-        legs = self.world.paths.find(self.base, np.array([ahead, arc]))
-        way = self._beside(legs[0].T, ahead) - (x + 1j * y)
-        return np.asarray(way / np.fmax(np.abs(way), STANDS)), legs[1, :, DX] + 1j * legs[1, :, DY]
-
-    def _goal(self, arc: FloatArray) -> ComplexArray:
-        """Return the places to walk to from arc lengths, (k,) complex [m]."""
-        arc = self._ahead(arc, LOOK_AHEAD)
-        return self._beside(self.world.paths.find(self.base, arc).T, arc)
-
-    def _beside(self, leg: FloatArray, arc: FloatArray) -> ComplexArray:
-        """Return the places to the right of the paths at arc lengths on segments (10, k), (k,) complex [m]."""
-        along = arc - leg[START]
+        leg, here = self.world.paths.find(self.base, np.array([ahead, arc])).transpose(0, 2, 1)
+        along = ahead - leg[START]
         goal = leg[X] + along * leg[DX] + 1j * (leg[Y] + along * leg[DY])
-        return np.asarray(goal + self.side * (leg[DY] - 1j * leg[DX]))
+        return goal + self.side * (leg[DY] - 1j * leg[DX]), here[DX] + 1j * here[DY]
 
-    def _push(self, x: FloatArray, y: FloatArray, towards: ComplexArray) -> ComplexArray:
+    def _push(self, x: FloatArray, y: FloatArray, place: ComplexArray, towards: ComplexArray) -> ComplexArray:
         """Return the accelerations by other pedestrians, (k,) complex [m/s^2]."""
         world = self.world
         others = self.others
         other_x, other_y = world.x[others], world.y[others]
         one, index = find_neighbours(x, y, other_x, other_y, REACH, world.worlds_of(self.rows, others))
         is_other = (others.take(index) != self.rows.take(one)).nonzero()[0]
+        if not len(is_other):
+            return np.zeros(self.num, dtype=np.complex128)
         one, index = one.take(is_other), index.take(is_other)
         other = others.take(index)
-        away = (x + 1j * y).take(one) - (other_x + 1j * other_y).take(index)
+        away = place.take(one) - (other_x + 1j * other_y).take(index)
         # Two at one place: the lower row goes to the right.
         away = np.where(away == 0.0, np.where(self.rows[one] < other, 0.01j, -0.01j), away)
         step = (world.speed[others] * STRIDE * np.exp(1j * world.yaw[others])).take(index)
@@ -328,9 +352,11 @@ class _People:
     ) -> tuple[ComplexArray, ComplexArray]:
         """Return the accelerations by the boxes of vehicles and things: away from them, and along them."""
         world, solid = self.world, self.solid
-        longest = world.most_of_world(world.half_length[solid], solid, self.rows)
         worlds = world.worlds_of(self.rows, solid)
-        one, other = find_neighbours(x, y, *self._middles(solid), REACH + longest, worlds)
+        one, other = find_neighbours(x, y, *self._middles(solid), REACH + self.longest, worlds)
+        if not len(one):
+            nothing = np.zeros(self.num, dtype=np.complex128)
+            return nothing, nothing
         other = solid[other]
         turn = np.exp(-1j * world.yaw[other])
         local = (x[one] - world.x[other] + 1j * (y[one] - world.y[other])) * turn - world.centre[other]
@@ -369,21 +395,22 @@ class _People:
         state = world.yields[rows]
         owner, number = self.owner, self.number
         # The distance to each kerb, and the crossing that is next on the way: the nearest kerb that is not behind.
-        to_kerb = self.start - arc[owner]
-        is_inside = (to_kerb <= 0.0) & (arc[owner] <= self.end)
-        to_kerb = np.where((to_kerb <= 0.0) & self.is_loop[owner], to_kerb + self.length[owner], to_kerb)
-        to_kerb[is_inside] = 0.0
+        here = arc[owner]
+        to_kerb = self.start - here
+        passed = (to_kerb <= 0.0).nonzero()[0]
+        inside = passed[here[passed] <= self.end[passed]]
+        to_kerb[passed] += self._round[passed]
+        to_kerb[inside] = 0.0
+        to_kerb[to_kerb < 0.0] = np.inf
         nearest = np.full(self.num, np.inf)
-        ahead = to_kerb >= 0.0
-        np.minimum.at(nearest, owner[ahead], to_kerb[ahead])
+        nearest[self._at_road] = np.minimum.reduceat(to_kerb, self._first_of_each) if len(owner) else np.inf
         next_of = np.full(self.num, -1, dtype=np.int64)
-        is_next = ahead & (to_kerb == nearest[owner])
+        is_next = (to_kerb == nearest[owner]) & (to_kerb < np.inf)
         next_of[owner[is_next]] = number[is_next]
-        is_in = np.zeros(self.num, dtype=bool)
-        is_in[owner[is_inside]] = True
-        has_passed = (state >= COMMITTED) & (next_of != state - COMMITTED)
-        state = np.where(has_passed, 1, state)
-        state = np.where(is_in & (state < COMMITTED), COMMITTED + next_of, state)  # it was put onto the road
+        state[(state >= COMMITTED) & (next_of != state - COMMITTED)] = 1
+        entered = owner[inside]
+        entered = entered[state[entered] < COMMITTED]  # it was put onto the road
+        state[entered] = COMMITTED + next_of[entered]
         asks = ((state < COMMITTED) & (nearest < AT_KERB) & (wish > 0.0)).nonzero()[0]
         if len(asks):
             goes = asks[self._may_cross(asks, self.first[asks] + next_of[asks], world.desired_speed[rows[asks]])]
