@@ -628,3 +628,29 @@ def test_cars_in_two_threads_move_as_alone() -> None:
             assert list(threads.map(lambda steer: run(steer, start), steers)) == alone
     finally:
         sys.setswitchinterval(interval)
+
+
+def test_car_that_stands_moves_off_with_the_bits_of_one_that_nobody_has_watched() -> None:
+    def stand_then_drive(num_frames: int) -> str:
+        world = World(0, Dynamics.SINGLE_TRACK)
+        row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0))
+        for _ in range(num_frames):
+            step(world)
+        pose = world.block("x", "speed")[:, row].tobytes()
+        step(world)
+        assert world.block("x", "speed")[:, row].tobytes() == pose
+        world.accel[row] = 1.0  # written from outside: the next step writes its own again
+        world.touch()
+        step(world)
+        assert world.accel[row] == 0.0
+        world.accel[row] = 1.0
+        step(world)
+        assert world.accel[row] == 0.0
+        command(world, row, mode=Mode.ACCEL, accel=1.0, steer=0.1)
+        for _ in range(50):
+            step(world)
+        assert world.x[row] > 0.2
+        world.frame = 0
+        return world.digest()
+
+    assert stand_then_drive(1) == stand_then_drive(20)
