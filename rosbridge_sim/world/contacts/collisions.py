@@ -199,7 +199,8 @@ class CollisionDetector:
         reach = self._reach[at]
         # An entity that turns now may go on turning.
         margin = np.empty_like(rate)
-        margin[:POSE_YAW] = MARGIN + 0.5 * LIFE * LIFE * np.abs(rate[:POSE_YAW]).max(axis=0) * turn
+        amount = np.abs(rate[:POSE_YAW])
+        margin[:POSE_YAW] = MARGIN + 0.5 * LIFE * LIFE * np.maximum(amount[0], amount[1]) * turn
         margin[POSE_YAW] = TURN_MARGIN / reach + LIFE * turn
         self._margin[:, at] = margin
         extra = math.sqrt(2.0) * margin[POSE_X] + margin[POSE_YAW] * reach
@@ -213,7 +214,7 @@ class CollisionDetector:
         first, last = middle - slide, middle + LIFE * slide
         cos, sin, half = np.abs(heading.real), np.abs(heading.imag), (world.half_length[at], world.half_width[at])
         span = np.array([half[0] * cos + half[1] * sin, half[0] * sin + half[1] * cos])
-        span += 0.5 * (LIFE + 1) * np.abs(rate[:POSE_YAW]) + extra
+        span += 0.5 * (LIFE + 1) * amount + extra
         middle = 0.5 * (first + last)
         pairs = self._near(np.array([middle.real, middle.imag]), span, at)
         if pairs.size:
@@ -279,6 +280,8 @@ class CollisionDetector:
         """Take pairs of rows, (2, m), as the list."""
         world = self._world
         self._pairs = pairs
+        if not pairs.size:
+            return
         half = _in_pairs(world.half_length[pairs], world.half_width[pairs])
         self._half = np.maximum(half - TOUCHING / 2, 0.0)
         self._centre = world.centre[pairs]
