@@ -152,10 +152,12 @@ def accelerate(speed: FloatArray, perception: Perception, drivers: DriverParamet
     free = np.where(speed < wanted_speed, free, too_fast)
     chosen = free
     at = (perception.stop_distance < np.inf).nonzero()[0]
-    chosen[at] = _stop(free[at], speed[at], perception.stop_distance[at])
+    if len(at):
+        chosen[at] = _stop(free[at], speed[at], perception.stop_distance[at])
     at = (perception.gap < np.inf).nonzero()[0]
-    leads = (perception.gap[at], perception.lead_speed[at], perception.lead_accel[at])
-    chosen[at] = np.fmin(chosen[at], _follow(at, speed, *leads, drivers))
+    if len(at):
+        leads = (perception.gap[at], perception.lead_speed[at], perception.lead_accel[at])
+        chosen[at] = np.fmin(chosen[at], _follow(at, speed, *leads, drivers))
     if perception.slow is not None:
         slow = perception.slow
         at = slow.seen_by
@@ -228,11 +230,17 @@ def _follow(  # noqa: PLR0917 - of one vehicle and its lead vehicle
     closing = speed - lead_speed
     wanted = GAP + np.fmax(speed * (drivers.headway[at] + closing / (2.0 * np.sqrt(accel * comfort))), 0.0)
     idm = np.fmax(keep_gap(accel, wanted, gap), -HARDEST)
-    lead_accel = np.fmin(lead_accel, accel)
-    room = lead_speed * lead_speed - 2.0 * gap * lead_accel
-    stands_first = (lead_speed * closing <= -2.0 * gap * lead_accel) & (room > 0.0)
-    kept = lead_accel - np.square(np.fmax(closing, 0.0)) / (2.0 * gap)
-    heuristic = np.where(stands_first, speed * speed * lead_accel / np.where(room > 0.0, room, 1.0), kept)
-    below = (idm - heuristic) / comfort
-    cool = heuristic + comfort * below / np.sqrt(1.0 + below * below)
-    return np.where(idm >= heuristic, idm, (1.0 - COOLNESS) * idm + COOLNESS * cool)
+    lead_accel, twice = np.fmin(lead_accel, accel), 2.0 * gap
+    change = twice * lead_accel
+    room = lead_speed * lead_speed - change
+    heuristic = lead_accel - np.square(np.fmax(closing, 0.0)) / twice
+    first = ((lead_speed * closing <= -change) & (room > 0.0)).nonzero()[0]  # where the lead vehicle stands first
+    if len(first):
+        heuristic[first] = np.square(speed[first]) * lead_accel[first] / room[first]
+    mild = (idm < heuristic).nonzero()[0]
+    if len(mild):
+        hard, heuristic, comfort = idm[mild], heuristic[mild], comfort[mild]
+        below = (hard - heuristic) / comfort
+        cool = heuristic + comfort * below / np.sqrt(1.0 + below * below)
+        idm[mild] = (1.0 - COOLNESS) * hard + COOLNESS * cool
+    return idm

@@ -158,12 +158,12 @@ class DriverParameters:
 
     def take(self, which: IntArray) -> DriverParameters:
         """Return the parameters of some of the drivers; `which` is (m,) int64."""
-        return DriverParameters(*(getattr(self, each.name)[which] for each in fields(self)))
+        return DriverParameters(*(getattr(self, name)[which] for name in _TABLES))
 
 
 _TABLES: Final = {
-    name: np.array([(each.mean, each.deviation, each.least, each.most) for each in figures]).T
-    for name, figures in FIGURES.items()
+    each.name: np.array([(figure.mean, figure.deviation, figure.least, figure.most) for figure in FIGURES[each.name]]).T
+    for each in fields(DriverParameters)
 }
 
 

@@ -184,7 +184,7 @@ class _Look:
             np.zeros(num, bool),
         )
         leaving = () if drivers.leaving is None else (drivers.leaving,)
-        self.queue = EntryQueue(self._roads, Entries.join(own, *leaving, sibling_entries(conflicts, own), others))
+        self.queue = EntryQueue(self._roads, own, *leaving, sibling_entries(conflicts, own), others)
         after = self.queue.position[:num] + 1
         lead = np.where(self.queue.lane[after] == lane, after, self.queue.num)
         self._lead_at = lead  # positions in the queue
@@ -226,12 +226,14 @@ class _Look:
                 break
             to_line = distance[i] - drivers.nose[i]
             self._obey_light(i, lane, to_line)
-            is_next = np.isfinite(conflicts.wait_point[lane]) & (drivers.claim[i] != lane)
-            is_next &= (requests.lane[i] < 0) & np.isinf(perception.stop_distance[i])
-            at = i[is_next]
-            requests.lane[at] = lane[is_next]
-            requests.distance[at] = to_line[is_next] + conflicts.wait_point[lane[is_next]]
-            requests.exit_lane[at] = -1 if exit_lanes is None else exit_lanes[at]
+            following = np.isfinite(conflicts.wait_point[lane]).nonzero()[0]
+            if len(following):
+                at, there = i[following], lane[following]
+                asks = (drivers.claim[at] != there) & (requests.lane[at] < 0) & np.isinf(perception.stop_distance[at])
+                following, at, there = following[asks], at[asks], there[asks]
+                requests.lane[at] = there
+                requests.distance[at] = to_line[following] + conflicts.wait_point[there]
+                requests.exit_lane[at] = -1 if exit_lanes is None else exit_lanes[at]
             self._slow_down(i, lane, distance[i])
             self._find_lead(i, lane, distance)
             distance[i] += roads.length[lane]
@@ -246,6 +248,8 @@ class _Look:
         others = self._others
         arguments = (self._conflicts, self._drivers, self.perception)
         give_claims(*arguments, self.requests, self.queue, others=others, num_moving=num_moving)
+        if not num_moving:
+            return np.full(len(self._drivers.arc), -1, dtype=np.int64)
         return stop_for_intruders(*arguments, others.first(num_moving))
 
     def find_lead(self, which: int) -> int:
@@ -314,7 +318,8 @@ class _Look:
         drivers, requests = self._drivers, self.requests
         lane, exit_lane = drivers.lanes[:2]
         distance = self._conflicts.wait_point[lane] - drivers.arc - drivers.nose
-        at = (np.isfinite(distance) & (distance > 0.0) & (drivers.claim != lane) & (drivers.held != lane)).nonzero()[0]
+        at = (np.isfinite(distance) & (distance > 0.0)).nonzero()[0]
+        at = at[(drivers.claim[at] != lane[at]) & (drivers.held[at] != lane[at])] if len(at) else at
         requests.lane[at], requests.exit_lane[at], requests.distance[at] = lane[at], exit_lane[at], distance[at]
 
     def _obey_light(self, i: IntArray, lane: IntArray, to_line: FloatArray) -> None:
@@ -329,6 +334,8 @@ class _Look:
         """
         drivers, perception = self._drivers, self.perception
         closed = (~self._may_enter[lane] & (to_line > 0.0)).nonzero()[0]
+        if not len(closed):
+            return
         at = i[closed]
         needed = firm_stop(drivers.speed[at], drivers.accel[at], drivers.parameters.reaction[at])
         stops = closed[needed < to_line[closed]]
@@ -345,7 +352,9 @@ class _Look:
             distance: (k,) for each driver from its reference point to the start of that lane [m].
         """
         perception, queue = self.perception, self.queue
-        is_free = np.isinf(perception.gap[i])
+        is_free = np.isinf(perception.gap[i]).nonzero()[0]
+        if not len(is_free):
+            return
         at = i[is_free]
         first = self._lead_at[at] = queue.first_on(lane[is_free])
         perception.gap[at] = distance[at] + queue.tail[first] - self._drivers.nose[at]

@@ -10,10 +10,9 @@ drivers at once.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
@@ -38,14 +37,15 @@ _INDEX_BITS: Final = 20
 _INDEX_MASK: Final = (1 << _INDEX_BITS) - 1
 """A sorting key has a place in 2^-16 m in its upper bits and an index in the lower 20: a million entries."""
 
+_LAST_KEY: Final = (1 << 63) - 1 - _INDEX_MASK
+"""Key of the entry that stands for "none", behind all others."""
+
 
 MAX_SCALE_TICKS: Final = 1 << (63 - _INDEX_BITS)
 """The scales of all worlds together are shorter than this."""
 
 _SLOWEST: Final = 0.01
 """Keeps quotients finite [m/s]."""
-
-_Number = TypeVar("_Number", np.float64, np.int64)
 
 _COLUMNS: Final = ("lane", "s", "tail", "speed", "accel", "source", "stands")
 """Columns of `Entries`."""
@@ -126,7 +126,10 @@ class Entries:
     @staticmethod
     def join(*parts: Entries) -> Entries:
         """Return several sets of entries as one, in the given order."""
-        return Entries(*(np.concatenate([getattr(part, column) for part in parts]) for column in _COLUMNS))
+        some = [part for part in parts if len(part.lane)] or parts[:1]
+        if len(some) == 1:
+            return some[0]
+        return Entries(*(np.concatenate([getattr(part, column) for part in some]) for column in _COLUMNS))
 
 
 def find_entries(
@@ -162,23 +165,28 @@ def find_entries(
         the boxes will be in the way [s].
     """
     owner, places = roads.within(x, y, CORRIDOR + np.hypot(half_length, half_width) + np.abs(speed) * foresight)
-    cos, sin = np.cos(yaw[owner] - places.yaw), np.sin(yaw[owner] - places.yaw)
-    half_across = np.abs(sin) * half_length[owner] + np.abs(cos) * half_width[owner]
-    half_along = np.abs(cos) * half_length[owner] + np.abs(sin) * half_width[owner]
-    then = places.lateral + sin * speed[owner] * foresight[owner]
-    left, right = np.fmax(places.lateral, then), np.fmin(places.lateral, then)
-    obstructs = (right < CORRIDOR + half_across) & (left > -CORRIDOR - half_across)
+    if not len(owner):
+        none = np.empty(0)
+        return Entries(owner, none, none, none, none, owner, stands[owner]), owner, none
+    lateral, half_length, half_width, speed = places.lateral, half_length[owner], half_width[owner], speed[owner]
+    turn = yaw[owner] - places.yaw
+    cos, sin = np.cos(turn), np.sin(turn)
+    ahead, across = np.abs(cos), np.abs(sin)
+    half_across, half_along = across * half_length + ahead * half_width, ahead * half_length + across * half_width
+    drift = sin * speed
+    then = lateral + drift * foresight[owner]
+    reach = CORRIDOR + half_across
+    obstructs = (np.fmin(lateral, then) < reach) & (np.fmax(lateral, then) > -reach)
     if not roads.is_flat:
         obstructs &= roads.are_level(places, z[owner])
     at = obstructs.nonzero()[0]
-    lane, s = places.lane[at], places.s[at]
-    along = np.maximum(speed[owner[at]] * cos[at], 0.0)
-    accel_along = accel[owner[at]] * cos[at]
+    owner, cos, s = owner[at], cos[at], places.s[at]
+    along = np.maximum(speed[at] * cos, 0.0)
+    room = np.fmax(np.abs(lateral[at]) - CORRIDOR - half_across[at], 0.0)
+    arrival = room / np.fmax(np.abs(drift[at]), _SLOWEST)
     source = np.full(len(at), -1, dtype=np.int64)
-    room = np.fmax(np.abs(places.lateral[at]) - CORRIDOR - half_across[at], 0.0)
-    arrival = room / np.fmax(np.abs(sin[at] * speed[owner[at]]), _SLOWEST)
-    entries = Entries(lane, s, s - half_along[at], along, accel_along, source, stands[owner[at]])
-    return entries, owner[at], arrival
+    entries = Entries(places.lane[at], s, s - half_along[at], along, accel[owner] * cos, source, stands[owner])
+    return entries, owner, arrival
 
 
 def sibling_entries(conflicts: LaneConflicts, own: Entries) -> Entries:
@@ -189,6 +197,8 @@ def sibling_entries(conflicts: LaneConflicts, own: Entries) -> Entries:
     """
     siblings = conflicts.siblings
     at = (own.tail < conflicts.shared[own.lane]).nonzero()[0]
+    if not len(at):
+        return own.first(0)
     index, link = siblings.of(own.lane[at])
     is_shared = own.tail[at[index]] < siblings.figure[link]
     source, other = at[index[is_shared]], siblings.other[link[is_shared]]
@@ -208,33 +218,43 @@ class EntryQueue:
         lane, s, tail, speed, accel, source: (num + 1,) as in `Entries`, in the order of the queue.
 
     Args:
-        entries: in any order.
+        parts: sets of entries, in any order.
     """
 
-    def __init__(self, roads: Roads, entries: Entries) -> None:
-        self.num = len(entries.lane)
+    def __init__(self, roads: Roads, *parts: Entries) -> None:
         self._roads = roads
+        some = [part for part in parts if len(part.lane)]
+        self.num = num = sum(len(part.lane) for part in some)
+        codes, figures = np.empty((2, num + 1), dtype=np.int64), np.empty((4, num + 1))
+        start = 0
+        for part in some:
+            end = start + len(part.lane)
+            codes[0, start:end], codes[1, start:end] = part.lane, part.source
+            figures[0, start:end], figures[1, start:end] = part.s, part.tail
+            figures[2, start:end], figures[3, start:end] = part.speed, part.accel
+            start = end
+        codes[:, num], figures[:2, num], figures[2:, num] = -1, np.inf, 0.0
         # One whole number for each entry, of its place and its index: equal places have an order then, and a sort of
         # plain numbers is faster than one of indices.
-        place = roads.base[entries.lane] + np.minimum(np.maximum(entries.s, 0.0), roads.length[entries.lane])
-        key = _keys(roads, place, entries.lane) | np.arange(self.num)
+        lane, index = codes[0, :num], np.arange(num + 1)
+        place = roads.base[lane] + np.minimum(np.maximum(figures[0, :num], 0.0), roads.length[lane])
+        key = np.empty(num + 1, dtype=np.int64)
+        key[:num], key[num] = _keys(roads, place, lane), _LAST_KEY
+        key |= index
         key.sort()
         order = key & _INDEX_MASK
-        self.position = np.empty(self.num, dtype=np.int64)
-        self.position[order] = np.arange(self.num)
         self._key = key
-        self.lane = lanes = _in_order(entries.lane, order, -1)
+        self.position = np.empty(num, dtype=np.int64)
+        self.position[order[:num]] = index[:num]
+        self.lane, self.source = codes.take(order, axis=1)
+        self.s, self.tail, self.speed, self.accel = figures.take(order, axis=1)
         # The first entry on each lane, and at the end for lane -1.
-        self._first = np.full(len(roads) + 1, self.num, dtype=np.int64)
-        is_first = np.ones(self.num, dtype=bool)
-        np.not_equal(lanes[1:-1], lanes[:-2], out=is_first[1:])
+        self._first = np.empty(len(roads) + 1, dtype=np.int64)
+        self._first.fill(num)
+        is_first = np.ones(num, dtype=bool)
+        np.not_equal(self.lane[1:-1], self.lane[:-2], is_first[1:])
         first = is_first.nonzero()[0]
-        self._first[lanes.take(first)] = first
-        self.s = _in_order(entries.s, order, np.inf)
-        self.tail = _in_order(entries.tail, order, np.inf)
-        self.speed = _in_order(entries.speed, order, 0.0)
-        self.accel = _in_order(entries.accel, order, 0.0)
-        self.source = _in_order(entries.source, order, -1)
+        self._first[self.lane[first]] = first
 
     def find(self, lane: IntArray, s: FloatArray) -> IntArray:
         """Return the positions of the first entries at or beyond places on lanes, of whatever lane, (k,) int64.
@@ -262,11 +282,3 @@ def _keys(roads: Roads, place: FloatArray, lane: IntArray) -> IntArray:
 def scale_ticks(roads: Roads) -> int:
     """Return the length of the one scale of all lanes, in units of keys."""
     return int(float(roads.chain[-1]) * _TICKS) + 2 if len(roads.chain) else 1
-
-
-def _in_order(values: npt.NDArray[_Number], order: IntArray, end: float) -> npt.NDArray[_Number]:
-    """Return values (m,) in an order, with one more at the end, (m + 1,)."""
-    ordered = np.empty(len(values) + 1, dtype=values.dtype)
-    values.take(order, out=ordered[:-1], mode="clip")
-    ordered[-1] = end
-    return ordered

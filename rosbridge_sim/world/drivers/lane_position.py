@@ -28,6 +28,7 @@ __all__ = [
     "MAX_WANDER",
     "LaneStart",
     "check_route",
+    "enter_next_legs",
     "find_ahead",
     "headings",
     "headings_ahead",
@@ -256,6 +257,26 @@ def set_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> None:
     world.block(*_LEGS)[:, rows] = conflicts.legs.take(point, axis=0).T
 
 
+def enter_next_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> bool:
+    """Write the legs that follow on the same lanes, for rows that are beyond the ends of theirs, in half of the time.
+
+    Args:
+        world: written in place.
+        conflicts: of the world's roads.
+        rows: (k,) int64.
+
+    Returns:
+        Whether all of them are on those legs; if not, nothing is written.
+    """
+    point = world.point[rows] + 1
+    legs = conflicts.legs.take(point, axis=0)
+    if np.count_nonzero(world.arc[rows] >= legs[:, 1]):  # the last point of a lane has a leg that ends at 0
+        return False
+    world.point[rows] = point
+    world.block(*_LEGS)[:, rows] = legs.T
+    return True
+
+
 def headings(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArray) -> FloatArray:
     """Return the headings of vehicles that have both axles on the line of their lanes.
 
@@ -280,7 +301,8 @@ def rear_axles(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatA
     east, north = step[:, 0], step[:, 1]
     # At the end of the last lane there is no line for the front axle: take the direction of the lane.
     is_short = np.hypot(east, north) < 0.5 * wheelbase
-    return rear, np.where(is_short, yaw[num:], np.arctan2(north, east))
+    heading = np.arctan2(north, east)
+    return rear, np.where(is_short, yaw[num:], heading) if np.count_nonzero(is_short) else heading
 
 
 def headings_ahead(
@@ -339,7 +361,8 @@ def find_ahead(roads: Roads, lanes: IntArray, arc: FloatArray) -> tuple[IntArray
     lane, s = lanes[0].copy(), arc.copy()
     for following in lanes[1:]:
         length = roads.length[lane]
-        at = ((s > length) & (following >= 0)).nonzero()[0]
+        at = (s > length).nonzero()[0]
+        at = at[following[at] >= 0] if len(at) else at
         if not len(at):
             break
         s[at] -= length[at]

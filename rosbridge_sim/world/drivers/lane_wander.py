@@ -20,7 +20,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, of_rows
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.chance import bell
 from rosbridge_sim.world.state.world import DT, Kind, World
@@ -137,11 +137,13 @@ class LaneWander:
         bend = share * (aim - now) / preview - 2.0 * share * slope
         new = slope + bend
         then = now + way * (slope + 0.5 * bend)
-        moves = way > 0.0
-        east = np.where(moves, -then * np.sin(angle), world.wander_x[at])
-        north = np.where(moves, then * np.cos(angle), world.wander_y[at])
-        world.wander_x_rate[at] = (east - world.wander_x[at]) / interval
-        world.wander_y_rate[at] = (north - world.wander_y[at]) / interval
+        x, y = world.wander_x[at], world.wander_y[at]
+        east, north = -then * np.sin(angle), then * np.cos(angle)
+        stands = (way <= 0.0).nonzero()[0]
+        if len(stands):
+            east[stands], north[stands] = x[stands], y[stands]
+        world.wander_x_rate[at] = (east - x) / interval
+        world.wander_y_rate[at] = (north - y) / interval
         world.wander[at], world.wander_slope_rate[at] = then, bend / interval
         if is_all:
             heading += new
@@ -154,14 +156,10 @@ class LaneWander:
             return
         world, at = self._world, self._at
         world.wander_slope[at] += world.wander_slope_rate[at] * dt
-        for by, rate, place in (
-            (world.wander_x, world.wander_x_rate, world.x),
-            (world.wander_y, world.wander_y_rate, world.y),
-        ):
-            now = rate[at] * dt
-            now += by[at]
-            by[at] = now
-            place[at] += now
+        now, rate = world.block("wander_x", "wander_y"), world.block("wander_x_rate", "wander_y_rate")
+        by = of_rows(now, at) + of_rows(rate, at) * dt
+        now[:, at] = by
+        world.block("x", "y")[:, at] += by
 
 
 def room_of(roads: Roads) -> FloatArray:

@@ -57,9 +57,12 @@ def update_holds(conflicts: LaneConflicts, drivers: Drivers) -> None:
         drivers: `claim` and `held` are written.
     """
     at = ((drivers.claim >= 0) & (drivers.claim == drivers.lanes[0])).nonzero()[0]
-    at = at[drivers.arc[at] + drivers.nose[at] >= conflicts.wait_point[drivers.claim[at]]]
-    drivers.held[at], drivers.claim[at] = drivers.claim[at], -1
+    if len(at):
+        at = at[drivers.arc[at] + drivers.nose[at] >= conflicts.wait_point[drivers.claim[at]]]
+        drivers.held[at], drivers.claim[at] = drivers.claim[at], -1
     at = (drivers.held >= 0).nonzero()[0]
+    if not len(at):
+        return
     is_out = _tail_on_held_lane(conflicts.roads, drivers, at) > conflicts.clear_point[drivers.held[at]]
     drivers.held[at[is_out]] = -1
 
@@ -84,6 +87,9 @@ def give_claims(
         others: entries of the entities that do not follow lanes.
         num_moving: the first so many of `others` are moving vehicles: they occupy the lanes that they drive on.
     """
+    needs = (requests.lane >= 0).nonzero()[0]
+    if not len(needs):
+        return
     # A driver asks before it would begin to brake, so that it need not brake if it gets the lane.
     speed = drivers.speed
     braking_distance = speed * (speed / (2.0 * BRAKE_FROM) + drivers.parameters.headway) + STOP_GAP + GAP
@@ -120,8 +126,8 @@ def give_claims(
         perception.is_blocked[at[index[stands[rival]]]] = True
         given = at[np.bincount(index[is_refused], minlength=len(at)) == 0]
         drivers.claim[given], drivers.exit_lane[given] = requests.lane[given], requests.exit_lane[given]
-    waits = (requests.lane >= 0) & (drivers.claim != requests.lane)
-    perception.stop_distance[waits] = np.fmin(perception.stop_distance, requests.distance)[waits]
+    waits = needs[drivers.claim[needs] != requests.lane[needs]]
+    perception.stop_distance[waits] = np.fmin(perception.stop_distance[waits], requests.distance[waits])
 
 
 def _tail_on_held_lane(roads: Roads, drivers: Drivers, at: IntArray) -> FloatArray:

@@ -25,31 +25,31 @@ are.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.world.drivers.driver_model import CREEP, FIRM, accelerate
+from rosbridge_sim.world.drivers.driver_model import CREEP, accelerate
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.driver_perception import Stop, observe, perceive
-from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries, find_entries
-from rosbridge_sim.world.drivers.lane_position import headings_ahead, set_legs
+from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
+from rosbridge_sim.world.drivers.lane_position import enter_next_legs, headings_ahead, set_legs
 from rosbridge_sim.world.drivers.lane_swing import find_long, find_swinging, plan_swings
 from rosbridge_sim.world.drivers.lane_wander import LaneWander
 from rosbridge_sim.world.drivers.route_choice import NUM_AHEAD, RouteChoice
 from rosbridge_sim.world.drivers.zip_merge import follow_in_joins
+from rosbridge_sim.world.followers.other_entities import OtherEntities
 from rosbridge_sim.world.followers.self_driving import SelfDrivingEgos
 from rosbridge_sim.world.followers.turn_signals import find_turn_signals
 from rosbridge_sim.world.geometry.bends import offset, stretch
-from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, of_rows, ranges, wrap_angle
+from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, of_rows, wrap_angle
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_changes.lane_change_motion import find_shifted, nudge, plan_shifts, time_of_shift
 from rosbridge_sim.world.lane_changes.lane_changes import LaneChanges
-from rosbridge_sim.world.people.people import COMMITTED, find_ways_over
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
-from rosbridge_sim.world.roads.roads import Roads
-from rosbridge_sim.world.state.world import DT, Dynamics, Kind, World
+from rosbridge_sim.world.state.world import DT, Dynamics, World
 
 __all__ = ["DECISION", "DriverView", "Stop", "drive_lanes", "view_driver"]
 
@@ -57,25 +57,6 @@ DECISION: Final = 5
 """Frames from one decision to the next: 0.1 s, less than a person needs to react."""
 
 _INTERVAL: Final = DECISION * DT
-
-MOVES: Final = 0.5
-"""A vehicle above this speed drives through an intersection; a slower one waits in it [m/s]."""
-
-FORESIGHT: Final = 3.0
-"""Drivers wait for pedestrians that will be on the road within this time [s]: 4 m at walking speed, a lane's width."""
-
-MAX_PARTS: Final = 4
-"""For pedestrians that cross by light or gap, drivers wait as long as they need, up to so many times as long."""
-
-LANES_TO_PASS: Final = 3
-"""Lanes, with its own one, on which a driver may pass before those who cross: up to the far side of an intersection. It
-goes on if it would have to brake harder than `FIRM` for somebody who comes later, as for a yellow light."""
-
-PAST: Final = 1.0
-"""It must be so far past the place then [m]."""
-
-PACE: Final = 2.0
-"""Least speed at which it clears the place [m/s]: a driver that stands with its nose beyond it moves off."""
 
 MAX_WAIT_DECISIONS: Final = 20
 """Decisions after which a driver before a full street or a blocked crossing chooses other lanes: 2 s, enough for a
@@ -93,6 +74,10 @@ MAX_LANES_ENTERED: Final = 8
 
 LONGEST_LEG: Final = 1e9
 """Beyond every leg of a map, whose coordinates are at most 1e8 [m]."""
+
+_MOTION: Final = ("accel", "leg_dz")
+_LAST_MOVED, _NUM_MOVED = "arc", 9
+"""First and last of the columns that `move` reads, and the last of those that it writes, with the number of these."""
 
 MAX_STRETCH: Final = 0.5
 """The line of a bend is longer or shorter than the way beside it by this share of the way, at most: a lane's width
@@ -206,6 +191,7 @@ class _LaneFollowers:
         first, last = int(self.rows[0]), int(self.rows[-1])
         is_run = last - first + 1 == self.num
         self.at: slice | IntArray = slice(first, last + 1) if is_run else self.rows
+        self._views = tuple(world.block(*_MOTION)[:, self.at]) if is_run else ()
         self.roads = world.roads
         self.conflicts = world.roads.derived(LaneConflicts)
         half, centre = world.half_length[self.at], world.centre[self.at]
@@ -214,20 +200,15 @@ class _LaneFollowers:
         self.response = -np.expm1(-_INTERVAL / self.parameters.reaction)
         self.wheelbase = world.wheelbase[self.at].copy()
         self.uid = world.uid[self.at].copy()
+        self._let_in_later = LET_IN_APART * self.uid
         self.choice = RouteChoice(world, self.rows)
         self.changes = LaneChanges(world, self.rows, self.choice)
         self.egos = SelfDrivingEgos(world, self.rows)
         self.shifted = find_shifted(world, self.rows)
         self.long = find_long(world, self.rows)
         self.wander = LaneWander(world, self.rows)
-        others = world.alive & ~follows
-        may_move = (world.kind == Kind.EGO) | (world.speed != 0.0) | (world.loose > 0.0) | (world.yields > 0)
-        still = (others & ~may_move).nonzero()[0]
-        self.still, owner, _ = _entries_of(world, still)
-        self.still_rows = still[owner]
-        self.moving: IntArray = (others & may_move).nonzero()[0]
+        self.other_entities = OtherEntities(world, world.alive & ~follows)
         self._beside: FloatArray | None = None
-        self.on_wheels = (world.kind[self.moving] == Kind.EGO) | (world.kind[self.moving] == Kind.VEHICLE)
 
     def decide(self) -> None:
         """Choose the accelerations until the next decision."""
@@ -241,7 +222,8 @@ class _LaneFollowers:
         perception = perceive(self.conflicts, world.signals.may_enter, drivers, others, num_driving)
         lanes, speed = drivers.lanes, drivers.speed
         wanted = accelerate(speed, perception, self.parameters)
-        wanted = follow_in_joins(self.conflicts, drivers, others.first(num_driving), wanted)
+        if len(self.conflicts.joins.shared):
+            wanted = follow_in_joins(self.conflicts, drivers, others.first(num_driving), wanted)
         if self.changes.is_possible:
             desired_speed = np.fmin(self.parameters.desired_speed, perception.safe_speed)
             wanted = self.changes.decide(drivers, perception, desired_speed, wanted, self._decision())
@@ -254,10 +236,12 @@ class _LaneFollowers:
             self.egos.command(lanes[:, index], wanted[index])
         world.accel[at] = accel
         self._steer(lanes, speed, accel)
-        is_turn = (self._decision() + self.uid) % MAX_WAIT_DECISIONS == 0
-        gives_up = (perception.is_shut_out | perception.is_blocked) & (speed < CREEP) & is_turn
-        if np.count_nonzero(gives_up):
-            self.choice.change(gives_up.nonzero()[0])
+        waits = ((perception.is_shut_out | perception.is_blocked) & (speed < CREEP)).nonzero()[0]
+        if len(waits):
+            is_turn = (self._decision() + self.uid) % MAX_WAIT_DECISIONS == 0
+            waits = waits[is_turn[waits]]
+            if len(waits):
+                self.choice.change(waits)
         if not isinstance(at, slice):
             world.claim[at], world.held[at], world.exit_lane[at] = drivers.claim, drivers.held, drivers.exit_lane
 
@@ -281,33 +265,15 @@ class _LaneFollowers:
             claim=world.claim[at],
             held=world.held[at],
             exit_lane=world.exit_lane[at],
-            is_let_in=(self._decision() + LET_IN_APART * self.uid) % LET_IN_EVERY < LET_IN_FOR,
+            is_let_in=(self._decision() + self._let_in_later) % LET_IN_EVERY < LET_IN_FOR,
             parameters=self.parameters,
         )
         drivers.leaving = self.changes.find_leaving(drivers)
         return drivers
 
     def others(self, drivers: Drivers) -> tuple[Entries, IntArray, int]:
-        """Return the entries of all other entities, their rows, and how many of them drive, which are the first ones.
-
-        Those that drive occupy the lanes of an intersection, the others only obstruct.
-
-        Args:
-            drivers: all lane followers.
-        """
-        world = self.world
-        if not len(self.moving):
-            return self.still, self.still_rows, 0
-        drives = self.on_wheels & (np.abs(world.speed[self.moving]) > MOVES)
-        moving = np.concatenate([self.moving[drives], self.moving[~drives]])
-        seen, owner, arrival = _entries_of(world, moving)
-        crossing = (world.yields[moving[owner]] >= COMMITTED).nonzero()[0]
-        if len(crossing):
-            passed = _find_passed_first(self.roads, drivers, seen.at(crossing), arrival[crossing])
-            left = np.setdiff1d(np.arange(len(owner)), crossing[passed], assume_unique=True)
-            seen, owner = seen.at(left), owner[left]
-        num_driving = int(np.count_nonzero(owner < np.count_nonzero(drives)))
-        return Entries.join(seen, self.still), np.concatenate([moving[owner], self.still_rows]), num_driving
+        """Return the entries of all other entities; see `OtherEntities.entries`."""
+        return self.other_entities.entries(drivers)
 
     def _steer(self, lanes: IntArray, speed: FloatArray, accel: FloatArray) -> None:
         """Set the yaw rates with which the headings are right at the next decision."""
@@ -329,9 +295,10 @@ class _LaneFollowers:
         else:
             shifting = self.shifted
         self.wander.plan(distance, heading, lanes[0], self.shifted, _INTERVAL)
-        if len(self.shifted):
+        if len(shifting):
             duration = time_of_shift(self.parameters.change_time[shifting], speed[shifting])
             plan_shifts(world, self.rows[shifting], duration, distance[shifting], _INTERVAL)
+        if len(self.shifted):
             heading = heading + (world.drift[at] + world.drift_rate[at] * _INTERVAL)
             self.shifted = find_shifted(world, at)  # without those that have arrived, as if it were made now
         turn = np.where(moves, wrap_angle(heading - world.yaw[at]), 0.0)
@@ -342,46 +309,57 @@ class _LaneFollowers:
         """Move along the legs by `dt` [s]; `dynamics` moves the self-driving egos."""
         world, at = self.world, self.at
         saved = self.egos.save_poses() if len(self.egos) else None
-        before, accel = world.speed[at], world.accel[at]
-        after = before + accel * dt
+        accel, _, yaw_rate, x, y, yaw, speed, z, arc, leg_start, leg_end, *leg = columns = self._columns()
+        after = speed + accel * dt
         is_stopping = after < 0.0
         if np.count_nonzero(is_stopping):  # it brakes by no more than brings it to a stand
             after = np.fmax(after, 0.0)
-            world.accel[at] = np.where(is_stopping, before / -dt, accel)
-        step = (before + after) * (0.5 * dt)
+            accel[:] = np.where(is_stopping, speed / -dt, accel)
+        step = (speed + after) * (0.5 * dt)
         if len(self.wander.which):
             # Beside the line of a bend the way is longer or shorter, as in `_along`.
             most = MAX_STRETCH * step
             step += np.fmin(np.fmax(self._way_beside(dt), -most), most)
         if len(self.shifted):
             step[self.shifted] = self._along(step[self.shifted], dt)
-        arc = world.arc[at] + self._on_chords(step)
-        world.speed[at], world.arc[at] = after, arc
-        is_past = arc >= world.leg_end[at]
-        if np.count_nonzero(is_past):
-            self._pass_ends(is_past.nonzero()[0])
-        distance = world.arc[at] - world.leg_start[at]
-        place = distance * of_rows(world.block("leg_dx", "leg_dz"), at)
-        place += of_rows(world.block("leg_x", "leg_z"), at)
-        world.x[at], world.y[at] = place[0], place[1]
-        world.z[at] = place[2]
+        arc += self._on_chords(step)
+        speed[:] = after
+        past = (arc >= leg_end).nonzero()[0]
+        if len(past):
+            self._write(columns)
+            self._pass_ends(past)
+            columns = self._columns()
+            accel, _, yaw_rate, x, y, yaw, speed, z, arc, leg_start, leg_end, *leg = columns
+        leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz = leg
+        distance = arc - leg_start
+        for place, start, direction in ((x, leg_x, leg_dx), (y, leg_y, leg_dy), (z, leg_z, leg_dz)):
+            np.multiply(distance, direction, place)
+            np.add(place, start, place)
         curve = self.roads.curve.take(world.point[at], axis=0)
         if np.count_nonzero(curve):
             # Until the first decision the leg of a self-driving ego has no end.
-            length = np.fmin(world.leg_end[at] - world.leg_start[at], LONGEST_LEG)
-            aside = offset(curve, distance, length)
-            world.x[at] -= aside * world.leg_dy[at]
-            world.y[at] += aside * world.leg_dx[at]
-        yaw = world.yaw[at] + world.yaw_rate[at] * dt
+            aside = offset(curve, distance, np.fmin(leg_end - leg_start, LONGEST_LEG))
+            x -= aside * leg_dy
+            y += aside * leg_dx
+        yaw += yaw_rate * dt
         beyond = (np.abs(yaw) >= math.pi).nonzero()[0]
         if len(beyond):
             yaw[beyond] = wrap_angle(yaw[beyond])
-        world.yaw[at] = yaw
+        self._write(columns)
         self.wander.move(dt)
         if len(self.shifted):
             nudge(world, self.rows[self.shifted], dt)
         if saved is not None:
             self.egos.restore_poses(saved)
+
+    def _columns(self) -> Sequence[FloatArray]:
+        """Return the columns of `_MOTION`, (n,) each: views where the rows are neighbours, else copies."""
+        return self._views or tuple(self.world.block(*_MOTION).take(self.rows, axis=1))
+
+    def _write(self, columns: Sequence[FloatArray]) -> None:
+        """Write what `move` has changed in copies from `_columns`."""
+        if not self._views:
+            self.world.block(_MOTION[0], _LAST_MOVED)[:, self.rows] = columns[:_NUM_MOVED]
 
     def _way_beside(self, dt: float) -> FloatArray:
         """Return by how much the line of a bend is longer than the way of those who wander beside it, (n,) [m].
@@ -396,10 +374,11 @@ class _LaneFollowers:
 
     def _pass_ends(self, which: IntArray) -> None:
         """Bring lane and leg up to date for vehicles that are beyond the ends of their legs."""
-        if not self.roads.has_long_legs:
-            self._advance_lanes(which)
-            return
         world, rows = self.world, self.rows[which]
+        if not self.roads.has_long_legs:
+            if not enter_next_legs(world, self.conflicts, rows):
+                self._advance_lanes(which)
+            return
         before = self._stretch(rows, 0.0)
         self._advance_lanes(which)
         # Beyond the end of a leg the way is that on the next one.
@@ -468,74 +447,3 @@ class _LaneFollowers:
         world.held[rows[enters]] = lane[enters]
         has_come = enters & (world.claim[rows] == lane)
         world.claim[rows[has_come]] = -1
-
-
-def _entries_of(world: World, rows: IntArray) -> tuple[Entries, IntArray, FloatArray]:
-    """Return the entries of rows that do not follow lanes, their owners and arrivals; see `find_entries`."""
-    # Pedestrians that heed the traffic wait at the kerb. While they cross, drivers wait for them.
-    is_blind = (world.kind[rows] == Kind.PEDESTRIAN) & (world.yields[rows] == 0)
-    foresight = np.where(is_blind, FORESIGHT, 0.0)
-    index, later = np.arange(len(rows)), np.zeros(len(rows))
-    yaw, speed = world.yaw[rows], world.speed[rows]
-    if world.yields[rows].max(initial=0) >= COMMITTED:
-        # Each part of their way is looked at from its own beginning: a bend has no place beside one that is far away.
-        time, velocity = (each[rows] for each in find_ways_over(world))
-        crosses = time > 0.0
-        yaw, speed = np.where(crosses, np.angle(velocity), yaw), np.where(crosses, np.abs(velocity), speed)
-        time = np.fmin(time, MAX_PARTS * FORESIGHT)
-        foresight = np.where(time > 0.0, np.fmin(time, FORESIGHT), foresight)
-        for part in range(1, MAX_PARTS):
-            crossing = (time > part * FORESIGHT).nonzero()[0]
-            index = np.concatenate([index, crossing])
-            later = np.concatenate([later, np.full(len(crossing), part * FORESIGHT)])
-            foresight = np.concatenate([foresight, np.fmin(time[crossing] - part * FORESIGHT, FORESIGHT)])
-    rows, yaw, speed = rows[index], yaw[index], speed[index]
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    ahead = world.centre[rows] + speed * later
-    entries, owner, arrival = find_entries(
-        world.roads,
-        x=world.x[rows] + ahead * cos,
-        y=world.y[rows] + ahead * sin,
-        z=world.z[rows],
-        yaw=yaw,
-        speed=speed,
-        accel=world.accel[rows],
-        half_length=world.half_length[rows],
-        half_width=world.half_width[rows],
-        foresight=foresight,
-        stands=(world.kind[rows] != Kind.PEDESTRIAN) & (np.abs(world.speed[rows]) < MOVES),
-    )
-    entries = entries.on_lanes(world.own_lanes(rows[owner], entries.lane))
-    return entries, index[owner], later[owner] + arrival
-
-
-def _find_passed_first(roads: Roads, drivers: Drivers, entries: Entries, arrival: FloatArray) -> BoolArray:
-    """Return which entries lie where a driver will have passed before they are in the way, and cannot stop gently.
-
-    Such a driver goes on, and so does one whose nose is past the place. Those behind it follow it until it is past, and
-    then see the entry.
-
-    Args:
-        drivers: all of them.
-        entries: (m,) of people who cross.
-        arrival: (m,) when they will be in the way [s].
-
-    Returns:
-        (m,) bool.
-    """
-    found = np.zeros(len(arrival), dtype=bool)
-    order = entries.lane.argsort(kind="stable")
-    on_lane, before = entries.lane[order], -drivers.arc
-    for part in range(LANES_TO_PASS):
-        lane = drivers.lanes[part]
-        first = on_lane.searchsorted(lane)
-        count = on_lane.searchsorted(lane, side="right") - first
-        driver, entry = np.repeat(np.arange(len(lane)), count), order[ranges(first, count)]
-        speed = drivers.speed[driver]
-        gap = entries.tail[entry] + (before - drivers.nose)[driver]
-        rest = gap + drivers.length[driver]
-        cannot = (gap < speed * speed / (2.0 * FIRM)) & (rest > 0.0)
-        is_gone = (rest + PAST < arrival[entry] * np.fmax(speed, PACE)) | (gap < -PAST)
-        found[entry[cannot & is_gone]] = True
-        before = before + roads.length[lane]
-    return found

@@ -107,6 +107,13 @@ class _Option:
     advantage: FloatArray
     is_safe: BoolArray
 
+    def at(self, which: slice | IntArray) -> _Option:
+        """Return some of the drivers' options."""
+        return _Option(*(getattr(self, name)[which] for name in _OPTION_COLUMNS))
+
+
+_OPTION_COLUMNS: Final = tuple(_Option.__dataclass_fields__)
+
 
 class LaneLook:
     """One look of some drivers at the lanes beside them, and what they decide."""
@@ -156,7 +163,8 @@ class LaneLook:
         drivers, which, neighbours = self._drivers, self._which, self._neighbours
         world, rows = self._world, self._rows[which]
         num, frame = len(which), world.frames(rows)
-        options = self._look_aside()
+        both = self._look_aside()
+        options = [both.at(slice(i * num, (i + 1) * num)) for i in range(NUM_SIDES)]
         now, since, signal = world.change[rows], world.change_since[rows], world.signal[rows]
         reason, side = self._find_must(options)
         must = reason > 0
@@ -176,15 +184,15 @@ class LaneLook:
         is_right = (best == RIGHT) & (options[RIGHT].advantage < THRESHOLD)
         is_back = (world.came_from[rows] == best + 1) & (most < GOOD_REASON)
         has_rested = (since == 0) | (frame - since >= np.where(is_right | is_back, RETURN, REST))
-        wishes = ~must & (now == 0) & (most > THRESHOLD) & safe & has_rested
-        side = np.where(wishes, best, side)
-        reason = np.where(wishes, np.where(is_right, LaneChange.KEEP_RIGHT, LaneChange.FASTER), reason)
+        wishes = (~must & (now == 0) & (most > THRESHOLD) & safe & has_rested).nonzero()[0]
+        side[wishes] = best[wishes]
+        reason[wishes] = np.where(is_right[wishes], LaneChange.KEEP_RIGHT, LaneChange.FASTER)
         # Signals for a change of choice that goes on
         is_kept = ~must & ((now == LaneChange.FASTER) | (now == LaneChange.KEEP_RIGHT))
         old_side = np.maximum(signal - 1, 0)
         old_advantage = np.where(old_side == RIGHT, advantages[RIGHT], advantages[0])
         is_kept &= (old_advantage > 0.0) & (frame - since < PATIENCE)
-        side, reason = np.where(is_kept, old_side, side), np.where(is_kept, now, reason)
+        side[is_kept], reason[is_kept] = old_side[is_kept], now[is_kept]
         # The signals from now on
         shows = np.where(reason > 0, side + 1, 0)
         is_new = shows != signal
@@ -192,16 +200,20 @@ class LaneLook:
         world.change[rows], world.signal[rows], world.change_since[rows] = reason, shows, since
         # The drivers that begin
         index = np.arange(num)
-        chosen = _pick(options, side)
+        chosen = both.at(index + num * side)
         is_tight = (reason == LaneChange.AROUND) & (self._speed < STANDS)
         is_clear = np.zeros(num, dtype=bool)
         at = ((reason > 0) & ~is_inside).nonzero()[0]
-        is_clear[at] = self._is_clear(at, side[at], is_tight[at])
+        if len(at):
+            is_clear[at] = self._is_clear(at, side[at], is_tight[at])
         begins = (reason > 0) & ~is_new & (frame - since >= SIGNAL_FRAMES) & chosen.is_there & chosen.is_safe
         begins &= is_clear & (side == decision % NUM_SIDES)
         must_wait = (reason >= LaneChange.ROUTE) & ~begins & chosen.is_there & ~is_inside
-        self._open_gaps(index[must_wait], chosen, is_clear, accel)
-        self._keep_room(index[(reason == LaneChange.AROUND) & ~begins], accel)
+        if np.count_nonzero(must_wait):
+            self._open_gaps(index[must_wait], chosen, is_clear, accel)
+        keep_room = (reason == LaneChange.AROUND) & ~begins
+        if np.count_nonzero(keep_room):
+            self._keep_room(index[keep_room], accel)
         return which[begins], side[begins], is_tight[begins]
 
     def _is_clear(self, at: IntArray, side: IntArray, is_tight: BoolArray) -> BoolArray:
@@ -298,12 +310,12 @@ class LaneLook:
         brakes = follow(self._speed[at], self._desired_speed[which], self._gap[at] - room, self._lead_speed[at])
         accel[which] = np.fmin(accel[which], np.fmax(brakes, -HARDEST))
 
-    def _look_aside(self) -> list[_Option]:
-        """Return what all of them find to the left and to the right. Both sides at once cost little more than one."""
+    def _look_aside(self) -> _Option:
+        """Return what all of them find to the left, and then to the right: both cost little more than one."""
         drivers, queue, neighbours = self._drivers, self._queue, self._neighbours
         half = len(self._which)
         num = NUM_SIDES * half
-        side, own_index = np.repeat(np.arange(NUM_SIDES), half), np.tile(np.arange(half), NUM_SIDES)
+        side, own_index = np.divmod(np.arange(num), half)
         own_lane = self._lanes[0, own_index]
         option = _Option(
             is_there=np.zeros(num, dtype=bool),
@@ -316,7 +328,6 @@ class LaneLook:
             advantage=np.full(num, -np.inf),
             is_safe=np.zeros(num, dtype=bool),
         )
-        options = [slice(0, half), slice(half, num)]
         lane, s = neighbours.cross(side, own_lane, self._arc[own_index])
         # Before a join there must be time to finish: from there on vehicles of two lanes share the room.
         narrow_from = np.where(lane >= 0, self._conflicts.joins.narrow_from[lane], np.inf)
@@ -324,7 +335,7 @@ class LaneLook:
         option.is_there = (lane >= 0) & neighbours.may[side, own_lane] & is_wide
         there = option.is_there.nonzero()[0]
         if not len(there):
-            return [_part_of(option, part) for part in options]
+            return option
         at = own_index[there]
         which, lane, s = self._which[at], lane[there], s[there]
         lanes = self._choice.preview(which, lane)
@@ -364,7 +375,7 @@ class LaneLook:
         enters_join = (joins[lane] >= 0) & ((joins[self._lanes[0, at]] < 0) | (side[there] == RIGHT))
         worth = own + politeness * (others + np.where(has_old, gain, 0.0))
         option.advantage[there] = worth - np.where(enters_join, BEFORE_JOIN, 0.0)
-        return [_part_of(option, part) for part in options]
+        return option
 
     def _cost(  # noqa: PLR0917 - of three vehicles
         self,
@@ -473,16 +484,3 @@ class LaneLook:
             to_entry = np.where(is_entry, np.fmin(to_entry, there), to_entry)
             distance = distance + np.where(lane >= 0, roads.length[lane], 0.0)
         return np.asarray(to_entry)
-
-
-def _part_of(option: _Option, part: slice) -> _Option:
-    """Return a part of the drivers' options."""
-    return _Option(*(getattr(option, name)[part] for name in _Option.__dataclass_fields__))
-
-
-def _pick(options: list[_Option], side: IntArray) -> _Option:
-    """Return for each driver its option on one side; `side` is (k,) int64."""
-    left, right = options
-    is_right = side == RIGHT
-    names = _Option.__dataclass_fields__
-    return _Option(*(np.where(is_right, getattr(right, name), getattr(left, name)) for name in names))

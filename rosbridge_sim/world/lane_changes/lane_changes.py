@@ -85,10 +85,10 @@ class LaneChanges:
         world, rows = self.world, self.rows
         leaving = world.leaving[rows]
         is_near = np.abs(world.lateral[rows] - world.lateral_to[rows]) > self._off_old_lane
-        which = ((leaving > 0.0) & is_near).nonzero()[0]
-        lane, s = self.neighbours.cross(
-            leaving[which].astype(np.int64) - 1, drivers.lanes[0, which], drivers.arc[which]
-        )
+        which = ((leaving > 0) & is_near).nonzero()[0]
+        if not len(which):
+            return None
+        lane, s = self.neighbours.cross(leaving[which] - 1, drivers.lanes[0, which], drivers.arc[which])
         is_there = lane >= 0
         which, lane, s = which[is_there], lane[is_there], s[is_there]
         if not len(which):

@@ -8,7 +8,8 @@ import pytest
 from rosbridge_sim.world.drivers.driver_model import accelerate
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
 from rosbridge_sim.world.drivers.lane_position import keep_lane
-from rosbridge_sim.world.followers.lane_following import _find_passed_first, _LaneFollowers
+from rosbridge_sim.world.followers.lane_following import _LaneFollowers
+from rosbridge_sim.world.followers.other_entities import find_passed_first
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
@@ -63,7 +64,7 @@ def test_people_who_come_after_a_driver_has_passed_are_those_of_one_by_one(seed:
         any(passes_first(town.roads, drivers, i, place) for i in range(len(drivers.arc)))
         for place in zip(lane.tolist(), tail.tolist(), arrival.tolist(), strict=True)
     ]
-    assert _find_passed_first(town.roads, drivers, entries, arrival).tolist() == expected
+    assert find_passed_first(town.roads, drivers, entries, arrival).tolist() == expected
     assert any(expected)
 
 

@@ -140,3 +140,20 @@ def test_drivers_see_those_without_lanes_where_they_are_or_will_soon_be(
         assert figures[0] == pytest.approx(figures[1], abs=1e-9)
         assert len(seen)
     assert set(found.source.tolist()) == {-1}
+
+
+def test_those_that_stand_are_seen_anew_as_soon_as_one_moves() -> None:
+    world = World()
+    world.lay_roads(*street())
+    row = world.row(world.spawn(Kind.EGO, CAR, name="ego", x=50.0, y=0.0))
+    car(world, "a", 10.0, speed=5.0)
+    followers = _LaneFollowers(world)
+    drivers = followers.drivers()
+    first, again = followers.others(drivers)[0], followers.others(drivers)[0]
+    assert first.s.tolist() == again.s.tolist() == pytest.approx([50.0 + CAR.centre])
+    for column, change in ((world.x, 2.0), (world.yaw, 0.3), (world.speed, 1.0), (world.accel, 1.0)):
+        column[row] += change
+        seen, fresh = followers.others(drivers)[0], _LaneFollowers(world).others(drivers)[0]
+        for name in ("lane", "s", "tail", "speed", "accel", "stands"):
+            assert getattr(seen, name).tobytes() == getattr(fresh, name).tobytes()
+    assert seen.accel.tolist() != first.accel.tolist()
