@@ -230,8 +230,7 @@ class Session:
             EncodingError: the message cannot be written; this is an internal error.
         """
         body = values.json if is_ok else orjson.dumps(values)  # type: ignore[union-attr] # is_ok: Encoded
-        frame = response_frame(service, body, is_ok=is_ok, op_id=op_id)
-        self.outbox.send(frame if fragment_size is None else self.pieces(frame, fragment_size))
+        self.outbox.send(self.pieces(response_frame(service, body, is_ok=is_ok, op_id=op_id), fragment_size))
 
     def say(self, op: str, bodies: dict[str, Encoded], fragment_size: float | None = None, **fields: object) -> None:
         """Send any op that is an answer or a request, and so must not be dropped.
@@ -243,7 +242,7 @@ class Session:
             fields: other fields; those that are None are left out.
         """
         frame = op_frame(op, {name: body.json for name, body in bodies.items()}, **fields)
-        self.outbox.send(frame if fragment_size is None else self.pieces(frame, fragment_size))
+        self.outbox.send(self.pieces(frame, fragment_size))
 
     def pieces(
         self, frame: bytes, size: float | None, share: Callable[[], Characters] | None = None

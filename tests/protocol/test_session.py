@@ -36,6 +36,15 @@ def said(session: Session) -> list[Any]:
     return [json.loads(frame) for frame in session.outbox.take(2**30)]
 
 
+def png_of(frame: bytes) -> bytes:
+    """An op with an image that holds a frame."""
+    picture = Picture(frame)
+    while not picture.work():
+        pass
+    assert picture.frame is not None
+    return picture.frame
+
+
 def receive(session: Session, frame: bytes) -> list[Op]:
     """The ops of a frame, as whoever reads a session gets them."""
     op = session.receive_plain(frame)
@@ -361,15 +370,46 @@ def test_frame_of_exactly_the_fragment_size_is_sent_whole(spare: int, op: str) -
     assert said(session)[0]["op"] == op
 
 
-def test_fragments_of_each_frame_have_their_own_id() -> None:
+@pytest.mark.parametrize("size", [1, 40])
+def test_answers_and_feedback_come_in_fragments_of_the_wanted_size_with_an_id_for_each_frame(size: int) -> None:
     session = make_session()
-    for _ in range(2):
-        session.answer("/s", None, Body(), is_ok=True, fragment_size=40)
+    for i in range(2):
+        session.answer("/s", None, Body(), is_ok=True, fragment_size=size)
+        session.say("action_feedback", {"values": Body()}, size, action="/a", id=str(i))
     frames: list[Any] = []
     while len(session.outbox):
         frames += said(session)
-    assert [frame["op"] for frame in frames] == ["fragment"] * 4
-    assert len({frame["id"] for frame in frames}) == 2
+    assert {frame["op"] for frame in frames} == {"fragment"}
+    ids = list(dict.fromkeys(frame["id"] for frame in frames))
+    whole = [json.loads("".join(frame["data"] for frame in frames if frame["id"] == each)) for each in ids]
+    assert [frame["op"] for frame in whole] == ["service_response", "action_feedback"] * 2
+
+
+@pytest.mark.parametrize("op", ["png", "fragment"])
+def test_image_in_an_image_is_refused_with_the_id_of_the_inner_one(op: str) -> None:
+    session = make_session()
+    inner = {"op": op, "id": "inner", "data": "x", "num": 0, "total": 2}
+    assert receive(session, png_of(json.dumps(inner).encode())) == []
+    (status,) = said(session)
+    assert (status["id"], status["msg"]) == ("inner", "A fragment or a png may not hold another one")
+
+
+def test_image_that_cannot_be_read_is_refused_with_its_id() -> None:
+    session = make_session()
+    assert receive(session, b'{"op":"png","id":"p","data":"AAAA"}') == []
+    (status,) = said(session)
+    assert (status["level"], status["id"], session.num_refused) == ("error", "p", 1)
+
+
+def test_messages_that_wait_count_on_the_account_of_the_client() -> None:
+    account = Account(1_000)
+    session = make_session(account=account)
+    feed = make_feed(session, SubscriptionOptions(interval=1.0, queue_length=5))
+    for i in range(3):
+        feed.deliver(Numbered(i), 0.0, 0)
+    assert account.num_bytes >= 2 * Body.num_bytes
+    session.drop_feed(feed)
+    assert account.num_bytes == 0
 
 
 def test_messages_that_wait_are_sent_first_when_the_throttle_ends() -> None:
@@ -406,12 +446,9 @@ def test_length_of_a_packed_frame_is_known_until_the_next_one() -> None:
 def test_length_of_a_frame_inside_another_one_counts() -> None:
     session = make_session()
     frame = b'{"op":"subscribe","topic":"/t"}'.ljust(1_000_000)
-    picture = Picture(frame)
-    while not picture.work():
-        pass
-    assert picture.frame is not None
-    assert len(picture.frame) < 10_000
-    assert [type(op) for op in receive(session, picture.frame)] == [Subscribe]
+    image = png_of(frame)
+    assert len(image) < 10_000
+    assert [type(op) for op in receive(session, image)] == [Subscribe]
     assert session.frame_length >= 1_000_000
     for num in range(2):
         part = frame[num * 500_000 : (num + 1) * 500_000].decode()

@@ -88,6 +88,13 @@ def test_waiting_message_survives_new_options() -> None:
     assert pace.due() is None
 
 
+def test_first_message_after_a_throttle_begins_is_sent_at_once() -> None:
+    pace = paced(0.0, 0)
+    assert pace.admit(0, 5.0)
+    pace.set_options(SubscriptionOptions(interval=1.0))
+    assert [pace.admit(i, now) for i, now in enumerate([5.1, 5.2, 6.0, 6.2], 1)] == [True, False, False, True]
+
+
 @given(
     st.lists(st.floats(0, 10), max_size=30).map(sorted),
     st.sampled_from([0.0, 0.3, 1.0]),
@@ -149,11 +156,24 @@ SOME_TERMS = st.builds(
 def test_merged_options_depend_only_on_present_subscriptions(
     changes: list[tuple[int, SubscriptionOptions | None]],
 ) -> None:
-    together = MergedOptions()
+    together, present = MergedOptions(), dict[int, SubscriptionOptions]()
     for sub_id, terms in changes:
         together.put(sub_id, terms)
-        if together.by_id:
-            assert together.merged() == merge_terms(together.by_id.values())
+        if terms is None:
+            present.pop(sub_id, None)
+        else:
+            present[sub_id] = terms
+        assert together.by_id == present
+        if present:
+            assert together.merged() == merge_terms(present.values())
+
+
+def test_last_subscription_that_is_left_has_its_own_options() -> None:
+    together, first = MergedOptions(), SubscriptionOptions(interval=1.0, queue_length=2, compression="cbor")
+    together.put("a", first)
+    together.put("b", SubscriptionOptions(queue_length=7))
+    together.put("b", None)
+    assert (together.merged(), together.by_id) == (first, {"a": first})
 
 
 def test_options_of_a_subscribe_op_are_read() -> None:

@@ -437,8 +437,6 @@ class SyncDriver:
 
     def _go_on(self, now: float) -> None:
         """Answer what has ended behind the gate, which is open now, and carry out the ticks that wait."""
-        if self._stepper.is_moving:  # it was opened within the frame that closed it
-            return
         self._ended_at = now
         while self._unanswered and self._gate.is_open:
             call, result = self._unanswered.popleft()

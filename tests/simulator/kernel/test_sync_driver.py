@@ -158,6 +158,24 @@ def test_changes_behind_a_tick_are_made_in_their_order_when_it_is_answered_thoug
     assert harness.master.num_holds == 0
 
 
+def test_change_behind_a_tick_is_made_after_the_frame_in_which_a_component_pauses() -> None:
+    harness, client = in_sync(time_step=200)
+    context = harness.node.context
+    context.sync_driver.read_clock = Turns()
+    tick(harness, client, lambda _: None)
+    made: list[tuple[int, bool]] = []
+    context.sync_driver.wait_for_tick(client, lambda _: made.append((harness.world.frame, context.stepper.is_moving)))
+
+    def pause(now: float) -> None:
+        if harness.world.frame == 2:
+            context.sync_driver.pause(now)
+            assert made == []
+
+    context.hooks.after_frame.append(pause)
+    harness.run(0.0)
+    assert made == [(10, False)]
+
+
 def test_change_that_is_asked_for_within_a_frame_does_not_wait() -> None:
     harness, client = in_sync(time_step=200)
     driver, waits = harness.node.context.sync_driver, list[bool]()
@@ -198,6 +216,71 @@ def test_members_of_a_new_barrier_are_not_answered_by_the_tick_of_the_one_before
     assert (harness.world.frame, harness.results) == (2, [])
     harness.open()
     assert (harness.world.frame, harness.results) == (2, [True])
+
+
+def wait_with_a_scenario(harness: SimHarness, client: Client) -> list[Answer]:
+    """A tick of a barrier that waits for a scenario: the answers that come."""
+    request = {"request": {"file_name": "parked", "frame": harness.world.frame + 1, **ALL}}
+    harness.bus.call(harness.client(), "/SyncModeScenarioLoad", request, lambda _: None, now=harness.now)
+    answers: list[Answer] = []
+    tick(harness, client, answers.append, "a")
+    assert answers == []
+    return answers
+
+
+def joined(**settings: Any) -> tuple[SimHarness, Client]:  # noqa: ANN401 - those of the node
+    """A simulator whose scenarios are never read, and the only member of its barrier."""
+    harness = SimHarness(reader=ManualReader(), **settings)
+    client = harness.client()
+    client.now = harness.now
+    assert values(client.call("/sim/barrier/join", {"user_id": "a"}))["result"]
+    return harness, client
+
+
+def test_lease_of_a_member_counts_anew_from_the_refusal_of_its_tick_that_waited() -> None:
+    harness, client = joined(sync_lease=1.0)
+    wait_with_a_scenario(harness, client)
+    harness.run(5.0)
+    other = harness.client()
+    other.now = harness.now
+    other.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+    harness.run(0.9)
+    assert harness.node.context.barrier.status().members == ["a"]
+    harness.run(0.2)
+    assert harness.node.context.barrier.status().members == []
+
+
+def test_barrier_does_not_end_while_its_members_are_heard_but_do_not_tick() -> None:
+    harness, client = joined(sync_lease=1.0)
+    for _ in range(4):
+        client.now = harness.now
+        client.control(1, longlCmdType=1, accel=0.5)
+        harness.run(0.6)
+    assert (harness.node.sync.state.name, harness.world.frame) == ("LED", 0)
+
+
+@pytest.mark.parametrize(("is_pause", "is_told"), [(True, True), (False, False)])
+def test_refused_tick_of_a_member_tells_of_a_pause_only_if_there_is_one(*, is_pause: bool, is_told: bool) -> None:
+    harness, client = joined()
+    answers = wait_with_a_scenario(harness, client)
+    if is_pause:
+        harness.client().ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+    else:
+        harness.client().call("/sim/reset", {"seed": -1})
+    (answer,) = answers
+    response = values(answer)["response"]
+    assert (response["tick_status"], response["pause_status"]) == (False, is_told)
+
+
+def test_components_are_told_of_each_change_of_the_mode_by_a_master() -> None:
+    harness, modes = SimHarness(), list[str]()
+    harness.node.context.hooks.on_mode_change.append(lambda _: modes.append(harness.node.sync.state.name))
+    client = harness.client()
+    client.start()
+    client.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
+    client.ask("/Service_MoraiEventCmd", option=8, set_pause=False)
+    client.stop()
+    assert modes == ["LED", "LED_PAUSED", "LED", "FREE"]
 
 
 @pytest.mark.parametrize("end", ["leaves", "is lost"])
