@@ -29,36 +29,41 @@ class LongText:
     """A JSON text without its long text.
 
     Attributes:
+        text: the whole text.
         short: the text with the mark in the place of the long one.
         start, stop: place of the long text, without its quotes.
         data: what the long text says in base64.
     """
 
-    __slots__ = ("data", "short", "start", "stop")
+    __slots__ = ("data", "short", "start", "stop", "text")
 
-    def __init__(self, short: bytes, start: int, stop: int, data: bytes) -> None:
+    def __init__(self, text: bytes, short: bytes, start: int, stop: int, data: bytes) -> None:
+        self.text = text
         self.short = short
         self.start = start
         self.stop = stop
         self.data = data
 
-    def body(self, text: bytes, short: bytes) -> LongBody | None:
+    @property
+    def base64(self) -> memoryview | None:
+        """The long text, if `data` in base64 is that text again: the unused bits of its last character are 0."""
+        last = self.data[-(len(self.data) % 3 or 3) :]
+        if self.text[self.stop - 4 : self.stop] != pybase64.b64encode(last):
+            return None
+        return memoryview(self.text)[self.start : self.stop]
+
+    def body(self, short: bytes) -> LongBody | None:
         """Return the part of the text that a part of `short` stands for; None if that is without the mark.
 
         Args:
-            text: the whole text.
             short: a part of `short`.
         """
         at = short.find(_MARK)
         if at < 0:
             return None
         begin = self.start - at
-        whole = memoryview(text)
-        body = LongBody(whole[begin : self.stop + len(short) - at - len(_MARK)])
-        body.short, body.data = short, self.data
-        last = self.data[-(len(self.data) % 3 or 3) :]
-        if text[self.stop - 4 : self.stop] == pybase64.b64encode(last):
-            body.base64 = whole[self.start : self.stop]
+        body = LongBody(memoryview(self.text)[begin : self.stop + len(short) - at - len(_MARK)])
+        body.short, body.data, body.base64 = short, self.data, self.base64
         return body
 
 
@@ -67,8 +72,7 @@ class LongBody(bytes):
 
     Attributes:
         short: the body with the mark in the place of the long text.
-        data: what the long text says in base64.
-        base64: the long text, if `data` in base64 is that text again: the unused bits of its last character are 0.
+        data, base64: those of the long text.
     """
 
     short: bytes
@@ -95,7 +99,7 @@ def find_long_text(text: bytes) -> LongText | None:
     except (binascii.Error, ValueError):
         return None
     short = b"".join((text[:start], _MARK, text[stop:]))
-    return LongText(short, start, stop, data) if short.count(_MARK) == 1 else None
+    return LongText(text, short, start, stop, data) if short.count(_MARK) == 1 else None
 
 
 def put_back(short: bytes, base64: memoryview) -> tuple[bytes | memoryview, ...] | None:

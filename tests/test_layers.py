@@ -40,7 +40,7 @@ schema.definitions: *
 schema: * long_text schema.definitions weight
 protocol: * long_text weight
 graph: * protocol schema schema.definitions
-graph.peers: * graph protocol schema
+graph.peers: * graph long_text protocol schema
 graph.tf: * graph schema
 graph.attach: * graph protocol schema schema.definitions
 graph.ros2: * graph schema schema.definitions
@@ -108,7 +108,7 @@ shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery 
     simulator.sim_services version world.geometry world.roads world.state
 shell.page: * schema
 shell.monitoring: * graph graph.peers protocol schema shell.websocket simulator version
-shell.transport: * link protocol
+shell.transport: * link long_text protocol
 shell.websocket: * graph graph.peers link protocol shell shell.page shell.transport version
 shell.config: * graph.ros2 link simulator.bus
 shell.ros2: * graph graph.ros2 morai schema shell shell.config shell.files

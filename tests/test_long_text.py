@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.long_text import LEAST, MARK, MAX_REST, MOST, LongBody, find_long_text
-from rosbridge_sim.protocol import json_decoding
+from rosbridge_sim.long_text import LEAST, MARK, MAX_REST, MOST, LongBody, LongText, find_long_text
+from rosbridge_sim.protocol import json_decoding, session
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
 from tests.graph.bus_fixture import Wire, make_bus, make_store
@@ -70,7 +70,8 @@ def hear(frame: bytes) -> list[list[bytes]]:
     bus: Bus = make_bus()
     wires = [Wire(bus) for _ in range(4)]
     wires[0].says(op="set_level", level="info")
-    wires[0].peer.receive(frame, 0.0)  # the topic exists now, with its type
+    for _ in range(2):  # the topic exists now, with its type, and may be read in one pass
+        wires[0].peer.receive(frame, 0.0)
     for wire, compression in zip(wires[1:], ("none", "cbor", "cbor-raw"), strict=True):
         wire.says(op="subscribe", topic="/t", compression=compression)
     wires[0].peer.receive(frame, 0.0)
@@ -80,7 +81,8 @@ def hear(frame: bytes) -> list[list[bytes]]:
 @pytest.mark.parametrize("name", FRAMES)
 def test_answers_and_messages_are_those_of_the_usual_way(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     quick = hear(FRAMES[name])
-    monkeypatch.setattr(json_decoding, "find_long_text", lambda _frame: None)
+    for module in (json_decoding, session):
+        monkeypatch.setattr(module, "find_long_text", lambda _frame: None)
     assert hear(FRAMES[name]) == quick
 
 
@@ -94,13 +96,28 @@ def test_image_is_decoded_without_its_text(monkeypatch: pytest.MonkeyPatch) -> N
     assert json.loads(sent[0])["msg"]["data"] == DATA
 
 
+def test_image_of_a_known_topic_is_read_in_one_pass_and_not_copied(monkeypatch: pytest.MonkeyPatch) -> None:
+    quick = hear(FRAMES["an image"])
+
+    copy = LongText.body
+
+    def body(self: LongText, short: bytes) -> LongBody | None:
+        num_copies.append(1)
+        return copy(self, short)
+
+    num_copies: list[int] = []
+    monkeypatch.setattr(LongText, "body", body)
+    assert hear(FRAMES["an image"]) == quick
+    assert len(num_copies) == 2  # of three
+
+
 def test_base64_of_an_image_is_passed_on_as_it_came() -> None:
     image = make_store().message("sensor_msgs/CompressedImage")
     for data, is_kept in ((DATA, True), (DATA[:-4] + "AAB=", False)):
         text = json.dumps(fields(data=data)).encode()
         found = find_long_text(text)
         assert found is not None
-        body = found.body(text, found.short)
+        body = found.body(found.short)
         assert body is not None
         value = image.decode_json(body, 0)
         parts = image.encode_json_parts(value)
@@ -130,11 +147,11 @@ def test_body_is_the_part_of_the_text_with_its_bytes() -> None:
     found = find_long_text(text)
     assert found is not None
     short = found.short[found.short.index(b'"msg"') + 7 : -1]
-    body = found.body(text, short)
+    body = found.body(short)
     assert isinstance(body, LongBody)
     assert json.loads(body) == IMAGE
     assert json.loads(body.short) == {**IMAGE, "data": MARK}
     assert body.data == base64.b64decode(DATA)
-    assert found.body(text, b"{}") is None
+    assert found.body(b"{}") is None
     message = make_store().message("sensor_msgs/CompressedImage")
     assert message.decode_json(body, 5) == message.decode_json(bytes(body), 5)

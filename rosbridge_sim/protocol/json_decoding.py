@@ -23,7 +23,7 @@ from typing import Any
 import msgspec
 
 from rosbridge_sim.errors import FrameError, Reason
-from rosbridge_sim.long_text import find_long_text
+from rosbridge_sim.long_text import LongText, find_long_text
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.protocol.long_lists import has_more_values, put_in_lists, take_out_lists
 from rosbridge_sim.protocol.ops import ABSENT, OPS, Op, is_absent
@@ -139,7 +139,7 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
         error only.
     """
     if len(frame) >= LONG:
-        quick = read_long_text(frame)
+        quick = read_long_text(find_long_text(frame))
         if quick is not None:
             if len(frame) >= HEAVY:
                 yield None
@@ -166,19 +166,18 @@ def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
         yield from _decode_slowly(frame)
 
 
-def read_long_text(frame: bytes) -> Op | None:
+def read_long_text(long_text: LongText | None) -> Op | None:
     """Return the only op of a frame whose body is mostly one base64 text, which needs no weighing; None for others.
 
     Args:
-        frame: JSON text.
+        long_text: the frame, as `find_long_text` returns it.
     """
-    long_text = find_long_text(frame)
     op = None if long_text is None else decode_quickly(long_text.short)
     if op is None or long_text is None:
         return None
     for name in op.bodies:
         short = getattr(op, name)
-        body = None if short is ABSENT else long_text.body(frame, bytes(short))
+        body = None if short is ABSENT else long_text.body(bytes(short))
         if body is not None:
             return msgspec.structs.replace(op, **{name: body})
     return None

@@ -10,10 +10,12 @@ A peer gets other encodings, fragments or binary frames only if it asked for the
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator
+from typing import Protocol
 
 import orjson
 
 from rosbridge_sim.errors import EncodingError, FrameError
+from rosbridge_sim.long_text import LongText, find_long_text
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.cbor_frames import decode_cbor, is_cbor
 from rosbridge_sim.protocol.fragments import Characters, Defragmenter, Pieces
@@ -36,8 +38,26 @@ __all__ = ["LEVELS", "Session"]
 LEVELS = {"none": 0, "error": 1, "warning": 2, "warn": 2, "info": 3}
 """Levels of status frames; a peer gets those up to its own level. Clients for C++ servers write `warn`."""
 
+SHORT = 400
+"""Only frames of at least this length are read together with their message; for shorter ones it costs more than a
+second pass [bytes]."""
+
 _WRAPPERS = frozenset({Fragment, Png})
 """Ops that hold other ops."""
+
+
+class MessageReader(Protocol):
+    """Reads frames together with their messages, in one pass. It knows the types of some topics."""
+
+    def read(self, frame: bytes) -> Op | None:
+        """Return the only op of a frame, with its message decoded, checked and completed; None for the usual way.
+
+        Args:
+            frame: JSON text, short enough to be decoded in one call.
+        """
+
+    def read_long(self, frame: LongText) -> Op | None:
+        """Do the same for a frame that is mostly one long text."""
 
 
 def _ignore(*_: object) -> None:
@@ -57,6 +77,8 @@ class Session:
         on_unsent: called with the spelling of a topic if a waiting message could not be encoded.
         on_mistake: called with the error of an invalid part, after the peer was told.
         on_lost_answer: called with the error if the invalid part was an answer to a call or the result of a goal.
+        find_long_text: the function of that name, or one that may know its result already.
+        reader: reads some frames together with their messages.
     """
 
     def __init__(
@@ -90,6 +112,8 @@ class Session:
         self.on_lost_answer: Callable[[FrameError], None] = _ignore
         self.on_mistake: Callable[[FrameError], None] = _ignore
         self.on_unsent: Callable[[str, EncodingError], None] = _ignore
+        self.reader: MessageReader | None = None
+        self.find_long_text: Callable[[bytes], LongText | None] = find_long_text
         self._alarm = alarm
         self._is_talkative = is_talkative
         self._on_refused = on_refused
@@ -112,13 +136,20 @@ class Session:
         self.frame_length = 0
         size = len(frame)
         if size < LONG:
-            op = decode_quickly(frame)
+            op = None if size < SHORT or self.reader is None else self.reader.read(frame)
+            if op is None:
+                op = decode_quickly(frame)
             if op is not None and type(op) not in _WRAPPERS:
                 self.num_received += 1
                 return op
-        elif size < HEAVY and (op := read_long_text(frame)) is not None:
-            self.num_received += 1
-            self.frame_length = size
+        elif size < HEAVY:
+            found = self.find_long_text(frame)
+            op = None if found is None or self.reader is None else self.reader.read_long(found)
+            if op is None:
+                op = read_long_text(found)
+            if op is not None:
+                self.num_received += 1
+                self.frame_length = size
             return op
         return None
 

@@ -227,8 +227,8 @@ def _make_finalize(
     return finalize
 
 
-def _read_bytes(given: str | list[int] | memoryview, low: int, high: int) -> JsonBytes:
-    """Return the bytes of a base64 text or of a list, or a copy of decoded bytes.
+def _read_bytes(given: str | list[int], low: int, high: int) -> JsonBytes:
+    """Return the bytes of a base64 text or of a list.
 
     Raises:
         ValueError: it is no base64, or there are fewer than `low` or more than `high` bytes.

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar
 
 import msgspec
 
 from rosbridge_sim.errors import EncodingError, PeerError
 from rosbridge_sim.long_text import LEAST
-from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.message_type import LongField, MessageType
 from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.schema.sizes import size_of
 
@@ -27,11 +28,13 @@ class Message(msgspec.Struct, eq=False):
         type: its type.
         value: a struct of the type, or a plain object of an unknown type; it must not change any more.
         text_length: length of the JSON text that it was decoded from [bytes]; 0 if it was made here, or is short.
+        long_field: a field of bytes with its base64 text as it came, if that is long.
     """
 
     type: MessageType | OpaqueType
     value: Any
     text_length: int = 0
+    long_field: LongField | None = None
     _size: int = 0
     _json: bytes | None = None
     _cbor: bytes | None = None
@@ -56,7 +59,8 @@ class Message(msgspec.Struct, eq=False):
             EncodingError: the value cannot be written.
         """
         if self._json is None:
-            self._json = self._write("JSON", self.type.encode_json)
+            is_long = self.text_length >= LEAST
+            self._json = b"".join(self._parts()) if is_long else self._write("JSON", self.type.encode_json)
         return self._json
 
     @property
@@ -90,7 +94,8 @@ class Message(msgspec.Struct, eq=False):
             PeerError: the error of `encode`.
             EncodingError: `encode` has failed, now or before.
         """
-        failure = None if self._failures is None else self._failures.get(encoding)
+        failures = self._failures
+        failure = None if failures is None else failures.get(encoding)
         if failure is None:
             try:
                 return encode(self.value)
@@ -101,7 +106,7 @@ class Message(msgspec.Struct, eq=False):
             except Exception as error:  # noqa: BLE001 - any bug of ours or of a library
                 failure = EncodingError(f"{self.type.name}: cannot be written as {encoding}: {error!r:.200}")
                 failure.__cause__ = error
-            self._failures = {**(self._failures or {}), encoding: failure}
+            self._failures = {**(failures or {}), encoding: failure}
         raise EncodingError(str(failure)) from failure.__cause__
 
     def framed(self, head: bytes) -> bytes:
@@ -113,7 +118,9 @@ class Message(msgspec.Struct, eq=False):
         if head != self._head:
             if self.text_length < LEAST:
                 json = self._json
-                self._framed = b"".join((head, self.json if json is None else json, b"}"))
+                if json is None:
+                    json = self._json = self._write("JSON", self.type.encode_json)
+                self._framed = b"".join((head, json, b"}"))
             else:
                 self._framed = b"".join((head, *self._parts(), b"}"))
             self._head = head
@@ -125,7 +132,9 @@ class Message(msgspec.Struct, eq=False):
         Raises:
             EncodingError: the value cannot be written.
         """
-        return self._write("JSON", self.type.encode_json_parts) if self._json is None else (self._json,)
+        if self._json is not None:
+            return (self._json,)
+        return self._write("JSON", partial(self.type.encode_json_parts, long_field=self.long_field))
 
     def shared(self, key: object, make: Callable[[], T]) -> T:
         """Return `make()`, made once for each key: a form of the message that several listeners want.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import msgspec
 import numpy as np
@@ -30,9 +30,13 @@ __all__ = [
     "Finalize",
     "JsonBytes",
     "LateMessageType",
+    "LongField",
     "MessageType",
     "ServiceType",
 ]
+
+LongField: TypeAlias = tuple[str, memoryview]
+"""Attribute of a field of bytes, and its long base64 text as it came."""
 
 Finalize = Callable[[Any, int], None]
 """`(value, stamp_ns)`: completes a decoded value in place."""
@@ -49,12 +53,42 @@ _COUNTED = 32 * 1024
 20 ms."""
 
 
+class JsonBytes(bytes):
+    """Bytes that came from JSON. `msgspec` passes a class that it does not know to our own hook, which is faster.
+
+    Attributes:
+        base64: their base64 text as it came, if it is long; see `LongBody`.
+    """
+
+    base64: memoryview | None = None
+
+
+def _encode_other(value: object) -> object:
+    """Encode what `msgspec` does not know: our bytes, lists that are made late, and numpy's arrays and scalars."""
+    if isinstance(value, LateList):
+        return value.items
+    if isinstance(value, JsonBytes):
+        return msgspec.Raw(b"".join((b'"', pybase64.b64encode(value), b'"')))
+    if isinstance(value, np.ndarray) and value.dtype == np.uint8:
+        return value.tobytes()
+    if isinstance(value, (np.ndarray, np.generic)):
+        return msgspec.Raw(
+            orjson.dumps(np.ascontiguousarray(value) if value.ndim else value, option=orjson.OPT_SERIALIZE_NUMPY)
+        )
+    raise TypeError(f"{type(value)} is no value of a field")
+
+
+_encode = msgspec.json.Encoder(enc_hook=_encode_other).encode
+
+
 class MessageType:
     """A message type: it decodes, checks, fills and encodes its values.
 
     Attributes:
         name: `pkg/Type`.
         definition: the parsed definition.
+        encode_json: returns the JSON text of a value: NaN and infinity are `null`, bytes are base64, numpy arrays are
+            lists.
         struct_type: the class of its values; it takes the fields by keyword and fills in the defaults.
         spec: the fields as tables, for `validate.check`.
 
@@ -76,6 +110,8 @@ class MessageType:
         "struct_type",
     )
 
+    encode_json = staticmethod(_encode)
+
     def __init__(self, spec: MessageSpec, encoders: Encoders) -> None:
         self.name = spec.name
         self.definition = spec.definition
@@ -85,7 +121,8 @@ class MessageType:
         self._skeleton: Skeleton | None = None
         self._encoders = encoders
         self._decode = msgspec.json.Decoder(spec.struct_type).decode
-        self._bytes = [each.attribute for each in spec.fields.values() if each.definition.is_bytes]
+        kinds = spec.fields.values()
+        self._bytes = [each.attribute for each in kinds if each.definition.is_bytes and not each.definition.array]
 
     def __repr__(self) -> str:
         return f"MessageType({self.name})"
@@ -119,15 +156,35 @@ class MessageType:
         """Return the value of a body with a long text, if that is the content of a field of bytes; else None."""
         try:
             value = self._decode(body.short)
-            for attribute in self._bytes:
-                if getattr(value, attribute) == MARK:
-                    setattr(value, attribute, memoryview(body.data))  # `finalize` makes bytes of it
-                    assert self._finalize is not None, "it has a field of bytes"
-                    self._finalize(value, stamp_ns)
-                    getattr(value, attribute).base64 = body.base64
-                    return value
+            attribute = self.put_long(value, body.data, stamp_ns)
         except REFUSALS:
-            pass  # the usual way finds the mistake, and words it
+            return None  # the usual way finds the mistake, and words it
+        if attribute is None:
+            return None
+        content = JsonBytes(body.data)
+        content.base64 = body.base64
+        setattr(value, attribute, content)
+        return value
+
+    def put_long(self, value: Struct, content: bytes, stamp_ns: int) -> str | None:
+        """Put the content of a long text into the field that has the mark in its place, and complete the value.
+
+        Args:
+            value: decoded, but not completed.
+            content: what the text says in base64.
+
+        Returns:
+            The attribute of the field; None if no field of bytes of any number has the mark: the value is as before.
+
+        Raises:
+            ValueError, OverflowError: another field does not fit the type.
+        """
+        for attribute in self._bytes:
+            if getattr(value, attribute) == MARK:
+                setattr(value, attribute, content)
+                assert self._finalize is not None, "it has a field of bytes"
+                self._finalize(value, stamp_ns)
+                return attribute
         return None
 
     def _count(self, body: bytes | msgspec.Raw) -> None:
@@ -146,18 +203,21 @@ class MessageType:
         """
         return check(self.spec, value, stamp_ns, root)
 
-    def encode_json(self, value: Struct) -> bytes:
-        """Return the JSON text of a value: NaN and infinity are `null`, bytes are base64, numpy arrays are lists."""
-        return _encode(value)
+    def encode_json_parts(self, value: Struct, long_field: LongField | None = None) -> tuple[bytes | memoryview, ...]:
+        """Return the same text in parts, end to end: a long base64 text that came so is not made again.
 
-    def encode_json_parts(self, value: Struct) -> tuple[bytes | memoryview, ...]:
-        """Return the same text in parts, end to end: a long base64 text that came so is not made again."""
-        for attribute in self._bytes:
-            base64 = getattr(getattr(value, attribute), "base64", None)
-            if base64 is not None:
-                parts = put_back(_encode(msgspec.structs.replace(value, **{attribute: MARK})), base64)
-                if parts is not None:
-                    return parts
+        Args:
+            value: the value.
+            long_field: a field of bytes with its base64 text as it came.
+        """
+        if long_field is None:
+            texts = ((attribute, getattr(getattr(value, attribute), "base64", None)) for attribute in self._bytes)
+            long_field = next(((attribute, text) for attribute, text in texts if text is not None), None)
+        if long_field is not None:
+            attribute, base64 = long_field
+            parts = put_back(_encode(msgspec.structs.replace(value, **{attribute: MARK})), base64)
+            if parts is not None:
+                return parts
         return (_encode(value),)
 
     def encode_cbor(self, value: Struct) -> bytes:
@@ -238,31 +298,3 @@ class ActionType:
     goal: MessageType
     result: MessageType
     feedback: MessageType
-
-
-class JsonBytes(bytes):
-    """Bytes that came from JSON. `msgspec` passes a class that it does not know to our own hook, which is faster.
-
-    Attributes:
-        base64: their base64 text as it came, if it is long; see `LongBody`.
-    """
-
-    base64: memoryview | None = None
-
-
-def _encode_other(value: object) -> object:
-    """Encode what `msgspec` does not know: our bytes, lists that are made late, and numpy's arrays and scalars."""
-    if isinstance(value, LateList):
-        return value.items
-    if isinstance(value, JsonBytes):
-        return msgspec.Raw(b"".join((b'"', pybase64.b64encode(value), b'"')))
-    if isinstance(value, np.ndarray) and value.dtype == np.uint8:
-        return value.tobytes()
-    if isinstance(value, (np.ndarray, np.generic)):
-        return msgspec.Raw(
-            orjson.dumps(np.ascontiguousarray(value) if value.ndim else value, option=orjson.OPT_SERIALIZE_NUMPY)
-        )
-    raise TypeError(f"{type(value)} is no value of a field")
-
-
-_encode = msgspec.json.Encoder(enc_hook=_encode_other).encode

@@ -75,7 +75,7 @@ class OpaqueType:
         """Return the JSON text of an object that was accepted."""
         return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY)
 
-    def encode_json_parts(self, value: Mapping[str, Any]) -> tuple[bytes | memoryview, ...]:
+    def encode_json_parts(self, value: Mapping[str, Any], long_field: object = None) -> tuple[bytes, ...]:  # noqa: ARG002 - as MessageType
         """Return the same as the only part; see `MessageType`."""
         return (self.encode_json(value),)
 

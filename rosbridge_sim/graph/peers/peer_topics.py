@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from rosbridge_sim.errors import EncodingError, GraphError
 from rosbridge_sim.graph.participant import Participant, decode_body, resolve
 from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase
+from rosbridge_sim.graph.peers.publish_reader import PublishReader
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.graph.unheard import find_meant
 from rosbridge_sim.printable import printable
@@ -67,6 +68,7 @@ class PeerTopics:
         self._check_room = check_room
         self._publications: dict[str, Topic] = {}
         self._subscriptions: dict[str, _TopicSubscription] = {}
+        self._reader = PublishReader(self._publications, peer.bus, self._session)
         self._judged: set[str] = set()  # names of topics without a subscriber that were judged
 
     # Publishing
@@ -121,12 +123,17 @@ class PeerTopics:
         bus = self._bus
         topic = self._publications.get(op.topic)
         message_type = self._type_to_publish(op) if topic is None else topic.type
-        value = decode_body(message_type, op.msg, bus.stamp_ns)
+        message: object = op.msg
+        if not isinstance(message, Message):  # else `_reader` has read it
+            value = decode_body(message_type, op.msg, bus.stamp_ns)
+            message = Message(message_type, value, self._session.frame_length)
+            if topic is not None:
+                self._reader.note_usual(op.topic, topic)
         if topic is None:  # only after the check of the message, so that a wrong one changes nothing
             # Not under the op's id: roslib gives each publish a new one, and all of them would be stored.
             key = _IMPLICIT if op.id is None else op.id
             topic = self._publications[op.topic] = self._begin_publishing(op, message_type.name, key, now)
-        self._deliver(self._peer, topic, Message(message_type, value, self._session.frame_length), now)
+        self._deliver(self._peer, topic, message, now)
 
     def _type_to_publish(self, op: ops.Publish) -> MessageType | OpaqueType:
         """Return the type of a publish without an advertise, if it is known or given."""

@@ -15,6 +15,7 @@ from websockets.frames import CloseCode
 from websockets.protocol import State
 
 from rosbridge_sim.link.websocket_internals import MessageConnection
+from rosbridge_sim.long_text import LongText, find_long_text
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.protocol.outbox import BinaryFrame
 
@@ -99,6 +100,10 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         """Bytes that were received and not handled yet, and bytes to be compressed."""
         return self.num_bytes_in_fragments + sum(map(len, self.unsent))
 
+    def find_long_text(self, message: bytes) -> LongText | None:
+        """Return the long text of a message that the receiver gets now; None if it has none."""
+        return find_long_text(message)
+
     # Methods that differ between the two kinds
 
     def listen(self, receiver: Receiver) -> None:
@@ -146,7 +151,7 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         Returns:
             Number of bytes given to the transport.
         """
-        if not self.is_extended:
+        if not self.core.extensions:
             return self._send_plain(messages)
         self.unsent += messages
         return self.send_more()

@@ -23,7 +23,9 @@ from websockets.protocol import State
 
 from rosbridge_sim.link.frame_heads import BINARY, TEXT, head_of
 from rosbridge_sim.link.websocket_internals import apply_mask
+from rosbridge_sim.long_text import LEAST, LongText, find_long_text
 from rosbridge_sim.loose_types import LibraryArgument
+from rosbridge_sim.protocol.json_decoding import HEAVY
 from rosbridge_sim.shell.transport.inflate import Deflated, DeflatedText
 from rosbridge_sim.shell.transport.receiving_connection import MAX_EARLY, Receiver, ReceivingConnection
 from rosbridge_sim.shell.transport.text_check import TextCheck
@@ -63,6 +65,7 @@ class DirectConnection(ReceivingConnection):
         self._has_ended = False  # the other side sends nothing more
         self._is_dropping = False  # all received data is ignored
         self._check: TextCheck | None = None  # check of the message before those in `_kept`
+        self._long_text: LongText | None = None  # that of the message that the receiver gets now
         self._ping = b""  # the newest ping that came while there was no room for an answer
 
     @property
@@ -126,15 +129,14 @@ class DirectConnection(ReceivingConnection):
 
     def _send_plain(self, messages: Sequence[bytes]) -> int:
         """Send frames whose heads are made here, in one write."""
-        transport = self.transport
         parts: list[bytes] = []
         for message in messages:
             parts += (head_of(message), message)
-        if len(parts) == 2 and len(parts[1]) >= LARGE:  # noqa: PLR2004 - one message
-            transport.writelines(parts)
+        if len(messages) == 1 and len(messages[0]) >= LARGE:
+            self.transport.writelines(parts)
             return len(parts[0]) + len(parts[1])
         data = b"".join(parts)
-        transport.write(data)
+        self.transport.write(data)
         return len(data)
 
     # Called by the transport
@@ -170,8 +172,8 @@ class DirectConnection(ReceivingConnection):
         self.num_bytes_received += len(data)
         if not self.is_trusted:
             data = self._read_early(data)
-        if self._kept or self.is_held:
-            kept = self._kept
+        kept: bytes | bytearray = self._kept
+        if kept or self.is_held:
             kept += data
             if self.is_held:
                 if not self._takes_more and self._receiver is not None:
@@ -182,16 +184,13 @@ class DirectConnection(ReceivingConnection):
             if len(kept) < self._need:
                 return
             self._kept = bytearray()
-            self._begin_to_read(kept)
         else:
-            self._begin_to_read(data)
-
-    def _begin_to_read(self, data: bytes | bytearray) -> None:
-        assert self._receiver is not None, "before that, what comes is kept"
-        if not self._read(data, self._receiver.begin()) and self.is_held:
-            self._receiver.wait(had_turn=False)
-        elif self.is_held:
-            self._receiver.wait(had_turn=True)
+            kept = data
+        receiver = self._receiver
+        assert receiver is not None, "before that, what comes is kept"
+        has_worked = self._read(kept, receiver.begin())
+        if self.is_held:
+            receiver.wait(had_turn=has_worked)
 
     def eof_received(self) -> bool:  # type: ignore[override] # bool as in asyncio; the library returns nothing
         """Handle all data before the end, in turns; then let the library end the connection.
@@ -254,6 +253,24 @@ class DirectConnection(ReceivingConnection):
 
     # Texts
 
+    def _receive_long(self, message: bytes, receiver: Receiver) -> bool:
+        """Check a long text, and give it to the receiver; return True if the next message may come.
+
+        If nearly all of it is base64, reading that is the check; the receiver does not read it once more.
+        """
+        found = find_long_text(message) if len(message) < HEAVY else None
+        if found is None or not found.short.isascii():
+            return receiver.receive(message) if message.isascii() or self._is_utf8(message) else self._takes_more
+        self._long_text = found
+        takes_more = receiver.receive(message)
+        self._long_text = None
+        return takes_more
+
+    def find_long_text(self, message: bytes) -> LongText | None:
+        """See `ReceivingConnection`."""
+        found = self._long_text
+        return found if found is not None and found.text is message else find_long_text(message)
+
     def _is_utf8(self, message: bytes) -> bool:
         """Check a text that is not ASCII; return True if it is UTF-8 and the receiver may have it now.
 
@@ -308,7 +325,8 @@ class DirectConnection(ReceivingConnection):
         need = 2
         self._takes_more = True
         while position + need <= end:
-            if core.state is _CLOSED:  # the library drops all data
+            state = core.state
+            if state is _CLOSED:  # the library drops all data
                 self.feed(bytes(view[position:]))
                 position = end
                 break
@@ -320,7 +338,7 @@ class DirectConnection(ReceivingConnection):
                 if start > end:
                     need = start - position
                     break
-                size = int.from_bytes(view[position + 2 : start - 4], "big")
+                size = int.from_bytes(data[position + 2 : start - 4], "big")
             stop = start + size
             if size < 0 or size > max_size:  # not masked, or too long: the library reports it and closes
                 if not self._takes_more:  # a later receiver may accept longer ones
@@ -337,21 +355,25 @@ class DirectConnection(ReceivingConnection):
                 self.is_held = True
                 break
             has_worked = True
-            if (self._is_dropping or core.state is not _OPEN) and not first & _CONTROL:
+            if (self._is_dropping or state is not _OPEN) and not first & _CONTROL:
                 pass  # closing: only the other side's close frame is still needed
             elif first in _WHOLE and not self.is_in_fragments:
-                message = apply_mask(view[start:stop], data[start - 4 : start])
+                payload = data[start:stop] if size < LARGE else view[start:stop]  # a small copy is faster than a view
+                message = apply_mask(payload, data[start - 4 : start])
                 if first == BINARY:
                     self.is_text = False
                     self._takes_more = on_message(message)
                     self.is_text = True
+                elif size >= LEAST:
+                    self._takes_more = self._receive_long(message, receiver)
                 elif message.isascii() or self._is_utf8(message):
                     self._takes_more = on_message(message)
             else:
                 self._hand_over(bytes(view[position:stop]))
             position = stop
             need = 2
-        self._num_scanned = max(0, self._num_scanned - position)
+        if self._num_scanned:
+            self._num_scanned = max(0, self._num_scanned - position)
         if position < end:
             self._kept += view[position:]
             self._need = need

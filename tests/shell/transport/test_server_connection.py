@@ -20,7 +20,9 @@ from websockets.asyncio.server import ServerConnection, serve
 from websockets.frames import Frame, Opcode
 
 from rosbridge_sim.link import websocket_internals
+from rosbridge_sim.long_text import LongText, find_long_text
 from rosbridge_sim.protocol.outbox import BinaryFrame
+from rosbridge_sim.shell.transport import server_connection
 from rosbridge_sim.shell.transport.receiving_connection import COMPRESSED_AT_ONCE, Receiver, ReceivingConnection
 from rosbridge_sim.shell.transport.server_connection import MAX_HELD, DirectConnection
 from tests.support import PATIENCE
@@ -142,6 +144,7 @@ CONVERSATIONS = {
 
 A, BAD, KO = b"a", b"\xff", "가".encode()
 LONG_TEXT = KO * (MAX_SIZE // 3 - 1)  # longer than is checked in one go
+IMAGE = b'{"frame_id":"eye","data":"' + b"iVBO" * (MAX_SIZE // 8) + b'"}'
 
 TEXTS = {
     "beyond ASCII": frame(Opcode.TEXT, KO) + frame(Opcode.TEXT, "\U0001f697".encode()) + frame(Opcode.TEXT, A),
@@ -167,6 +170,11 @@ TEXTS = {
     + frame(Opcode.TEXT, A),
     "a long text with a bad end": frame(Opcode.TEXT, A) + frame(Opcode.TEXT, LONG_TEXT + BAD) + frame(Opcode.TEXT, A),
     "a long text with a bad beginning": frame(Opcode.TEXT, BAD + LONG_TEXT) + frame(Opcode.TEXT, A),
+    "an image": frame(Opcode.TEXT, IMAGE) + frame(Opcode.TEXT, A),
+    "an image beside words beyond ASCII": frame(Opcode.TEXT, IMAGE.replace(b"eye", KO)) + frame(Opcode.TEXT, A),
+    "an image beside a text that is no UTF-8": frame(Opcode.TEXT, IMAGE.replace(b"eye", BAD)) + frame(Opcode.TEXT, A),
+    "an image with a byte that is no UTF-8": frame(Opcode.TEXT, IMAGE.replace(b"BO", BAD, 1)) + frame(Opcode.TEXT, A),
+    "an image in binary": frame(Opcode.BINARY, IMAGE.replace(b"eye", BAD)) + frame(Opcode.TEXT, A),
     "a long text with half a character at its end": frame(Opcode.TEXT, LONG_TEXT + KO[:1]) + frame(Opcode.TEXT, A),
 }
 
@@ -195,6 +203,47 @@ async def test_texts_are_checked_equally_byte_by_byte_and_at_once(name: str) -> 
     heard, said = await converse([data[i : i + 1] for i in range(len(data))], is_direct=True)
     expected, expected_said = await converse([data], is_direct=False)
     assert (heard, without_reason(said)) == (expected, without_reason(expected_said))
+
+
+async def test_long_text_is_searched_once_and_kept_while_its_receiver_has_the_message(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    class Searching(PausingReceiver):
+        def receive(self, message: bytes) -> bool:
+            found = self._socket.find_long_text(message)
+            texts.append(None if found is None else found.text)
+            return super().receive(message)
+
+    def search(message: bytes) -> LongText | None:
+        num_searches.append(len(message))
+        return find_long_text(message)
+
+    texts: list[bytes | None] = []
+    num_searches: list[int] = []
+    sockets: list[DirectConnection] = []
+    monkeypatch.setattr(server_connection, "find_long_text", search)
+
+    async def handler(connection: ServerConnection) -> None:
+        assert isinstance(connection, DirectConnection)
+        sockets.append(connection)
+        connection.listen(Searching(connection, [], 64))
+        await connection.wait_closed()
+
+    beside = IMAGE.replace(b"eye", KO)
+    async with serve(handler, "127.0.0.1", 0, create_connection=DirectConnection, compression=None) as server:
+        port = next(iter(server.sockets)).getsockname()[1]
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        writer.write(REQUEST)
+        await reader.readuntil(b"\r\n\r\n")
+        for message in (A, IMAGE, beside):
+            writer.write(frame(Opcode.TEXT, message))
+        writer.write_eof()
+        await reader.read()
+        writer.close()
+    assert texts == [None, IMAGE, beside]
+    assert num_searches == [len(A), len(IMAGE), len(beside), len(beside)]  # what is not ASCII is searched twice
+    assert sockets[0].num_bytes_held == 0
+    assert sockets[0]._long_text is None
 
 
 async def test_refused_text_is_reported_with_the_wrong_position() -> None:
