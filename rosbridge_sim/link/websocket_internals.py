@@ -56,6 +56,7 @@ __all__ = ["MessageConnection", "apply_mask"]
 
 E = TypeVar("E", bound=Extension)
 
+_OPEN = State.OPEN
 _DATA = frozenset({Opcode.CONT, Opcode.TEXT, Opcode.BINARY})
 
 MAX_UNREAD = 64 * 2**20
@@ -115,7 +116,7 @@ class MessageConnection(Connection):
     @property
     def is_open(self) -> bool:
         """True after the handshake and before the closing."""
-        return self.core.state is State.OPEN
+        return self.core.state is _OPEN
 
     @property
     def is_opening(self) -> bool:

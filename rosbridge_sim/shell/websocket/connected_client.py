@@ -8,7 +8,7 @@ import time
 import zlib
 from collections.abc import Callable, Generator, Iterator
 from time import perf_counter
-from typing import ParamSpec, Protocol
+from typing import Protocol
 
 from websockets.frames import CloseCode
 
@@ -32,8 +32,6 @@ from rosbridge_sim.shell.websocket.memory import LARGE_FRAME
 from rosbridge_sim.shell.websocket.turns import Turns
 
 __all__ = ["Client", "ClientWatch"]
-
-P = ParamSpec("P")
 
 _log = logging.getLogger("rosbridge_sim.server")
 
@@ -94,6 +92,7 @@ class Client:
             is_talkative=limits.is_talkative,
             account=Account(limits.client_memory, bus.total),
         )
+        session.find_long_text = socket.find_long_text
         self.host = str(socket.remote_address[0]) if socket.remote_address else ""
         self.connected_ns = time.time_ns()
         self.num_bytes_sent = 0
@@ -300,7 +299,7 @@ class Client:
     def _schedule_flush(self) -> None:
         if not self._is_woken:
             self._is_woken = True
-            self.socket.loop.call_soon(self.flush)
+            self._turns.flush_later(self.flush)
 
     def _set_alarm(self, due: float) -> None:
         """Set an alarm for the peer's feeds at `due`, unless an earlier one is set."""
@@ -313,12 +312,8 @@ class Client:
     def _flush_peer(self) -> None:
         self._alarm = None
         self._alarm_due = _NEVER
-        self._contain(self.peer.flush, self.socket.loop.time())
-
-    def _contain(self, act: Callable[P, object], *args: P.args, **kwargs: P.kwargs) -> None:
-        """Call a function that concerns only this client; if it fails, the client is closed."""
         try:
-            act(*args, **kwargs)
+            self.peer.flush(self.socket.loop.time())
         except Exception as error:  # noqa: BLE001 - an internal error in this client's own state
             self._guard.blame(self.peer, error)
 
@@ -351,7 +346,10 @@ class Client:
 
     def flush(self) -> None:
         """Give waiting frames to the transport, as long as it accepts them, and as many as one turn has time for."""
-        self._contain(self._flush_outbox)
+        try:
+            self._flush_outbox()
+        except Exception as error:  # noqa: BLE001 - an internal error in this client's own state
+            self._guard.blame(self.peer, error)
 
     def _flush_outbox(self) -> None:
         self._is_woken = False
@@ -360,7 +358,7 @@ class Client:
             outbox.close()
             return
         left = MAX_FLUSHED
-        while (socket.unsent or len(outbox)) and not socket.is_full:
+        while (socket.unsent or outbox) and not socket.is_full:
             frames: list[bytes] = []
             if socket.unsent:
                 self.num_bytes_sent += socket.send_more()

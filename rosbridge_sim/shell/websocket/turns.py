@@ -56,6 +56,8 @@ class Turns:
         self._ends = 0.0
         self._new: deque[Worker] = deque()
         self._old: deque[Worker] = deque()
+        self._flushes: list[Callable[[], None]] = []
+        self._is_gathering = False  # the end of a round will call what comes to `flush_later`
 
     def begin(self) -> float:
         """Begin a client's turn, and a round if none is running.
@@ -66,10 +68,22 @@ class Turns:
         """
         now = perf_counter()
         if not self._is_begun:
-            self._is_begun = True
+            self._is_begun = self._is_gathering = True
             self._ends = now + ROUND_TIME
             self._loop.call_soon(self._end_round)
-        return min(now + TURN_TIME, self._ends)
+        until = now + TURN_TIME
+        return until if until < self._ends else self._ends  # noqa: FURB136 - each read comes here; `min` takes 70 ns more
+
+    def flush_later(self, flush: Callable[[], None]) -> None:
+        """Call a function at the end of the running round, after the world's turn; without a round, in the next pass.
+
+        Args:
+            flush: sends what waits for one socket; it must not raise.
+        """
+        if self._is_gathering:
+            self._flushes.append(flush)
+        else:
+            self._loop.call_soon(flush)
 
     def wait(self, worker: Worker, *, had_turn: bool) -> None:
         """Call a worker's `work` in later turns until nothing is left. The worker must not be waiting already.
@@ -90,6 +104,10 @@ class Turns:
     def _end_round(self) -> None:
         self._is_begun = False
         self._on_round()
+        flushes, self._flushes = self._flushes, []
+        self._is_gathering = self._is_begun
+        for flush in flushes:
+            flush()
         if not self._new and not self._old:
             return
         self.begin()

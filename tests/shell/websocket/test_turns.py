@@ -64,6 +64,32 @@ async def test_turn_of_one_client_and_round_of_all_are_bounded(clock: Clock) -> 
     assert these.begin() == clock.now + TURN_TIME
 
 
+async def test_what_waits_for_a_socket_is_sent_at_the_end_of_the_round(clock: Clock) -> None:
+    def move_world() -> None:
+        log.append("world")
+        these.flush_later(lambda: log.append("what the world says"))
+
+    log: list[str] = []
+    these = Turns(asyncio.get_running_loop(), move_world)
+    these.begin()
+    these.flush_later(lambda: log.append("answer"))
+    these.wait(Client("left", clock, log, 1, TURN_TIME), had_turn=True)
+    await rounds(1)
+    assert log == ["world", "answer", "what the world says", "left"]
+    await rounds(3)
+    assert log.count("answer") == 1
+    assert log.count("world") == log.count("what the world says")
+
+
+async def test_what_waits_for_a_socket_outside_a_round_is_sent_in_the_next_pass() -> None:
+    log: list[str] = []
+    these = Turns(asyncio.get_running_loop(), lambda: log.append("world"))
+    these.flush_later(lambda: log.append("a"))
+    assert log == []
+    await rounds(1)
+    assert log == ["a"]
+
+
 async def test_a_small_request_waits_for_one_turn_of_a_large_one(clock: Clock) -> None:
     log: list[str] = []
     these = Turns(asyncio.get_running_loop(), lambda: None)
