@@ -306,16 +306,26 @@ def _choice_reader(readers: list[_Reader]) -> _Reader:
 
 
 def _model_reader(kind: type[Document]) -> _Reader:
-    """Return the function that reads objects of a model."""
-    readers = {name: _reader_of(form) for name, form in fields_of(kind).items()}
-    needed = {field.name for field in msgspec.structs.fields(kind) if field.required}
+    """Return the function that reads objects of a model; that of a field is made when the field is first there."""
+    forms = fields_of(kind)
+    defaults = kind.__struct_defaults__
+    names = kind.__struct_fields__
+    without = (msgspec.NODEFAULT,) * (len(names) - len(defaults))
+    needed = {name for name, default in zip(names, without + defaults, strict=True) if default is msgspec.NODEFAULT}
+    readers: dict[str, _Reader] = {}
     prepare = kind.prepare if "prepare" in vars(kind) else _as_it_is
 
     def read(value: object) -> object:
         value = prepare(value)
         if not (isinstance(value, dict) and value.keys() >= needed):
             raise ValueError("no such object")
-        return kind(**{name: read(value[name]) for name, read in readers.items() if name in value})
+        found = {}
+        for name in names:
+            if name in value:
+                if name not in readers:
+                    readers[name] = _reader_of(forms[name])
+                found[name] = readers[name](value[name])
+        return kind(**found)
 
     return read
 

@@ -28,7 +28,7 @@ from rosbridge_sim.shell.websocket.memory import keep_memory
 if TYPE_CHECKING:
     from rosbridge_sim.shell.app import Simulator
 
-__all__ = ["attach", "serve"]
+__all__ = ["serve"]
 
 _log = logging.getLogger("rosbridge_sim")
 
@@ -60,7 +60,6 @@ def serve(argv: Sequence[str], *, is_attaching: bool = False) -> int:
     for number in stop_signals():
         signal.signal(number, lambda *_: sys.exit(0))  # until the simulator is built
     keep_memory()
-    gc.disable()  # objects made at the start stay; garbage collection would take a tenth of the start
     from rosbridge_sim.shell.app import Simulator  # noqa: PLC0415 - not needed for --help or after a mistake
 
     with asyncio.Runner(loop_factory=_loop_factory()) as runner:
@@ -84,11 +83,6 @@ def _find_more(settings: Settings) -> Sequence[str]:
     from rosbridge_sim.shell.assembly import mistakes_of_items  # noqa: PLC0415 - as above
 
     return mistakes_of_items(settings)
-
-
-def attach(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim attach`: a simulator behind other bridges, which does not listen; see `serve`."""
-    return serve(argv, is_attaching=True)
 
 
 async def _run(simulator: Simulator) -> int:

@@ -7,7 +7,6 @@ number of common pairs of letters. A suggestion among 300 names takes 0.3 ms, an
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable
 from functools import lru_cache
 from itertools import islice, pairwise
@@ -93,6 +92,8 @@ def _nearest(name: str, known: tuple[str, ...], cutoff: float) -> str:
         if least - _SLACK <= len(each) <= most + _SLACK and not pairs.isdisjoint(other := _pairs(each))
     ]
     candidates = [each for _, each in sorted(scores)[:NUM_COMPARED]]
+    import difflib  # noqa: PLC0415 - most processes suggest nothing
+
     close = difflib.get_close_matches(name, candidates, n=1, cutoff=cutoff)
     if not close:
         close = [each for each in candidates if _key(each) == _key(name)]

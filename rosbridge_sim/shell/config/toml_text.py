@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import sys
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,8 @@ def read_toml(path: Path) -> tuple[str, dict[str, Any]]:
     Raises:
         SettingError: it cannot be read, or is not valid TOML.
     """
+    import tomllib  # noqa: PLC0415 - most servers have no file
+
     text = read_text(path)
     try:
         return text, tomllib.loads(text)
@@ -90,6 +91,8 @@ def lines_of(text: str) -> Lines:
     Args:
         text: the TOML text.
     """
+    import tomllib  # noqa: PLC0415 - as above
+
     lines: dict[tuple[str, ...], int] = {}
     table: tuple[str, ...] = ()
     for number, line in enumerate(text.split("\n"), 1):

@@ -10,7 +10,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from html import escape
 from itertools import groupby
 from pathlib import Path
 from typing import Final
@@ -18,7 +17,6 @@ from typing import Final
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.page.doc_files import DocPage, find_doc_pages, find_docs_folder
 from rosbridge_sim.shell.page.made_once import MadeOnce
-from rosbridge_sim.shell.page.markdown_html import render_markdown
 from rosbridge_sim.shell.page.page_file import PageFile, make_page_file
 
 __all__ = ["DOCS_PATH", "DocSite"]
@@ -82,6 +80,8 @@ def _make_image(path: Path) -> PageFile:
 
 
 def _make_page(page: DocPage, pages: frozenset[str], images: frozenset[str]) -> PageFile:
+    from rosbridge_sim.shell.page.markdown_html import render_markdown  # noqa: PLC0415 - for the first reader of a page
+
     body = render_markdown(page.path.read_text("utf-8"), page.name, pages, images)
     language = "ko" if page.name.startswith("ko/") else "en"
     return _frame(page.title, "../" * (page.name.count("/") + 1), body, language)
@@ -93,7 +93,7 @@ def _make_list(pages: Iterable[DocPage]) -> PageFile:
     found = sorted(pages, key=lambda page: (order.index(_group_of(page)), page.name != "index"))
     parts = ["<h1>Documentation</h1>"]
     for folder, group in groupby(found, key=_group_of):
-        items = [f'<li><a href="{escape(page.name)}">{escape(_plain(page.title))}</a></li>' for page in group]
+        items = [f'<li><a href="{_html_of(page.name)}">{_html_of(_plain(page.title))}</a></li>' for page in group]
         parts += [f"<h2>{_GROUPS[folder]}</h2>", "<ul>", *items, "</ul>"]
     return _frame("Documentation", "../", "\n".join(parts))
 
@@ -105,6 +105,12 @@ def _group_of(page: DocPage) -> str:
 
 def _plain(title: str) -> str:
     return title.replace("`", "")
+
+
+def _html_of(text: str) -> str:
+    from html import escape  # noqa: PLC0415 - its table of 2,000 names is for the first reader of a page
+
+    return escape(text)
 
 
 def _frame(title: str, root: str, body: str, language: str = "en") -> PageFile:
@@ -120,7 +126,7 @@ def _frame(title: str, root: str, body: str, language: str = "en") -> PageFile:
 <html lang="{language}">
 <head>
 <meta charset="utf-8">
-<title>{escape(_plain(title))} - rosbridge-sim</title>
+<title>{_html_of(_plain(title))} - rosbridge-sim</title>
 <meta name="viewport" content="width=device-width, initial-scale=1, viewport-fit=cover">
 <meta name="color-scheme" content="light dark">
 <link rel="icon" href="{root}icon.svg" type="image/svg+xml">

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 from dataclasses import dataclass
 
@@ -34,4 +33,6 @@ def make_page_file(kind: str, body: bytes) -> PageFile:
         body: its bytes.
     """
     etag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
+    import gzip  # noqa: PLC0415 - for the first reader of a page
+
     return PageFile(kind, body, gzip.compress(body, mtime=0), etag)

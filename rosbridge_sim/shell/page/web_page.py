@@ -13,7 +13,6 @@ from importlib.resources import files
 from typing import Final, Protocol
 
 from rosbridge_sim.shell.page.doc_site import DOCS_PATH, DocSite
-from rosbridge_sim.shell.page.joining import join_modules
 from rosbridge_sim.shell.page.made_once import MadeOnce
 from rosbridge_sim.shell.page.page_file import PageFile, make_page_file
 from rosbridge_sim.shell.page.type_files import TYPES_PATH, TypeFiles
@@ -108,5 +107,7 @@ def page_source(name: str) -> bytes:
         JoinError: a module cannot be joined.
     """
     if name == PATHS["/page.js"][0]:
+        from rosbridge_sim.shell.page.joining import join_modules  # noqa: PLC0415 - for the first reader of the page
+
         return join_modules(name, lambda path: (_FOLDER / path).read_text(encoding="utf-8")).encode()
     return (_FOLDER / name).read_bytes()
