@@ -179,7 +179,6 @@ class Following:
     """An expression that is followed through the frames of a drive: the values of its functions over time.
 
     Attributes:
-        expression: the expression.
         running: values of its functions over time, by the texts of their calls.
     """
 
@@ -190,9 +189,6 @@ class Following:
 
     def take(self, values: Mapping[str, Value]) -> None:
         """Take the values of the next frame.
-
-        Args:
-            values: by name; those that there are.
 
         Raises:
             DocumentError: as for a call of the expression.
@@ -260,7 +256,6 @@ def parse_expression(
     """Parse an expression.
 
     Args:
-        text: the expression.
         where: place in the user's file, for errors.
         known: names that may be used; None for any.
         is_followed: it may read fields of topics, and has the functions over time; see `Following`.

@@ -35,8 +35,6 @@ def hint(name: str, known: Iterable[str], cutoff: float = 0.7) -> str:
     """Return ` (did you mean ...?)` for the end of an error; an empty text if no known name is similar.
 
     Args:
-        name: the given name.
-        known: the known names.
         cutoff: least similarity, from 0 to 1. Upper or lower case, `_`, `-` and `/` make no difference.
     """
     if not name or len(name) > MAX_COMPARED_NAME:
@@ -51,10 +49,6 @@ def find_misspelt(name: str, known: Iterable[str]) -> str:
     Surely means: case and `_`, `-`, `/` apart, one letter is missing, added, wrong or swapped with the next one; or the
     names are equal for the most part, as long ones with two such mistakes are. Names of fewer than four letters must be
     equal but for case, because `pos` and `rot` are different things.
-
-    Args:
-        name: the given name.
-        known: the known names.
     """
     if not name or len(name) > MAX_COMPARED_NAME:
         return ""

@@ -18,9 +18,6 @@ def check_job(job: Job) -> Campaign:
 
     A scenario that cannot be read is no mistake here: its runs become rows with the reason, beside those of others.
 
-    Args:
-        job: the campaign.
-
     Raises:
         DocumentError: parameters, functions, programs or settings cannot be used.
     """

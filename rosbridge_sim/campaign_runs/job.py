@@ -161,9 +161,6 @@ class LoadedJob:
 def open_job(job: Job) -> LoadedJob:
     """Return a campaign with what its runs need; the same one for the same job.
 
-    Args:
-        job: the campaign.
-
     Raises:
         DocumentError: it cannot be used.
     """

@@ -26,9 +26,7 @@ class NodeWorlds(DrivableWorlds):
     """The worlds of some simulators, which move together.
 
     Args:
-        loaded: the campaign.
         drives: of all runs; each hears the topics of its own simulator, and has a folder.
-        runs: the runs.
 
     Raises:
         DocumentError: a scenario or a setting cannot be used.

@@ -69,11 +69,7 @@ class KeptOutput(io.TextIOBase):
         return len(text)
 
     def take(self, data: bytes) -> None:
-        """Take a piece of the output.
-
-        Args:
-            data: the bytes.
-        """
+        """Take a piece of the output."""
         self._num += len(data)
         room = HEAD - len(self._head)
         if room > 0:

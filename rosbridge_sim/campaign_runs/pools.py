@@ -135,7 +135,6 @@ def open_pool(job: Job, num_jobs: int, ray: str | None) -> Pool:
     """Return processes of this machine, or a Ray cluster.
 
     Args:
-        job: the campaign.
         num_jobs: number of processes.
         ray: address of a cluster, or `local`; None for processes.
 

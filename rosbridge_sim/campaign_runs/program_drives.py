@@ -55,7 +55,6 @@ def drive_by_program(loaded: LoadedJob, driver: DriverItem, run: Run, *, record:
     """Drive a run by a program.
 
     Args:
-        loaded: the campaign.
         driver: with a command.
         record: record the topics of the simulator.
 
@@ -204,7 +203,6 @@ class _Program:
     """A program in a process group of its own.
 
     Attributes:
-        process: the program.
         words: its command line.
         output: what it printed.
 

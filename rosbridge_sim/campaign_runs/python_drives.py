@@ -50,7 +50,6 @@ def drive_in_python(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run]) 
     """Drive runs of one driver, together where their settings are equal.
 
     Args:
-        loaded: the campaign.
         driver: of all of them; no program.
 
     Returns:

@@ -34,7 +34,6 @@ class RayPool:
         num_tasks: two for each processor of the cluster at the start.
 
     Args:
-        job: the campaign.
         num_jobs: processors of a cluster that is started here (`local`).
         address: of a cluster that runs, or `local`.
 

@@ -34,11 +34,7 @@ RESULTS: Final = "results.jsonl"
 
 
 class ResultsFolder:
-    """Results of a campaign on the disk.
-
-    Attributes:
-        path: the folder.
-    """
+    """Results of a campaign on the disk."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -52,7 +48,6 @@ class ResultsFolder:
         """Make the folder, or take up the one that is there.
 
         Args:
-            job: the campaign.
             is_resumed: go on with what is there.
 
         Returns:

@@ -54,7 +54,6 @@ class CampaignRunner:
     """Drives runs and writes their results.
 
     Attributes:
-        campaign: the campaign.
         folder: takes the results.
         pool: drives.
         tell: called with each result, for the progress.

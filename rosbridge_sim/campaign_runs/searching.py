@@ -21,7 +21,6 @@ def drive_search(runner: CampaignRunner, there: Mapping[int, Result]) -> None:
     alone. So runs whose results are there are not driven twice.
 
     Args:
-        runner: drives.
         there: results by number; the runner's `tell` adds to them.
 
     Raises:

@@ -76,8 +76,6 @@ def simulator_options(loaded: LoadedJob, run: Run, work: Path, *, is_real_time: 
     """Return the options of a run's simulator.
 
     Args:
-        loaded: the campaign.
-        run: the run.
         work: its folder; a scenario with changes is written there.
         is_real_time: the world does not wait for ticks.
 
@@ -122,10 +120,6 @@ def _found(value: Value, base: str) -> Value:
 
 def make_work_folder(loaded: LoadedJob, run: Run) -> Path:
     """Make a folder for a run's own files, beside the results, so that they can be moved there.
-
-    Args:
-        loaded: the campaign.
-        run: the run.
 
     Raises:
         OSError: the disk takes no more.

@@ -29,10 +29,6 @@ class WatchedDrive:
     Attributes:
         name: as a node of the bus.
         outcome: of the drive, so far.
-
-    Args:
-        campaign: the campaign.
-        run: the run.
     """
 
     name = "/campaign"
@@ -49,7 +45,6 @@ class WatchedDrive:
 
         Args:
             level: `info`, `warning` or `error`.
-            text: a line of text.
         """
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 

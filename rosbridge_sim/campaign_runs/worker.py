@@ -38,7 +38,6 @@ def run_folder(folder: str | Path, number: int) -> Path:
 
     Args:
         folder: of the results.
-        number: of the run.
     """
     return Path(folder) / "runs" / f"{number:0{DIGITS}d}"
 
@@ -89,7 +88,6 @@ def drive_runs(job: Job, runs: Sequence[Run], *, may_keep: bool = True) -> list[
     """Drive and judge some runs of one driver.
 
     Args:
-        job: the campaign.
         runs: the runs; more than one for a driver that takes a batch.
         may_keep: write the files of runs that the campaign wants to keep; False beyond its quota.
 

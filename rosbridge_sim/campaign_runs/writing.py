@@ -26,7 +26,6 @@ def write_all(folder: ResultsFolder, campaign: Campaign, results: Sequence[Resul
     """Write the tables and the report anew.
 
     Args:
-        folder: of the results.
         results: in the order of the table.
         name: of the campaign.
 

@@ -56,7 +56,6 @@ def ranges_of(document: CampaignDocument, source: str) -> dict[str, ParameterIte
     """Return the parameters that a search varies.
 
     Args:
-        document: the campaign.
         source: name of the file, for errors.
 
     Raises:
@@ -75,7 +74,6 @@ def place_in(item: ParameterItem, share: float) -> ParameterValue:
     """Return the value at a share of a range, or of a list.
 
     Args:
-        item: the parameter.
         share: 0 to 1.
     """
     if item.values is not None:

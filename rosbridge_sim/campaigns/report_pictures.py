@@ -81,7 +81,6 @@ def draw_curve(times: Sequence[float], values: Sequence[float], name: str, unit:
         times: [s], rising.
         values: at these times; infinite ones are left out.
         name: of the figure.
-        unit: of the values.
         mark: time of a vertical line, such as that of the breach [s]; None for none.
     """
     step = max(len(times) // _MAX_POINTS, 1)

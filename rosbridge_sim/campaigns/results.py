@@ -27,7 +27,6 @@ class Run:
     Attributes:
         number: from 1 on, in the order of the table.
         scenario: name or file.
-        driver: its name.
         seed: of the simulation.
         parameters: by name.
     """
@@ -55,7 +54,6 @@ class Breach:
     """A limit that was not kept.
 
     Attributes:
-        limit: its name.
         text: what was expected and what came.
         time: simulated time of the first frame that broke it [s].
         x, y: place of the ego then [m].
@@ -73,7 +71,6 @@ class Result:
     """Result of a run.
 
     Attributes:
-        run: the run.
         verdict: of all its drives.
         reason: why, in one line; empty for a pass.
         breaches: limits that were not kept, the earliest first.

@@ -22,9 +22,6 @@ class TopicValues:
     Attributes:
         values: of the last messages; a field that the last message lacks, such as an entry of a shorter list, has none.
         trouble: why a field cannot be read; empty if all can.
-
-    Args:
-        fields: the fields.
     """
 
     def __init__(self, fields: Iterable[TopicField]) -> None:

@@ -93,11 +93,7 @@ class Trace:
         return [row[i] for row in self.rows]
 
     def at(self, i: int) -> dict[str, Value]:
-        """Return the figures of a frame, with the parameters of the run.
-
-        Args:
-            i: index of the row.
-        """
+        """Return the figures of a frame, with the parameters of the run."""
         return {**self.parameters, **dict(zip(FIGURES, self.rows[i], strict=True))}
 
     def scores(self) -> dict[str, float]:

@@ -67,7 +67,6 @@ def add_bridge(
     """Add the flags of every command that talks to a server.
 
     Args:
-        parser: parser of the command.
         patience: default of the longest wait for an answer [s].
         is_call: the answer is that of a service.
         is_waiting: the command waits for messages, by default for ever.
@@ -91,11 +90,7 @@ def add_bridge(
 
 
 def add_server(parser: Parser) -> None:
-    """Add the flags that select the server.
-
-    Args:
-        parser: parser of the command.
-    """
+    """Add the flags that select the server."""
     url = os.environ.get(f"{PREFIX}URL") or DEFAULT_URL
     token = os.environ.get(f"{PREFIX}TOKEN") or None
     text = f"any rosbridge, also as {PREFIX}URL [{shown_url(url)}]"  # a token may stand in it

@@ -51,7 +51,6 @@ def run_command(parser: argparse.ArgumentParser, argv: Sequence[str]) -> int:
     """Run the command that the words name.
 
     Args:
-        parser: parser of the command.
         argv: words behind the command's name.
 
     Returns:
@@ -122,20 +121,12 @@ def group_of(name: str, text: str) -> tuple[Parser, Callable[..., Parser]]:
 
 
 def add_json(parser: Parser) -> None:
-    """Add the flag `--json`, for commands that print something.
-
-    Args:
-        parser: parser of the command.
-    """
+    """Add the flag `--json`, for commands that print something."""
     parser.add_argument("--json", action="store_true", help="print JSON for programs: one value, or one per line")
 
 
 def add_definitions(parser: Parser) -> None:
-    """Add the flags that select message definitions.
-
-    Args:
-        parser: parser of the command.
-    """
+    """Add the flags that select message definitions."""
     parser.add_argument("--release", help="MORAI SIM release of the messages")
     parser.add_argument(
         "--schema-path", action="append", default=[], metavar="DIR", help="folder with ROS packages; may be repeated"
@@ -143,11 +134,7 @@ def add_definitions(parser: Parser) -> None:
 
 
 def definition_sources_of(options: Options) -> DefinitionSources:
-    """Return the values of these flags; without `--ros` the generation stays open.
-
-    Args:
-        options: the parsed flags.
-    """
+    """Return the values of these flags; without `--ros` the generation stays open."""
     from rosbridge_sim.cli.tools.schema import DefinitionSources  # noqa: PLC0415 - with all that knows definitions
 
     return DefinitionSources(options.release, vars(options).get("ros"), tuple(options.schema_path))

@@ -44,8 +44,6 @@ class ActionKind:
         space: of one action.
 
     Args:
-        worlds: the worlds.
-        task: the options.
         at: which egos, see `Index`.
     """
 

@@ -28,7 +28,6 @@ class EgoCameras:
     """A camera on each ego of some worlds of one map.
 
     Args:
-        worlds: the worlds.
         width: of the pictures [pixels].
         height: likewise.
 

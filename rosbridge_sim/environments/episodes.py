@@ -33,13 +33,11 @@ class Episodes:
 
     Attributes:
         worlds: moved by `step`.
-        task: the options.
         action: the kind of actions.
         starts: begin and goals.
 
     Args:
         worlds: of one map.
-        task: the options.
         at: which egos.
 
     Raises:

@@ -78,7 +78,6 @@ def judge(
 
     Args:
         worlds: after the step.
-        task: the options.
         actions: (n, 2) of the step.
         at: which egos.
         goals: (num_worlds, num_egos, 3), see `observe`.

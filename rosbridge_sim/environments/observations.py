@@ -164,8 +164,6 @@ def observe(
     """Return the observations of all egos, (num_worlds, num_egos, ...) float32, or a dict of them.
 
     Args:
-        worlds: the worlds.
-        task: the options.
         goals: (num_worlds, num_egos, 3) east and north of the middle of the bay, and the heading in it; nan without.
             Only `Goal` has them.
         cameras: of these worlds; only `Camera` needs them.

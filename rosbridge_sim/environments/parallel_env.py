@@ -35,7 +35,6 @@ class DrivingParallelEnv(ParallelEnv[str, Seen, Any]):
     ended brakes, and stays where it is. All episodes end after the duration.
 
     Args:
-        num_egos: number of egos.
         render_mode: `rgb_array` or None.
         options: those of `DrivingTask`; the egos begin on the lanes of `start_lane`, 25 m apart at least.
 

@@ -31,7 +31,6 @@ class Starts:
 
     Args:
         worlds: of one map.
-        task: the options.
 
     Raises:
         ValueError: the map has no such lane.

@@ -299,11 +299,7 @@ class Actions:
                 del self._goals[goal.caller]
 
     def hand_feedback(self, goal: Goal, values: Message) -> None:
-        """Give feedback to a goal's caller (for `Goal` alone).
-
-        Args:
-            values: the feedback.
-        """
+        """Give feedback to a goal's caller (for `Goal` alone)."""
         assert goal.on_feedback is not None, "checked by the goal"
         try:
             goal.on_feedback(values)
@@ -335,11 +331,7 @@ class Actions:
             self._state.guard.contain(goal.action.owner, error)
 
     def leave(self, owner: Participant) -> None:
-        """Cancel the goals that an owner sent, and fail the goals that were sent to it.
-
-        Args:
-            owner: the owner that leaves.
-        """
+        """Cancel the goals that an owner sent, and fail the goals that were sent to it."""
         attempt = self._state.guard.attempt
         for goal in list(self._goals.pop(owner, ())):
             attempt("the end of a goal", goal.abandon)

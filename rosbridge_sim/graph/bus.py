@@ -37,7 +37,6 @@ class Bus(BusState):
         delivery: delivers messages and counts them.
         topics: all topics by absolute name; read only.
         services: all services by absolute name; read only.
-        actions: the actions.
         parameters: the parameter server.
         unpublished: subscriptions to topics without a publisher.
         unheard: advertisements of clients without a subscriber.
@@ -141,11 +140,7 @@ class Bus(BusState):
         self._topic_table.expire(now)
 
     def leave(self, owner: Participant, now: float) -> None:
-        """Remove everything of `owner`, answer its waiting callers, call `on_leave`. A second call does nothing.
-
-        Args:
-            owner: the owner that leaves.
-        """
+        """Remove everything of `owner`, answer its waiting callers, call `on_leave`. A second call does nothing."""
         attempt = self.guard.attempt
         attempt("the end of an owner's goals", self.actions.leave, owner)
         self._service_table.abandon_calls(owner)

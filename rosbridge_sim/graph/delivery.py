@@ -106,7 +106,6 @@ class Delivery:
         Args:
             sender: the publisher.
             message: the message; it may have been published before.
-            listeners: the subscriptions that get it.
         """
         for subscription in listeners:
             try:

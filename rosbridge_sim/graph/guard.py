@@ -32,11 +32,7 @@ class Guarded(Protocol):
     """An owner that represents one client, bridge or recording, and so can be ended alone."""
 
     def fail(self, error: Exception) -> None:
-        """End, because work for this owner has failed. Must not raise, and may be called again.
-
-        Args:
-            error: the failure.
-        """
+        """End, because work for this owner has failed. Must not raise, and may be called again."""
 
 
 class Guard:
@@ -57,7 +53,6 @@ class Guard:
 
         Args:
             concerned: an owner of the bus.
-            error: the failure.
 
         Raises:
             Exception: `error` itself, if this owner cannot be ended alone. The caller must log and count it.
@@ -79,7 +74,6 @@ class Guard:
 
         Args:
             concerned: an owner of the bus.
-            error: the failure.
         """
         if isinstance(concerned, Guarded):
             self.blame(concerned, error)

@@ -61,7 +61,6 @@ class Participant(Protocol):
 
         Args:
             level: `info`, `warning` or `error`.
-            text: a line of text.
         """
 
 
@@ -95,7 +94,6 @@ class Guest(Protocol):
         It is called just before the offer is removed from the bus.
 
         Args:
-            kind: kind of the offer.
             name: absolute name.
             why: a line of text for the user of the client.
         """
@@ -127,7 +125,6 @@ class Explaining(Protocol):
 
         Args:
             level: `warning` or `error`.
-            text: a line of text.
             reason: kind of mistake.
         """
 
@@ -169,7 +166,6 @@ def explain(owner: Participant, level: str, text: str, reason: Reason) -> None:
 
     Args:
         level: `warning` or `error`.
-        text: a line of text.
         reason: kind of mistake.
     """
     if isinstance(owner, Explaining):
@@ -183,18 +179,11 @@ class Restricted(Protocol):
     """An owner with limited rights: a client."""
 
     def check_subscribe(self, topic: str, type_name: str) -> None:
-        """Raise GraphError if this owner must not subscribe to a topic.
-
-        Args:
-            type_name: its type.
-        """
+        """Raise GraphError if this owner must not subscribe to a topic."""
 
 
 def check_reading(owner: Participant, topic: str, type_name: str) -> None:
     """Check that an owner may have the messages of a topic, in an answer as by a subscription.
-
-    Args:
-        type_name: its type.
 
     Raises:
         GraphError: it must not subscribe to it.
@@ -227,7 +216,6 @@ def take_over(old: Participant, kind: OfferKind, name: str, new: Participant) ->
 
     Args:
         old: the present owner.
-        kind: kind of the offer.
         name: absolute name.
         new: the next owner.
     """
@@ -302,7 +290,6 @@ def decode_body(message_type: MessageType | OpaqueType, body: OpBody, stamp_ns: 
     """Return the checked and completed value of a body, which has fields by name, by position, or none.
 
     Args:
-        message_type: type of the message.
         stamp_ns: time for stamps that the body leaves open [ns].
 
     Raises:

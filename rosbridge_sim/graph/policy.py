@@ -170,11 +170,7 @@ class Policy:
             raise GraphError(f"Not allowed to offer {name}", reason=Reason.NOT_ALLOWED)
 
     def check_parameter(self, name: str) -> None:
-        """Raise GraphError if the parameter must not be read or written.
-
-        Args:
-            name: name of the parameter.
-        """
+        """Raise GraphError if the parameter must not be read or written."""
         if not self.parameter.admits(name):
             raise GraphError(f"Not allowed to use the parameter {name}", reason=Reason.NOT_ALLOWED)
 

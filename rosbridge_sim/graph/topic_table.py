@@ -207,9 +207,6 @@ class TopicTable:
     def retype(self, subscription: Subscription, type_name: str) -> bool:
         """Restrict a client's subscription to a type, if that is the topic's type.
 
-        Args:
-            type_name: the type.
-
         Returns:
             True if it had another type before, so that no message could reach it.
 
@@ -299,11 +296,7 @@ class TopicTable:
             attempt("a note about a topic without subscribers", notify, topic)
 
     def leave(self, owner: Participant, now: float) -> None:
-        """End the subscriptions and advertisements of an owner.
-
-        Args:
-            owner: the owner that leaves.
-        """
+        """End the subscriptions and advertisements of an owner."""
         attempt = self._state.guard.attempt
         held = self._state.holdings(owner)
         for subscription in list(held.subscriptions):

@@ -145,9 +145,6 @@ class Topic:
         """Fix the type, and tell the subscriptions that ask for another one (for the bus alone).
 
         All methods below are for the bus alone, too.
-
-        Args:
-            message_type: the type.
         """
         if self.is_settled and self.type.name == message_type.name:
             return

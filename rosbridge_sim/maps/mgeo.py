@@ -180,7 +180,6 @@ def read_projection(text: str, source: str) -> Projection:
     """Read a `global_coordinate_system`: proj4 text of a UTM zone or a TM, or the old form "UTM52N".
 
     Args:
-        text: the value.
         source: name of its file, for errors.
 
     Returns:

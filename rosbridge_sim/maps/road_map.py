@@ -128,7 +128,6 @@ class RoadMap:
         origin: east, north and up of the map's (0, 0, 0) in that projection [m].
         roads: its lanes, in the order of the file.
         plan: its traffic lights; None if it has none.
-        crosswalks: its crosswalks.
         borders: painted lines and kerbs.
         markings: what is painted on the roads beside lines and crosswalks.
         signs: traffic signs.

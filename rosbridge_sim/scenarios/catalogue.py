@@ -364,7 +364,6 @@ class Catalogue:
         """Return the model of a number in a scenario file.
 
         Args:
-            data_id: the number.
             kind: of the item; an ego is looked up among the vehicles.
 
         Returns:
@@ -395,9 +394,6 @@ def default_model(kind: Kind) -> Model:
 def class_of_data_id(data_id: int) -> Kind | None:
     """Return the class that the first digits of a number mean.
 
-    Args:
-        data_id: the number.
-
     Returns:
         The class, or None for an unknown one.
     """
@@ -409,7 +405,6 @@ def model_by_class(data_id: int, kind: Kind) -> Model:
     """Return a model for a number that is in no catalogue: the ordinary size of its kind, and a name with the number.
 
     Args:
-        data_id: the number.
         kind: of the item in the file.
 
     Returns:

@@ -61,7 +61,6 @@ class Spawn:
     """One agent to be added to the world.
 
     Attributes:
-        kind, model, name: its kind and model; the name is the model's.
         uid: the id in the file, 0 for the first ego; None for the next free one.
         x, y, z: reference point in the map frame [m]. 0 while only the link is known (`is_placed` False).
         yaw: (-pi, pi] [rad].

@@ -40,7 +40,6 @@ class MeshPage:
         middle: x, y, z in the map frame [m].
         scale: length of a step along x, y, z [m].
         num_vertices: number of corners.
-        num_triangles: number of triangles.
         palette: red, green, blue and class of each colour.
         data: vertices, triangles and colours, compressed by zlib.
     """

@@ -107,7 +107,6 @@ class PictureMaker(Protocol):
 
         Args:
             static: what does not move. It is prepared once and kept while the same object is given.
-            frame: what moves.
             camera: size, field of view and distortion.
             pose: of the camera in the map frame.
             weather: light and air.
@@ -139,7 +138,6 @@ class RayMaker(Protocol):
 
         Args:
             static: what does not move. It is prepared once and kept while the same object is given.
-            frame: what moves.
             origins: (k, 3) or (1, 3) for all, map frame minus `static.origin` [m].
             directions: (k, 3) unit vectors, map frame.
             max_range: length of the rays [m].

@@ -60,7 +60,6 @@ class SceneFrame:
     """All entities and lights of a frame; `n` entities in order of spawning, (n,) each unless told otherwise.
 
     Attributes:
-        frame: number of the frame.
         ids: int64, id of each entity on the wire.
         shapes: uint8, see `Shape`.
         is_ego: bool.

@@ -129,7 +129,6 @@ def make_simulator_node(
     """Return the node of a simulator, in its opening scene.
 
     Args:
-        bus: the node's bus.
         settings: all settings.
         recordings: recorded drives of the user; None for none.
         reader: reads files in a thread; None to read at once.

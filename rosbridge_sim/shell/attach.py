@@ -104,7 +104,6 @@ class Attachment:
         """Prepare the attachment; `start` connects.
 
         Args:
-            bus: the bus of the simulator.
             source: the simulator.
             url: URL of the bridge.
             limits: limits of each connection.

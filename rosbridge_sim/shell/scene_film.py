@@ -154,11 +154,7 @@ class SceneFilm:
         return Pose(*(column.item(row) for column in place))
 
     def advance(self, frame: int) -> bool:
-        """Move the world up to a frame; return False if it stands before, because a recording is over.
-
-        Args:
-            frame: number of the frame.
-        """
+        """Move the world up to a frame; return False if it stands before, because a recording is over."""
         while self.frame < frame:
             if self._node.next_due(self._now) is None:
                 return False

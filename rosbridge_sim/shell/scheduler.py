@@ -44,11 +44,7 @@ class Endable(Protocol):
     """A clock that the rest of the simulator does not need."""
 
     def end(self, error: Exception) -> None:
-        """End for ever because of a failure. After this, `next_due` returns None, and `advance` does nothing.
-
-        Args:
-            error: the failure.
-        """
+        """End for ever because of a failure. After this, `next_due` returns None, and `advance` does nothing."""
 
 
 class Scheduler:

@@ -256,11 +256,7 @@ class SimulatorNode:
         return max(0.0, now - context.pacer.due_at) if context.pacer.factor else 0.0
 
     def measure_frames(self, meter: FrameMeter) -> None:
-        """Call a meter at the begin and at the end of each frame.
-
-        Args:
-            meter: measures each frame.
-        """
+        """Call a meter at the begin and at the end of each frame."""
         self.context.stepper.meter = meter
 
     def limit_turns(self, read_clock: Callable[[], float]) -> None:

@@ -42,7 +42,6 @@ def find_grids(part: Part, size: float, step: float) -> FloatArray:
     of several entities the one nearest to the ego counts. The ego is in none.
 
     Args:
-        part: the egos.
         size: side of the square; the middle of the ego's rear axle is in its middle [m].
         step: side of a cell [m].
 

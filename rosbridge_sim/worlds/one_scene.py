@@ -57,7 +57,6 @@ class OneScene:
 
     Args:
         world: empty.
-        library: has the maps.
         scenario: the opening scene.
         traffic: vehicles besides those of the scenario, at most.
         model: of the egos; None for that of the scenario.

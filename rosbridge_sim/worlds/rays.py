@@ -35,7 +35,6 @@ def cast_rays(part: Part, num: int, reach: float) -> FloatArray:
     """Return what rays from the middles of egos meet first.
 
     Args:
-        part: the egos.
         num: rays of each, at equal angles, the first one forward, the second one to the left of it.
         reach: length of the rays [m].
 
@@ -124,11 +123,7 @@ def _take_nearest(distance: FloatArray, owner: IntArray, met: FloatArray) -> Non
 
 
 class _Borders:
-    """The borders of the road of a map, as segments; get them by `roads.derived(_Borders)`.
-
-    Args:
-        roads: the lanes.
-    """
+    """The borders of the road of a map, as segments; get them by `roads.derived(_Borders)`."""
 
     def __init__(self, roads: Roads) -> None:
         self._grids: dict[int, BlockGrid] = {}

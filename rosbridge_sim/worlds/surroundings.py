@@ -39,7 +39,6 @@ def find_others(part: Part, num: int) -> FloatArray:
     """Return the entities nearest to egos, the nearest first.
 
     Args:
-        part: the egos.
         num: entities of each, positive.
 
     Returns:
@@ -87,7 +86,6 @@ def find_lanes(part: Part, ahead: FloatArray) -> tuple[dict[str, npt.NDArray[np.
     """Return where egos are on their lanes, and places of the lanes' lines ahead of them.
 
     Args:
-        part: the egos.
         ahead: (p,) distances along the lanes [m].
 
     Returns:
@@ -127,7 +125,6 @@ def find_lights(part: Part, may_enter: BoolArray, light_of_lane: IntArray) -> tu
     """Return where the next lights are straight ahead of egos, and which of them forbid to go on.
 
     Args:
-        part: the egos.
         may_enter: (k, l) bool, for each ego the lanes of the map that no light forbids now.
         light_of_lane: (l,) int64, the light that each lane obeys; -1 for none.
 

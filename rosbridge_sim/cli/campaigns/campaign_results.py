@@ -47,7 +47,6 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
     Args:
         folder: of results.
         number: of the run.
-        is_json: print JSON.
 
     Raises:
         DocumentError: there is no such run.
@@ -101,7 +100,6 @@ def compare(before: str, after: str, *, is_json: bool) -> int:
     Args:
         before: folder of results.
         after: another one.
-        is_json: print JSON.
 
     Returns:
         1 if runs that passed do so no longer, else 0.

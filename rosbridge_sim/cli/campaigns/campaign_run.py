@@ -187,7 +187,6 @@ def check(file: str, *, is_json: bool) -> int:
 
     Args:
         file: of the campaign.
-        is_json: print JSON.
 
     Raises:
         DocumentError: it has a mistake, or a scenario cannot be read.
@@ -222,7 +221,6 @@ def repeat(folder: str, number: int, *, is_json: bool) -> int:
     Args:
         folder: of results.
         number: of the run.
-        is_json: print JSON.
 
     Returns:
         0 if it ends with the same verdict and state, else 1.

@@ -17,7 +17,6 @@ def repair_bag(path: str, output: str | None, *, is_json: bool) -> int:
     Args:
         path: the broken bag.
         output: the new bag; None uses the default name.
-        is_json: print JSON for programs.
 
     Returns:
         The exit code.

@@ -38,7 +38,6 @@ def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_st
     Args:
         names: folders, folders of such folders, or names of built-in maps.
         picture: file for a picture; allowed for a single map.
-        is_json: print JSON for programs.
         is_strict: remarks count like mistakes in the exit code.
 
     Returns:

@@ -94,7 +94,6 @@ def check_scenarios(
         library: scenarios and maps.
         own_map: name or folder of a map that replaces those of the scenarios.
         picture: file for a picture; allowed for a single scenario.
-        is_json: print JSON for programs.
         is_strict: remarks count like mistakes in the exit code.
 
     Returns:

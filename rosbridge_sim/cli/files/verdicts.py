@@ -58,11 +58,7 @@ class Verdicts:
         self._has_progress = sys.stderr.isatty() and not sys.stdout.isatty()
 
     def begin(self, file: str) -> None:
-        """Begin with the next file.
-
-        Args:
-            file: name of the file.
-        """
+        """Begin with the next file."""
         if self._has_progress:
             done = sum(self._counts.values())
             sys.stderr.write(f"\r\x1b[K[{done + 1:,}/{self._num:,}] {safe(file)}")

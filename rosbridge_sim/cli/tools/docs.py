@@ -24,9 +24,6 @@ SITE: Final = Path(__file__).resolve().parents[3] / "build" / "site" / "index.ht
 def list_pages(*, is_json: bool) -> int:
     """Print name and title of each page.
 
-    Args:
-        is_json: print JSON for programs.
-
     Returns:
         The exit code.
 
@@ -49,7 +46,6 @@ def show_page(name: str, *, is_json: bool) -> int:
     Args:
         name: name of the page. Folder and suffix may be left out if the name is still unique, and of a page in two
             languages it is then the English one.
-        is_json: print JSON for programs.
 
     Returns:
         The exit code.

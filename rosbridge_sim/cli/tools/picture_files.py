@@ -53,7 +53,6 @@ def save(path: Path, write: Callable[[], object]) -> int:
 
     Args:
         path: of the file, named by `--out`.
-        write: writes it.
 
     Raises:
         DocumentError: it cannot be written, or its suffix names no format of pictures.

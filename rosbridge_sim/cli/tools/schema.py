@@ -49,9 +49,6 @@ class DefinitionSources:
 def open_store(choice: DefinitionSources) -> Store:
     """Return all types that a server with these settings knows.
 
-    Args:
-        choice: the choice of definitions.
-
     Raises:
         DocumentError: a setting, a folder or a file cannot be used.
     """
@@ -69,8 +66,6 @@ def list_types(package: str | None, choice: DefinitionSources, *, is_json: bool)
 
     Args:
         package: name of the package; None means all.
-        choice: the choice of definitions.
-        is_json: print JSON for programs.
 
     Returns:
         The exit code.
@@ -106,10 +101,6 @@ def _check_package(store: Store, package: str) -> None:
 def write_typescript(package: str, choice: DefinitionSources) -> int:
     """Print the TypeScript declarations of a package.
 
-    Args:
-        package: its name.
-        choice: the choice of definitions.
-
     Returns:
         The exit code.
 
@@ -134,9 +125,7 @@ def show_type(name: str, choice: DefinitionSources, *, is_full: bool, is_json: b
 
     Args:
         name: `pkg/Type`, or `Type` of any package.
-        choice: the choice of definitions.
         is_full: also print the definitions of all types in it.
-        is_json: print JSON for programs.
 
     Returns:
         The exit code.

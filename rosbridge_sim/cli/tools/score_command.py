@@ -39,7 +39,6 @@ async def show(bridge: Bridge, *, is_reset: bool, is_json: bool) -> int:
     """Show the scores of all egos.
 
     Args:
-        bridge: to the simulator.
         is_reset: begin all counts anew afterwards.
         is_json: show the answer as it is.
 
@@ -68,7 +67,6 @@ async def follow(bridge: Bridge, count: int | None, *, is_json: bool) -> int:
     """Show the scores of all egos as they change, once a second at most.
 
     Args:
-        bridge: to the simulator.
         count: of messages; None for no end.
         is_json: show messages as they are, one a line.
 

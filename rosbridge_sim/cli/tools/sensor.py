@@ -27,7 +27,6 @@ async def list_sensors(bridge: Bridge, ego: int, *, is_json: bool) -> int:
     """Show the sensors of an ego.
 
     Args:
-        bridge: to the simulator.
         ego: number of the ego.
         is_json: show the answer as it is.
 
@@ -64,7 +63,6 @@ async def take_shot(bridge: Bridge, ego: int, camera: str, path: Path) -> int:
     """Save the next picture of a camera.
 
     Args:
-        bridge: to the simulator.
         ego: number of the ego.
         camera: name of the camera, or its number among the cameras, from 0; empty for the first one.
         path: of the file; its suffix says the format.

@@ -22,7 +22,6 @@ async def list_services(bridge: Bridge, *, is_verbose: bool, is_json: bool) -> i
 
     Args:
         is_verbose: with type and provider.
-        is_json: print JSON for programs.
 
     Returns:
         The exit code.
@@ -64,10 +63,6 @@ Fields = Sequence[tuple[str, str]]
 
 async def show_service(bridge: Bridge, name: str, *, is_json: bool) -> int:
     """Print a service's type and provider, and its request and response as far as they are known.
-
-    Args:
-        name: name of the service.
-        is_json: print JSON for programs.
 
     Returns:
         The exit code.
@@ -175,7 +170,6 @@ async def call(bridge: Bridge, name: str, args: object, patience: float | None, 
         name: name of the service.
         args: the request, by name or by position.
         patience: longest wait for the answer [s]; None means no limit.
-        is_json: print JSON for programs.
 
     Returns:
         The exit code.

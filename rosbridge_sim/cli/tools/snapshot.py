@@ -23,7 +23,6 @@ async def take_snapshot(bridge: Bridge, name: str, path: Path | None, *, is_json
     """Save the state of a simulator, there and perhaps in a file here.
 
     Args:
-        bridge: to the simulator.
         name: of the snapshot; empty lets the server choose.
         path: of a file for its bytes; None for none.
         is_json: show the answer as it is, without the bytes.
@@ -69,7 +68,6 @@ async def restore(bridge: Bridge, name: str, user_id: str, *, is_json: bool) -> 
     """Return a simulator to a snapshot that it keeps, or to one in a file here.
 
     Args:
-        bridge: to the simulator.
         name: of the snapshot, or the path of a file.
         user_id: of the master, in synchronous mode.
         is_json: show the answer as it is.

@@ -18,7 +18,6 @@ async def spawn(bridge: Bridge, request: Mapping[str, object], *, is_json: bool)
     """Place one object, and show the number that it got.
 
     Args:
-        bridge: to the simulator.
         request: the fields of a `rosbridge_sim_msgs/SpawnObject`.
         is_json: show the answer as it is.
 

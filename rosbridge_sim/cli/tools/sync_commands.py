@@ -136,7 +136,6 @@ async def show_sync(bridge: Bridge, *, is_json: bool) -> int:
     """Show the state of synchronous mode, and the members of the barrier if there is one.
 
     Args:
-        bridge: to the simulator.
         is_json: show both messages as they are; `barrier` is null where there is none.
 
     Raises:
@@ -203,7 +202,6 @@ async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_sta
 
     Args:
         bridge: the rosbridge of the simulator.
-        count: number of ticks.
         user_id: user id of the master.
         step_ms: simulated time of a tick, if the mode is started here [ms].
         is_starting: start the mode.
@@ -236,7 +234,6 @@ async def _leading(bridge: Bridge, user_id: str, step_ms: int | None) -> AsyncIt
     """Have the server tell why it refuses and, if that is wanted, be master of synchronous mode meanwhile.
 
     Args:
-        bridge: to the simulator.
         user_id: of the master.
         step_ms: start the mode with this time step [ms]; None for the mode as it is.
 
@@ -270,7 +267,6 @@ async def step(bridge: Bridge, request: Frame, step_ms: int | None, *, is_json: 
     """Move the world by one call of `/sim/step`, and show frame, steps, ego and topics.
 
     Args:
-        bridge: to the simulator.
         request: of the service.
         step_ms: start synchronous mode with this time step [ms]; None for the mode as it is.
         is_json: show the answer as it is.
@@ -340,7 +336,6 @@ async def _refusal(bridge: Bridge, what: str, user_id: str, reason: str = "") ->
     """Return the error of a refused start or tick: the server's reason, who is master, and what to do.
 
     Args:
-        bridge: to the simulator.
         what: was refused.
         user_id: that it was asked with.
         reason: where the answer has it; else it is in a status frame.

@@ -35,11 +35,7 @@ def put(text: str) -> None:
 
 
 def put_lines(text: str) -> None:
-    """Print lines that have text from outside: what a terminal could take as a command is escaped.
-
-    Args:
-        text: the lines.
-    """
+    """Print lines that have text from outside: what a terminal could take as a command is escaped."""
     put("\n".join(map(safe, text.split("\n"))))
 
 
@@ -54,11 +50,7 @@ def put_record(value: object) -> None:
 
 
 def note(text: str) -> None:
-    """Print a line for people on stderr, separate from the results on stdout.
-
-    Args:
-        text: the line.
-    """
+    """Print a line for people on stderr, separate from the results on stdout."""
     sys.stderr.write(f"rosbridge-sim: {safe(text)}\n")
     sys.stderr.flush()
 

@@ -104,9 +104,6 @@ class Bridge:
     async def send(self, op: str, **fields: object) -> str:
         """Send an op.
 
-        Args:
-            op: name of the op.
-
         Returns:
             The id of the op.
         """

@@ -24,8 +24,6 @@ async def list_topics(bridge: Bridge, *, is_verbose: bool, has_types: bool, is_j
 
     Args:
         is_verbose: with types, and with the nodes that publish and subscribe.
-        has_types: with types.
-        is_json: print JSON for programs.
 
     Returns:
         The exit code.
@@ -94,10 +92,6 @@ def _list(names: Sequence[str]) -> str:
 
 async def show_topic(bridge: Bridge, name: str, *, is_json: bool) -> int:
     """Print a topic's type, and its publishers and subscribers.
-
-    Args:
-        name: name of the topic.
-        is_json: print JSON for programs.
 
     Returns:
         The exit code.
@@ -227,7 +221,6 @@ async def publish(
 
     Args:
         name: name of the topic.
-        type_name: its type.
         msg: the message.
         count: number of messages; None means no end.
         rate: messages per second [Hz]; None publishes once, and then stays for later subscribers.

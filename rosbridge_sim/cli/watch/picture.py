@@ -97,7 +97,6 @@ def show_whole_map(view: View, scene: Scene, width: int, height: int) -> None:
 
     Args:
         view: changed.
-        scene: has the map.
         width: columns of the terminal.
         height: rows of the terminal.
     """
@@ -119,7 +118,6 @@ def pan(view: View, scene: Scene, right: float, up: float) -> None:
     Args:
         view: changed.
         scene: has the ego's heading.
-        right: to the right.
         up: towards the top.
     """
     turn = scene.heading - math.pi / 2 if view.is_heading_up else 0.0

@@ -136,11 +136,7 @@ class Announcer:
                 self._suppress(item)
 
     def note_missing_package(self, package: str) -> None:
-        """Publish no topic of a package that the far side does not know.
-
-        Args:
-            package: name of the package.
-        """
+        """Publish no topic of a package that the far side does not know."""
         self._known_types = {name for name in self._known_types if name.partition("/")[0] != package}
         for item in self._registry.items.values():
             if item.kind == "topic" and item.type.partition("/")[0] == package:

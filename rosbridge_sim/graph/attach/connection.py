@@ -69,8 +69,6 @@ class _Question:
     """A call of ours without an answer.
 
     Attributes:
-        on_answer: gets the answer.
-        service: name of the service.
         asked_at, until: time of the call, and when it is given up [s].
         num_frames: number of frames that were before it, itself included.
     """
@@ -161,11 +159,7 @@ class BridgeConnection:
     # Out
 
     def say(self, op: str, **fields: object) -> None:
-        """Send an op without a message body; it is never dropped.
-
-        Args:
-            op: name of the op.
-        """
+        """Send an op without a message body; it is never dropped."""
         self.session.say(op, {}, None, **fields)
 
     def offer(self, topic: str, frame: bytes, now: float, *, is_ordered: bool = False) -> None:

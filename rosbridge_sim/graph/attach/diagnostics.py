@@ -82,7 +82,6 @@ class Diagnostics:
 
         Args:
             level: level of `logging`.
-            text: the line.
         """
         _log.log(
             level, "%s: %s", self._address, text if len(text) <= MAX_DIAGNOSTIC else text[: MAX_DIAGNOSTIC - 3] + "..."
@@ -103,7 +102,6 @@ class Diagnostics:
 
         Args:
             level: level of `logging`.
-            text: the line.
         """
         if now >= self._lines_until:
             if self._num_suppressed:
@@ -122,7 +120,6 @@ class Diagnostics:
         """Log a status message of the bridge.
 
         Args:
-            op: the status op.
             ours: the announced items.
 
         Returns:

@@ -30,7 +30,6 @@ class FarSide:
     """One far side, without the mirrored items.
 
     Attributes:
-        bus: the bus of the simulator.
         source: the simulator; its topics and services are mirrored.
         address: address of the bridge, for people.
         diagnostics: findings about the bridge.
@@ -53,7 +52,6 @@ class FarSide:
         """Create a far side without findings.
 
         Args:
-            bus: the bus of the simulator.
             source: the simulator.
             address: address of the bridge, for people.
         """
@@ -113,11 +111,7 @@ class FarSide:
         self.bus.guard.attempt("the account of a refusal", self.bus.on_refusal, refusal)
 
     def fail(self, error: Exception) -> None:
-        """See `Guarded`: the connections of the bridge are opened again.
-
-        Args:
-            error: the internal error.
-        """
+        """See `Guarded`: the connections of the bridge are opened again."""
         self.on_failure(error)
 
     def note(self, level: int, text: str, now: float) -> None:
@@ -125,7 +119,6 @@ class FarSide:
 
         Args:
             level: level of `logging`.
-            text: the line.
         """
         self.diagnostics.log_limited(level, text, now)
 
@@ -134,7 +127,6 @@ class FarSide:
 
         Args:
             level: level of `logging`.
-            text: the line.
         """
         self.note(level, text, self.now)
 

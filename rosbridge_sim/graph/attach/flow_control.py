@@ -97,7 +97,6 @@ class _Probe(NamedTuple):
     """A probe that is on its way.
 
     Attributes:
-        number: its number.
         sent_at: monotonic time [s].
         cost, num_frames: sent since the beginning, itself included.
         load_cost, num_load: in flight when it was sent, itself included.

@@ -61,11 +61,7 @@ class FrameWork:
 
 
 class Peer(PeerBase):
-    """One client on the bus.
-
-    Attributes:
-        topics, services, actions: its topics, services and actions.
-    """
+    """One client on the bus."""
 
     def __init__(self, bus: Bus, session: Session, address: str = "", policy: Policy = OPEN) -> None:
         """Create a client that holds nothing yet.
@@ -137,7 +133,6 @@ class Peer(PeerBase):
         """See `Guest`.
 
         Args:
-            kind: kind of the offer.
             name: absolute name.
             why: a line of text for the user of the client.
         """

@@ -112,21 +112,13 @@ class PeerActions:
             goal.cancel()
 
     def report(self, op: ops.ActionFeedback, _now: float) -> None:
-        """Pass on feedback for a goal of which this client is the provider.
-
-        Args:
-            op: the feedback.
-        """
+        """Pass on feedback for a goal of which this client is the provider."""
         goal = self._find_goal(op)
         if goal is not None:
             goal.report(decode_body(goal.action.type.feedback, op.values, self._peer.bus.stamp_ns))
 
     def end_goal(self, op: ops.ActionResult, _now: float) -> None:
-        """End a goal of which this client is the provider.
-
-        Args:
-            op: the result.
-        """
+        """End a goal of which this client is the provider."""
         goal = self._find_goal(op)
         if goal is None:
             return
@@ -163,7 +155,6 @@ class PeerActions:
         """Fail the goal whose result cannot be read; see `PeerServices.fail_unreadable`.
 
         Args:
-            error: the error of the frame.
             why: reason, for the caller.
         """
         goal = find_awaited(self._provided, error.op_id)

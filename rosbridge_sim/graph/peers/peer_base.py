@@ -36,7 +36,6 @@ class PeerBase:
     """One client, without the meaning of its ops.
 
     Attributes:
-        bus: the bus.
         session: its wire.
         policy: its rights.
         address: its network address, for people.
@@ -73,11 +72,7 @@ class PeerBase:
     # Notices and mistakes
 
     def fail(self, error: Exception) -> None:
-        """See `Guarded`: the owner of the socket closes it.
-
-        Args:
-            error: the internal error.
-        """
+        """See `Guarded`: the owner of the socket closes it."""
         self.on_failure(error)
 
     def note(self, reason: Reason, text: object, op: ops.Op | None = None) -> None:
@@ -119,9 +114,6 @@ class PeerBase:
     def check_subscribe(self, topic: str, type_name: str) -> None:
         """See `Restricted`.
 
-        Args:
-            type_name: its type.
-
         Raises:
             GraphError: this client must not subscribe to it.
         """
@@ -161,7 +153,6 @@ class PeerBase:
 
         Args:
             level: `info`, `warning` or `error`.
-            text: a line of text.
         """
         self.remark(level, text)
         self._note_notice(level, text, self.op)
@@ -171,7 +162,6 @@ class PeerBase:
 
         Args:
             level: `warning` or `error`.
-            text: a line of text.
             reason: kind of mistake.
         """
         self.remark(level, text)
@@ -189,7 +179,6 @@ class PeerBase:
 
         Args:
             level: `info`, `warning` or `error`.
-            text: a line of text.
             op_id: id of the op that the text is about.
         """
         try:
@@ -252,11 +241,7 @@ def _raise(error: Exception) -> NoReturn:
 
 
 def split_id(op: ops.CallService) -> tuple[str, ops.Id]:
-    """Return name and id of a call; an old form has both in one text: `service#id`.
-
-    Args:
-        op: the call.
-    """
+    """Return name and id of a call; an old form has both in one text: `service#id`."""
     if op.id is None and "#" in op.service:
         service, _, op_id = op.service.partition("#")
         return service, op_id

@@ -146,7 +146,6 @@ class PeerServices:
         If the frame has no id of a call, the call is only known if exactly one waits.
 
         Args:
-            error: the error of the frame.
             why: reason, for the caller.
         """
         call = find_awaited(self._provided, error.op_id)

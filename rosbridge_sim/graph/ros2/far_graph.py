@@ -41,7 +41,6 @@ class FarNode(Protocol):
         """Publish on a topic; other nodes see it from now on.
 
         Args:
-            cdr_type: its type.
             quality: what is offered.
 
         Raises:
@@ -52,7 +51,6 @@ class FarNode(Protocol):
         """Subscribe to a topic. Its messages go to the gateway.
 
         Args:
-            cdr_type: its type.
             quality: what is asked for.
 
         Raises:

@@ -152,11 +152,7 @@ class Ros2Gateway:
         self._policy.check_subscribe(topic, type_name)
 
     def fail(self, error: Exception) -> None:
-        """See `Guarded`: all ends, and nothing passes any more.
-
-        Args:
-            error: the internal error.
-        """
+        """See `Guarded`: all ends, and nothing passes any more."""
         _log.error("internal error; nothing passes to or from ROS 2 any more", exc_info=error)
         self.leave(self._now)
 

@@ -77,7 +77,6 @@ class Finding(NamedTuple):
     """The result of one step.
 
     Attributes:
-        step: its name.
         is_good: nothing is wrong there.
         text: what was found.
         advice: what to do; empty if nothing.

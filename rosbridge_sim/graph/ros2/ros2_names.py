@@ -42,7 +42,6 @@ def topic_of(dds_name: str, namespace: str = "") -> str | None:
     """Return the name on the bus of a topic of DDS; None if it is no topic of ROS 2, or not in the namespace.
 
     Args:
-        dds_name: its name for DDS.
         namespace: as for `dds_topic`.
     """
     name = dds_name.removeprefix(_TOPIC + namespace)
@@ -60,10 +59,6 @@ def dds_type(name: str) -> str:
 
 
 def type_of(dds_name: str) -> str | None:
-    """Return `pkg/Type` for a type of DDS; None if it is no message of ROS 2.
-
-    Args:
-        dds_name: its name for DDS.
-    """
+    """Return `pkg/Type` for a type of DDS; None if it is no message of ROS 2."""
     match = _DDS_TYPE.fullmatch(dds_name)
     return None if match is None else f"{match[1]}/{match[2]}"

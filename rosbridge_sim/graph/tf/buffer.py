@@ -129,11 +129,7 @@ def compose(first: Transform, second: Transform) -> Transform:
 
 
 def invert(pose: Transform) -> Transform:
-    """Return the pose of A in B.
-
-    Args:
-        pose: pose of B in A.
-    """
+    """Return the pose of A in B."""
     back = Transform(0.0, 0.0, 0.0, -pose.qx, -pose.qy, -pose.qz, pose.qw)
     return compose(back, Transform(-pose.x, -pose.y, -pose.z, 0.0, 0.0, 0.0, 1.0))
 

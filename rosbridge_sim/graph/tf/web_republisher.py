@@ -159,7 +159,6 @@ class WebRepublisher:
 
         Args:
             level: `info`, `warning` or `error`.
-            text: a line of text.
         """
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
@@ -167,9 +166,6 @@ class WebRepublisher:
         """End for ever, because its own timers have failed; the waiting clients are told.
 
         A request or message that fails is no reason to end: it serves all clients, and only the sender is told then.
-
-        Args:
-            error: the failure.
         """
         if self._has_ended:
             return

@@ -60,7 +60,6 @@ class EgoSetting:
     """One entry of a MultiEgoSetting.
 
     Attributes:
-        index: number of the ego.
         pose: the pose to place it at.
         gear: None keeps the current one.
         ctrl_mode: the number on the wire.

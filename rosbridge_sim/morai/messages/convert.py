@@ -179,7 +179,6 @@ class Converter:
 
         Args:
             world: read only.
-            row: of the ego.
             unique_id: its id on the wire.
             roads: lanes of the map, for releases with fields about lanes.
 

@@ -91,7 +91,6 @@ def tint_table(frame: SceneFrame, rows: IntArray, shape: Shape) -> NDArray[np.ui
     Args:
         frame: the entities.
         rows: (k,) of entities of one shape.
-        shape: of these.
     """
     table = _paint_table(frame, rows, shape)
     lit = lit_table(frame, rows)

@@ -65,7 +65,6 @@ class MovingScene:
         """Return what moves at a frame; the triangles of an entity lie together.
 
         Args:
-            frame: what moves.
             origin: (3,) of the mesh: that of the static one [m].
             eye: (3,) from where it is seen, map frame [m]; None for all details.
             reach: what is farther from the eye is left out [m].
@@ -101,7 +100,6 @@ def moving_mesh(frame: SceneFrame, origin: FloatArray) -> Mesh:
     """Return what moves at one frame, with all details; for many frames make a `MovingScene`.
 
     Args:
-        frame: what moves.
         origin: (3,) of the mesh: that of the static one [m].
     """
     return MovingScene().mesh(frame, origin)

@@ -61,8 +61,6 @@ def add_dressing(
     """Add what stands beside the roads.
 
     Args:
-        builder: of the mesh.
-        cover: of these.
         terrain: the ground.
         name: of the map.
         seed: of the world.

@@ -56,7 +56,6 @@ def add_paint(builder: MeshBuilder, road_map: RoadMap, cover: RoadCover) -> None
     """Add all that is painted on the roads of a map.
 
     Args:
-        builder: of the mesh.
         road_map: has the painted lines; a map without any gets lines along the edges of its lanes.
         cover: of its lanes.
     """

@@ -37,7 +37,6 @@ def add_markings(builder: MeshBuilder, markings: Sequence[Marking]) -> None:
     """Add areas that are painted white.
 
     Args:
-        builder: of the mesh.
         markings: of the map.
     """
     for marking in markings:
@@ -84,7 +83,6 @@ def add_signs(builder: MeshBuilder, signs: Sequence[Sign], cover: RoadCover, ter
     """Add plates, and poles for those that stand beside the roads.
 
     Args:
-        builder: of the mesh.
         signs: of the map.
         cover: of its lanes.
         terrain: the ground on which poles stand.

@@ -62,11 +62,7 @@ VERGE: Final[Colour] = (99, 112, 86)
 
 
 def add_asphalt(builder: MeshBuilder, roads: Roads) -> None:
-    """Add the surface of all lanes.
-
-    Args:
-        builder: of the mesh.
-    """
+    """Add the surface of all lanes."""
     for lane in range(len(roads)):
         line, borders, bank = _lane(roads, lane)
         arcs = sample_arcs(line)
@@ -89,8 +85,6 @@ def add_edges(builder: MeshBuilder, roads: Roads, cover: RoadCover, terrain: Ter
     """Add kerbs where a road ends to the side, and pavements or verges behind them.
 
     Args:
-        builder: of the mesh.
-        cover: of these.
         terrain: the ground, to which the edges lead down.
         has_pavement: people walk here.
     """

@@ -40,7 +40,6 @@ class Terrain:
 
     Args:
         roads: at least one lane.
-        cover: of these.
     """
 
     def __init__(self, roads: Roads, cover: RoadCover) -> None:

@@ -64,7 +64,6 @@ def add_lights(builder: MeshBuilder, lights: Sequence[Light], cover: RoadCover, 
     """Add housings, arms and poles of lights; the lamps are in `SignalLamps`.
 
     Args:
-        builder: of the mesh.
         lights: of the map.
         cover: poles stand beside the roads.
         terrain: the ground on which poles stand.

@@ -120,9 +120,6 @@ def generation_of(path: Path) -> Generation:
 def open_bag(path: Path) -> Bag:
     """Create a bag: `.bag` is ROS 1, `.mcap` is one file of ROS 2, any other name is a folder of ROS 2.
 
-    Args:
-        path: path of the bag.
-
     Raises:
         DocumentError: the file exists already or cannot be created, or the installed rosbags does not fit.
     """

@@ -40,7 +40,6 @@ class Recorder:
 
     Attributes:
         name: its name in rosapi's lists.
-        writer: the writer of the bag.
     """
 
     name = "/recorder"
@@ -86,7 +85,6 @@ class Recorder:
 
         Args:
             level: `info`, `warning` or `error`.
-            text: a line of text.
         """
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
@@ -107,11 +105,7 @@ class Recorder:
                 _log.info("recorded %d messages into %s", self.writer.num_messages, self._path)
 
     def fail(self, error: Exception) -> None:
-        """See `Guarded`: the recording ends, and the file stays as it is.
-
-        Args:
-            error: the internal error.
-        """
+        """See `Guarded`: the recording ends, and the file stays as it is."""
         if not self._is_on:
             return
         _log.error(

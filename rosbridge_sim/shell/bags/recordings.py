@@ -130,7 +130,6 @@ def find_recording(folder: Path, name: str) -> Path:
 
     Args:
         folder: the data folder.
-        name: name of the recording.
 
     Raises:
         DocumentError: there is none, or the name leads out of the folder.

@@ -55,7 +55,6 @@ def read_value(key: str, value: object, where: str) -> object:
 
     Args:
         key: key of the setting.
-        value: the given value.
         where: place of the value, for errors.
 
     Raises:
@@ -83,7 +82,6 @@ def read_switchable(key: str, value: object, where: str) -> tuple[str, object]:
 
     Args:
         key: key of the setting, perhaps with no-.
-        value: the given value.
         where: place of the value, for errors.
 
     Raises:
@@ -96,11 +94,7 @@ def read_switchable(key: str, value: object, where: str) -> tuple[str, object]:
 
 
 def show_value(value: object) -> str:
-    """Return a value for an error text: shortened, and without the secrets of a URL.
-
-    Args:
-        value: the given value.
-    """
+    """Return a value for an error text: shortened, and without the secrets of a URL."""
     text = hide_in_words(repr(value))
     return text if len(text) <= 80 else text[:77] + "..."  # noqa: PLR2004 - a line of a terminal
 
@@ -111,7 +105,6 @@ def add_value(values: dict[str, object], key: str, value: object, where: str) ->
     Args:
         values: values by key; changed.
         key: key of the setting, perhaps with no-.
-        value: the given value.
         where: place of the value, for errors.
 
     Raises:

@@ -84,9 +84,6 @@ def strange_variables(environ: Mapping[str, str]) -> list[str]:
     """Return a line for each variable that looks like a misspelt one of this package.
 
     It is only a hint, because Kubernetes sets variables with such names for each service in the namespace of a pod.
-
-    Args:
-        environ: variables.
     """
     known = [variable(key) for key in flags_and_variables()]
     return [

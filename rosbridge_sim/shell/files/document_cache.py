@@ -36,7 +36,6 @@ class _Slot:
     Attributes:
         lock: held while the document is read, so that other threads wait and do not read it, too.
         signature: signature of its files; None if nothing is stored.
-        document: the document.
     """
 
     __slots__ = ("document", "lock", "signature")

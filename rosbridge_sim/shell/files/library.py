@@ -186,9 +186,6 @@ class DiskLibrary:
     def map(self, name: str) -> RoadMap:
         """Return the map that a scenario names, or the one that replaces all maps.
 
-        Args:
-            name: name of the map.
-
         Raises:
             DocumentError: there is no such map, or a file cannot be used.
         """
@@ -198,9 +195,6 @@ class DiskLibrary:
     def map_files(self, name: str) -> list[Path]:
         """Return the files of a map.
 
-        Args:
-            name: name of the map.
-
         Raises:
             DocumentError: there is no such map.
         """
@@ -209,9 +203,6 @@ class DiskLibrary:
 
     def map_folder(self, name: str) -> Path:
         """Return the folder of a map, or of the one that replaces all maps.
-
-        Args:
-            name: name of the map.
 
         Raises:
             DocumentError: there is no such map.

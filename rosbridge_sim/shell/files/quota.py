@@ -57,11 +57,7 @@ Aside = Callable[[Callable[[], Usage], Callable[[Usage], None]], None]
 
 
 def in_thread(loop: asyncio.AbstractEventLoop) -> Aside:
-    """Return a function that does work in a new thread and delivers its result on the loop.
-
-    Args:
-        loop: the event loop.
-    """
+    """Return a function that does work in a new thread and delivers its result on the loop."""
 
     def aside(work: Callable[[], Usage], done: Callable[[Usage], None]) -> None:
         def run() -> None:

@@ -39,11 +39,7 @@ class LogPage(logging.Handler):
         logging.getLogger("rosbridge_sim").removeHandler(self)
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Keep a warning; may be called in any thread.
-
-        Args:
-            record: of the log.
-        """
+        """Keep a warning; may be called in any thread."""
         if record.pathname != refusal_log.__file__:
             self._warnings.append(
                 {

@@ -67,7 +67,6 @@ class Noted:
     """A refusal that is kept, with its number of repetitions.
 
     Attributes:
-        request: the refused request.
         order: its position among all refusals.
         stamp_ns: time of the last one [ns, time of day].
         frame: frame number of the world at that time; -1 without a world.
@@ -129,11 +128,7 @@ class RefusalLog:
         self.flush(float("inf"))
 
     def note(self, request: RefusedRequest) -> None:
-        """Record a refusal.
-
-        Args:
-            request: the refused request.
-        """
+        """Record a refusal."""
         self.total += 1
         self.counts[request.reason] += 1
         if request.text != (text := self.mask(request.text)) or request.subject != self.mask(request.subject):

@@ -64,11 +64,7 @@ _LEVELS = {
 
 
 class ServerTopics:
-    """The topics on which a server reports about itself.
-
-    Attributes:
-        bus: the bus of the topics.
-    """
+    """The topics on which a server reports about itself."""
 
     name = WEBSOCKET_NODE_NAME
 

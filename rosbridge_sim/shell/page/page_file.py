@@ -14,7 +14,6 @@ class PageFile:
 
     Attributes:
         kind: its content type.
-        body: its bytes.
         gzipped: the same, compressed.
         etag: stands for the body, with its quotes.
     """
@@ -30,7 +29,6 @@ def make_page_file(kind: str, body: bytes) -> PageFile:
 
     Args:
         kind: its content type.
-        body: its bytes.
     """
     etag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
     import gzip  # noqa: PLC0415 - for the first reader of a page

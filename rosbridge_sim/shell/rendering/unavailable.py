@@ -14,6 +14,5 @@ def missing_library(what: str, library: str) -> RenderingUnavailableError:
 
     Args:
         what: needs it, e.g. "cameras".
-        library: its name.
     """
     return RenderingUnavailableError(f"{what} need the library {library}: pip install 'rosbridge-sim[sensors]'")

@@ -161,7 +161,6 @@ class DdsDomain:
         """Open the domain.
 
         Args:
-            domain: its number.
             config: configuration of the library, XML.
             user_data: what other programs are told about ours.
 

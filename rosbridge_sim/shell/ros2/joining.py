@@ -27,7 +27,6 @@ class JoinedRos2:
 
     Attributes:
         gateway: moves the messages.
-        node: the node.
     """
 
     def __init__(self, gateway: Ros2Gateway, node: Ros2Node) -> None:

@@ -110,11 +110,7 @@ class LibraryConnection(ReceivingConnection):
     # Called by the transport
 
     def data_received(self, data: bytes) -> None:
-        """Give received bytes to the library.
-
-        Args:
-            data: the bytes.
-        """
+        """Give received bytes to the library."""
         self.num_bytes_received += len(data)
         if not self.is_trusted:
             data = self._read_early(data)

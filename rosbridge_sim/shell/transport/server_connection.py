@@ -164,11 +164,7 @@ class DirectConnection(ReceivingConnection):
             self.feed(ping)
 
     def data_received(self, data: bytes) -> None:
-        """Handle received bytes, or keep them.
-
-        Args:
-            data: the bytes.
-        """
+        """Handle received bytes, or keep them."""
         self.num_bytes_received += len(data)
         if not self.is_trusted:
             data = self._read_early(data)

@@ -50,7 +50,6 @@ class GuestPublisher:
 
         Args:
             name: the topic's.
-            type_name: its type.
 
         Returns:
             The topic; None where it has a publisher already, or cannot have the type. The log says so.
@@ -72,7 +71,6 @@ class GuestPublisher:
 
         Args:
             topic: from `offer`.
-            type_name: its type.
             value: plain objects; fields that the type does not have are left out.
             now: monotonic time [s].
         """

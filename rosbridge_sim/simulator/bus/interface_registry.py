@@ -49,7 +49,6 @@ class Interface(ABC):
     kind: ClassVar[InterfaceKind]
 
     def __init__(self, default: str, prefix: str, type_name: str, rate: float | None = None) -> None:
-        """Describe an item that is not on the bus yet."""
         self.default = default
         self.prefix = prefix
         self.type_name = type_name
@@ -105,7 +104,6 @@ def why_no_topic(owner: Participant, bus: Bus, name: str, type_name: str) -> str
 
     Args:
         owner: the simulator.
-        name: of the topic.
         type_name: package and type.
 
     Returns:
@@ -125,7 +123,6 @@ class ListedInterface:
 
     Attributes:
         kind: publisher, subscriber or service.
-        default: its default name.
         name: its name on the bus.
         is_on: true if it is on the bus.
         rate: publications a second [Hz]; None for an item without a rate.
@@ -152,7 +149,6 @@ class InterfaceRegistry:
 
         Args:
             owner: the simulator.
-            settings: the network settings.
         """
         self.settings = settings
         self.why_closed: str | None = None
@@ -282,11 +278,7 @@ class InterfaceRegistry:
         return self.settings.choice(kind, default, prefix).name or ""
 
     def is_elsewhere(self, default: str) -> bool:
-        """Return whether an item exists in other releases only.
-
-        Args:
-            default: its default name.
-        """
+        """Return whether an item exists in other releases only."""
         return any(name == default for _, name in self._elsewhere)
 
     def listing(self) -> Iterator[ListedInterface]:

@@ -25,7 +25,6 @@ class WarnOnce:
 
         Args:
             participant: the client.
-            text: the warning.
             about: what it is about; None for the text itself. It must come from a small set, because all are kept.
             reason: kind of the mistake.
         """

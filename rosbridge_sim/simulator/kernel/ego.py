@@ -85,13 +85,11 @@ class Ego:
         """Represent an ego that stands in the world already.
 
         Args:
-            world: has its row.
             convert: makes its messages.
             uid: its id in the world.
             ctrl_mode: its driver.
             index: its number; None for the id in the world.
             roads: returns the lanes of the map in use.
-            sensor_frames: frames of its sensors.
         """
         self.index = uid if index is None else index
         self.uid = uid

@@ -38,7 +38,6 @@ class EgoRegistry:
         """Add the first ego, which stands in the world already.
 
         Args:
-            world: has their rows.
             convert: makes their messages.
             ctrl_mode: driver of a new ego, and of the first one after a reset.
             roads: returns the lanes of the map in use.

@@ -59,17 +59,12 @@ class FrameStepper:
         publishers: Publishers,
         sync_info: SyncInfo,
     ) -> None:
-        """Compute nothing yet.
+        """Take what a frame needs.
 
         Args:
-            world: moved.
-            step: moves it.
             sync: has the commands that wait for a frame.
             egos: their status messages are made anew after each step.
             hooks: `place`, `once_after_frame` and `after_frame` are called.
-            time: follows the frames.
-            pacer: counts the frames of real time.
-            publishers: publish the frame.
             sync_info: is published after all other topics.
         """
         self.step = step

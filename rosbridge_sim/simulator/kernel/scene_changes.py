@@ -56,7 +56,6 @@ class SceneChanges:
         Args:
             scene: has the world, and changes it.
             egos: are added and removed together with the scene.
-            ego_interfaces: have the egos' names.
             interfaces: get other network settings with a scenario.
             publishers: forget the messages that real time was to repeat.
             hooks: `on_scene_change`, `on_reset` and `on_new_scene` are called.

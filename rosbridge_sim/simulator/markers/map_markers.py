@@ -56,7 +56,6 @@ def make_map_markers(make: MarkerMaker, header: Struct, road_map: RoadMap) -> li
     """Return the markers of a map; it may be called in a thread.
 
     Args:
-        make: maker of the markers.
         header: header of the message.
 
     Returns:

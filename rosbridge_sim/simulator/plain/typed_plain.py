@@ -26,7 +26,6 @@ def read_as(kind: type[T], data: object, where: str) -> T:
     """Return plain data as a value of a type: a dataclass, a container or a plain type.
 
     Args:
-        kind: the type.
         data: from anywhere.
         where: what it is, for errors.
 

@@ -63,11 +63,7 @@ class ProcessStatus:
         self._commanded_ns = self._context.bus.stamp_ns
 
     def end_command(self, result: ReplayResult, now: float) -> None:
-        """Publish the result of a command, even if nothing has changed, because its sender may wait for a message.
-
-        Args:
-            result: of the command.
-        """
+        """Publish the result of a command, even if nothing has changed, because its sender may wait for a message."""
         self._result = result
         self._published = ()
         self.announce(now)

@@ -28,8 +28,6 @@ class RecordedPlan:
     """Messages of one topic.
 
     Attributes:
-        topic: its name.
-        type_name: its type.
         times: since the first stamp of the recording, rising [ns].
         raws: the bytes of each message.
         decode: makes plain objects of them, as `MessageType.check` takes them; raises any error where they are broken.

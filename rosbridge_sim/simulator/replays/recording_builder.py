@@ -112,9 +112,7 @@ class RecordingBuilder:
         """Take an EgoVehicleStatus.
 
         Args:
-            index: number of the ego.
             message: any object with the fields of the type.
-            stamps: of the message.
 
         Raises:
             DocumentError: the recording has too many states.
@@ -137,7 +135,6 @@ class RecordingBuilder:
 
         Args:
             message: any object with the fields of the type.
-            stamps: of the message.
 
         Raises:
             DocumentError: the recording has too many states.
@@ -161,7 +158,6 @@ class RecordingBuilder:
 
         Args:
             message: any object with the fields of the type.
-            stamps: of the message.
 
         Raises:
             DocumentError: the recording has too many states.
@@ -189,7 +185,6 @@ class RecordingBuilder:
             who: unique_id, kind and name of each object.
             figures: 13 float64 of each in the order of an ObjectStatus: heading, then x, y, z of velocity,
                 acceleration, size and position.
-            stamps: of the message.
 
         Raises:
             DocumentError: the recording has too many states.

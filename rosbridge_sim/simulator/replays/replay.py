@@ -95,7 +95,6 @@ class Replay(Component):
         """Show a recording from its beginning, with all that it has.
 
         Args:
-            recording: the recording.
             now: monotonic time [s].
 
         Returns:

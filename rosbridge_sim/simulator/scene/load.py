@@ -74,7 +74,6 @@ def find_map(library: Library, name: str) -> FoundMap:
     """Return a map. No other map replaces a missing one, because a drive on other roads is not the scenario's drive.
 
     Args:
-        library: has the map.
         name: as a scenario gives it.
 
     Returns:

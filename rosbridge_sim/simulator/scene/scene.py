@@ -72,7 +72,6 @@ class Scene:
 
         Args:
             world: empty.
-            library: has the maps.
             scenario: the opening scenario. If it has no ego, one is placed at the map's origin.
             ego_gear: of the ego, whatever the scenario says.
             speed_limits: of all egos; None for those of their models.
@@ -119,7 +118,6 @@ class Scene:
         Args:
             world: on the roads of `found`.
             loaded: the attribute.
-            found: the map.
             next_uid: see `next_uid`.
         """
         self.world.restore(world)
@@ -251,7 +249,6 @@ class Scene:
         """Add vehicles to the world at the origin; return their rows, (m,) int64.
 
         Args:
-            models: their models.
             speed: (m,) their speeds [m/s].
 
         Raises:
@@ -317,11 +314,7 @@ class Scene:
         return uid
 
     def choose_ego_index(self, taken: Collection[int]) -> int:
-        """Return the first number from 2 on that neither an ego nor an object has, and keep objects from getting it.
-
-        Args:
-            taken: numbers of egos.
-        """
+        """Return the first number from 2 on that neither an ego nor an object has, and keep objects from getting it."""
         index = next(number for number in count(FIRST_FREE_EGO) if number not in taken and number not in self.world)
         self.keep_free(index)
         return index

@@ -33,7 +33,6 @@ class ControlEgo:
     """Apply a control to an ego.
 
     Attributes:
-        index: number of the ego.
         uid: its id in the world, because an ego that comes later may have the same number.
         control: the command.
         has_capture: save what the sensors see in the frame.

@@ -59,7 +59,6 @@ class Sensors(Component):
         Args:
             archive: saves captures; None if there is no folder for them.
             noise: errors of all sensors; None for exact readings.
-            mounted: the sensors.
         """
         self._context = context
         self._mounted = mounted
@@ -90,7 +89,6 @@ class Sensors(Component):
         Args:
             ego: the ego; one that was removed is ignored.
             notify: sends a status to the client that called the service.
-            service: the service's name.
         """
         if not ego.is_there:
             return

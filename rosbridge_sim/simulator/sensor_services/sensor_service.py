@@ -46,7 +46,6 @@ class SensorService(Component):
         """Offer nothing yet.
 
         Args:
-            mounted: the sensors.
             reader: runs what would delay the other clients.
         """
         self._context = context

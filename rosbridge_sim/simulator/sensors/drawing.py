@@ -83,7 +83,6 @@ class DrawingJob:
     """All that can be seen at one frame.
 
     Attributes:
-        road_map: the map.
         map_name: its name, which decides about what stands beside the roads, with the seed.
         seed: of the world.
         frame: what moves.
@@ -206,11 +205,7 @@ class SensorWorker(Protocol):
 
 
 def draw(job: DrawingJob, makers: Makers) -> list[Result]:
-    """Return what the sensors of a job see, in their order.
-
-    Args:
-        makers: what draws.
-    """
+    """Return what the sensors of a job see, in their order."""
     static = makers.build(job.road_map, job.map_name, job.seed, job.is_dressed)
     return [_see(sight, static, job, makers) for sight in job.sights]
 

@@ -42,7 +42,6 @@ def disturb_picture(rgb: NDArray[np.uint8], noise: CameraNoise, chance: np.rando
     Args:
         rgb: (h, w, 3).
         noise: how large the errors are.
-        chance: random numbers.
     """
     gain = np.float32(2.0 ** (noise.exposure / GAMMA))
     found = np.empty_like(rgb)
@@ -82,7 +81,6 @@ def disturb_echoes(echoes: Echoes, max_range: float, noise: LidarNoise, chance: 
         echoes: of the rays of a turn.
         max_range: of the lidar [m].
         noise: how large the errors are.
-        chance: random numbers.
     """
     num = len(echoes.ranges)
     share = np.minimum(echoes.ranges / np.float32(max_range), np.float32(1.0))
@@ -112,9 +110,7 @@ def disturb_radar(
     Args:
         echoes: exact.
         carrier: world, row of the vehicle with the radar, and mounting.
-        spec: of the radar.
         noise: how large the errors are.
-        chance: random numbers.
     """
     num = len(echoes.rows)
     is_kept = chance.random(num) >= noise.drop_out

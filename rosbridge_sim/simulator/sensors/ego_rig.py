@@ -54,7 +54,6 @@ class EgoRig:
     """The sensors of one ego.
 
     Attributes:
-        ego: the ego.
         prefix: of its topics.
         sensors: by number.
         behind: those of them whose messages come behind their frame.

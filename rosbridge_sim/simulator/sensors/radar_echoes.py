@@ -88,7 +88,6 @@ def find_echoes(world: World, row: int, mounting: Mounting, spec: RadarSpec) -> 
         world: read only.
         row: row of the vehicle with the radar.
         mounting: of the radar.
-        spec: of the radar.
     """
     here = locate(world, row, mounting)
     axes = _axes(world, row, mounting)
@@ -186,7 +185,6 @@ class _Footprints:
     """
 
     def __init__(self, world: World, rows: IntArray, here: Vector) -> None:
-        """Place the boxes of some rows around a place."""
         self._cos, self._sin = np.cos(world.yaw[rows]), np.sin(world.yaw[rows])
         self.half_length, self.half_width = world.half_length[rows], world.half_width[rows]
         self.x = world.x[rows] + world.centre[rows] * self._cos - here[0]

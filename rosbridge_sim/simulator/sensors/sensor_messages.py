@@ -29,11 +29,6 @@ class SensorMessages:
     """Maker of all these messages; generated structs of the types of a store."""
 
     def __init__(self, store: Store) -> None:
-        """Find the types.
-
-        Args:
-            store: has them.
-        """
         self._compressed = maker(store, "sensor_msgs/CompressedImage", "header", "format", "data")
         self._image = maker(
             store,

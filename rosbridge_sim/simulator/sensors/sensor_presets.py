@@ -128,7 +128,6 @@ def document_of(spec: SensorSpec, **changes: object) -> dict[str, Any]:
     """Return a file of ours with one sensor.
 
     Args:
-        spec: the sensor.
         changes: other values of its keys.
     """
     values = msgspec.to_builtins(spec) | changes

@@ -19,11 +19,6 @@ class VisionMessages:
     """Maker of these messages; generated structs of the types of a store."""
 
     def __init__(self, store: Store) -> None:
-        """Find the types.
-
-        Args:
-            store: has them.
-        """
         self._is_ros2 = store.ros != 1
         last = ("source_img", "source_cloud") if store.ros == 1 else ("id", "id")
         self._arrays = {name: maker(store, name, "header", "detections") for name in (DETECTIONS_2D, DETECTIONS_3D)}

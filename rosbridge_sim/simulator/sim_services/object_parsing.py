@@ -221,7 +221,6 @@ def read_change(message: Struct, where: str, roads: Roads, kind: Kind) -> Change
         message: a generated struct.
         where: its place in the request, for errors.
         roads: the map's.
-        kind: of the object that it names.
 
     Raises:
         FieldError: names the field, what was expected and what came.

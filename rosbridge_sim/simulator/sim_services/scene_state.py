@@ -209,7 +209,6 @@ class SceneState(Component):
 
         Args:
             layout: the entities.
-            ego_lamps: of the egos.
         """
         lamps = find_lamps(self._context.world, layout.rows)
         for (place, _), own in zip(layout.egos, ego_lamps, strict=True):

@@ -55,7 +55,6 @@ class _Commands:
     """The commands of one ego.
 
     Attributes:
-        ego: the ego.
         commands: one for all steps, or one for each.
     """
 
@@ -109,7 +108,6 @@ class _StepCall:
 
     Attributes:
         num_left: steps that are still to be done, with one that has begun.
-        num_done: steps done.
         plan: what was asked for.
     """
 

@@ -71,7 +71,6 @@ class SavedState:
 
     Attributes:
         world: on the roads of `found`.
-        found: the map.
         loaded, next_uid: of the scene.
         egos: in order, the first one first.
         waiting: what waits, each with its frame and the name of its source.

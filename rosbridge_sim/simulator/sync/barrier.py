@@ -85,7 +85,7 @@ class Barrier:
         is_strict: bool = False,
         may_anyone_stop: bool = False,
     ) -> None:
-        """No members.
+        """Begin without members.
 
         Args:
             sync: the mode that the barrier leads; only read here.

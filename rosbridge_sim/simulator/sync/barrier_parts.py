@@ -85,7 +85,6 @@ class BarrierMember:
     """One member.
 
     Attributes:
-        user_id: its name.
         holders: the connections that use it.
         heard_at: when one of them last spoke [s].
         is_joining, is_leaving: it comes or goes at the next boundary.

@@ -45,7 +45,6 @@ class LaneNeighbours:
     """The facts for one map; get them by `roads.derived(LaneNeighbours)`.
 
     Attributes:
-        roads: the lanes.
         is_any: whether one may change lanes anywhere.
         beside: (2, l) int64, rows of the lanes to the left and to the right; -1 for none. If the map names one lane as
             the neighbour of another, both are beside each other.

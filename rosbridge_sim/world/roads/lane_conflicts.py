@@ -106,7 +106,6 @@ class LaneConflicts:
     """The facts for one map; get them by `roads.derived(LaneConflicts)`.
 
     Attributes:
-        roads: the lanes.
         limit_speed: (n,) for each point of the roads the speed that the limit allows, low enough to brake with
             `COMFORT` for what comes on the same lane [m/s].
         bend_speed: (n,) the same for bends, with a lateral acceleration of `MAX_LATERAL` [m/s].

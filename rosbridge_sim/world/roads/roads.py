@@ -347,7 +347,6 @@ class Roads:
         """Return (n,) whether places on lanes are on the level of given heights, not on a bridge above or below it.
 
         Args:
-            places: places on lanes.
             z: (n,) heights [m].
         """
         point, share = self.locate(places.lane, places.s)

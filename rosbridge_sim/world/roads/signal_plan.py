@@ -155,7 +155,6 @@ class SignalPlan:
     Attributes:
         lights, controllers: as given.
         group: (lights,) int64, row of each light's group.
-        num_groups: number of groups.
         controller: (groups,) int64, row of the controller of each group; -1 for none.
         is_warning: (lights,) bool, see `Light`.
 

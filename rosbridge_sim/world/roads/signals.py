@@ -59,7 +59,6 @@ def look_at(plan: SignalPlan, frame: int | IntArray, origin: IntArray, forced: I
     """Return what lights show at a frame, or those of many worlds, each at its own.
 
     Args:
-        plan: the lights and their cycles.
         frame: the frame, or (w, 1) int64.
         origin: (controllers,) int64, or (w, controllers), frames at which the cycles began.
         forced: (groups,) int64, or (w, groups), values of those that are forced.
@@ -94,7 +93,6 @@ class Signals:
     """The lights of a map at a frame.
 
     Attributes:
-        plan: the lights and their cycles.
         frame: the frame that the other attributes are true for.
         shown: (lights,) int64, the sum of the lamps that are lit, or `UNSET`.
         phase: (controllers,) int64, number of the phase.
@@ -118,7 +116,6 @@ class Signals:
         """Begin the first phase of all intersections, with no light forced.
 
         Args:
-            plan: the lights and their cycles.
             frame: the present frame.
         """
         self.plan = plan
@@ -280,7 +277,6 @@ def light_ahead(roads: Roads, plan: SignalPlan, lane: int, s: float, reach: floa
     gives the light: without a known turn it is the main one.
 
     Args:
-        plan: their lights.
         lane: row of the lane of the vehicle.
         s: arc length on the lane [m].
         reach: how far ahead a stop line may be [m].

@@ -114,7 +114,6 @@ def update_all_control_columns(arrays: EntityArrays, rows: IntArray, mode: Mode,
     Args:
         arrays: written in place.
         rows: (k,) int64, rows of EGOs, each once.
-        mode: of all of them.
         is_creeping: see `update_control_columns`.
     """
     gear = arrays.gear[rows]

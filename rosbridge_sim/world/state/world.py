@@ -491,7 +491,6 @@ class World(RowWorlds):
 
         Args:
             uid: id of an EGO that is in the world and in the snapshot.
-            saved: the snapshot.
         """
         row, before = self._rows[uid], dict(saved.uids)[uid]
         self._floats[:, row], self._ints[:, row] = saved.floats[:, before], saved.ints[:, before]

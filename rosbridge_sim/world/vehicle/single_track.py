@@ -186,7 +186,6 @@ def make_car(do: Operators[V], body: Sequence[V], limits: Sequence[V], dt: float
     """Work out what does not change from frame to frame.
 
     Args:
-        do: of the numbers' type.
         body: the columns `front_load` to `engine_drag`.
         limits: the columns `wheelbase` to `drag`.
         dt: length of a step [s].
@@ -241,8 +240,6 @@ def advance(  # noqa: PLR0915 - one equation after the other
     """Return the state one step later.
 
     Args:
-        do: of the numbers' type.
-        car: of the car or the cars.
         now: the columns `rear_steer_cmd` to `roll` and `target` to `steer_cmd`, then `throttle` to `speed`.
         dt: length of the step [s].
 
@@ -321,8 +318,6 @@ def _pull(do: Operators[V], car: Car[V], u: V, sense: V, drive: V) -> tuple[V, V
     """Return the deceleration without pedals on a level road, and what full throttle adds to it [m/s^2].
 
     Args:
-        do: of the numbers' type.
-        car: of the cars.
         u: speed along the body [m/s].
         sense: direction of the gear.
         drive: not 0 in D and R.
@@ -357,8 +352,6 @@ def _stabilize(  # noqa: PLR0917 - keywords would take a tenth of the time
     """Return braking [N/kg], change of the yaw rate by it [rad/s^2], and forces that it must leave across [N/kg].
 
     Args:
-        do: of the numbers' type.
-        car: of the cars.
         grip: of all tyres, for each newton of load.
         motion: speed along the body, yaw rate, and tangent of the front wheels' angle less that of the rear wheels.
         tyres: share of the tyres in the motion, and forces across at both axles.
@@ -378,8 +371,6 @@ def _load(  # noqa: PLR0917 - keywords would take a tenth of the time
     """Return what the tyres take of engine and brakes, and for each axle: stiffness / C, grip, force along the wheels.
 
     Args:
-        do: of the numbers' type.
-        car: of the cars.
         grip: of all tyres, for each newton of load.
         u: speed along the body [m/s].
         push: of the engine, along the body [N/kg].
@@ -418,7 +409,6 @@ def _roll(do: Operators[V], speeds: tuple[V, V], push: V, other: V, against: V, 
     """Return the speed along the body after the step.
 
     Args:
-        do: of the numbers' type.
         speeds: along and across the body [m/s].
         push: change of speed by the engine [m/s].
         other: change of speed by slope and tyres [m/s].
@@ -441,8 +431,6 @@ def _slide(  # noqa: PLR0917 - keywords would take a tenth of the time
     """Return the changes of yaw rate and lateral speed by the tyres; see *Integration* at the head of this file.
 
     Args:
-        do: of the numbers' type.
-        car: of the cars.
         u: speed along the body, mean of the step [m/s].
         r: yaw rate [rad/s].
         across: forces across the body at both axles [N/kg].
@@ -500,8 +488,6 @@ def _press(  # noqa: PLR0917 - keywords would take a tenth of the time
     """Return throttle and brake of the controller; see the head of this file.
 
     Args:
-        do: of the numbers' type.
-        car: of the cars.
         state: speed and acceleration in the direction of the gear, and the lags of throttle and brake.
         aims: the columns target, accel_min, accel_max, throttle_max and jerk_limit.
         forces: deceleration without pedals, and what full throttle adds to it [m/s^2].
@@ -535,7 +521,6 @@ def _grip(do: Operators[V], u: V, across: V, sin: V, cos: V, limits: tuple[V, V,
     """Return slip angle, force across the wheels, and the decrease of this force with the lateral speed of the axle.
 
     Args:
-        do: of the numbers' type.
         u: speed along the body [m/s].
         across: lateral speed of the axle [m/s].
         sin: of the angle of the wheels.

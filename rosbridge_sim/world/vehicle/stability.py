@@ -92,8 +92,6 @@ def correct(do: Operators[V], control: YawControl[V], grip: V, motion: tuple[V, 
     """Return the change of the yaw rate by brakes of one side [rad/s^2], and their force [N/kg].
 
     Args:
-        do: of the numbers' type.
-        control: of the car.
         grip: of all tyres, for each newton of load.
         motion: speed along the body [m/s] and yaw rate [rad/s].
         turned: tangent of the front wheels' angle less that of the rear wheels.
@@ -114,7 +112,6 @@ def share_along(do: Operators[V], across: V, most_kept: float) -> V:
     """Return the share of an axle's grip along the wheels that leaves its grip across.
 
     Args:
-        do: of the numbers' type.
         across: force across, as a share of the grip.
         most_kept: share of the grip that it can keep.
     """
