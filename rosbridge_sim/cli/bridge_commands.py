@@ -20,6 +20,7 @@ from rosbridge_sim.cli.bridge_flags import (
 from rosbridge_sim.cli.command_line import (
     Options,
     add_definitions,
+    command_of,
     definition_sources_of,
     group_of,
     make_number,
@@ -27,7 +28,7 @@ from rosbridge_sim.cli.command_line import (
 )
 from rosbridge_sim.cli.tools.text import read_body
 from rosbridge_sim.errors import SettingError
-from rosbridge_sim.link.arguments import PREFIX, Parser, layout
+from rosbridge_sim.link.arguments import PREFIX
 
 if TYPE_CHECKING:
     from rosbridge_sim.cli.tools.tool_client import Bridge
@@ -42,14 +43,7 @@ _window = make_number(2, 1e6, "a number from 2 to 1,000,000", int)
 
 
 def run_topic(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim topic`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
+    """Run `rosbridge-sim topic`."""
     group, add = group_of("topic", "Topics of a rosbridge: list, show, measure and publish.")
 
     parser = add("list", _list_topics, "list all topics")
@@ -174,14 +168,7 @@ def _publish(options: Options) -> int:
 
 
 def run_service(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim service`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
+    """Run `rosbridge-sim service`."""
     group, add = group_of("service", "Services of a rosbridge: list, show and call.")
 
     parser = add("list", _list_services, "list all services")
@@ -230,19 +217,11 @@ def _call(options: Options) -> int:
 
 
 def run_record(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim record`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim record",
-        description="Record topics of a rosbridge into a bag, until Ctrl-C.",
-        allow_abbrev=False,
-        formatter_class=layout,
+    """Run `rosbridge-sim record`."""
+    parser = command_of(
+        "record",
+        _record,
+        "Record topics of a rosbridge into a bag, until Ctrl-C.",
     )
     parser.add_argument("file", metavar="FILE", help="NAME.bag is ROS 1, NAME.mcap ROS 2, else a folder of ROS 2")
     parser.add_argument(
@@ -256,7 +235,7 @@ def run_record(argv: Sequence[str]) -> int:
     parser.add_argument("-n", "--count", type=COUNT, help="end after so many messages")
     add_bridge(parser, is_waiting=True)
     add_definitions(parser)
-    parser.set_defaults(run=_record, end=0)
+    parser.set_defaults(end=0)
     return run_command(parser, argv)
 
 
@@ -278,22 +257,14 @@ def _record(options: Options) -> int:
 
 
 def run_watch(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim watch`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim watch",
-        description="Show the scene in a terminal, from above: map, objects, lights, the ego and its figures.",
+    """Run `rosbridge-sim watch`."""
+    parser = command_of(
+        "watch",
+        _watch,
+        "Show the scene in a terminal, from above: map, objects, lights, the ego and its figures.",
         epilog="Keys: q quits, + and - zoom, the arrows move the picture, f follows the ego again, h puts its heading"
         " up, m shows the whole map. Any rosbridge with /Ego_topic will do; the map needs this simulator. If the output"
         " is no terminal, one picture is printed.",
-        allow_abbrev=False,
-        formatter_class=layout,
     )
     add_server(parser)
     parser.add_argument("address", metavar="URL", nargs="?", help="the same as --url")
@@ -309,7 +280,7 @@ def run_watch(argv: Sequence[str]) -> int:
         metavar="SECONDS",
         help=f"longest wait for a connection or an answer [{ANSWER_PATIENCE:g}]",
     )
-    parser.set_defaults(run=_watch, end=0)
+    parser.set_defaults(end=0)
     return run_command(parser, argv)
 
 
@@ -332,23 +303,15 @@ def _watch(options: Options) -> int:
 
 
 def run_layout(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim layout`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim layout",
-        description="Print settings for a viewer that show the simulator there: a layout for Lichtblick, or a"
+    """Run `rosbridge-sim layout`."""
+    parser = command_of(
+        "layout",
+        _layout,
+        "Print settings for a viewer that show the simulator there: a layout for Lichtblick, or a"
         " configuration for RViz.",
         epilog="rosbridge-sim layout lichtblick > sim.json, then import it in Lichtblick; or rosbridge-sim layout rviz"
         " > sim.rviz, then rviz -d sim.rviz. RViz 2 needs a server"
         " with --ros2-domain; RViz a bridge in ROS: rosbridge-sim attach URL --scene.",
-        allow_abbrev=False,
-        formatter_class=layout,
     )
     parser.add_argument("viewer", metavar="VIEWER", choices=("lichtblick", "rviz"), help="lichtblick or rviz")
     parser.add_argument(
@@ -357,7 +320,7 @@ def run_layout(argv: Sequence[str]) -> int:
     parser.add_argument("--url", help="take the names of topics from this server [the default names]")
     token = os.environ.get(f"{PREFIX}TOKEN") or None
     parser.add_argument("--token", default=token, help=f"token of the server, also as {PREFIX}TOKEN")
-    parser.set_defaults(run=_layout, patience=ANSWER_PATIENCE)
+    parser.set_defaults(patience=ANSWER_PATIENCE)
     return run_command(parser, argv)
 
 
@@ -375,19 +338,11 @@ def _layout(options: Options) -> int:
 
 
 def run_wait(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim wait`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim wait",
-        description="Wait until a rosbridge accepts clients. Exit code 0: it does. 1: it did not in time.",
-        allow_abbrev=False,
-        formatter_class=layout,
+    """Run `rosbridge-sim wait`."""
+    parser = command_of(
+        "wait",
+        _wait,
+        "Wait until a rosbridge accepts clients. Exit code 0: it does. 1: it did not in time.",
     )
     add_server(parser)
     parser.add_argument(
@@ -397,7 +352,6 @@ def run_wait(argv: Sequence[str]) -> int:
         metavar="SECONDS",
         help=f"longest wait [{CALL_PATIENCE:g}]",
     )
-    parser.set_defaults(run=_wait)
     return run_command(parser, argv)
 
 

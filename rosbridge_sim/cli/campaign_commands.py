@@ -12,14 +12,7 @@ __all__ = ["run_campaign"]
 
 
 def run_campaign(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim campaign ...`.
-
-    Args:
-        argv: words behind the command's name.
-
-    Returns:
-        The exit code.
-    """
+    """Run `rosbridge-sim campaign ...`."""
     group, add = group_of("campaign", "Many drives with parameters, drivers and limits; no server is needed.")
 
     parser = add("run", _run, "drive all runs of a campaign, and write tables and a report")

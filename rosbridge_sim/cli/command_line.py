@@ -28,6 +28,7 @@ __all__ = [
     "Options",
     "add_definitions",
     "add_json",
+    "command_of",
     "definition_sources_of",
     "drop_output",
     "group_of",
@@ -95,20 +96,32 @@ def drop_output() -> None:
 # Common flags
 
 
+def command_of(name: str, run: Callable[[Options], int], text: str, epilog: str | None = None) -> Parser:
+    """Return the parser of `rosbridge-sim NAME`.
+
+    Args:
+        run: does the command's work, and returns the exit code.
+        text: description for the help.
+        epilog: what stands below the flags.
+    """
+    prog = f"rosbridge-sim {name}"
+    parser = Parser(prog=prog, description=text, epilog=epilog, allow_abbrev=False, formatter_class=layout)
+    parser.set_defaults(run=run)
+    return parser
+
+
 def group_of(name: str, text: str) -> tuple[Parser, Callable[..., Parser]]:
     """Return the parser of `rosbridge-sim NAME`, and a function that adds a command to it.
 
     Args:
         text: description for the help.
     """
-    prog = f"rosbridge-sim {name}"
-    group = Parser(prog=prog, description=text, allow_abbrev=False, formatter_class=layout)
-    commands = group.add_subparsers(title="commands", metavar="COMMAND", dest="command")
 
     def none_given(_options: Options) -> int:
-        raise SettingError(f"{name}: expected a command: {', '.join(commands.choices)}; see {prog} --help")
+        raise SettingError(f"{name}: expected a command: {', '.join(commands.choices)}; see {group.prog} --help")
 
-    group.set_defaults(run=none_given)
+    group = command_of(name, none_given, text)
+    commands = group.add_subparsers(title="commands", metavar="COMMAND", dest="command")
 
     def add(command: str, run: Callable[[Options], int], text: str) -> Parser:
         parser: Parser = commands.add_parser(

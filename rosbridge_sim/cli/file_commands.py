@@ -8,12 +8,13 @@ from rosbridge_sim.cli.command_line import (
     Options,
     add_definitions,
     add_json,
+    command_of,
     definition_sources_of,
     group_of,
     run_command,
 )
 from rosbridge_sim.errors import SettingError
-from rosbridge_sim.link.arguments import Parser, layout
+from rosbridge_sim.link.arguments import Parser
 
 __all__ = ["run_bag", "run_docs", "run_map", "run_scenario", "run_schema"]
 
@@ -22,14 +23,7 @@ __all__ = ["run_bag", "run_docs", "run_map", "run_scenario", "run_schema"]
 
 
 def run_schema(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim schema ...`.
-
-    Args:
-        argv: words behind the command's name.
-
-    Returns:
-        The exit code.
-    """
+    """Run `rosbridge-sim schema ...`."""
     group, add = group_of("schema", "Message, service and action definitions on this machine; no server is needed.")
 
     parser = add("list", _list_types, "list all known types")
@@ -79,14 +73,7 @@ def _write_typescript(options: Options) -> int:
 
 
 def run_bag(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim bag ...`.
-
-    Args:
-        argv: words behind the command's name.
-
-    Returns:
-        The exit code.
-    """
+    """Run `rosbridge-sim bag ...`."""
     group, add = group_of("bag", "Bag files; no server is needed.")
 
     parser = add("repair", _repair_bag, "copy the complete parts of a bag, whose recorder was killed, into a new bag")
@@ -106,14 +93,7 @@ def _repair_bag(options: Options) -> int:
 
 
 def run_scenario(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim scenario ...`.
-
-    Args:
-        argv: words behind the command's name.
-
-    Returns:
-        The exit code.
-    """
+    """Run `rosbridge-sim scenario ...`."""
     group, add = group_of("scenario", "Scenario files; no server is needed.")
 
     parser = add(
@@ -163,14 +143,7 @@ def _check_scenario(options: Options) -> int:
 
 
 def run_map(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim map ...`.
-
-    Args:
-        argv: words behind the command's name.
-
-    Returns:
-        The exit code.
-    """
+    """Run `rosbridge-sim map ...`."""
     group, add = group_of("map", "Map folders; no server is needed.")
 
     parser = add("info", _show_map, "explain a map: its mistakes, missing parts and contents; or check several")
@@ -196,24 +169,15 @@ def _show_map(options: Options) -> int:
 
 
 def run_docs(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim docs ...`.
-
-    Args:
-        argv: words behind the command's name.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim docs",
-        description="List the documentation pages in the package, or print one of them.",
-        allow_abbrev=False,
-        formatter_class=layout,
+    """Run `rosbridge-sim docs ...`."""
+    parser = command_of(
+        "docs",
+        _show_docs,
+        "List the documentation pages in the package, or print one of them.",
     )
     parser.add_argument("page", metavar="PAGE", nargs="?", help="a page to print, such as tutorial or guides/ci")
     parser.add_argument("--open", action="store_true", help="open the site in a browser, if mkdocs has built it")
     add_json(parser)
-    parser.set_defaults(run=_show_docs)
     return run_command(parser, argv)
 
 

@@ -8,9 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rosbridge_sim.cli.bridge_flags import add_bridge, with_bridge
-from rosbridge_sim.cli.command_line import Options, add_json, make_number, run_command
+from rosbridge_sim.cli.command_line import (
+    Options,
+    add_json,
+    command_of,
+    make_number,
+    run_command,
+)
 from rosbridge_sim.errors import SettingError
-from rosbridge_sim.link.arguments import Parser, layout
+from rosbridge_sim.link.arguments import Parser
 
 __all__ = ["run_clip", "run_shot"]
 
@@ -34,55 +40,37 @@ _WORLD_FLAGS = ("scenario", "map", "scenario_path", "sensors", "weather", "traff
 
 
 def run_shot(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim shot`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim shot",
-        description="Save a picture: of a scenario or a recording, without a server, or the next one of a camera of a"
+    """Run `rosbridge-sim shot`."""
+    parser = command_of(
+        "shot",
+        _shot,
+        "Save a picture: of a scenario or a recording, without a server, or the next one of a camera of a"
         " running simulator.",
         epilog="For example: rosbridge-sim shot --scenario town --at 20 -o town.png; and of a running simulator:"
         " rosbridge-sim shot --camera Camera -o out.png",
-        allow_abbrev=False,
-        formatter_class=layout,
     )
     _add_picture(parser, "a scenario; without it and without --recording a camera of the simulator at --url")
     parser.add_argument(
         "-o", "--out", type=Path, required=True, metavar="FILE", help="*.png, *.jpg, *.webp or another picture"
     )
     add_bridge(parser)
-    parser.set_defaults(run=_shot)
     return run_command(parser, argv)
 
 
 def run_clip(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim clip`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim clip",
-        description="Save a moving picture of a scenario or a recording, from behind the ego or by its camera. No"
+    """Run `rosbridge-sim clip`."""
+    parser = command_of(
+        "clip",
+        _clip,
+        "Save a moving picture of a scenario or a recording, from behind the ego or by its camera. No"
         " server and no browser is needed.",
         epilog="For example: rosbridge-sim clip --scenario town --traffic 60 --at 20 -o town.webp",
-        allow_abbrev=False,
-        formatter_class=layout,
     )
     _add_picture(parser, "scenario, as for serve")
     parser.add_argument("--seconds", type=_seconds, default=6.0, metavar="S", help="length, in simulated time [6]")
     parser.add_argument("--fps", type=_rate, default=10.0, metavar="N", help="pictures a second [10]")
     parser.add_argument("-o", "--out", type=Path, required=True, metavar="FILE", help="*.webp, *.gif or *.png (APNG)")
     add_json(parser)
-    parser.set_defaults(run=_clip)
     return run_command(parser, argv)
 
 

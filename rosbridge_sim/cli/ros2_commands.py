@@ -16,14 +16,7 @@ _domain = make_number(0, 232, "a domain from 0 to 232", int)
 
 
 def run_ros2(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim ros2 ...`.
-
-    Args:
-        argv: words behind the command's name.
-
-    Returns:
-        The exit code.
-    """
+    """Run `rosbridge-sim ros2 ...`."""
     group, add = group_of("ros2", "The graph of ROS 2; no installation of ROS is needed.")
 
     parser = add(

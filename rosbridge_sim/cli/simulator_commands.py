@@ -8,9 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rosbridge_sim.cli.bridge_flags import CALL_PATIENCE, COUNT, add_bridge, with_bridge
-from rosbridge_sim.cli.command_line import Options, make_number, run_command
+from rosbridge_sim.cli.command_line import (
+    Options,
+    command_of,
+    make_number,
+    run_command,
+)
 from rosbridge_sim.errors import SettingError
-from rosbridge_sim.link.arguments import Parser, layout
 
 __all__ = [
     "run_restore",
@@ -36,21 +40,13 @@ _metres = make_number(0, 1e9, "a number of metres", float)
 
 
 def run_tick(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim tick`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim tick",
-        description="Move a simulator in synchronous mode by N ticks, and print the frame and the ego after each.",
+    """Run `rosbridge-sim tick`."""
+    parser = command_of(
+        "tick",
+        _tick,
+        "Move a simulator in synchronous mode by N ticks, and print the frame and the ego after each.",
         epilog="With --start, the mode is ended afterwards if it was off before. If it was on, only the connection is"
         " closed, and the server's --sync-on-loss applies (wait: the world stands until the next tick --start).",
-        allow_abbrev=False,
-        formatter_class=layout,
     )
     parser.add_argument("count", metavar="N", nargs="?", type=COUNT, default=1, help="ticks [1]")
     parser.add_argument("--start", action="store_true", help="become the master first; end the mode afterwards")
@@ -59,7 +55,6 @@ def run_tick(argv: Sequence[str]) -> int:
         "--step", type=_step_ms, default=20, metavar="MS", help="length of a tick, a multiple of 20 [20]"
     )
     add_bridge(parser, CALL_PATIENCE)
-    parser.set_defaults(run=_tick)
     return run_command(parser, argv)
 
 
@@ -77,21 +72,13 @@ def _tick(options: Options) -> int:
 
 
 def run_step(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim step`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim step",
-        description="Move a simulator in synchronous mode by so many ticks in one call, and show what came of it.",
+    """Run `rosbridge-sim step`."""
+    parser = command_of(
+        "step",
+        _step,
+        "Move a simulator in synchronous mode by so many ticks in one call, and show what came of it.",
         epilog="Each step is a tick of the master's time step. With --start the mode is ended again, unless it was on"
         " before; see rosbridge-sim tick --help.",
-        allow_abbrev=False,
-        formatter_class=layout,
     )
     parser.add_argument("-n", "--n", type=_steps, default=1, metavar="N", help="steps, 1 to 1,000 [1]")
     parser.add_argument("--start", action="store_true", help="become the master first, and end the mode at the end")
@@ -118,7 +105,6 @@ def run_step(argv: Sequence[str]) -> int:
     )
     parser.add_argument("--stop-at", metavar="X,Y,RADIUS", help="end when an ego is so near to a place [m]")
     add_bridge(parser, CALL_PATIENCE)
-    parser.set_defaults(run=_step)
     return run_command(parser, argv)
 
 
@@ -175,26 +161,18 @@ def _read_place(text: str | None) -> tuple[float, float, float]:
 
 
 def run_score(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim score`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim score",
-        description="Show what the driver of each ego is judged by: distance, collisions, red lights, lanes, comfort.",
+    """Run `rosbridge-sim score`."""
+    parser = command_of(
+        "score",
+        _score,
+        "Show what the driver of each ego is judged by: distance, collisions, red lights, lanes, comfort.",
         epilog="A simulator keeps scores from the first question on, or from its start with serve --score.",
-        allow_abbrev=False,
-        formatter_class=layout,
     )
     parser.add_argument("--follow", action="store_true", help="go on, with a line for each ego once a second")
     parser.add_argument("-n", "--count", type=COUNT, help="end after so many messages; with --follow")
     parser.add_argument("--reset", action="store_true", help="begin all counts anew, after showing them")
     add_bridge(parser)
-    parser.set_defaults(run=_score, end=0)
+    parser.set_defaults(end=0)
     return run_command(parser, argv)
 
 
@@ -211,22 +189,13 @@ def _score(options: Options) -> int:
 
 
 def run_sync(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim sync`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim sync",
-        description="Show the state of synchronous mode: the master, or the members of the barrier.",
-        allow_abbrev=False,
-        formatter_class=layout,
+    """Run `rosbridge-sim sync`."""
+    parser = command_of(
+        "sync",
+        _sync,
+        "Show the state of synchronous mode: the master, or the members of the barrier.",
     )
     add_bridge(parser)
-    parser.set_defaults(run=_sync)
     return run_command(parser, argv)
 
 
@@ -237,26 +206,17 @@ def _sync(options: Options) -> int:
 
 
 def run_snapshot(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim snapshot`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim snapshot",
-        description="Save the state of a simulator, so that `restore` can go back to it; or list what is saved.",
-        allow_abbrev=False,
-        formatter_class=layout,
+    """Run `rosbridge-sim snapshot`."""
+    parser = command_of(
+        "snapshot",
+        _snapshot,
+        "Save the state of a simulator, so that `restore` can go back to it; or list what is saved.",
     )
     parser.add_argument("--id", default="", metavar="ID", help="name of the snapshot [one that the server chooses]")
     parser.add_argument("--out", type=Path, metavar="FILE", help="write it into a file, too, such as start.rbsim")
     parser.add_argument("--list", action="store_true", help="show the snapshots that are kept, and take none")
     parser.add_argument("--remove", action="append", default=[], metavar="ID", help="remove one, then list; repeatable")
     add_bridge(parser, CALL_PATIENCE)
-    parser.set_defaults(run=_snapshot)
     return run_command(parser, argv)
 
 
@@ -271,26 +231,17 @@ def _snapshot(options: Options) -> int:
 
 
 def run_restore(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim restore`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim restore",
-        description="Return a simulator to a snapshot. In synchronous mode only its master may do so.",
-        allow_abbrev=False,
-        formatter_class=layout,
+    """Run `rosbridge-sim restore`."""
+    parser = command_of(
+        "restore",
+        _restore,
+        "Return a simulator to a snapshot. In synchronous mode only its master may do so.",
     )
     parser.add_argument(
         "snapshot", metavar="ID|FILE", help="name of a snapshot that the server keeps, or a file of `snapshot --out`"
     )
     parser.add_argument("--user", default=TICK_ID, metavar="ID", help=f"user id of the master [{TICK_ID}]")
     add_bridge(parser, CALL_PATIENCE)
-    parser.set_defaults(run=_restore)
     return run_command(parser, argv)
 
 
@@ -301,21 +252,13 @@ def _restore(options: Options) -> int:
 
 
 def run_spawn(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim spawn`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim spawn",
-        description="Place an object into a running simulator, and show its number (unique_id).",
+    """Run `rosbridge-sim spawn`."""
+    parser = command_of(
+        "spawn",
+        _spawn,
+        "Place an object into a running simulator, and show its number (unique_id).",
         epilog="For example: rosbridge-sim spawn 'kia k5' --lane R0010L1 --distance 20 --behaviour lane;"
         " rosbridge-sim spawn Pedestrian --at 10,5,90 --speed 1.2",
-        allow_abbrev=False,
-        formatter_class=layout,
     )
     parser.add_argument("model", metavar="MODEL", help="name of the catalogue; 'service call /sim/catalogue' lists all")
     where = parser.add_mutually_exclusive_group(required=True)
@@ -337,7 +280,6 @@ def run_spawn(argv: Sequence[str]) -> int:
     parser.add_argument("--route", type=_links, default=[], metavar="LINK,...", help="for lane: links to follow")
     parser.add_argument("--ego", action="store_true", help="a further ego, with topics of its own; MODEL is a vehicle")
     add_bridge(parser)
-    parser.set_defaults(run=_spawn)
     return run_command(parser, argv)
 
 
@@ -385,25 +327,16 @@ def _links(text: str) -> list[str]:
 
 
 def run_sensor(argv: Sequence[str]) -> int:
-    """Run `rosbridge-sim sensor`.
-
-    Args:
-        argv: words behind the name of the command.
-
-    Returns:
-        The exit code.
-    """
-    parser = Parser(
-        prog="rosbridge-sim sensor",
-        description="List the cameras, lidars and radars of a running simulator: number, rate, place, topics.",
+    """Run `rosbridge-sim sensor`."""
+    parser = command_of(
+        "sensor",
+        _sensor,
+        "List the cameras, lidars and radars of a running simulator: number, rate, place, topics.",
         epilog="For example: rosbridge-sim sensor list",
-        allow_abbrev=False,
-        formatter_class=layout,
     )
     parser.add_argument("what", choices=("list",), help="what to do")
     parser.add_argument("--ego", type=int, default=0, metavar="N", help="number of the ego [0]")
     add_bridge(parser)
-    parser.set_defaults(run=_sensor)
     return run_command(parser, argv)
 
 
