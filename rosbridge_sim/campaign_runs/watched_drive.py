@@ -41,11 +41,7 @@ class WatchedDrive:
         self.outcome = Outcome(self._recorder.trace, own)
 
     def notify(self, level: str, text: str) -> None:
-        """Log a notice of the bus.
-
-        Args:
-            level: `info`, `warning` or `error`.
-        """
+        """Log a notice of the bus."""
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
     def listen(self, bus: Bus) -> None:
@@ -72,11 +68,7 @@ class WatchedDrive:
         self._topics.take(topic.name, message.value)
 
     def take(self, world: World) -> bool:
-        """Note a frame; return whether the drive has ended.
-
-        Args:
-            world: after a frame.
-        """
+        """Note a frame; return whether the drive has ended."""
         try:
             return self._recorder.take(world)
         except DocumentError as error:

@@ -125,12 +125,7 @@ class Rosapi:
         bus.on_leave.append(self._on_leave)
 
     def notify(self, level: str, text: str) -> None:
-        """Do nothing: rosapi makes no requests, so it needs no notices.
-
-        Args:
-            level: not used.
-            text: not used.
-        """
+        """Do nothing: rosapi makes no requests, so it needs no notices."""
 
     def _spelled(self, type_name: str, kind: DefinitionKind) -> str:
         """Return a type's name in the spelling of the ROS generation."""

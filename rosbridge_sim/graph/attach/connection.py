@@ -277,11 +277,7 @@ class BridgeConnection:
         self.waiting += [op for op in self.receive(frame, now) if op is not None]
 
     def hold(self) -> Callable[[], None]:
-        """Let the ops wait until the returned function is called or the socket is lost. Several holds are counted.
-
-        Returns:
-            Ends this hold; a second call does nothing.
-        """
+        """Let the ops wait until the returned function is called or the socket is lost. Several holds are counted."""
         holds, token = self._holds, object()
         holds.add(token)
 

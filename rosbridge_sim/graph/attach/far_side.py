@@ -70,20 +70,11 @@ class FarSide:
         self.is_gone = False
 
     def notify(self, level: str, text: str) -> None:
-        """Log a text that a client would be sent; no program there can receive it.
-
-        Args:
-            level: `info`, `warning` or `error`.
-        """
+        """Log a text that a client would be sent; no program there can receive it."""
         self._note_notice(level, text, self.op)
 
     def explain(self, level: str, text: str, reason: Reason) -> None:
-        """See `Explaining`. The level is not used, because no program there can receive the text.
-
-        Args:
-            level: `warning` or `error`.
-            reason: kind of mistake.
-        """
+        """See `Explaining`. The level is not used, because no program there can receive the text."""
         assert level != "info", "an info is not a mistake"
         self.note_mistake(reason, text, self.op)
 

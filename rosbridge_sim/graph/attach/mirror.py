@@ -203,11 +203,7 @@ class Mirror(FarSide):
         return bool(connection.waiting) and not connection.is_held
 
     def hold(self) -> Callable[[], None]:
-        """Hold the connection of the current op; see `Holdable`.
-
-        Returns:
-            Ends this hold; a second call does nothing.
-        """
+        """Hold the connection of the current op; see `Holdable`."""
         let_go = (self._connection_in_hand or self._registry.first).hold()
 
         def release() -> None:

@@ -149,21 +149,12 @@ class PeerBase:
         return True
 
     def notify(self, level: str, text: str) -> None:
-        """Send a status frame that is not an answer to a request.
-
-        Args:
-            level: `info`, `warning` or `error`.
-        """
+        """Send a status frame that is not an answer to a request."""
         self.remark(level, text)
         self._note_notice(level, text, self.op)
 
     def explain(self, level: str, text: str, reason: Reason) -> None:
-        """See `Explaining`.
-
-        Args:
-            level: `warning` or `error`.
-            reason: kind of mistake.
-        """
+        """See `Explaining`."""
         self.remark(level, text)
         self.note(reason, text, self.op)
 
@@ -205,11 +196,7 @@ class PeerBase:
         return self.num_holds > 0
 
     def hold(self) -> Callable[[], None]:
-        """Hold this client; see `Holdable`.
-
-        Returns:
-            Ends this hold; a second call does nothing.
-        """
+        """Hold this client; see `Holdable`."""
         self.num_holds += 1
         is_holding = True
 

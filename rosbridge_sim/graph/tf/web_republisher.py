@@ -155,11 +155,7 @@ class WebRepublisher:
         bus.on_leave.append(self._on_leave)
 
     def notify(self, level: str, text: str) -> None:
-        """Log a notice of the bus to the republisher.
-
-        Args:
-            level: `info`, `warning` or `error`.
-        """
+        """Log a notice of the bus to the republisher."""
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
     def end(self, error: Exception) -> None:

@@ -11,14 +11,17 @@ from __future__ import annotations
 
 import errno
 import os
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import BinaryIO, Protocol
+from typing import BinaryIO, ClassVar
 
 from rosbags.interfaces import Connection
+from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag1 import WriterError as Writer1Error
+from rosbags.rosbag2 import Writer as Writer2
 from rosbags.rosbag2 import WriterError as Writer2Error
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -53,13 +56,18 @@ class BagGoneError(DocumentError):
     """The file of a bag does not exist any more; the bag is closed."""
 
 
-class Bag(Protocol):
-    """A bag that is being written. Each method raises DocumentError if the disk fails."""
+class Bag(ABC):
+    """A bag that is being written. Each method raises DocumentError if the disk fails.
 
-    @property
-    def ros(self) -> Generation:
-        """ROS generation of the message bytes: ROS 1 bytes, or CDR."""
+    Attributes:
+        ros: ROS generation of the message bytes: ROS 1 bytes, or CDR.
+    """
 
+    ros: ClassVar[Generation]
+    _path: Path
+    _writer: Writer1 | Writer2
+
+    @abstractmethod
     def add(self, topic: str, type_name: str, text: str, *, digest: str = "", latching: bool = False) -> Channel:
         """Add a topic.
 
@@ -74,6 +82,7 @@ class Bag(Protocol):
             The topic, for `write`.
         """
 
+    @abstractmethod
     def write(self, channel: Channel, stamp_ns: int, raw: bytes) -> None:
         """Add a message.
 
@@ -83,6 +92,7 @@ class Bag(Protocol):
             raw: its bytes in the bag's generation.
         """
 
+    @abstractmethod
     def flush(self) -> None:
         """Give everything to the system, so that a crash of this process does not lose it.
 
@@ -96,9 +106,30 @@ class Bag(Protocol):
         Raises:
             BagGoneError: as for `flush`.
         """
+        self._check_there()
+        self._finish()
 
     def abort(self) -> None:
         """Leave the file as it is, without an index."""
+        with suppress(OSError):
+            self._writer.abort()
+
+    @abstractmethod
+    def _open_file(self) -> tuple[Path, BinaryIO] | None:
+        """Return the path and the open file; None if the bag is not open."""
+
+    @abstractmethod
+    def _finish(self) -> None:
+        """Write the index, if the bag is open."""
+
+    def _check_there(self) -> None:
+        open_file = self._open_file()
+        why = None if open_file is None else _why_gone(*open_file)
+        if why is not None:
+            with suppress(DocumentError):
+                self._finish()
+            self.abort()
+            raise BagGoneError(f"{self._path}: {why}")
 
 
 def generation_of(path: Path) -> Generation:
@@ -172,10 +203,11 @@ def _why_gone(path: Path, file: BinaryIO) -> str | None:
     return "was moved or replaced during the recording: the moved file has everything recorded until then"
 
 
-class _Bag1:
+class _Bag1(Bag):
     """A ROS 1 bag, format 2.0, uncompressed."""
 
-    ros: Generation = 1
+    ros = 1
+    _writer: Writer1
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -213,35 +245,21 @@ class _Bag1:
             if file is not None:
                 file.flush()
 
-    def close(self) -> None:
-        """See `Bag`."""
-        self._check_there()
-        self._finish()
-
-    def _check_there(self) -> None:
+    def _open_file(self) -> tuple[Path, BinaryIO] | None:
         file = file_of1(self._writer)
-        why = None if file is None else _why_gone(self._path, file)
-        if why is not None:
-            with suppress(DocumentError):
-                self._finish()
-            self.abort()
-            raise BagGoneError(f"{self._path}: {why}")
+        return None if file is None else (self._path, file)
 
     def _finish(self) -> None:
         if file_of1(self._writer) is not None:
             with _readable(self._path):
                 self._writer.close()
 
-    def abort(self) -> None:
-        """See `Bag`."""
-        with suppress(OSError):
-            self._writer.abort()
 
-
-class _Bag2:
+class _Bag2(Bag):
     """An MCAP file, uncompressed, with or without rosbag2's folder."""
 
-    ros: Generation = 2
+    ros = 2
+    _writer: Writer2
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -278,19 +296,8 @@ class _Bag2:
             end_chunk2(self._writer)
             open_file[1].flush()
 
-    def close(self) -> None:
-        """See `Bag`."""
-        self._check_there()
-        self._finish()
-
-    def _check_there(self) -> None:
-        open_file = file_of2(self._writer)
-        why = None if open_file is None else _why_gone(*open_file)
-        if why is not None:
-            with suppress(DocumentError):
-                self._finish()
-            self.abort()
-            raise BagGoneError(f"{self._path}: {why}")
+    def _open_file(self) -> tuple[Path, BinaryIO] | None:
+        return file_of2(self._writer)
 
     def _finish(self) -> None:
         if file_of2(self._writer) is None:
@@ -303,8 +310,3 @@ class _Bag2:
                     self._writer.close()
             else:
                 self._writer.close()
-
-    def abort(self) -> None:
-        """See `Bag`."""
-        with suppress(OSError):
-            self._writer.abort()

@@ -81,11 +81,7 @@ class Recorder:
         _log.info("recording into %s", path)
 
     def notify(self, level: str, text: str) -> None:
-        """Log a notice of the bus to the recorder.
-
-        Args:
-            level: `info`, `warning` or `error`.
-        """
+        """Log a notice of the bus to the recorder."""
         _log.log(logging.getLevelNamesMapping().get(level.upper(), logging.WARNING), "%s", text)
 
     def stop(self) -> None:

@@ -151,7 +151,19 @@ def seconds(high: float) -> ValueType:
     Args:
         high: largest value [s].
     """
+    return _up_to(high, "seconds")
 
+
+def metres(high: float) -> ValueType:
+    """Return the type of a distance; 0 and the word none mean None.
+
+    Args:
+        high: largest value [m].
+    """
+    return _up_to(high, "metres")
+
+
+def _up_to(high: float, unit: str) -> ValueType:
     def read(value: object) -> float | None:
         if value is None or _is_word(value, "none", "off"):
             return None
@@ -160,7 +172,7 @@ def seconds(high: float) -> ValueType:
             raise ValueError
         return number or None
 
-    return ValueType(f"seconds up to {high:,g}, or none", read, "SECONDS")
+    return ValueType(f"{unit} up to {high:,g}, or none", read, unit.upper())
 
 
 def period(low: float, high: float) -> ValueType:
@@ -178,24 +190,6 @@ def period(low: float, high: float) -> ValueType:
         return number
 
     return ValueType(f"seconds from {low:g} to {high:,g}", read, "SECONDS")
-
-
-def metres(high: float) -> ValueType:
-    """Return the type of a distance; 0 and the word none mean None.
-
-    Args:
-        high: largest value [m].
-    """
-
-    def read(value: object) -> float | None:
-        if value is None or _is_word(value, "none", "off"):
-            return None
-        number = float(_number_of(value, float))
-        if not 0 <= number <= high:
-            raise ValueError
-        return number or None
-
-    return ValueType(f"metres up to {high:,g}, or none", read, "METRES")
 
 
 def factor(low: float, high: float) -> ValueType:

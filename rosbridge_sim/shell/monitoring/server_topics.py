@@ -129,12 +129,7 @@ class ServerTopics:
         logging.getLogger("rosbridge_sim").removeHandler(self._log)
 
     def notify(self, level: str, text: str) -> None:
-        """Ignore a notice of the bus: this participant makes no requests.
-
-        Args:
-            level: not used.
-            text: not used.
-        """
+        """Ignore a notice of the bus: this participant makes no requests."""
 
     def publish(self, topic: Topic, **fields: JsonValue) -> None:
         """Publish a message.

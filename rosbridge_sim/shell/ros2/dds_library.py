@@ -204,9 +204,6 @@ class DdsDomain:
             data_type: from `DdsTypes`.
             quality: what is offered.
             user_data: what other programs are told about the writer.
-
-        Raises:
-            GraphError: the library refuses it.
         """
         from cyclonedds.core import Policy  # noqa: PLC0415 - as above
         from cyclonedds.pub import DataWriter  # noqa: PLC0415
@@ -228,9 +225,6 @@ class DdsDomain:
             quality: what is asked for.
             user_data: what other programs are told about the reader.
             on_data: called in a thread of the library when messages wait.
-
-        Raises:
-            GraphError: the library refuses it.
         """
         from cyclonedds.core import Policy  # noqa: PLC0415 - as above
         from cyclonedds.sub import DataReader  # noqa: PLC0415

@@ -158,22 +158,14 @@ class Ros2Node:
     # As a `FarNode`
 
     def open_writer(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
-        """See `FarNode`.
-
-        Raises:
-            GraphError: the library refuses it.
-        """
+        """See `FarNode`."""
         self._writers[topic] = self._domain.open_writer(
             dds_topic(topic, self._choices.namespace), self._data_type(cdr_type), quality, _user_data(cdr_type)
         )
         self._change()
 
     def open_reader(self, topic: str, cdr_type: CdrType, quality: Quality) -> None:
-        """See `FarNode`.
-
-        Raises:
-            GraphError: the library refuses it.
-        """
+        """See `FarNode`."""
         report = self._report_data[topic] = self._report(lambda: self._take(topic), topic)
         self._readers[topic] = self._domain.open_reader(
             dds_topic(topic, self._choices.namespace),

@@ -37,12 +37,7 @@ class GuestPublisher:
         self._bus = bus
 
     def notify(self, level: str, text: str) -> None:
-        """Write a message from the bus into the log.
-
-        Args:
-            level: of the message.
-            text: the message, on one line.
-        """
+        """Write a message from the bus into the log."""
         _log.debug("%s: %s: %s", self.name, level, text)
 
     def offer(self, name: str, type_name: str) -> Topic | None:

@@ -49,11 +49,7 @@ class ProcessStatus:
         )
 
     def publish(self, publishers: Publishers) -> None:
-        """Advertise the topic; its first message is there from the start.
-
-        Args:
-            publishers: take the topic.
-        """
+        """Advertise the topic; its first message is there from the start."""
         self._publishers = publishers
         self._publisher = publishers.add(STATUS, "morai_msgs/MoraiSimProcStatus", self._message, depth=1)
         self._published = self._status()

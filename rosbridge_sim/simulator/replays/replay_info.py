@@ -63,11 +63,7 @@ class ReplayInfoPublisher:
         self._quaternion = maker(store, "geometry_msgs/Quaternion", "x", "y", "z", "w")
 
     def publish(self, publishers: Publishers) -> None:
-        """Advertise the topic.
-
-        Args:
-            publishers: take the topic.
-        """
+        """Advertise the topic."""
         self._publisher = publishers.add(REPLAY_INFO, "morai_msgs/ReplayInfo", self._message, is_exclusive=False)
 
     def is_echo(self, message: Struct) -> bool:

@@ -40,11 +40,7 @@ class ReplayStatus:
         )
 
     def publish(self, publishers: Publishers) -> None:
-        """Publish the topic.
-
-        Args:
-            publishers: take the topic.
-        """
+        """Publish the topic."""
         publishers.add(
             REPLAY,
             "rosbridge_sim_msgs/Replay",

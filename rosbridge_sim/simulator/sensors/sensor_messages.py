@@ -115,13 +115,7 @@ class SensorMessages:
         )
 
     def detections_of(self, type_name: str, header: Struct, boxes: VisibleBoxes) -> Struct:
-        """Return the boxes of a picture as vision_msgs, in the optical frame of the camera.
-
-        Args:
-            type_name: `DETECTIONS_2D` or `DETECTIONS_3D`.
-            header: of the picture.
-            boxes: of the picture.
-        """
+        """Return the boxes of a picture as vision_msgs, in the optical frame of the camera."""
         return self._vision.detections_of(type_name, header, boxes)
 
     def cloud(self, header: Struct, cloud: Cloud) -> Struct:

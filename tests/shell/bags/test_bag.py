@@ -74,7 +74,7 @@ def test_long_bag_keeps_numbers_and_no_index_in_memory(tmp_path: Path, stores: d
     bag = open_bag(tmp_path / "long.bag")
     fill(bag, stores[1], 300, "x" * 10_000)  # three chunks that the library ends by itself
     bag.flush()
-    kept = [entries for chunk in bag._writer.chunks for entries in chunk.connections.values()]  # type: ignore[attr-defined]
+    kept = [entries for chunk in bag._writer.chunks for entries in chunk.connections.values()]  # type: ignore[union-attr]
     assert len(kept) >= 3
     assert all(isinstance(entries, range) for entries in kept)
     bag.close()
