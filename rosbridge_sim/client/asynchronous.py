@@ -223,7 +223,7 @@ class AsyncClient(SimulatorRequests):
 
     # Frames
 
-    async def send(self, op: str, **fields: object) -> str:
+    async def send(self, /, op: str, **fields: object) -> str:
         """Send any op of the rosbridge protocol.
 
         Args:

@@ -7,10 +7,11 @@ few messages wait, so each connection would need a second thread. And each metho
 from __future__ import annotations
 
 import ssl
-from collections.abc import Coroutine, Mapping, Sequence
+from collections.abc import Callable, Coroutine
 from contextlib import suppress
+from functools import wraps
 from types import TracebackType
-from typing import Any, Self, TypeVar, Unpack
+from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
 from rosbridge_sim.client.async_subscription import AsyncSubscription
 from rosbridge_sim.client.asynchronous import (
@@ -22,9 +23,6 @@ from rosbridge_sim.client.asynchronous import (
     StatusLevel,
 )
 from rosbridge_sim.client.frames import Frame
-from rosbridge_sim.client.objects import ObjectChange, ObjectOptions, RoadPoint
-from rosbridge_sim.client.results import RealTimeFactor, Snapshot, Steps, Tick
-from rosbridge_sim.client.simulator_requests import DEFAULT_USER_ID, FRAME_MS, Command, StopCondition
 from rosbridge_sim.client.statuses import Status
 from rosbridge_sim.errors import ClientError, ConnectionLostError
 from rosbridge_sim.link.loop_thread import LoopStoppedError, LoopThread
@@ -32,7 +30,21 @@ from rosbridge_sim.link.urls import shown_url
 
 __all__ = ["Client", "Subscription"]
 
+P = ParamSpec("P")
 T = TypeVar("T")
+
+
+def _blocking(
+    method: Callable[Concatenate[AsyncClient, P], Coroutine[Any, Any, T]],
+) -> Callable[Concatenate[Client, P], T]:
+    """Return the blocking form of a method, with its arguments, errors and description."""
+
+    @wraps(method, assigned=("__name__", "__doc__"))
+    def run(self: Client, /, *args: P.args, **kwargs: P.kwargs) -> T:
+        return self.run(method(self._client, *args, **kwargs))
+
+    run.__qualname__ = f"Client.{method.__name__}"
+    return run
 
 
 class Client:
@@ -147,29 +159,13 @@ class Client:
             finally:
                 self._thread.stop()
 
-    def send(self, op: str, **fields: object) -> str:
-        """Send any op of the rosbridge protocol; return its `id`. See `AsyncClient.send`."""
-        return self.run(self._client.send(op, **fields))
+    # The methods of `AsyncClient`, which are described there
 
-    # Services
-
-    def call(self, service: str, args: object = None, *, timeout: float | None = None) -> Frame:
-        """Call any service and return its values. See `AsyncClient.call` for arguments and errors."""
-        return self.run(self._client.call(service, args, timeout=timeout))
-
-    def ask(self, service: str, /, *, timeout: float | None = None, **request: object) -> Frame:
-        """Call a service of the simulator and return its `response`. See `AsyncClient.ask` for arguments and errors."""
-        return self.run(self._client.ask(service, timeout=timeout, **request))
-
-    # Topics
-
-    def publish(self, topic: str, msg: Mapping[str, object], type_name: str | None = None) -> None:
-        """Publish a message. See `AsyncClient.publish` for arguments and errors."""
-        self.run(self._client.publish(topic, msg, type_name))
-
-    def confirm(self, *, timeout: float | None = None) -> None:
-        """Wait until the server has handled everything that was sent before. See `AsyncClient.confirm`."""
-        self.run(self._client.confirm(timeout=timeout))
+    send = _blocking(AsyncClient.send)
+    call = _blocking(AsyncClient.call)
+    ask = _blocking(AsyncClient.ask)
+    publish = _blocking(AsyncClient.publish)
+    confirm = _blocking(AsyncClient.confirm)
 
     def subscribe(
         self, topic: str, type_name: str | None = None, *, throttle_ms: int = 0, keep: int = DEFAULT_KEEP
@@ -178,149 +174,37 @@ class Client:
         inner = self.run(self._client.subscribe(topic, type_name, throttle_ms=throttle_ms, keep=keep))
         return Subscription(self, inner)
 
-    def wait_for(
-        self,
-        topic: str,
-        predicate: Predicate | None = None,
-        *,
-        type_name: str | None = None,
-        timeout: float | None = None,
-    ) -> Frame:
-        """Subscribe to a topic and return its first message that fits. See `AsyncClient.wait_for`."""
-        return self.run(self._client.wait_for(topic, predicate, type_name=type_name, timeout=timeout))
-
-    # Objects and roads
-
-    def spawn(self, model: str = "", *, timeout: float | None = None, **options: Unpack[ObjectOptions]) -> int:
-        """See `AsyncClient.spawn`."""
-        return self.run(self._client.spawn(model, timeout=timeout, **options))
-
-    def spawn_all(self, objects: Sequence[Mapping[str, object]], *, timeout: float | None = None) -> list[int]:
-        """See `AsyncClient.spawn_all`."""
-        return self.run(self._client.spawn_all(objects, timeout=timeout))
-
-    def remove(self, *unique_ids: int, timeout: float | None = None) -> None:
-        """See `AsyncClient.remove`."""
-        self.run(self._client.remove(*unique_ids, timeout=timeout))
-
-    def set_object(self, unique_id: int, *, timeout: float | None = None, **options: Unpack[ObjectChange]) -> None:
-        """See `AsyncClient.set_object`."""
-        self.run(self._client.set_object(unique_id, timeout=timeout, **options))
-
-    def set_objects(self, objects: Sequence[Mapping[str, object]], *, timeout: float | None = None) -> None:
-        """See `AsyncClient.set_objects`."""
-        self.run(self._client.set_objects(objects, timeout=timeout))
-
-    def catalogue(self, *, timeout: float | None = None) -> list[Frame]:
-        """See `AsyncClient.catalogue`."""
-        return self.run(self._client.catalogue(timeout=timeout))
-
-    def describe(self, number: int, *, timeout: float | None = None) -> Frame:
-        """See `AsyncClient.describe`."""
-        return self.run(self._client.describe(number, timeout=timeout))
-
-    def scenarios(self, *, timeout: float | None = None) -> list[Frame]:
-        """See `AsyncClient.scenarios`."""
-        return self.run(self._client.scenarios(timeout=timeout))
-
-    def scenario_picture(self, name: str, *, width: int = 0, height: int = 0, timeout: float | None = None) -> bytes:
-        """See `AsyncClient.scenario_picture`."""
-        return self.run(self._client.scenario_picture(name, width=width, height=height, timeout=timeout))
-
-    def map(self, *, timeout: float | None = None) -> Frame:
-        """See `AsyncClient.map`."""
-        return self.run(self._client.map(timeout=timeout))
-
-    def route(self, start: RoadPoint, goal: RoadPoint, *, timeout: float | None = None) -> Frame:
-        """See `AsyncClient.route`."""
-        return self.run(self._client.route(start, goal, timeout=timeout))
-
-    def nearest_lane(
-        self, x: float, y: float, heading_deg: float | None = None, *, timeout: float | None = None
-    ) -> Frame:
-        """See `AsyncClient.nearest_lane`."""
-        return self.run(self._client.nearest_lane(x, y, heading_deg, timeout=timeout))
-
-    # Synchronous mode
-
-    def start_sync(self, *, user_id: str = DEFAULT_USER_ID, step_ms: int = FRAME_MS) -> int:
-        """Start synchronous mode with this client as master; return the frame number. See `AsyncClient.start_sync`."""
-        return self.run(self._client.start_sync(user_id=user_id, step_ms=step_ms))
-
-    def stop_sync(self) -> None:
-        """End synchronous mode. See `AsyncClient.stop_sync`."""
-        self.run(self._client.stop_sync())
-
-    def tick(self, n: int = 1, *, timeout: float | None = None) -> Tick:
-        """Move the world by `n` ticks; return the simulation after the last one. See `AsyncClient.tick`."""
-        return self.run(self._client.tick(n, timeout=timeout))
-
-    def step(
-        self,
-        n: int = 1,
-        *,
-        commands: Mapping[int, Command | Sequence[Command]] | None = None,
-        topics: Sequence[str] = (),
-        stop_on: Sequence[StopCondition] = (),
-        stop_after_m: float = 0.0,
-        stop_at: tuple[float, float, float] | None = None,
-        timeout: float | None = None,
-    ) -> Steps:
-        """See `AsyncClient.step`."""
-        return self.run(
-            self._client.step(
-                n,
-                commands=commands,
-                topics=topics,
-                stop_on=stop_on,
-                stop_after_m=stop_after_m,
-                stop_at=stop_at,
-                timeout=timeout,
-            )
-        )
-
-    def real_time_factor(self, factor: float | None = None, *, timeout: float | None = None) -> RealTimeFactor:
-        """See `AsyncClient.real_time_factor`."""
-        return self.run(self._client.real_time_factor(factor, timeout=timeout))
-
-    # Snapshots
-
-    def snapshot(self, name: str = "", *, with_data: bool = False, timeout: float | None = None) -> Snapshot:
-        """See `AsyncClient.snapshot`."""
-        return self.run(self._client.snapshot(name, with_data=with_data, timeout=timeout))
-
-    def restore(self, saved: str | bytes | Snapshot, *, timeout: float | None = None) -> int:
-        """See `AsyncClient.restore`."""
-        return self.run(self._client.restore(saved, timeout=timeout))
-
-    def snapshots(self, *, remove: Sequence[str] = (), timeout: float | None = None) -> list[Snapshot]:
-        """See `AsyncClient.snapshots`."""
-        return self.run(self._client.snapshots(remove=remove, timeout=timeout))
-
-    def state_hash(self, *, timeout: float | None = None) -> str:
-        """See `AsyncClient.state_hash`."""
-        return self.run(self._client.state_hash(timeout=timeout))
+    wait_for = _blocking(AsyncClient.wait_for)
+    spawn = _blocking(AsyncClient.spawn)
+    spawn_all = _blocking(AsyncClient.spawn_all)
+    remove = _blocking(AsyncClient.remove)
+    set_object = _blocking(AsyncClient.set_object)
+    set_objects = _blocking(AsyncClient.set_objects)
+    catalogue = _blocking(AsyncClient.catalogue)
+    describe = _blocking(AsyncClient.describe)
+    scenarios = _blocking(AsyncClient.scenarios)
+    scenario_picture = _blocking(AsyncClient.scenario_picture)
+    map = _blocking(AsyncClient.map)
+    route = _blocking(AsyncClient.route)
+    nearest_lane = _blocking(AsyncClient.nearest_lane)
+    start_sync = _blocking(AsyncClient.start_sync)
+    stop_sync = _blocking(AsyncClient.stop_sync)
+    tick = _blocking(AsyncClient.tick)
+    step = _blocking(AsyncClient.step)
+    real_time_factor = _blocking(AsyncClient.real_time_factor)
+    snapshot = _blocking(AsyncClient.snapshot)
+    restore = _blocking(AsyncClient.restore)
+    snapshots = _blocking(AsyncClient.snapshots)
+    state_hash = _blocking(AsyncClient.state_hash)
 
     @property
     def next_frame(self) -> int:
         """Number of the frame that the next tick leads to. See `AsyncClient.next_frame`."""
         return self._client.next_frame
 
-    # Time as a tool
-
-    def join_barrier(
-        self, *, user_id: str = "", step_ms: int = 0, deadline: float = 0.0, timeout: float | None = None
-    ) -> int:
-        """See `AsyncClient.join_barrier`."""
-        return self.run(self._client.join_barrier(user_id=user_id, step_ms=step_ms, deadline=deadline, timeout=timeout))
-
-    def leave_barrier(self, *, timeout: float | None = None) -> None:
-        """See `AsyncClient.leave_barrier`."""
-        self.run(self._client.leave_barrier(timeout=timeout))
-
-    def score(self, *, reset: bool = False, timeout: float | None = None) -> list[Frame]:
-        """See `AsyncClient.score`."""
-        return self.run(self._client.score(reset=reset, timeout=timeout))
+    join_barrier = _blocking(AsyncClient.join_barrier)
+    leave_barrier = _blocking(AsyncClient.leave_barrier)
+    score = _blocking(AsyncClient.score)
 
 
 class Subscription:
