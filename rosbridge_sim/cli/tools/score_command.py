@@ -5,7 +5,6 @@ from __future__ import annotations
 from rosbridge_sim.cli.tools.text import note, put, put_json
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame
 from rosbridge_sim.cli.tools.tool_subscription import Listener
-from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
 
 __all__ = ["follow", "show"]
@@ -46,13 +45,7 @@ async def show(bridge: Bridge, *, is_reset: bool, is_json: bool) -> int:
         RefusedError: the simulator says no, or there is none.
         BridgeError: there is no answer.
     """
-    answer = await bridge.call(SCORE, {"reset": is_reset}, bridge.patience)
-    if answer is None:
-        raise BridgeError(f"{SCORE}: no answer within {bridge.patience:g} s; --timeout waits longer")
-    if not answer.is_ok or not isinstance(answer.values, dict):
-        text = safe(str(answer.values))
-        raise RefusedError(f"{text}; does the rosbridge have a simulator?" if "not exist" in text else text)
-    values = answer.values
+    values = await bridge.request(SCORE, {"reset": is_reset})
     if is_json:
         put_json(values)
         return 0

@@ -121,13 +121,8 @@ def _write(message: Frame, path: Path) -> tuple[int, tuple[int, int]]:
 
 
 async def _ask(bridge: Bridge, ego: int) -> list[Frame]:
-    answer = await bridge.call(SERVICE, {"ego": ego}, bridge.patience)
-    if answer is None:
-        raise BridgeError(f"{SERVICE}: no answer within {bridge.patience:g} s; --timeout waits longer")
-    if not answer.is_ok or not isinstance(answer.values, dict):
-        text = safe(str(answer.values))
-        raise RefusedError(f"{text}; is a simulator there?" if "not exist" in text else text)
-    found = answer.values.get("sensors")
-    if answer.values.get("result") is not True or not isinstance(found, list):
-        raise RefusedError(safe(str(answer.values.get("message"))))
+    values = await bridge.request(SERVICE, {"ego": ego})
+    found = values.get("sensors")
+    if values.get("result") is not True or not isinstance(found, list):
+        raise RefusedError(safe(str(values.get("message"))))
     return [one for one in found if isinstance(one, dict)]

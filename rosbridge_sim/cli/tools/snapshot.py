@@ -118,13 +118,7 @@ async def _ask(bridge: Bridge, service: str, request: Frame) -> Frame:
         RefusedError: it refuses, or is not there.
         BridgeError: there is no answer.
     """
-    answer = await bridge.call(service, request, bridge.patience)
-    if answer is None:
-        raise BridgeError(f"{service}: no answer within {bridge.patience:g} s; --timeout waits longer")
-    if not answer.is_ok or not isinstance(answer.values, dict):
-        text = safe(str(answer.values))
-        hint = "; is a simulator there?" if "not exist" in text else ""
-        raise RefusedError(f"{text}{hint}")
-    if answer.values.get("result") is not True:
-        raise RefusedError(f"{service}: {safe(str(answer.values.get('message')))}")
-    return dict(answer.values)
+    values = await bridge.request(service, request)
+    if values.get("result") is not True:
+        raise RefusedError(f"{service}: {safe(str(values.get('message')))}")
+    return values

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from rosbridge_sim.cli.tools.text import put, put_json
-from rosbridge_sim.cli.tools.tool_client import Bridge, Frame
-from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
+from rosbridge_sim.cli.tools.tool_client import Bridge
+from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.terminal_text import safe
 
 __all__ = ["spawn"]
@@ -25,13 +25,7 @@ async def spawn(bridge: Bridge, request: Mapping[str, object], *, is_json: bool)
         RefusedError: the simulator says no, or there is none.
         BridgeError: there is no answer.
     """
-    answer = await bridge.call(SERVICE, {"objects": [request]}, bridge.patience)
-    if answer is None:
-        raise BridgeError(f"{SERVICE}: no answer within {bridge.patience:g} s; --timeout waits longer")
-    if not answer.is_ok or not isinstance(answer.values, dict):
-        text = safe(str(answer.values))
-        raise RefusedError(f"{text}; is a simulator there?" if "not exist" in text else text)
-    values: Frame = answer.values
+    values = await bridge.request(SERVICE, {"objects": [request]})
     ids = values.get("unique_ids")
     if values.get("result") is not True or not isinstance(ids, list):
         text = str(values.get("message", "")).removeprefix("objects[0].")

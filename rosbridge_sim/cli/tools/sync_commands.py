@@ -321,14 +321,8 @@ async def _ask(bridge: Bridge, service: str, request: Frame) -> Frame:
         BridgeError: there is no answer.
     """
     is_ours = service.startswith("/sim/")
-    answer = await bridge.call(service, request if is_ours else {"request": request}, bridge.patience)
-    if answer is None:
-        raise BridgeError(f"{service}: no answer within {bridge.patience:g} s; --timeout waits longer")
-    if not answer.is_ok or not isinstance(answer.values, dict):
-        text = safe(str(answer.values))
-        hint = "; does the rosbridge have a simulator?" if "not exist" in text else ""
-        raise RefusedError(f"{text}{hint}")
-    response = answer.values if is_ours else answer.values.get("response")
+    values = await bridge.request(service, request if is_ours else {"request": request})
+    response = values if is_ours else values.get("response")
     return response if isinstance(response, dict) else {}
 
 

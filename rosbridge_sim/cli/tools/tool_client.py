@@ -135,6 +135,22 @@ class Bridge:
         answers = await self._answers([call], None if patience is None else patience + _LAST_WORD)
         return answers[0] if answers else None
 
+    async def request(self, service: str, args: Mapping[str, object]) -> Frame:
+        """Return the values of a simulator's service.
+
+        Raises:
+            RefusedError: it refuses, or does not exist.
+            BridgeError: there is no answer.
+        """
+        answer = await self.call(service, args, self.patience)
+        if answer is None:
+            raise BridgeError(f"{service}: no answer within {self.patience:g} s; --timeout waits longer")
+        if not answer.is_ok or not isinstance(answer.values, dict):
+            text = safe(str(answer.values))
+            hint = "; does the rosbridge have a simulator?" if "not exist" in text else ""
+            raise RefusedError(f"{text}{hint}")
+        return answer.values
+
     async def ask(self, service: str, /, **args: object) -> Frame:
         """Return the values of a rosapi service.
 

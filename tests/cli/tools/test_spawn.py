@@ -35,7 +35,10 @@ async def test_refusal_is_one_line_with_the_reason() -> None:
         assert done.complaint.endswith(f", ...; {command}")
     async with Simulator(port=0, world=False) as sim:
         done = await in_the_background("spawn", "Box", "--at", "0,0", url=sim.url)
-        assert (done.code, done.complaint) == (1, "Service /sim/spawn does not exist; is a simulator there?")
+        assert (done.code, done.complaint) == (
+            1,
+            "Service /sim/spawn does not exist; does the rosbridge have a simulator?",
+        )
 
 
 @pytest.mark.parametrize(
