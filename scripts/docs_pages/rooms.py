@@ -38,26 +38,27 @@ class Picture:
 PACKAGE_ROOMS: Final = Picture(
     "",
     {
-        "cli": ((40, 30), (800, 80), "commands of the command line, and the tools behind them"),
-        "client": ((40, 140), (120, 80), "client"),
-        "environments": ((860, 30), (200, 80), "for Gymnasium"),
-        "worlds": ((860, 140), (200, 80), "many without server"),
-        "campaign_runs": ((860, 250), (200, 80), "workers, programs"),
-        "campaigns": ((860, 390), (200, 96), "plan, judge, report"),
-        "shell": ((180, 140), (660, 80), "sockets, tasks, clock, disk, signals"),
-        "link": ((40, 250), (400, 80), "a client's connection; texts for terminals"),
-        "simulator": ((250, 390), (590, 96), "kernel, scene, synchronous mode, topics and services"),
-        "graph": ((140, 526), (270, 96), "participants, topics, services, actions"),
-        "morai": ((430, 526), (410, 96), "MORAI's messages, commands, releases"),
-        "protocol": ((40, 662), (180, 80), "the wire of one client"),
-        "schema": ((240, 662), (210, 80), "message definitions, compiled"),
-        "scenarios": ((470, 662), (370, 80), "scenario files, catalogue of models"),
-        "maps": ((470, 772), (370, 80), "maps without a format, and their readers"),
-        "world": ((470, 882), (370, 96), "motion, lanes, lights, traffic: numpy"),
+        "cli": ((40, 30), (1020, 80), "commands of the command line, and the tools behind them"),
+        "campaign_runs": ((300, 140), (760, 80), "workers, programs beside a simulator, folders of results"),
+        "environments": ((300, 250), (540, 80), "environments for Gymnasium"),
+        "worlds": ((220, 360), (620, 80), "many worlds without a server"),
+        "client": ((40, 470), (240, 80), "for programs and the command line"),
+        "shell": ((300, 470), (540, 80), "sockets, tasks, clock, disk, signals"),
+        "link": ((40, 580), (400, 80), "a client's connection; texts for terminals"),
+        "simulator": ((250, 720), (590, 96), "kernel, scene, synchronous mode, topics and services"),
+        "campaigns": ((860, 720), (200, 96), "plan, judge, report"),
+        "graph": ((140, 856), (270, 96), "participants, topics, services, actions"),
+        "morai": ((430, 856), (265, 96), "MORAI's messages, commands, releases"),
+        "protocol": ((40, 992), (180, 80), "the wire of one client"),
+        "schema": ((240, 992), (210, 80), "message definitions, compiled"),
+        "scenarios": ((470, 992), (225, 80), "scenario files, models"),
+        "scenery": ((715, 992), (145, 80), "what sensors see"),
+        "maps": ((470, 1102), (370, 80), "maps without a format, and their readers"),
+        "world": ((470, 1212), (590, 96), "motion, lanes, lights, traffic: numpy"),
     },
-    (1100, 1010),
+    (1100, 1340),
     "Rooms of the package; an arrow leads from a room to a room that it imports",
-    floor=360.0,
+    floor=690.0,
 )
 
 SIMULATOR_ROOMS: Final = Picture(
@@ -153,8 +154,9 @@ def draw_rooms(root: Path, picture: Picture = PACKAGE_ROOMS) -> str:
             f'<line x1="20" y1="{floor:g}" x2="{right:g}" y2="{floor:g}" stroke="#b0481e" stroke-width="1.4"'
             ' stroke-dasharray="7 5"/>'
         )
-        parts.append(text((right, floor - 8), "above: sockets, tasks, clocks, files", size=12, anchor="end"))
-        parts.append(text((right, floor + 18), "below: the same calls give the same values", size=12, anchor="end"))
+        end = width - 260  # between the arrows that cross the line
+        parts.append(text((end, floor - 8), "above: sockets, tasks, clocks, files", size=12, anchor="end"))
+        parts.append(text((end, floor + 18), "below: the same calls give the same values", size=12, anchor="end"))
     for name, (at, size, meaning) in picture.rooms.items():
         imported = [other for other in order if (name, other) in arrows]
         lines = [f"{name}/" if name != "." else "files beside the rooms", meaning]
