@@ -260,9 +260,6 @@ def parse_expression(
         known: names that may be used; None for any.
         is_followed: it may read fields of topics, and has the functions over time; see `Following`.
 
-    Returns:
-        The expression.
-
     Raises:
         DocumentError: it is no expression, is too long or too deep, or uses a name that is not known. The text says
         where.

@@ -165,9 +165,6 @@ def compare(ours: dict[str, str], reference: dict[str, str]) -> list[str]:
     Args:
         ours: case id -> verdict of our socket class.
         reference: case id -> verdict of the library's.
-
-    Returns:
-        The lines.
     """
     return [
         f"{case}: {ours.get(case, 'not run')}; the reference: {verdict}"
@@ -177,11 +174,7 @@ def compare(ours: dict[str, str], reference: dict[str, str]) -> list[str]:
 
 
 def main() -> int:
-    """Run both echoes and print the differences.
-
-    Returns:
-        The exit code.
-    """
+    """Run both echoes and print the differences."""
     parser = argparse.ArgumentParser(description="Autobahn's cases against our socket class and the reference")
     parser.add_argument("cases", nargs="*", help="case ids or patterns such as 6.*; all without one")
     given = parser.parse_args()

@@ -173,11 +173,7 @@ def find_lost_names(site: Path, names: Mapping[str, str] = NAMES) -> Iterator[st
 
 
 def main() -> int:
-    """Run the command.
-
-    Returns:
-        The exit code.
-    """
+    """Run the command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("site", nargs="?", type=Path, default=Path("build/site"), help="folder of the built site")
     site = parser.parse_args().site

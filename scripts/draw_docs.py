@@ -197,11 +197,7 @@ def draw_own_scenario(path: Path) -> None:
 
 
 def main() -> int:
-    """Write all pictures.
-
-    Returns:
-        The exit code.
-    """
+    """Write all pictures."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     IMAGES.mkdir(parents=True, exist_ok=True)
     for name in ("town", "hills", "motorway", "roundabout", "parking"):

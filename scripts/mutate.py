@@ -164,11 +164,7 @@ def _try_all(tests: Tests, targets: Sequence[Target], arguments: argparse.Namesp
 
 
 def main() -> int:
-    """Try mutants until all are tried or the time is over.
-
-    Returns:
-        The exit code.
-    """
+    """Try mutants until all are tried or the time is over."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("files", nargs="*", metavar="FILE", default=list(TESTS), help=f"within {PACKAGE}/; all if none")
     parser.add_argument("--minutes", type=float, default=45.0, help="longest run (default: 45)")

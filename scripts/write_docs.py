@@ -65,11 +65,7 @@ def _text_of(path: Path) -> str | None:
 
 
 def main() -> int:
-    """Run the command.
-
-    Returns:
-        The exit code.
-    """
+    """Run the command."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--check", action="store_true", help="write nothing; code 1 if a file is out of date")
     if parser.parse_args().check:

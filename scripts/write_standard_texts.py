@@ -92,11 +92,7 @@ def _quote(text: str) -> str:
 
 
 def main() -> int:
-    """Write or check the file.
-
-    Returns:
-        The exit code.
-    """
+    """Write or check the file."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--check", action="store_true", help="write nothing; code 1 if the file is out of date")
     options = parser.parse_args()

@@ -51,9 +51,6 @@ def drive_in_python(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run]) 
 
     Args:
         driver: of all of them; no program.
-
-    Returns:
-        An outcome for each.
     """
     found: dict[int, Outcome] = {}
     groups: dict[str, list[tuple[Run, RunValues]]] = {}

@@ -90,9 +90,6 @@ def drive_runs(job: Job, runs: Sequence[Run], *, may_keep: bool = True) -> list[
     Args:
         runs: the runs; more than one for a driver that takes a batch.
         may_keep: write the files of runs that the campaign wants to keep; False beyond its quota.
-
-    Returns:
-        A result for each.
     """
     loaded = open_job(job)
     campaign = loaded.campaign

@@ -354,9 +354,6 @@ def read_campaign_document(document: Mapping[str, Any], source: str) -> Campaign
         document: the parsed TOML.
         source: name of the file, for errors.
 
-    Returns:
-        The document.
-
     Raises:
         DocumentError: one line with the place, what was expected, and what came.
     """

@@ -194,9 +194,6 @@ class Actions:
             cancel: gets each goal that should be cancelled.
             is_exclusive: no client may take the name, neither now nor later.
 
-        Returns:
-            The action.
-
         Raises:
             GraphError: another owner has the action, or its service for cancelling, exclusively.
             TypeNameError: the type does not exist.

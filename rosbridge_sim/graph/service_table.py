@@ -65,9 +65,6 @@ class ServiceTable:
             handle: gets each call; a PeerError that it raises refuses the call.
             is_exclusive: no client may take the name, neither now nor later.
 
-        Returns:
-            The service.
-
         Raises:
             GraphError: the service belongs to the simulator.
             TypeNameError: the type does not exist.

@@ -76,9 +76,6 @@ class TopicTable:
             is_exclusive: no other owner may publish here; clients that do lose their advertisements.
             is_on_demand: the owner publishes only while the topic has a subscriber.
 
-        Returns:
-            The topic.
-
         Raises:
             GraphError: the topic has another type, or another owner publishes it exclusively.
             TypeNameError: the type does not exist.
@@ -142,9 +139,6 @@ class TopicTable:
             notify: tells the owner something about the subscription; None means `owner.notify`.
             is_general: see `Subscription`.
             is_recording: see `Subscription`.
-
-        Returns:
-            The subscription.
 
         Raises:
             GraphError: the topic has another type, or no type is given and the topic is not advertised.

@@ -68,9 +68,6 @@ def proj_text(projection: Projection) -> str:
 
     Args:
         projection: of a map. Its own PROJ text is used if it has one, because that may hold terms that we do not read.
-
-    Returns:
-        The text.
     """
     if "+proj=" in projection.text:
         return projection.text

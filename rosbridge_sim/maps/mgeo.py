@@ -74,9 +74,6 @@ def read_mgeo(files: Mapping[str, bytes], source: str) -> RoadMap:
         files: contents by file name; `FILES` are required, the others of `MAP_FILES` are optional.
         source: the map's folder, for errors; its last part is the map's name.
 
-    Returns:
-        The map.
-
     Raises:
         DocumentError: one line: file, place in it, expected value, actual value.
     """
@@ -181,9 +178,6 @@ def read_projection(text: str, source: str) -> Projection:
 
     Args:
         source: name of its file, for errors.
-
-    Returns:
-        The projection.
 
     Raises:
         DocumentError: another projection, or a value that is not a number.

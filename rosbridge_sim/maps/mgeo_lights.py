@@ -224,9 +224,6 @@ def read_lights(files: Mapping[str, tuple[bytes, str]], lanes: Lanes, notes: lis
         lanes: of the map.
         notes: gets a line for each ignored entry.
 
-    Returns:
-        The plan.
-
     Raises:
         DocumentError: one line: file, place in it, expected value, actual value.
     """
@@ -312,9 +309,6 @@ def find_light_mistakes(files: Mapping[str, tuple[bytes, str]]) -> list[Mistake]
 
     Args:
         files: content and name for errors, by file name.
-
-    Returns:
-        The mistakes, file by file.
     """
     kinds: dict[str, DocumentType[Any]] = {
         "lights": _LIGHTS,

@@ -126,9 +126,6 @@ def read_lanes(
         border_file: `lane_boundary_set.json` or, in older maps, `lane_marking_set.json`. None puts the edges half a
             width from the lanes' lines.
 
-    Returns:
-        The lanes.
-
     Raises:
         DocumentError: one line: file, place in it, expected value, actual value.
     """
@@ -181,9 +178,6 @@ def find_lane_mistakes(
         node_file: as for `read_lanes`.
         link_file: as for `read_lanes`.
         border_file: as for `read_lanes`.
-
-    Returns:
-        The mistakes, file by file.
     """
     found = [*find_mistakes(_NODES, *node_file, MAX_MAP_BYTES), *find_mistakes(_LINKS, *link_file, MAX_MAP_BYTES)]
     return found if border_file is None else [*found, *find_mistakes(_BORDERS, *border_file, MAX_MAP_BYTES)]

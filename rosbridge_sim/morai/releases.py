@@ -196,9 +196,6 @@ def choose_profile(
         object_limit: see `Profile`.
         object_velocity_unit: see `Profile`.
         object_range: see `Profile`.
-
-    Returns:
-        The profile.
     """
     own = {
         "wheel_angle_unit": wheel_angle_unit,

@@ -406,9 +406,6 @@ def model_by_class(data_id: int, kind: Kind) -> Model:
 
     Args:
         kind: of the item in the file.
-
-    Returns:
-        The model.
     """
     like = default_model(kind)
     return Model(f"{like.kind.name.capitalize()}_{data_id}", like.kind, like.body, (data_id,))

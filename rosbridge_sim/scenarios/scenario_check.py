@@ -81,9 +81,6 @@ def read_draft(text: bytes, source: str, catalogue: Catalogue = BUILT_IN) -> Dra
         text: the file's bytes.
         source: its name, for the lines about mistakes.
         catalogue: the models.
-
-    Returns:
-        The draft.
     """
     found = find_scenario_mistakes(text, source)
     lines = [mistake.text for mistake in found]
@@ -120,9 +117,6 @@ def find_misspelt_keys(keys: SortedKeys) -> list[str]:
 
     Args:
         keys: of a document.
-
-    Returns:
-        A line for each.
     """
     lines = []
     for path, num in islice(keys.passed_over.items(), MAX_UNKNOWN):
@@ -191,9 +185,6 @@ def find_oddities(scenario: Scenario, roads: Roads | None) -> list[str]:
     Args:
         scenario: placed, if a map is known.
         roads: of the map; None skips the checks of vehicles on roads.
-
-    Returns:
-        A line for each.
     """
     drivers = [spawn for spawn in (*scenario.egos, *scenario.vehicles) if spawn.is_placed]
     others = [spawn for spawn in (*scenario.pedestrians, *scenario.obstacles) if spawn.is_placed]

@@ -372,9 +372,6 @@ def read_scenario_document(text: bytes, source: str) -> ScenarioDocument:
         text: the file's bytes.
         source: its name, for errors.
 
-    Returns:
-        The document.
-
     Raises:
         DocumentError: one line: place, expected value, actual value.
     """

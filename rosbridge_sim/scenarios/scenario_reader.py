@@ -105,9 +105,6 @@ def read_scenario(text: bytes, source: str, notify: OnMistake = _refuse, catalog
         notify: takes a mistake in a single item; by default the mistake is raised.
         catalogue: the models.
 
-    Returns:
-        The scenario.
-
     Raises:
         DocumentError: one line: place, expected value, actual value.
     """

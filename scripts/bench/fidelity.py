@@ -59,9 +59,6 @@ def run_inside(env: Path, arguments: Sequence[str]) -> int:
     Args:
         env: folder of the environment.
         arguments: of the command line.
-
-    Returns:
-        The exit code.
     """
     python = env / "bin" / "python"
     if not python.exists():

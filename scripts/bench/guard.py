@@ -276,11 +276,7 @@ def _compare(tree: Path, names: Sequence[str], rounds: int, pairs: int) -> None:
 
 
 def main() -> int:
-    """Parse the command line and run.
-
-    Returns:
-        The exit code.
-    """
+    """Parse the command line and run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="workloads whose name holds this")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="turns of each [%(default)s]")

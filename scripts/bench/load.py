@@ -74,9 +74,6 @@ def masked(payload: bytes) -> bytes:
 
     Args:
         payload: UTF-8 text.
-
-    Returns:
-        The frame.
     """
     size = len(payload)
     if size < 126:

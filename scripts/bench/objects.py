@@ -51,11 +51,7 @@ WAYS: tuple[tuple[str, dict[str, object] | None], ...] = (
 
 
 async def main() -> int:
-    """Measure all rows, and print them.
-
-    Returns:
-        The exit code.
-    """
+    """Measure all rows, and print them."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--objects", type=int, default=10_000, help="vehicles [%(default)s]")
     parser.add_argument("--seconds", type=float, default=10.0, help="time of each measurement [%(default)s]")

@@ -69,11 +69,7 @@ PROBE = """
 
 
 async def main() -> int:
-    """Measure the three views, and print them.
-
-    Returns:
-        The exit code.
-    """
+    """Measure the three views, and print them."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--objects", type=int, default=1000, help="objects in the town [%(default)s]")
     parser.add_argument("--seconds", type=float, default=10.0, help="time of each measurement [%(default)s]")

@@ -97,11 +97,7 @@ NPCS: tuple[tuple[str, int, int, float, int | None], ...] = (  # model, lane, se
 
 
 def loop_scenario() -> bytes:
-    """Return the scenario: the ego on the right lane, faster traffic to its left, trucks in front and behind.
-
-    Returns:
-        The document.
-    """
+    """Return the scenario: the ego on the right lane, faster traffic to its left, trucks in front and behind."""
     sections = loop()
     vehicles: list[dict[str, Any]] = []
     for uid, (model, lane, i, part, speed) in enumerate(NPCS, start=1):

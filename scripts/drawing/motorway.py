@@ -261,11 +261,7 @@ LEAVE, COME_IN = 0.4, 0.6  # parts of a service road: those that come in do so b
 
 
 def motorway_scenario() -> bytes:
-    """Return the scenario: the ego before an exit, mixed traffic on all lanes, some of it on the service roads.
-
-    Returns:
-        The document.
-    """
+    """Return the scenario: the ego before an exit, mixed traffic on all lanes, some of it on the service roads."""
     vehicles: list[dict[str, Any]] = []
     for models, lane, first, apart, num, slowest, fastest in TRAFFIC:
         for k in range(num):
@@ -284,11 +280,7 @@ def motorway_scenario() -> bytes:
 
 
 def rush_hour_scenario() -> bytes:
-    """Return the scenario: vehicles come in at both entries and leave at the other exit; the ego stands on lane 1.
-
-    Returns:
-        The document.
-    """
+    """Return the scenario: vehicles come in at both entries and leave at the other exit; the ego stands on lane 1."""
     points = [
         {
             "UNIQUEID": 1 + number,

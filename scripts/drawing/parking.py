@@ -169,11 +169,7 @@ DRIVING = (
 
 
 def parking_scenario() -> bytes:
-    """Return the scenario: the ego at the beginning of an aisle, parked cars in most bays, a few cars that drive.
-
-    Returns:
-        The document.
-    """
+    """Return the scenario: the ego at the beginning of an aisle, parked cars in most bays, a few cars that drive."""
     vehicles: list[dict[str, Any]] = []
     for row, (near, far) in ROWS.items():
         for number in range(1, BAYS + 1):

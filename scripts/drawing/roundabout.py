@@ -201,11 +201,7 @@ EGO = 30.0  # from the turning place in the west [m]
 
 
 def roundabout_scenario() -> bytes:
-    """Return the scenario: the ego before the roundabout, in the west, and traffic on all streets.
-
-    Returns:
-        The document.
-    """
+    """Return the scenario: the ego before the roundabout, in the west, and traffic on all streets."""
     vehicles = []
     for model, link, part in NPCS:
         x, y, yaw = _at(link, part)

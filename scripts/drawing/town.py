@@ -364,11 +364,7 @@ KERB = 2.2  # from the edge of a street to the line on which people walk [m]
 
 
 def town_scenario() -> bytes:
-    """Return the scenario: the ego on the avenue, traffic on all streets, pedestrians who cross them.
-
-    Returns:
-        The document.
-    """
+    """Return the scenario: the ego on the avenue, traffic on all streets, pedestrians who cross them."""
     ids = iter(range(1, 1000))
     vehicles = []
     for i, (column, row, leg, lane) in enumerate(STARTS):

@@ -348,11 +348,7 @@ def drive(sync: SyncMode, points: list[tuple[float, float]], speed_kmh: float, *
 
 
 def main() -> int:
-    """Read the command line and drive; an error is one line.
-
-    Returns:
-        The exit code.
-    """
+    """Read the command line and drive; an error is one line."""
     parser = argparse.ArgumentParser(description="Drive along a path in synchronous mode.")
     parser.add_argument("--host", default="127.0.0.1")
     parser.add_argument("--port", type=int, default=9090)

@@ -29,11 +29,7 @@ _CALL = json.dumps({"op": "call_service", "service": "/rosapi/get_time", "id": "
 
 
 def main() -> int:
-    """Measure until the other end of the socket is closed.
-
-    Returns:
-        The exit code.
-    """
+    """Measure until the other end of the socket is closed."""
     waits: list[float] = []
     channel = socket.socket(fileno=int(sys.argv[1]))
     with channel, connect(sys.argv[2], compression=None, ping_interval=None, proxy=None) as connection:

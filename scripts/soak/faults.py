@@ -654,11 +654,7 @@ async def run_case(case: Case, folder: Path, scale: Scale) -> Verdict:
 
 
 def main() -> int:
-    """Run the cases and print the result of each.
-
-    Returns:
-        The exit code.
-    """
+    """Run the cases and print the result of each."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--short", action="store_true", help="with the numbers of the tests")
     parser.add_argument("--only", action="append", metavar="NAME", help="only cases whose name holds this")

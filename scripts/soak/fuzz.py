@@ -496,11 +496,7 @@ def _last_words(process: subprocess.Popen[str]) -> str:
 
 
 def main() -> int:
-    """Run it, with a line for each configuration.
-
-    Returns:
-        The exit code.
-    """
+    """Run it, with a line for each configuration."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=0)

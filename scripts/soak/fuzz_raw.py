@@ -13,9 +13,6 @@ def raw_bytes(chance: random.Random, text: bytes) -> bytes:
     Args:
         chance: the random generator.
         text: bytes to use in them.
-
-    Returns:
-        The bytes.
     """
     line = chance.choice(
         (
@@ -49,9 +46,6 @@ def part_of_frame(chance: random.Random, text: bytes) -> bytes:
     Args:
         chance: the random generator.
         text: payload to use in them.
-
-    Returns:
-        The bytes.
     """
     text = text[:100]
     frame = bytes([0x81, 0x80 | len(text)]) + b"\0\0\0\0" + text

@@ -394,9 +394,6 @@ class Bystander:
     async def waits(self) -> Waits:
         """Return the figures since the last call.
 
-        Returns:
-            The waits.
-
         Raises:
             SoakError: it has ended, or waits for an answer itself.
         """
@@ -510,9 +507,6 @@ class Client:
         Args:
             op: its name.
             fields: of the op.
-
-        Returns:
-            The frame.
 
         Raises:
             GoneError: the connection is closed.
@@ -649,11 +643,7 @@ class Client:
 
 
 def handshake() -> bytes:
-    """Return the request that opens a WebSocket.
-
-    Returns:
-        The bytes.
-    """
+    """Return the request that opens a WebSocket."""
     return (
         b"GET / HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
         b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Version: 13\r\n\r\n"
@@ -701,9 +691,6 @@ def masked(payload: bytes, first: int = 0x81) -> bytes:
     Args:
         payload: its content.
         first: its first byte.
-
-    Returns:
-        The bytes.
     """
     size = len(payload)
     if size < 126:
@@ -753,9 +740,6 @@ def differences(before: Mapping[str, Sequence[str]], after: Mapping[str, Sequenc
     Args:
         before: kind -> names.
         after: kind -> names.
-
-    Returns:
-        The lines.
     """
     lines = []
     for name, names in before.items():

@@ -220,9 +220,6 @@ def op(**fields: object) -> bytes:
 
     Args:
         fields: of the op.
-
-    Returns:
-        The text.
     """
     frame: bytes = orjson.dumps(fields)
     return frame
@@ -751,11 +748,7 @@ async def run(patterns: Sequence[str], runs: int, repeats: int, settling: float,
 
 
 def main() -> int:
-    """Parse the command line and run.
-
-    Returns:
-        The exit code.
-    """
+    """Parse the command line and run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", action="append", default=[], metavar="PATTERN", help="rows whose name matches [all]")
     parser.add_argument("--runs", type=int, default=3, help="how often each row is played [3]")

@@ -289,11 +289,7 @@ class Soak:
 
 
 def main() -> int:
-    """Run it, with a line of progress for each tenth.
-
-    Returns:
-        The exit code.
-    """
+    """Run it, with a line of progress for each tenth."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--loads", type=int, default=10_000)
     parser.add_argument("--seed", type=int, default=0)

@@ -320,11 +320,7 @@ async def soak(
 
 
 def main() -> int:
-    """Run it, with a line for each minute.
-
-    Returns:
-        The exit code.
-    """
+    """Run it, with a line for each minute."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--minutes", type=float, default=60.0)
     parser.add_argument("--seconds", type=float, help="in place of --minutes")

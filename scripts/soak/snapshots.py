@@ -227,11 +227,7 @@ def judge(report: Report) -> list[str]:
 
 
 def main() -> int:
-    """Run it, with a line of progress for each tenth.
-
-    Returns:
-        The exit code.
-    """
+    """Run it, with a line of progress for each tenth."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--turns", type=int, default=5_000)
     parser.add_argument("--seed", type=int, default=0)

@@ -18,9 +18,6 @@ def repair_bag(path: str, output: str | None, *, is_json: bool) -> int:
         path: the broken bag.
         output: the new bag; None uses the default name.
 
-    Returns:
-        The exit code.
-
     Raises:
         DocumentError: the bag cannot be read, or the new one cannot be written.
     """

@@ -87,9 +87,6 @@ def film_shot(choice: FilmChoice) -> int:
     Args:
         choice: scene, camera and file.
 
-    Returns:
-        The exit code.
-
     Raises:
         DocumentError: the scene or the camera cannot be used, nothing can be drawn here, or the file cannot be written.
     """
@@ -106,9 +103,6 @@ def film_clip(choice: FilmChoice, seconds: float, rate: float) -> int:
         choice: scene, camera and file.
         seconds: simulated time that it shows.
         rate: pictures a second; each shows the last frame of its moment, so their times may differ by 20 ms.
-
-    Returns:
-        The exit code.
 
     Raises:
         DocumentError: as for `film_shot`.

@@ -24,9 +24,6 @@ SITE: Final = Path(__file__).resolve().parents[3] / "build" / "site" / "index.ht
 def list_pages(*, is_json: bool) -> int:
     """Print name and title of each page.
 
-    Returns:
-        The exit code.
-
     Raises:
         DocumentError: this installation has no pages.
     """
@@ -46,9 +43,6 @@ def show_page(name: str, *, is_json: bool) -> int:
     Args:
         name: name of the page. Folder and suffix may be left out if the name is still unique, and of a page in two
             languages it is then the English one.
-
-    Returns:
-        The exit code.
 
     Raises:
         DocumentError: no page has that name, or several have.

@@ -98,9 +98,6 @@ async def show_rate(
         patience: longest wait for a message [s]; None means no limit.
         is_json: print one line of JSON per report.
 
-    Returns:
-        The exit code.
-
     Raises:
         RefusedError: the topic does not exist, or no message came in time.
     """

@@ -77,9 +77,6 @@ def print_layout(viewer: str, names: Names, ros: int) -> int:
         viewer: one of `VIEWERS`.
         names: see `choose_names`.
         ros: 1 or 2.
-
-    Returns:
-        The exit code.
     """
     put(VIEWERS[viewer](names, ros).rstrip("\n"))
     return 0

@@ -63,9 +63,6 @@ async def record(
         patience: longest wait for a message [s]; None means no limit.
         is_json: print the result as JSON on stdout, not as a line for people.
 
-    Returns:
-        The exit code.
-
     Raises:
         DocumentError: the bag cannot be written, or its file was deleted.
         RefusedError: the connection has ended, or no message came in time; the bag is finished in any case.

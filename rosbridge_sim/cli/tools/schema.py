@@ -67,9 +67,6 @@ def list_types(package: str | None, choice: DefinitionSources, *, is_json: bool)
     Args:
         package: name of the package; None means all.
 
-    Returns:
-        The exit code.
-
     Raises:
         DocumentError: a setting, a folder or a file cannot be used.
         RefusedError: the package is unknown.
@@ -101,9 +98,6 @@ def _check_package(store: Store, package: str) -> None:
 def write_typescript(package: str, choice: DefinitionSources) -> int:
     """Print the TypeScript declarations of a package.
 
-    Returns:
-        The exit code.
-
     Raises:
         DocumentError: a setting, a folder or a file cannot be used, or a definition names an unknown type.
         RefusedError: the package is unknown.
@@ -126,9 +120,6 @@ def show_type(name: str, choice: DefinitionSources, *, is_full: bool, is_json: b
     Args:
         name: `pkg/Type`, or `Type` of any package.
         is_full: also print the definitions of all types in it.
-
-    Returns:
-        The exit code.
 
     Raises:
         DocumentError: a setting, a folder or a file cannot be used.

@@ -23,9 +23,6 @@ async def list_services(bridge: Bridge, *, is_verbose: bool, is_json: bool) -> i
     Args:
         is_verbose: with type and provider.
 
-    Returns:
-        The exit code.
-
     Raises:
         RefusedError: rosapi refuses, or does not exist.
         BridgeError: there is no answer.
@@ -63,9 +60,6 @@ Fields = Sequence[tuple[str, str]]
 
 async def show_service(bridge: Bridge, name: str, *, is_json: bool) -> int:
     """Print a service's type and provider, and its request and response as far as they are known.
-
-    Returns:
-        The exit code.
 
     Raises:
         RefusedError: there is no such service.
@@ -170,9 +164,6 @@ async def call(bridge: Bridge, name: str, args: object, patience: float | None, 
         name: name of the service.
         args: the request, by name or by position.
         patience: longest wait for the answer [s]; None means no limit.
-
-    Returns:
-        The exit code.
 
     Raises:
         RefusedError: the service refuses, does not exist, or does not answer in time.

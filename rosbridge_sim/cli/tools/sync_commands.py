@@ -207,9 +207,6 @@ async def tick(bridge: Bridge, count: int, user_id: str, step_ms: int, *, is_sta
         is_starting: start the mode.
         is_json: print each answer as a line of JSON.
 
-    Returns:
-        The exit code.
-
     Raises:
         RefusedError: the simulator refuses, or there is none.
         BridgeError: there is no answer.

@@ -102,11 +102,7 @@ class Bridge:
         return asyncio.get_running_loop().time()
 
     async def send(self, op: str, **fields: object) -> str:
-        """Send an op.
-
-        Returns:
-            The id of the op.
-        """
+        """Send an op."""
         return await self._client.send(op, **fields)
 
     async def receive(self, until: float | None = None) -> Frame | None:

@@ -36,9 +36,6 @@ class Listener:
             topic: absolute name of the topic.
             type_name: its type; None means that of an existing topic.
             throttle_ms: least time between two messages [ms].
-
-        Returns:
-            The subscription.
         """
         listener = cls(bridge, topic)
         rate = {"throttle_rate": throttle_ms} if throttle_ms else {}

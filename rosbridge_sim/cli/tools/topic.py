@@ -25,9 +25,6 @@ async def list_topics(bridge: Bridge, *, is_verbose: bool, has_types: bool, is_j
     Args:
         is_verbose: with types, and with the nodes that publish and subscribe.
 
-    Returns:
-        The exit code.
-
     Raises:
         RefusedError: rosapi refuses, or does not exist.
         BridgeError: there is no answer.
@@ -93,9 +90,6 @@ def _list(names: Sequence[str]) -> str:
 async def show_topic(bridge: Bridge, name: str, *, is_json: bool) -> int:
     """Print a topic's type, and its publishers and subscribers.
 
-    Returns:
-        The exit code.
-
     Raises:
         RefusedError: there is no such topic.
         BridgeError: there is no answer.
@@ -139,9 +133,6 @@ async def echo(
         count: number of messages; None means no end.
         patience: longest wait for a message [s]; None means no limit.
         is_json: print one line of JSON per message.
-
-    Returns:
-        The exit code.
 
     Raises:
         RefusedError: the topic does not exist, or no message came in time.
@@ -226,9 +217,6 @@ async def publish(
         rate: messages per second [Hz]; None publishes once, and then stays for later subscribers.
         is_latched: later subscribers get the last message.
         is_json: print the result as JSON for programs.
-
-    Returns:
-        The exit code.
 
     Raises:
         RefusedError: the server refuses it.

@@ -37,9 +37,6 @@ async def watch(url: str, token: str | None, patience: float, *, rate: float, is
         is_once: print one picture and end; without a terminal that can move its cursor, this is done in any case.
         has_colour: use colours if the terminal has them.
 
-    Returns:
-        The exit code.
-
     Raises:
         DocumentError: there is no connection.
         RefusedError: no message came in time, for a single picture.

@@ -208,11 +208,7 @@ class FlowControl:
     # Probes
 
     def probe(self, now: float) -> int:
-        """Register a probe that is sent now.
-
-        Returns:
-            Its number.
-        """
+        """Register a probe that is sent now."""
         self._num_probes += 1
         self._count(FRAME_COST)
         cost, frames = self._cost, self._frames

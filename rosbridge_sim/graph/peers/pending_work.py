@@ -64,9 +64,6 @@ class PendingWork(Generic[W]):
 
         Args:
             work: the call or goal.
-
-        Returns:
-            Its new id.
         """
         self.num_given += 1
         work_id = f"{self._prefix}{self.num_given}"

@@ -148,9 +148,6 @@ class Converter:
         Args:
             frame: the world's; it is `seq`, and it gives the stamp (`stamp_ns`).
             frame_id: tf frame of the message.
-
-        Returns:
-            A std_msgs/Header.
         """
         return self._header(frame & 0xFFFFFFFF, self._store.time_value(self.stamp_ns(frame)), frame_id)
 

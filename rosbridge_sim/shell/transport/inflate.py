@@ -71,11 +71,7 @@ class LateDeflate(Extension):
         self._is_compressed = False  # a compressed message is not finished
 
     def encode(self, frame: Frame) -> Frame:
-        """Compress an outgoing frame.
-
-        Returns:
-            The frame to send.
-        """
+        """Compress an outgoing frame."""
         return self._library.encode(frame)
 
     def decode(self, frame: Frame, *, max_size: int | None = None) -> Frame:  # noqa: ARG002 - checked during decompression
@@ -83,9 +79,6 @@ class LateDeflate(Extension):
 
         Args:
             max_size: not used.
-
-        Returns:
-            The frame.
 
         Raises:
             ProtocolError: RFC 7692 forbids the compression bit in a continuation frame.

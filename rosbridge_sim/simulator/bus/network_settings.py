@@ -87,9 +87,6 @@ class InterfaceChoice:
 
         Args:
             base: gives the properties that this choice leaves open.
-
-        Returns:
-            The combined choice.
         """
         return InterfaceChoice(
             base.name if self.name is None else self.name,
@@ -127,9 +124,6 @@ class NetworkSettings:
             kind: of the item.
             default: its default name, without a prefix.
             prefix: `/` for an item of the world or the first ego, else the prefix of a further ego.
-
-        Returns:
-            The choice.
         """
         choices = self.choices(kind)
         if not choices:  # the usual case, asked hundreds of times when egos come
@@ -154,9 +148,6 @@ class NetworkSettings:
 
         Args:
             base: gives the properties that these settings leave open.
-
-        Returns:
-            The combined settings.
         """
         return NetworkSettings(**{kind.value: _over(self.choices(kind), base.choices(kind)) for kind in InterfaceKind})
 
@@ -213,9 +204,6 @@ def path_text(path: tuple[str, ...]) -> str:
 
     Args:
         path: the keys.
-
-    Returns:
-        The text for an error.
     """
     return ".".join(map(_key_text, path))
 

@@ -84,9 +84,6 @@ class EgoRegistry:
 
         Args:
             row: of the entity in the world.
-
-        Returns:
-            The number.
         """
         uid: int = self._world.uid.item(row)
         return next((ego.index for ego in self._egos if ego.uid == uid), uid)
@@ -97,9 +94,6 @@ class EgoRegistry:
         Args:
             index: its number on the wire.
             uid: id of the entity in the world.
-
-        Returns:
-            The ego.
         """
         return Ego(
             self._world,

@@ -31,9 +31,6 @@ class Library(Protocol):
         Args:
             name: as a client or a setting gives it.
 
-        Returns:
-            The scenario.
-
         Raises:
             DocumentError: it does not exist, or it cannot be used.
         """
@@ -43,9 +40,6 @@ class Library(Protocol):
 
         Args:
             name: as a scenario gives it.
-
-        Returns:
-            The map.
 
         Raises:
             DocumentError: it does not exist, or it cannot be used.
@@ -75,9 +69,6 @@ def find_map(library: Library, name: str) -> FoundMap:
 
     Args:
         name: as a scenario gives it.
-
-    Returns:
-        The map with this name.
 
     Raises:
         DocumentError: it does not exist, or it cannot be used.

@@ -216,9 +216,6 @@ class Scene:
             z: up [m].
             yaw: counter-clockwise from east [rad].
 
-        Returns:
-            Its id.
-
         Raises:
             FieldError: the pose is out of range, the world is full, or a recording is replayed.
         """

@@ -220,9 +220,6 @@ class Sync(WaitingCommands[C]):
 
         Args:
             user_id: the id that the peer stops with.
-
-        Returns:
-            The outcome.
         """
         is_allowed = self._is_master(user_id) or (self._may_anyone_stop and self.state not in NO_MASTER)
         return self._follow(SyncHappening(SyncEvent.STOP_BY_MASTER if is_allowed else SyncEvent.STOP_BY_OTHER, now))
