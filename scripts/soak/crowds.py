@@ -6,7 +6,7 @@ from typing import Any
 
 import orjson
 
-from scripts.soak.harness import masked
+from scripts.soak.soak_client import masked
 
 __all__ = ["egos", "egos_at_once", "ghosts", "load_flood", "loads", "people", "snapshots"]
 

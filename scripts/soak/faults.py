@@ -34,20 +34,9 @@ if __name__ == "__main__":
 
 from rosbags.highlevel import AnyReader  # noqa: E402
 
-from scripts.soak.harness import (  # noqa: E402
-    PATIENCE,
-    Client,
-    GoneError,
-    Programs,
-    RefusedError,
-    SoakError,
-    WatchedServer,
-    census,
-    differences,
-    open_raw,
-    until,
-)
+from scripts.soak.harness import PATIENCE, GoneError, Programs, RefusedError, SoakError, WatchedServer, until  # noqa: E402
 from scripts.soak.scenes import write_scenes  # noqa: E402
+from scripts.soak.soak_client import Client, census, differences, open_raw  # noqa: E402
 from tests.broken_proxy import BrokenProxy, Fate  # noqa: E402
 
 __all__ = ["CASES", "LONG", "SHORT", "Case", "Scale", "Verdict", "run_case"]

@@ -38,14 +38,8 @@ from websockets.exceptions import ConnectionClosed
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from scripts.soak import crowds
-from scripts.soak.harness import (
-    Bystander,
-    GoneError,
-    SoakError,
-    WatchedServer,
-    masked,
-    open_raw,
-)
+from scripts.soak.harness import Bystander, GoneError, SoakError, WatchedServer
+from scripts.soak.soak_client import masked, open_raw
 
 MB = 2**20
 LARGEST = 16 * MB

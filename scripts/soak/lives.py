@@ -20,19 +20,9 @@ import cbor2
 import orjson
 from PIL import Image
 
-from scripts.soak.harness import (
-    PATIENCE,
-    Client,
-    Frame,
-    GoneError,
-    RefusedError,
-    SoakError,
-    handshake,
-    masked,
-    open_raw,
-    reset,
-)
+from scripts.soak.harness import PATIENCE, Frame, GoneError, RefusedError, SoakError
 from scripts.soak.scenes import BAD, BUILT_IN, GOOD, MISSING
+from scripts.soak.soak_client import Client, handshake, masked, open_raw, reset
 
 __all__ = ["KINDS", "Place"]
 

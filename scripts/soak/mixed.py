@@ -28,20 +28,10 @@ if __name__ == "__main__":
     sys.path.insert(0, str(ROOT))  # works from a fresh clone, too
 
 from scripts.bench.program import machine  # noqa: E402
-from scripts.soak.harness import (  # noqa: E402
-    Bystander,
-    Client,
-    Figures,
-    SoakError,
-    Waits,
-    WatchedServer,
-    census,
-    differences,
-    slope_per_hour,
-    until,
-)
+from scripts.soak.harness import Bystander, Figures, SoakError, Waits, WatchedServer, slope_per_hour, until  # noqa: E402
 from scripts.soak.lives import KINDS, Place  # noqa: E402
 from scripts.soak.scenes import BUILT_IN, write_scenes  # noqa: E402
+from scripts.soak.soak_client import Client, census, differences  # noqa: E402
 
 __all__ = ["Report", "soak"]
 
