@@ -19,9 +19,9 @@ if __name__ == "__main__":
 
 from rosbridge_sim.campaigns.campaign_model import campaign_schema  # noqa: E402
 from rosbridge_sim.scenarios.scenario_model import scenario_schema  # noqa: E402
-from rosbridge_sim.scenery.moving.body_forms import body_forms  # noqa: E402
 from rosbridge_sim.simulator.sensors.sensor_noise import noise_schema  # noqa: E402
 from rosbridge_sim.simulator.sensors.sensor_presets import rig_schema  # noqa: E402
+from scripts.drawing.body_forms import body_forms  # noqa: E402
 
 
 def schema_files() -> dict[Path, str]:

@@ -30,7 +30,6 @@ __all__ = [
     "find_model",
     "key_of_name",
     "model_by_class",
-    "model_of_data_id",
 ]
 
 
@@ -376,7 +375,6 @@ BUILT_IN: Final = Catalogue()
 """The catalogue with our models only."""
 
 find_model: Final = BUILT_IN.find
-model_of_data_id: Final = BUILT_IN.of_data_id
 
 
 def default_model(kind: Kind) -> Model:

@@ -9,7 +9,6 @@ from rosbridge_sim.scenarios.catalogue import (
     Model,
     default_model,
     find_model,
-    model_of_data_id,
 )
 from rosbridge_sim.world.state.world import Kind
 
@@ -43,18 +42,18 @@ def test_names_and_numbers_of_models_are_unique() -> None:
         assert find_model(model.name) is model
         assert find_model(model.name.lower().replace("_", " ")) is model
         for data_id in model.data_ids:
-            assert model_of_data_id(data_id, model.kind) is model
+            assert BUILT_IN.of_data_id(data_id, model.kind) is model
 
 
 def test_known_models_have_the_documented_numbers() -> None:
-    cone = model_of_data_id(40100005, Kind.OBSTACLE)
+    cone = BUILT_IN.of_data_id(40100005, Kind.OBSTACLE)
     assert cone is not None
     assert cone.name == "Traffic_Cone"
-    ioniq5 = model_of_data_id(20200012, Kind.EGO)
+    ioniq5 = BUILT_IN.of_data_id(20200012, Kind.EGO)
     assert ioniq5 is not None
     assert ioniq5.body.wheelbase == 3.0
-    assert model_of_data_id(40100005, Kind.VEHICLE) is None
-    assert model_of_data_id(30200001, Kind.VEHICLE) is None
+    assert BUILT_IN.of_data_id(40100005, Kind.VEHICLE) is None
+    assert BUILT_IN.of_data_id(30200001, Kind.VEHICLE) is None
 
 
 @pytest.mark.parametrize("kind", Kind)

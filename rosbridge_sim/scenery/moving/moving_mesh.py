@@ -22,7 +22,7 @@ from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape
 from rosbridge_sim.scenery.static.traffic_lights import SignalLamps
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 
-__all__ = ["MovingScene", "moving_mesh", "stretch"]
+__all__ = ["MovingScene", "stretch"]
 
 _LABELS: Final = {
     Shape.MOTORCYCLE: Label.MOTORCYCLE,
@@ -94,15 +94,6 @@ class MovingScene:
         if self._lamps is None or self._known is None or self._known[0] is not key[0] or self._known[1] != key[1]:
             self._lamps, self._known = SignalLamps(frame.plan, origin), key
         return self._lamps.show(frame.signals)
-
-
-def moving_mesh(frame: SceneFrame, origin: FloatArray) -> Mesh:
-    """Return what moves at one frame, with all details; for many frames make a `MovingScene`.
-
-    Args:
-        origin: (3,) of the mesh: that of the static one [m].
-    """
-    return MovingScene().mesh(frame, origin)
 
 
 def stretch(frame: SceneFrame, rows: IntArray, shape: Shape, *, is_coarse: bool) -> tuple[FloatArray, Template]:

@@ -11,7 +11,7 @@ from rosbridge_sim.scenarios.catalogue import CATALOGUE
 from rosbridge_sim.scenery.camera_geometry import box_corners
 from rosbridge_sim.scenery.mesh import Label, Lit, Mesh
 from rosbridge_sim.scenery.moving.looks import EGO_PAINT
-from rosbridge_sim.scenery.moving.moving_mesh import MovingScene, moving_mesh
+from rosbridge_sim.scenery.moving.moving_mesh import MovingScene
 from rosbridge_sim.scenery.scene_frame import EgoLook, SceneFrame, take_frame
 from rosbridge_sim.scenery.static.traffic_lights import SignalLamps
 from rosbridge_sim.shell.files.library import DiskLibrary
@@ -61,7 +61,7 @@ def test_ego_has_a_paint_of_its_own_and_others_differ() -> None:
     for k in range(30):
         world.spawn(Kind.VEHICLE, Body(), name="car", x=10.0 * k, y=0.0)
     uid = world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=9.0)
-    mesh = moving_mesh(take_frame(world), ORIGIN)
+    mesh = MovingScene().mesh(take_frame(world), ORIGIN)
     paints = {tuple(map(tuple, np.unique(mesh.colour[mesh.instance == k + 1], axis=0).tolist())) for k in range(30)}
     assert len(paints) > 3
     assert EGO_PAINT in set(map(tuple, mesh.colour[mesh.instance == uid + 1].tolist()))
@@ -73,7 +73,7 @@ def test_lamps_are_lit_as_the_frame_says() -> None:
 
     def lit(lamps: int) -> np.ndarray:
         frame = take_frame(world, [EgoLook(world.row(uid), 5, lamps)])
-        mesh = moving_mesh(frame, np.zeros(3))
+        mesh = MovingScene().mesh(frame, np.zeros(3))
         return np.asarray(mesh.vertices[mesh.triangles[mesh.lit == Lit.NOW]].mean(axis=1))
 
     assert len(lit(0)) == 0
@@ -91,9 +91,9 @@ def test_lamps_are_lit_as_the_frame_says() -> None:
 def test_front_wheels_are_steered() -> None:
     world = World()
     uid = world.spawn(Kind.EGO, Body(), name="ego", x=0.0, y=0.0)
-    straight = moving_mesh(take_frame(world), np.zeros(3)).vertices
+    straight = MovingScene().mesh(take_frame(world), np.zeros(3)).vertices
     world.steer[world.row(uid)] = math.radians(30.0)
-    turned = moving_mesh(take_frame(world), np.zeros(3)).vertices
+    turned = MovingScene().mesh(take_frame(world), np.zeros(3)).vertices
     moved = straight[np.linalg.norm(turned - straight, axis=1) > 1e-3]
     assert len(moved) > 50
     assert np.abs(moved[:, 0] - 2.7).max() < 0.5
@@ -105,7 +105,7 @@ def test_people_walk_by_the_distance_that_they_walked() -> None:
 
     def reach() -> float:
         """Greatest distance of a foot from the middle, ahead."""
-        corners = corners_of(moving_mesh(take_frame(world), np.zeros(3)), uid + 1)
+        corners = corners_of(MovingScene().mesh(take_frame(world), np.zeros(3)), uid + 1)
         feet = corners[corners[:, 2] < 0.15]
         return float(feet[:, 0].max() - world.x[world.row(uid)])
 
@@ -134,4 +134,4 @@ def test_lights_show_what_the_signals_say() -> None:
 
 
 def test_empty_world_has_no_triangles() -> None:
-    assert len(moving_mesh(take_frame(World()), ORIGIN)) == 0
+    assert len(MovingScene().mesh(take_frame(World()), ORIGIN)) == 0

@@ -13,7 +13,7 @@ import pytest
 
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.scenery.moving.moving_mesh import moving_mesh
+from rosbridge_sim.scenery.moving.moving_mesh import MovingScene
 from rosbridge_sim.scenery.scene_frame import take_frame
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.sim_services.scene_state import _looks_of
@@ -79,7 +79,7 @@ def test_bodies_have_the_shapes_and_colours_that_cameras_see() -> None:
     client.tick()
     state, frame = last(client), take_frame(harness.world)
     assert octets(state["shape"]) == frame.shapes.tolist() == [0, 0, 0, 6, 7, 7]
-    seen = moving_mesh(frame, np.zeros(3))
+    seen = MovingScene().mesh(frame, np.zeros(3))
     for row, paint in enumerate(state["paint"]):
         colour = (paint >> 16, paint >> 8 & 255, paint & 255)
         own = seen.colour[seen.instance == frame.ids[row] + 1]

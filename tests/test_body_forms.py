@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rosbridge_sim.scenery.moving.body_forms import BODY_PARTS, body_forms
 from rosbridge_sim.scenery.moving.template import Tint
 from rosbridge_sim.scenery.moving.vehicle_shapes import vehicle_template
 from rosbridge_sim.scenery.scene_frame import Shape
+from scripts.drawing.body_forms import BODY_PARTS, body_forms
 
 
 @pytest.mark.parametrize("name", [*(shape.name.lower() for shape in Shape), "far"])
