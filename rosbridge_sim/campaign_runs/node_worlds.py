@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from rosbridge_sim.campaign_runs.job import LoadedJob
 from rosbridge_sim.campaign_runs.simulator_options import simulator_options
 from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
-from rosbridge_sim.campaigns.results import Run
+from rosbridge_sim.campaigns.run_results import Run
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.shell.assembly import make_simulator_node, mistakes_of_items
 from rosbridge_sim.shell.config.loading import check_options

@@ -18,7 +18,7 @@ from rosbridge_sim.campaign_runs.job import Job
 from rosbridge_sim.campaign_runs.outcome import told_error
 from rosbridge_sim.campaign_runs.program_groups import end_groups
 from rosbridge_sim.campaign_runs.worker import RETIRED, drive_in_worker, settle_worker
-from rosbridge_sim.campaigns.results import Result, Run
+from rosbridge_sim.campaigns.run_results import Result, Run
 from rosbridge_sim.errors import DocumentError
 
 __all__ = ["LocalPool", "Pool", "open_pool"]

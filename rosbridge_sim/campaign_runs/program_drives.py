@@ -25,7 +25,7 @@ from rosbridge_sim.campaign_runs.program_groups import children, end_children, n
 from rosbridge_sim.campaign_runs.simulator_options import make_work_folder, simulator_options
 from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.campaign_model import DriverItem
-from rosbridge_sim.campaigns.results import Run
+from rosbridge_sim.campaigns.run_results import Run
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant

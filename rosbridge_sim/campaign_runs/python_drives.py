@@ -28,8 +28,8 @@ from rosbridge_sim.campaign_runs.simulator_options import WORLD_SETTINGS, check_
 from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.campaign import RunValues, names_of
 from rosbridge_sim.campaigns.campaign_model import DriverItem
-from rosbridge_sim.campaigns.results import Run
-from rosbridge_sim.environments.actions import MAX_ACCEL, MAX_STEER
+from rosbridge_sim.campaigns.run_results import Run
+from rosbridge_sim.environments.action_kinds import MAX_ACCEL, MAX_STEER
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.observations import observe
 from rosbridge_sim.errors import DocumentError

@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from rosbridge_sim.campaign_runs.job import Job
 from rosbridge_sim.campaign_runs.worker import drive_runs
-from rosbridge_sim.campaigns.results import Result, Run
+from rosbridge_sim.campaigns.run_results import Result, Run
 from rosbridge_sim.errors import DocumentError
 
 __all__ = ["RayPool"]

@@ -21,7 +21,7 @@ from typing import Final
 
 from rosbridge_sim.campaign_runs.job import Job
 from rosbridge_sim.campaign_runs.worker import run_folder
-from rosbridge_sim.campaigns.results import Result
+from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.campaigns.tables import Cell, columns_of, write_junit, write_table, write_times
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.version import __version__

@@ -16,7 +16,7 @@ from rosbridge_sim.campaign_runs.pools import Pool
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
 from rosbridge_sim.campaigns.campaign import Campaign
 from rosbridge_sim.campaigns.campaign_model import DriverItem
-from rosbridge_sim.campaigns.results import BAD, Result, Run
+from rosbridge_sim.campaigns.run_results import BAD, Result, Run
 
 __all__ = ["CampaignRunner", "Tell", "cut_into_tasks"]
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from rosbridge_sim.campaign_runs.running import CampaignRunner
 from rosbridge_sim.campaigns.campaign import Group
-from rosbridge_sim.campaigns.results import BAD, Result, Run
+from rosbridge_sim.campaigns.run_results import BAD, Result, Run
 from rosbridge_sim.campaigns.search import MakeStrategy, Search
 from rosbridge_sim.errors import DocumentError
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from rosbridge_sim.campaign_runs.job import LoadedJob
-from rosbridge_sim.campaigns.results import Run
+from rosbridge_sim.campaigns.run_results import Run
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Value
 from rosbridge_sim.shell.config.flag_table import FIELDS, SHORT_FORMS, flag_of

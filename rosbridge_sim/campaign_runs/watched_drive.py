@@ -5,10 +5,10 @@ from __future__ import annotations
 import logging
 
 from rosbridge_sim.campaign_runs.outcome import Outcome
-from rosbridge_sim.campaign_runs.surroundings import find_roads
+from rosbridge_sim.campaign_runs.roads_around import find_roads
 from rosbridge_sim.campaigns.campaign import Campaign, names_of
 from rosbridge_sim.campaigns.own_limits import OwnLimits
-from rosbridge_sim.campaigns.results import Run
+from rosbridge_sim.campaigns.run_results import Run
 from rosbridge_sim.campaigns.topic_values import TopicValues
 from rosbridge_sim.campaigns.trace import Recorder
 from rosbridge_sim.errors import DocumentError

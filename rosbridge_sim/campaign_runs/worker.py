@@ -15,15 +15,15 @@ from pathlib import Path
 from typing import Final
 
 from rosbridge_sim.campaign_runs.job import Job, LoadedJob, open_job
-from rosbridge_sim.campaign_runs.memory import data_size, limited_memory
 from rosbridge_sim.campaign_runs.outcome import Outcome, told_error
 from rosbridge_sim.campaign_runs.program_drives import drive_by_program
 from rosbridge_sim.campaign_runs.program_groups import adopt_orphans, note_group
 from rosbridge_sim.campaign_runs.python_drives import drive_in_python
+from rosbridge_sim.campaign_runs.worker_memory import data_size, limited_memory
 from rosbridge_sim.campaigns.campaign import is_skipped
 from rosbridge_sim.campaigns.campaign_model import DriverItem
-from rosbridge_sim.campaigns.limits import judge_trace
-from rosbridge_sim.campaigns.results import BAD, Breach, Result, Run, Verdict
+from rosbridge_sim.campaigns.drive_limits import judge_trace
+from rosbridge_sim.campaigns.run_results import BAD, Breach, Result, Run, Verdict
 from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
 

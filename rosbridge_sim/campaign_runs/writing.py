@@ -12,7 +12,7 @@ from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
 from rosbridge_sim.campaign_runs.worker import run_folder
 from rosbridge_sim.campaigns.campaign import Campaign
 from rosbridge_sim.campaigns.report import MAX_DETAILS, Details, PageParts, write_report
-from rosbridge_sim.campaigns.results import BAD, Result
+from rosbridge_sim.campaigns.run_results import BAD, Result
 
 __all__ = ["write_all"]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from rosbridge_sim.campaigns.results import BAD, Result
+from rosbridge_sim.campaigns.run_results import BAD, Result
 
 __all__ = ["Comparison", "compare_results"]
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from rosbridge_sim.campaigns.limits import Limits
-from rosbridge_sim.campaigns.results import Breach
+from rosbridge_sim.campaigns.drive_limits import Limits
+from rosbridge_sim.campaigns.run_results import Breach
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, Following, Value
 from rosbridge_sim.printable import printable

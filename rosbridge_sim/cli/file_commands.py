@@ -131,7 +131,7 @@ def _add_strict(parser: Parser) -> None:
 
 
 def _check_scenario(options: Options) -> int:
-    from rosbridge_sim.cli.files import scenario  # noqa: PLC0415
+    from rosbridge_sim.cli.files import scenario_report as scenario  # noqa: PLC0415
 
     library, own_map = scenario.open_library(options.map, tuple(options.scenario_path), options.catalogue)
     return scenario.check_scenarios(

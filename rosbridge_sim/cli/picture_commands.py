@@ -105,7 +105,7 @@ def _shot(options: Options) -> int:
         raise SettingError(f"--{flag}: expected with --scenario or --recording; a running simulator has its own")
     if options.camera == CHASE:
         raise SettingError("--camera chase: expected with --scenario or --recording; a running simulator has its page")
-    from rosbridge_sim.cli.tools.sensor import take_shot  # noqa: PLC0415 - as above
+    from rosbridge_sim.cli.tools.sensor_tool import take_shot  # noqa: PLC0415 - as above
 
     camera = options.camera or ""
     return with_bridge(options, lambda bridge: take_shot(bridge, options.ego, camera, options.out))

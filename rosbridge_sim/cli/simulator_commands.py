@@ -221,7 +221,7 @@ def run_snapshot(argv: Sequence[str]) -> int:
 
 
 def _snapshot(options: Options) -> int:
-    from rosbridge_sim.cli.tools.snapshot import list_snapshots, take_snapshot  # noqa: PLC0415
+    from rosbridge_sim.cli.tools.snapshot_tool import list_snapshots, take_snapshot  # noqa: PLC0415
 
     if options.list or options.remove:
         if options.id or options.out:
@@ -246,7 +246,7 @@ def run_restore(argv: Sequence[str]) -> int:
 
 
 def _restore(options: Options) -> int:
-    from rosbridge_sim.cli.tools.snapshot import restore  # noqa: PLC0415
+    from rosbridge_sim.cli.tools.snapshot_tool import restore  # noqa: PLC0415
 
     return with_bridge(options, lambda bridge: restore(bridge, options.snapshot, options.user, is_json=options.json))
 
@@ -341,6 +341,6 @@ def run_sensor(argv: Sequence[str]) -> int:
 
 
 def _sensor(options: Options) -> int:
-    from rosbridge_sim.cli.tools.sensor import list_sensors  # noqa: PLC0415 - see above
+    from rosbridge_sim.cli.tools.sensor_tool import list_sensors  # noqa: PLC0415 - see above
 
     return with_bridge(options, lambda bridge: list_sensors(bridge, options.ego, is_json=options.json))

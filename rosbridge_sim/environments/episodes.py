@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from rosbridge_sim.environments.actions import make_action
+from rosbridge_sim.environments.action_kinds import make_action
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.judgement import Index, Judgement, judge
 from rosbridge_sim.environments.observations import Seen, observe, pick

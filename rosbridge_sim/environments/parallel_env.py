@@ -14,7 +14,7 @@ from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.episodes import FPS, Episodes
 from rosbridge_sim.environments.judgement import Index
 from rosbridge_sim.environments.observations import Seen, pick, space_of
-from rosbridge_sim.environments.picture import draw
+from rosbridge_sim.environments.top_view import draw
 from rosbridge_sim.worlds.worlds import Worlds
 
 __all__ = ["DrivingParallelEnv"]

@@ -13,7 +13,7 @@ from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT
 from rosbridge_sim.world.state.commands import command_all, shift
 from rosbridge_sim.world.state.world import DT, Gear, Kind, Mode, World
-from rosbridge_sim.worlds.arguments import broadcast, check_number, make_out
+from rosbridge_sim.worlds.argument_checks import broadcast, check_number, make_out
 from rosbridge_sim.worlds.ego_table import EgoTable, Part
 from rosbridge_sim.worlds.occupancy import GRID_FIGURES, find_grids, num_cells
 from rosbridge_sim.worlds.rays import RAY_FIGURES, cast_rays

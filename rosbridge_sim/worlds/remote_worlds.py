@@ -24,7 +24,7 @@ from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.saved_world import from_plain
-from rosbridge_sim.worlds.arguments import check_number
+from rosbridge_sim.worlds.argument_checks import check_number
 from rosbridge_sim.worlds.drivable_worlds import Commands
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 

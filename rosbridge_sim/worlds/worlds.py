@@ -20,7 +20,7 @@ from rosbridge_sim.world.many_worlds.batch import OneOfMany
 from rosbridge_sim.world.many_worlds.world_set import WorldSet
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import Dynamics, Kind
-from rosbridge_sim.worlds.arguments import check_number
+from rosbridge_sim.worlds.argument_checks import check_number
 from rosbridge_sim.worlds.drivable_worlds import EGO_FIGURES, SCORE_FIGURES, Commands
 from rosbridge_sim.worlds.one_scene import TRAFFIC_INTERVAL, OneScene, SavedScene
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds

@@ -13,7 +13,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Final
 
-from rosbridge_sim.environments.actions import MAX_ACCEL, MAX_STEER, META_ACTIONS
+from rosbridge_sim.environments.action_kinds import MAX_ACCEL, MAX_STEER, META_ACTIONS
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.observations import (
     AHEAD,

@@ -22,7 +22,7 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from rosbridge_sim.environments.actions import MAX_ACCEL
+from rosbridge_sim.environments.action_kinds import MAX_ACCEL
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.observations import AHEAD
 from rosbridge_sim.environments.registration import TASKS, register_all

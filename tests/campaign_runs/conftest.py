@@ -13,7 +13,7 @@ from rosbridge_sim.campaign_runs.job import Job, read_job
 from rosbridge_sim.campaign_runs.running import cut_into_tasks
 from rosbridge_sim.campaign_runs.worker import drive_runs
 from rosbridge_sim.campaigns.campaign import plan_runs
-from rosbridge_sim.campaigns.results import Result
+from rosbridge_sim.campaigns.run_results import Result
 from tests import fork_server
 
 

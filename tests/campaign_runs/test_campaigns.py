@@ -14,7 +14,7 @@ from rosbridge_sim.campaign_runs.checking import check_job, find_scenario_mistak
 from rosbridge_sim.campaign_runs.job import Job, read_job
 from rosbridge_sim.campaign_runs.outcome import HEAD, TAIL, KeptOutput
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
-from rosbridge_sim.campaigns.results import Result
+from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.campaigns.tables import write_table
 from rosbridge_sim.errors import DocumentError
 from tests.campaign_runs.conftest import CampaignFolder

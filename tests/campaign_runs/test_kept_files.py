@@ -9,7 +9,7 @@ import sys
 import pytest
 from rosbags.highlevel import AnyReader
 
-from rosbridge_sim.campaigns.results import Result
+from rosbridge_sim.campaigns.run_results import Result
 from tests.campaign_runs.conftest import CampaignFolder
 
 PROGRAM = """

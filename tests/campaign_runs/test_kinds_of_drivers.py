@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rosbridge_sim.campaigns.results import Result
+from rosbridge_sim.campaigns.run_results import Result
 from tests.campaign_runs.conftest import CampaignFolder
 
 FUNCTION = """

@@ -9,7 +9,7 @@ import pytest
 
 from rosbridge_sim.campaigns.assignments import change_document
 from rosbridge_sim.campaigns.campaign import Campaign, check_search, is_skipped, plan_runs, read_campaign
-from rosbridge_sim.campaigns.parameters import expand_parameters
+from rosbridge_sim.campaigns.parameter_sets import expand_parameters
 from rosbridge_sim.errors import DocumentError
 
 

@@ -13,9 +13,9 @@ import pytest
 from rosbridge_sim.campaign_runs.searching import load_strategy
 from rosbridge_sim.campaigns.campaign import read_campaign
 from rosbridge_sim.campaigns.comparison import compare_results
-from rosbridge_sim.campaigns.limits import OwnCheck, judge_trace
+from rosbridge_sim.campaigns.drive_limits import OwnCheck, judge_trace
 from rosbridge_sim.campaigns.own_limits import OwnLimits
-from rosbridge_sim.campaigns.results import Breach, Result, Run, Verdict
+from rosbridge_sim.campaigns.run_results import Breach, Result, Run, Verdict
 from rosbridge_sim.campaigns.search import Search
 from rosbridge_sim.campaigns.tables import write_junit, write_table
 from rosbridge_sim.campaigns.trace import FIGURES, Trace

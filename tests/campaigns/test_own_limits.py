@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rosbridge_sim.campaigns.campaign_model import LimitsItem
-from rosbridge_sim.campaigns.limits import read_limits
+from rosbridge_sim.campaigns.drive_limits import read_limits
 from rosbridge_sim.campaigns.own_limits import OwnLimits
 from rosbridge_sim.expressions import Value
 

@@ -9,7 +9,7 @@ import pytest
 
 from rosbridge_sim.campaign_runs.writing import PAGE
 from rosbridge_sim.campaigns.report import Details, PageParts, write_report
-from rosbridge_sim.campaigns.results import Breach, Result, Run, Verdict
+from rosbridge_sim.campaigns.run_results import Breach, Result, Run, Verdict
 from tests.page.conftest import OpenPage
 from tests.page.test_page import faults_of
 

@@ -10,7 +10,7 @@ from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, read_text_
 from rosbridge_sim.campaign_runs.worker import run_folder
 from rosbridge_sim.campaign_runs.writing import write_all
 from rosbridge_sim.campaigns.comparison import compare_results
-from rosbridge_sim.campaigns.results import Result
+from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.cli.tools.text import put_json, put_lines, put_table
 from rosbridge_sim.errors import DocumentError
 

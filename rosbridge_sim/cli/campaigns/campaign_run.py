@@ -18,7 +18,7 @@ from rosbridge_sim.campaign_runs.running import CampaignRunner, Progress
 from rosbridge_sim.campaign_runs.searching import drive_search
 from rosbridge_sim.campaign_runs.writing import write_all
 from rosbridge_sim.campaigns.campaign import Campaign, plan_runs
-from rosbridge_sim.campaigns.results import BAD, VERDICTS, Result
+from rosbridge_sim.campaigns.run_results import BAD, VERDICTS, Result
 from rosbridge_sim.cli.tools.text import note, put_json, put_lines, put_table
 from rosbridge_sim.errors import DocumentError
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
-from rosbridge_sim.campaigns.parameters import Point
+from rosbridge_sim.campaigns.parameter_sets import Point
 from rosbridge_sim.campaigns.trace import SCORES
 
 __all__ = ["BAD", "VERDICTS", "Breach", "Result", "Run", "Verdict"]

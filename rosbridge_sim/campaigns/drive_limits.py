@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.campaigns.campaign_model import LimitsItem, Place
-from rosbridge_sim.campaigns.results import Breach
+from rosbridge_sim.campaigns.run_results import Breach
 from rosbridge_sim.campaigns.trace import FIGURES, Trace
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, TopicField, parse_expression
