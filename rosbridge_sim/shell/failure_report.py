@@ -58,7 +58,6 @@ class FailureReport:
             simulator: a simulator that was started by `open`.
         """
         self._simulator = simulator
-        self._url = simulator.url
         self._last: dict[str, Message] = {}
         simulator.run_inside(self._follow)
 

@@ -47,12 +47,10 @@ def two_wheeler_template(shape: Shape) -> Template:
             (head, (base, radius)),
             (head, (base - 0.19, 1.0)),
         ):
-            _tube(builder, a, b, 0.02, Tint.RIM)
+            _tube(builder, a, b, 0.02)
         builder.box((saddle[0] - 0.12, -0.07, 0.86), (saddle[0] + 0.12, 0.07, 0.92), Tint.DARK)
         builder.box((base - 0.22, -0.27, 0.98), (base - 0.17, 0.27, 1.02), Tint.DARK)
-        _rider(
-            builder, (0.24, 0.92 - 0.50 * RIDER_HEIGHT), lean=0.55, thigh=(1.25, 0.62), shin=(-1.35, -0.55), arm=0.95
-        )
+        _rider(builder, (0.24, 0.92 - 0.50 * RIDER_HEIGHT), lean=0.55, thigh=(1.25, 0.62), shin=(-1.35, -0.55))
     else:
         builder.extrude(
             [
@@ -66,9 +64,9 @@ def two_wheeler_template(shape: Shape) -> Template:
             ],
             Tint.PAINT,
         )
-        _tube(builder, (base, radius), (base - 0.3, 0.98), 0.05, Tint.RIM)
+        _tube(builder, (base, radius), (base - 0.3, 0.98), 0.05)
         builder.box((base - 0.42, -0.34, 1.0), (base - 0.37, 0.34, 1.04), Tint.DARK)
-        _rider(builder, (0.22, 0.84 - 0.50 * RIDER_HEIGHT), lean=0.35, thigh=(1.2, 1.2), shin=(-1.5, -1.5), arm=0.95)
+        _rider(builder, (0.22, 0.84 - 0.50 * RIDER_HEIGHT), lean=0.35, thigh=(1.2, 1.2), shin=(-1.5, -1.5))
     builder.box((base - 0.16, -0.05, 0.78), (base - 0.10, 0.05, 0.88), Tint.HEAD_LAMP)
     builder.box(
         (-0.34 if not is_bicycle else -0.06, -0.05, 0.70),
@@ -96,13 +94,8 @@ def _wheel(builder: TemplateBuilder, x: float, radius: float, width: float, *, i
     builder.add((vertices, np.concatenate(faces).astype(np.int32)), Tint.TYRE)
     if is_spoked:
         for k in range(0, sides, 2):
-            _tube(
-                builder,
-                (x, radius),
-                (x + 0.9 * radius * math.cos(angle[k]), radius + 0.9 * radius * math.sin(angle[k])),
-                0.004,
-                Tint.RIM,
-            )
+            rim = x + 0.9 * radius * math.cos(angle[k]), radius + 0.9 * radius * math.sin(angle[k])
+            _tube(builder, (x, radius), rim, 0.004)
     else:
         builder.add((circle * 0.7 * radius + (x, 0.3 * width, radius), _fan(sides)), Tint.RIM)
         builder.add((circle * 0.7 * radius + (x, -0.3 * width, radius), _fan(sides)[:, ::-1]), Tint.RIM)
@@ -114,7 +107,7 @@ def _fan(sides: int) -> NDArray[np.int32]:
     return np.column_stack([np.zeros_like(i), i + 1, i]).astype(np.int32)
 
 
-def _tube(builder: TemplateBuilder, a: tuple[float, float], b: tuple[float, float], half: float, tint: Tint) -> None:
+def _tube(builder: TemplateBuilder, a: tuple[float, float], b: tuple[float, float], half: float) -> None:
     """Add a square tube in the middle plane between two places (x, z)."""
     (ax, az), (bx, bz) = a, b
     length = math.hypot(bx - ax, bz - az)
@@ -127,7 +120,7 @@ def _tube(builder: TemplateBuilder, a: tuple[float, float], b: tuple[float, floa
             az + vertices[:, 0] * sin + vertices[:, 2] * cos,
         ]
     )
-    builder.add((turned, triangles), tint)
+    builder.add((turned, triangles), Tint.RIM)
 
 
 def _rider(
@@ -137,11 +130,10 @@ def _rider(
     lean: float,
     thigh: tuple[float, float],
     shin: tuple[float, float],
-    arm: float,
 ) -> None:
     """Add a rider whose hips are 0.5 of its height above `seat` (x, z); `lean` is the angle of the trunk."""
     (left, right), (left_shin, right_shin) = thigh, shin
-    angles = np.array([[left, left_shin, arm, 0.25, right, right_shin, arm, 0.25]])
+    angles = np.array([[left, left_shin, 0.95, 0.25, right, right_shin, 0.95, 0.25]])
     (vertices,), template = pose_figure(angles)
     placed = _lean(vertices, lean) * RIDER_HEIGHT + (seat[0], 0.0, seat[1])
     for tint in np.unique(template.tints):

@@ -179,7 +179,7 @@ class SyncDriver:
     def forget(self, now: float) -> None:
         """Refuse what waits for frames of the world before: it has begun anew."""
         self._sync.forget(now)
-        self._refuse_unanswered(_WAS_RESET, now)
+        self._refuse_unanswered(now)
         self._barrier.reset(now)
 
     def _note_loss(self, lost: SyncOutcome | None, master: str, how: str, now: float) -> None:
@@ -429,11 +429,11 @@ class SyncDriver:
         else:
             self._unanswered.append((call, result))
 
-    def _refuse_unanswered(self, why: str, now: float) -> None:
+    def _refuse_unanswered(self, now: float) -> None:
         """Refuse what has ended behind a closed gate: what is missing will never come."""
         unanswered, self._unanswered = self._unanswered, deque()
         for call, _ in unanswered:
-            call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=why), now)
+            call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=_WAS_RESET), now)
 
     def _go_on(self, now: float) -> None:
         """Answer what has ended behind the gate, which is open now, and carry out the ticks that wait."""

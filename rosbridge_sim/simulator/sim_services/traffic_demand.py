@@ -269,9 +269,9 @@ class Traffic(Component):
         text = f"{self._context.world.seed} {number} {made} {question}"
         return int.from_bytes(blake2b(text.encode(), digest_size=6).digest()) / 2.0**48
 
-    def _bell(self, number: int, question: str) -> float:
-        """Return a number from 0 to below 1 as `_chance` does, with a bell-shaped distribution."""
-        return sum(self._chance(number, f"{question} {i}") for i in range(NUM_PARTS)) / NUM_PARTS
+    def _bell(self, number: int) -> float:
+        """Return a number from 0 to below 1 for the next vehicle's offset, with a bell-shaped distribution."""
+        return sum(self._chance(number, f"offset {i}") for i in range(NUM_PARTS)) / NUM_PARTS
 
     def _serve(self, number: int, point: SpawnPoint, num_there: int) -> None:
         """Add the vehicle that is due at a point, of which some are there; without room it has to wait."""
@@ -294,7 +294,7 @@ class Traffic(Component):
             desired=desired,
             route=self._route(number, point),
             changes_lanes=point.changes_lanes,
-            lateral=_between(*point.lateral, self._bell(number, "offset")),
+            lateral=_between(*point.lateral, self._bell(number)),
         )
         if uid is None:
             self._due[number] = world.frame + RETRY
