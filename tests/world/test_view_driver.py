@@ -117,6 +117,12 @@ def test_driver_before_a_full_street_waits_for_room() -> None:
     assert (seen.stop, world.roads.ids[seen.stop_lane]) == (Stop.NO_ROOM, "we")
 
 
+def test_driver_names_the_vehicle_ahead_also_if_it_is_the_first_one_of_all() -> None:
+    world = world_of(road())
+    lead, row = car(world, "a", 60.0, speed=5.0), car(world, "a", 45.0, speed=8.0)
+    assert (lead, view(world, row).lead_row) == (0, 0)
+
+
 def test_driver_does_not_mention_a_light_far_ahead() -> None:
     roads, plan = signalled(green=3000)
     world = world_of(roads, plan)

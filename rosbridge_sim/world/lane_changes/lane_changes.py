@@ -106,6 +106,8 @@ class LaneChanges:
     ) -> FloatArray:
         """Choose who signals, begins or ends a lane change; return the accelerations (k,) that all choose then.
 
+        Call it only where a change `is_possible`.
+
         Args:
             drivers: all of them; `claim` is written.
             perception: theirs.
@@ -113,8 +115,7 @@ class LaneChanges:
             accel: (k,) that they chose without regard to lane changes [m/s^2].
             decision: number of the decision, one for all or (k,).
         """
-        if not self.is_possible or perception.queue is None:
-            return accel
+        assert perception.queue is not None
         world, rows = self.world, self.rows
         accel = accel.copy()
         self._end_changes()

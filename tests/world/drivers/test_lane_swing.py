@@ -134,11 +134,12 @@ def wanted_offset(radius: float, side: int, body: Body) -> float:
 def test_offset_of_a_long_vehicle_brings_its_corners_and_its_middle_into_the_lane(
     body: Body, radius: float, side: int
 ) -> None:
-    world, row = in_a_ring(radius, side, body)
-    world.drift[row] = 0.03
-    plan_swings(world, np.array([row]), np.array([100.0]), 0.1)
-    assert world.lateral_rate[row] * 0.1 == pytest.approx(wanted_offset(radius, side, body), abs=0.03)
-    assert world.drift_rate[row] == pytest.approx(-0.3)
+    for behind in (-1, 1):  # it begins here, or has come from the other half
+        world, row = in_a_ring(radius, side, body)
+        world.drift[row], world.behind[row] = 0.03, behind
+        plan_swings(world, np.array([row]), np.array([100.0]), 0.1)
+        assert world.lateral_rate[row] * 0.1 == pytest.approx(wanted_offset(radius, side, body), abs=0.03)
+        assert world.drift_rate[row] == pytest.approx(-0.3)
 
 
 def test_long_vehicle_moves_to_the_side_by_a_tenth_of_its_way_and_not_while_it_stands() -> None:

@@ -296,6 +296,9 @@ def test_ego_drives_itself_and_changes_lanes_on_a_road_of_any_direction(heading:
     assert (world.lateral[row], world.lateral_from[row]) == (pytest.approx(-3.1), pytest.approx(-3.1))
     assert world.lateral_to[row] == world.lateral_push[row] == world.lateral_bend[row] == 0.0
     assert (world.lateral_left[row], world.leaving[row], world.came_from[row]) == (1.0, 2 - LEFT, 2 - LEFT)
+    world.lateral_left[row] = 0.0
+    assert change_lane(world, row, RIGHT)
+    assert (world.lane[row], world.leaving[row], world.came_from[row]) == (0, 2 - RIGHT, 2 - RIGHT)
 
 
 @pytest.mark.parametrize("frame", [5, 6])

@@ -260,8 +260,12 @@ def test_vehicle_that_begins_a_change_belongs_to_the_other_lane_where_it_is(side
     assert heading == pytest.approx(headings(world.roads, lanes, world.arc[[row]], world.wheelbase[[row]]), abs=1e-4)
 
 
-def test_vehicle_that_begins_a_change_in_a_bend_steers_along_its_new_lane() -> None:
+@pytest.mark.parametrize("is_apart", [False, True])
+def test_vehicle_that_begins_a_change_in_a_bend_steers_along_its_new_lane(*, is_apart: bool) -> None:
     world = world_of(wide_ring(3, radius=60.0))
+    if is_apart:  # the rows of the drivers are no neighbours
+        car(world, "b0", 90.0)
+        world.spawn(Kind.OBSTACLE, CAR, name="box", x=900.0, y=0.0)
     row = car(world, "a1", 70.0, speed=8.0)
     stands_at = world.roads.at([1], [100.0])[0][0]
     ego(world, float(stands_at[0]), float(stands_at[1]))
@@ -274,6 +278,17 @@ def test_vehicle_that_begins_a_change_in_a_bend_steers_along_its_new_lane() -> N
         assert decisions < 10
     assert world.lane[row] == 0
     assert world.yaw_rate[row] == pytest.approx(8.0 / 61.75, rel=0.2)  # about that of either lane
+
+
+def test_bus_in_a_bend_goes_on_with_its_change_of_lanes_and_swings_later() -> None:
+    world = world_of(wide_ring(2, radius=30.0))
+    row = car(world, "a0", 40.0, speed=6.0, body=BUS)
+    world.leaving[row], world.lateral_left[row] = RIGHT + 1, 0.7
+    world.lateral[row], world.lateral_from[row] = -2.4, -3.5
+    world.frame = FRAME
+    _LaneFollowers(world).decide()
+    assert world.lateral_left[row] < 0.7
+    assert world.lateral_from[row] == -3.5
 
 
 @pytest.mark.parametrize("old", [LEFT, RIGHT])

@@ -423,6 +423,17 @@ def test_vehicle_on_a_path_that_yields_stops_for_what_stands_ahead(yields: bool,
     assert (len(world.contacts) > 0 or world.y[row] > 55.0) != stops
 
 
+def test_vehicle_on_a_path_that_yields_is_no_pedestrian() -> None:
+    world = World()
+    walker(world)
+    uid = world.spawn(Kind.VEHICLE, CAR, name="a", x=0.0, y=0.0, path=np.array([[0.0, 0.0], [60.0, 0.0]]), yields=True)
+    row, columns = world.row(uid), ("speed", "yaw", "accel", "leg_start", "leg_end", "yields")
+    world.desired_speed[row], world.frame = 8.0, 2
+    before = [float(getattr(world, name)[row]) for name in columns]
+    walk(world)
+    assert [float(getattr(world, name)[row]) for name in columns] == before
+
+
 def test_vehicle_on_a_path_drives_on_when_the_way_is_free_again() -> None:
     world = World()
     path = np.array([[0.0, 0.0], [90.0, 0.0]])
