@@ -17,20 +17,24 @@ import shutil
 from collections.abc import Sequence
 from io import FileIO
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Any, Final
 
-from rosbridge_sim.campaign_runs.job import Job
-from rosbridge_sim.campaign_runs.worker import run_folder
 from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.campaigns.tables import Cell, columns_of, write_junit, write_table, write_times
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.version import __version__
 
-__all__ = ["ResultsFolder", "read_text_of"]
+if TYPE_CHECKING:  # to list results needs nothing that drives
+    from rosbridge_sim.campaign_runs.job import Job
+
+__all__ = ["ResultsFolder", "check_folder", "read_text_of", "run_folder"]
 
 CAMPAIGN: Final = "campaign.toml"
 ABOUT: Final = "campaign.json"
 RESULTS: Final = "results.jsonl"
+
+DIGITS: Final = 5
+"""Digits of the number in the name of a run's folder: 100,000 runs sort well."""
 
 
 class ResultsFolder:
@@ -223,6 +227,25 @@ def _alike(cells: Sequence[Cell]) -> Sequence[Cell]:
     return [None if cell is None else str(cell) for cell in cells]
 
 
+def run_folder(folder: str | Path, number: int) -> Path:
+    """Return the folder of what is kept of a run.
+
+    Args:
+        folder: of the results.
+        number: of the run.
+    """
+    return Path(folder) / "runs" / f"{number:0{DIGITS}d}"
+
+
+def check_folder(folder: Path) -> None:
+    """Check that this is a folder of results.
+
+    Raises:
+        DocumentError: it is none.
+    """
+    _read_campaign(folder)
+
+
 def read_text_of(folder: Path) -> tuple[Job, str]:
     """Return the campaign of a folder of results, and its name.
 
@@ -232,12 +255,19 @@ def read_text_of(folder: Path) -> tuple[Job, str]:
     Raises:
         DocumentError: it is no such folder.
     """
+    from rosbridge_sim.campaign_runs.job import Job  # noqa: PLC0415 - imports all that drives
+
+    text, source, base = _read_campaign(folder)
+    return Job(text, source, base, str(folder.resolve())), Path(source).stem
+
+
+def _read_campaign(folder: Path) -> tuple[str, str, str]:
+    """Return the text of the campaign of a folder of results, its file, and the folder of that."""
     try:
         text = (folder / CAMPAIGN).read_text("utf-8")
-        about = json.loads((folder / ABOUT).read_text("utf-8"))
-        job = Job(text, str(about["source"]), str(about["base"]), str(folder.resolve()))
+        about: Any = json.loads((folder / ABOUT).read_text("utf-8"))
+        return text, str(about["source"]), str(about["base"])
     except (OSError, ValueError, KeyError, TypeError):
         raise DocumentError(
             f"{folder}: expected a folder of results; `rosbridge-sim campaign run FILE` makes one"
         ) from None
-    return job, Path(job.source).stem

@@ -19,6 +19,7 @@ from rosbridge_sim.campaign_runs.outcome import Outcome, told_error
 from rosbridge_sim.campaign_runs.program_drives import drive_by_program
 from rosbridge_sim.campaign_runs.program_groups import adopt_orphans, note_group
 from rosbridge_sim.campaign_runs.python_drives import drive_in_python
+from rosbridge_sim.campaign_runs.results_folder import run_folder
 from rosbridge_sim.campaign_runs.worker_memory import data_size, limited_memory
 from rosbridge_sim.campaigns.campaign import is_skipped
 from rosbridge_sim.campaigns.campaign_model import DriverItem
@@ -27,19 +28,7 @@ from rosbridge_sim.campaigns.run_results import BAD, Breach, Result, Run, Verdic
 from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["RETIRED", "drive_in_worker", "drive_runs", "run_folder", "settle_worker"]
-
-DIGITS: Final = 5
-"""Digits of the number in the name of a run's folder: 100,000 runs sort well."""
-
-
-def run_folder(folder: str | Path, number: int) -> Path:
-    """Return the folder of what is kept of a run.
-
-    Args:
-        folder: of the results.
-    """
-    return Path(folder) / "runs" / f"{number:0{DIGITS}d}"
+__all__ = ["RETIRED", "drive_in_worker", "drive_runs", "settle_worker"]
 
 
 def settle_worker() -> None:

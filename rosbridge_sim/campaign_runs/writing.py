@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
-from rosbridge_sim.campaign_runs.worker import run_folder
+from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, run_folder
 from rosbridge_sim.campaigns.campaign import Campaign
 from rosbridge_sim.campaigns.report import MAX_DETAILS, Details, PageParts, write_report
 from rosbridge_sim.campaigns.run_results import BAD, Result

@@ -9,8 +9,8 @@ from typing import Any
 from rosbridge_sim.campaigns.assignments import Assignment, Change, read_assignments
 from rosbridge_sim.campaigns.campaign_model import MAX_RUNS, CampaignDocument, DriverItem, read_campaign_document
 from rosbridge_sim.campaigns.drive_limits import Limits, read_limits
-from rosbridge_sim.campaigns.parameter_sets import Point, expand_parameters, ranges_of
-from rosbridge_sim.campaigns.run_results import Run
+from rosbridge_sim.campaigns.parameter_sets import expand_parameters, ranges_of
+from rosbridge_sim.campaigns.run_results import Point, Run
 from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, TopicField, Value, is_name, parse_expression

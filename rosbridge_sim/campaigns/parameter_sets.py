@@ -10,12 +10,10 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.campaigns.campaign_model import MAX_RUNS, MAX_VALUES, CampaignDocument, ParameterItem, ParameterValue
+from rosbridge_sim.campaigns.run_results import Point
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["Point", "expand_parameters", "place_in", "ranges_of", "tidy"]
-
-Point = Mapping[str, ParameterValue]
-"""A value for each parameter."""
+__all__ = ["expand_parameters", "place_in", "ranges_of", "tidy"]
 
 _DIGITS: Final = 12
 """Significant digits of computed values: 0.1 + 0.2 is 0.3, in the table and in the world."""

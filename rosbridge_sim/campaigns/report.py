@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from rosbridge_sim.campaigns.report_pictures import draw_curve, draw_scene
-from rosbridge_sim.campaigns.run_results import BAD, VERDICTS, Result
+from rosbridge_sim.campaigns.run_results import BAD, SCORES, VERDICTS, Result
 from rosbridge_sim.campaigns.tables import Cell, columns_of
-from rosbridge_sim.campaigns.trace import SCORES
 
 __all__ = ["MAX_DETAILS", "Details", "PageParts", "write_report"]
 

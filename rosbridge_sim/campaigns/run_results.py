@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, TypeAlias
 
-from rosbridge_sim.campaigns.parameter_sets import Point
-from rosbridge_sim.campaigns.trace import SCORES
+__all__ = ["BAD", "SCORES", "VERDICTS", "Breach", "Point", "Result", "Run", "Verdict"]
 
-__all__ = ["BAD", "VERDICTS", "Breach", "Result", "Run", "Verdict"]
+Point: TypeAlias = Mapping[str, bool | int | float | str]
+"""Values of the parameters of a run, by name."""
 
 Verdict = Literal["pass", "fail", "error", "skipped", "flaky"]
 VERDICTS: Final[tuple[Verdict, ...]] = ("fail", "error", "flaky", "skipped", "pass")
@@ -18,6 +18,12 @@ VERDICTS: Final[tuple[Verdict, ...]] = ("fail", "error", "flaky", "skipped", "pa
 
 BAD: Final[frozenset[Verdict]] = frozenset({"fail", "error", "flaky"})
 """Verdicts that make a campaign fail."""
+
+SCORES: Final = (
+    *("distance", "collisions", "red_lights", "stop_lines", "lane_invasions", "off_road", "min_time_to_collision"),
+    *("max_lane_offset", "max_jerk", "max_lateral_accel", "mean_speed", "max_speed", "time"),
+)
+"""Figures of a whole drive: those of its last frame, and mean and greatest speed [m/s]."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,9 +12,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from rosbridge_sim.campaigns.campaign_model import CampaignDocument
-from rosbridge_sim.campaigns.parameter_sets import Point, place_in, ranges_of
-from rosbridge_sim.campaigns.run_results import Result
-from rosbridge_sim.campaigns.trace import SCORES
+from rosbridge_sim.campaigns.parameter_sets import place_in, ranges_of
+from rosbridge_sim.campaigns.run_results import SCORES, Point, Result
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import parse_expression
 

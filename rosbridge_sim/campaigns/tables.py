@@ -13,8 +13,7 @@ import re
 from collections.abc import Iterable, Sequence
 from typing import Final
 
-from rosbridge_sim.campaigns.run_results import Result
-from rosbridge_sim.campaigns.trace import SCORES
+from rosbridge_sim.campaigns.run_results import SCORES, Result
 
 __all__ = ["Cell", "columns_of", "write_junit", "write_table", "write_times"]
 

@@ -9,12 +9,13 @@ from typing import Final, Protocol
 
 import numpy as np
 
+from rosbridge_sim.campaigns.run_results import SCORES
 from rosbridge_sim.campaigns.topic_values import TopicValues
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, Following, Value
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["FIGURES", "SCORES", "Judge", "Neighbours", "Recorder", "Trace"]
+__all__ = ["FIGURES", "Judge", "Neighbours", "Recorder", "Trace"]
 
 _COLUMNS: Final = {
     **{name: name for name in ("x", "y", "z", "yaw", "speed", "lateral_speed", "accel", "lateral_accel", "yaw_rate")},
@@ -36,12 +37,6 @@ accelerations [m/s^2]; yaw rate [rad/s]; steer, angle of the front wheels [rad];
 driven [m]; counts; off_road, time off the road [s]; times to collision, now and least [s], inf for none; offsets from
 the lane's line, now (left positive) and greatest [m]; jerk, now and greatest [m/s^3]; greatest lateral acceleration
 [m/s^2]."""
-
-SCORES: Final = (
-    *("distance", "collisions", "red_lights", "stop_lines", "lane_invasions", "off_road", "min_time_to_collision"),
-    *("max_lane_offset", "max_jerk", "max_lateral_accel", "mean_speed", "max_speed", "time"),
-)
-"""Figures of a whole drive: those of its last frame, and mean and greatest speed [m/s]."""
 
 _COUNTS: Final = frozenset({"collisions", "red_lights", "stop_lines", "lane_invasions"})
 

@@ -137,6 +137,15 @@ class Store:
                 own.update(action + suffix for action in actions for suffix in (*_ACTIONLIB_MESSAGES, *_PARTS))
         return sorted(own)
 
+    def has(self, name: str, kind: DefinitionKind) -> bool:
+        """Return whether there is a definition text of a type; standard packages have further messages.
+
+        Raises:
+            TypeNameError: the name is malformed.
+        """
+        package, _, short = self.canonical(name).partition("/")
+        return (package, kind, short) in self._texts
+
     def near_package(self, name: str) -> str:
         """Return a suggestion for a type of an unknown package, to end a sentence; empty if no name is near.
 

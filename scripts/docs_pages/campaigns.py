@@ -19,7 +19,8 @@ from rosbridge_sim.campaigns.campaign_model import (
     Place,
     SearchItem,
 )
-from rosbridge_sim.campaigns.trace import FIGURES, SCORES
+from rosbridge_sim.campaigns.run_results import SCORES
+from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.document_mistakes import CheckedModel
 from rosbridge_sim.expressions import FUNCTIONS, RUNNING
 

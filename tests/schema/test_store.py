@@ -164,6 +164,12 @@ def test_type_of_checked_texts_is_compiled_when_it_is_first_used() -> None:
     assert type(request.default().t) is late.struct_type
 
 
+def test_store_tells_whether_a_text_defines_a_type() -> None:
+    store = store_of(T="int8 x")
+    asked = [("p/T", "msg"), ("p/msg/T", "msg"), ("p/S", "srv"), ("p/S", "msg"), ("p/Gone", "msg"), ("q/T", "msg")]
+    assert [store.has(name, kind) for name, kind in asked] == [True, True, True, False, False, False]  # type: ignore[arg-type]
+
+
 def test_late_type_has_no_other_attributes() -> None:
     store = Store({("p", "msg", "T"): "int8 x"}, is_checked=True)
     with pytest.raises(AttributeError, match=r"^LateMessageType has no attribute 'spek'"):

@@ -5,10 +5,7 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from rosbridge_sim.campaign_runs.job import open_job
-from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, read_text_of
-from rosbridge_sim.campaign_runs.worker import run_folder
-from rosbridge_sim.campaign_runs.writing import write_all
+from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, check_folder, read_text_of, run_folder
 from rosbridge_sim.campaigns.comparison import compare_results
 from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.cli.tools.text import put_json, put_lines, put_table
@@ -87,6 +84,9 @@ def report(folder: str) -> int:
     Raises:
         DocumentError: it is no such folder, or cannot be written.
     """
+    from rosbridge_sim.campaign_runs.job import open_job  # noqa: PLC0415 - imports all that drives, and pictures
+    from rosbridge_sim.campaign_runs.writing import write_all  # noqa: PLC0415 - as above
+
     path = Path(folder)
     job, name = read_text_of(path)
     write_all(ResultsFolder(path), open_job(job).campaign, _results(path), name)
@@ -117,7 +117,7 @@ def compare(before: str, after: str, *, is_json: bool) -> int:
 
 
 def _results(path: Path) -> list[Result]:
-    read_text_of(path)
+    check_folder(path)
     return ResultsFolder(path).results()
 
 

@@ -172,12 +172,18 @@ class InterfaceRegistry:
             GraphError: the name cannot be used; the item is not added.
             TypeNameError: there is no such type.
         """
-        find = self._bus.store.service if item.kind is InterfaceKind.SERVICE else self._bus.store.message
+        store, is_service = self._bus.store, item.kind is InterfaceKind.SERVICE
+        find = store.service if is_service else store.message
         try:
-            find(item.type_name)
+            # The error of a missing type would look for the nearest name, which is for users alone.
+            is_there = is_everywhere or store.has(item.type_name, "srv" if is_service else "msg")
+            if is_there:
+                find(item.type_name)
         except TypeNameError:
             if is_everywhere:
                 raise
+            is_there = False
+        if not is_there:
             self._elsewhere.add((item.kind, item.default))
             return
         if self._is_open:

@@ -1,0 +1,58 @@
+"""Modules that a start does without: each would cost time at every start, and memory in every server."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from tests.support import ROOT
+
+SERVE = """
+import asyncio
+import rosbridge_sim.serving
+from rosbridge_sim.shell.app import Simulator
+async def main():
+    async with Simulator(port=0):
+        pass
+asyncio.run(main())
+"""
+
+RARE = {
+    *("pydantic", "pydantic_core", "numpy.ma", "PIL", "pyproj", "rosbags", "markdown_it", "prometheus_client"),
+    *("difflib", "tomllib", "gzip", "html", "cyclonedds", "moderngl", "pyarrow", "cma"),
+    *("rosbridge_sim.document_mistakes", "rosbridge_sim.shell.attach", "rosbridge_sim.shell.page.joining"),
+    *("rosbridge_sim.campaigns", "rosbridge_sim.cli", "rosbridge_sim.environments", "rosbridge_sim.shell.rendering"),
+}
+
+
+def modules_after(code: str) -> set[str]:
+    """The modules that a program has imported at its end."""
+    code += "\nimport sys\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    return set(done.stdout.split())
+
+
+@pytest.mark.slow
+def test_default_server_imports_no_module_that_few_servers_need() -> None:
+    loaded = modules_after(SERVE)
+    assert "rosbridge_sim.simulator.simulator_node" in loaded
+    assert loaded & RARE == set()
+
+
+def test_list_of_results_of_a_campaign_imports_nothing_that_drives() -> None:
+    loaded = modules_after("import rosbridge_sim.cli.campaigns.campaign_results")
+    assert (
+        loaded & {"numpy", "pydantic", "msgspec", "rosbridge_sim.world", "rosbridge_sim.campaign_runs.worker"} == set()
+    )
+
+
+@pytest.mark.parametrize("words", [["--help"], ["topic", "echo", "--help"], ["--version"]])
+def test_help_imports_neither_the_world_nor_numpy(words: list[str]) -> None:
+    code = f"import contextlib, os, sys, rosbridge_sim.__main__ as m\\nsys.argv[1:] = {words}"
+    code = (
+        code.replace("\\n", "\n")
+        + "\nwith contextlib.suppress(SystemExit), contextlib.redirect_stdout(open(os.devnull, 'w')): m.main()"
+    )
+    assert modules_after(code) & {"numpy", "pydantic", "rosbridge_sim.world", "rosbridge_sim.schema"} == set()
