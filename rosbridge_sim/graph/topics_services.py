@@ -327,7 +327,7 @@ class Call(msgspec.Struct, eq=False):
         Args:
             values: a struct of the service's response type.
         """
-        self.answer_with(Message(self.service.type.response, values))
+        self._end(Answer(is_ok=True, values=Message(self.service.type.response, values)))
 
     def answer_with(self, message: Message) -> None:
         """End the call with a response that may have been encoded already.

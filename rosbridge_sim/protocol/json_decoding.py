@@ -15,7 +15,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from contextlib import suppress
 from itertools import islice
 from typing import Any
@@ -33,7 +33,9 @@ from rosbridge_sim.weight import FULL, LIGHT, claim, weigh, weigh_exactly, weigh
 __all__ = [
     "HEAVY",
     "LONG",
+    "MALFORMED",
     "decode_frame",
+    "decode_op",
     "decode_quickly",
     "end_of_value",
     "op_from_value",
@@ -66,7 +68,11 @@ _NAMED = 2_000
 """Characters at both ends of an unreadable frame that are searched for its op and its id."""
 
 
-_decode = msgspec.json.Decoder(Op).decode
+decode_op: Callable[[bytes | memoryview], Op] = msgspec.json.Decoder(Op).decode
+"""Decodes the only op of a well-formed frame, or raises one of MALFORMED."""
+
+MALFORMED = (msgspec.MsgspecError, UnicodeDecodeError, RecursionError)
+
 _skip = msgspec.json.Decoder(msgspec.Raw).decode
 _split = msgspec.json.Decoder(dict[str, msgspec.Raw]).decode
 _scanner = json.JSONDecoder()
@@ -121,10 +127,9 @@ def decode_quickly(frame: bytes | memoryview) -> Op | None:
         frame: JSON text.
     """
     try:
-        op: Op = _decode(frame)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return decode_op(frame)
+    except MALFORMED:
         return None
-    return op
 
 
 def decode_frame(frame: bytes) -> Iterator[Op | FrameError | None]:
@@ -214,7 +219,7 @@ def _decode_in_parts(frame: bytes) -> Generator[Op | FrameError | None, None, bo
         too_much = LIGHT.excess(weigh(short))
         if too_much is None:
             yield None
-            op = _decode(short)
+            op = decode_op(short)
             yield None
             for name in op.bodies:
                 body = getattr(op, name)

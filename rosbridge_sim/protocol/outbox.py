@@ -13,7 +13,8 @@ from __future__ import annotations
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
+from operator import itemgetter
+from typing import Any, Protocol
 
 __all__ = ["BinaryFrame", "LateFrames", "Outbox", "OutboxLimits"]
 
@@ -50,6 +51,9 @@ class LateFrames(Protocol):
         """
 
 
+_frame_of: Any = itemgetter(1)  # of an entry that waits
+
+
 def _ignore(topic: str, error: Exception) -> None:
     """Ignore messages whose frames could not be made."""
 
@@ -73,7 +77,7 @@ class Outbox:
     """The frames that wait for one socket, oldest first.
 
     Attributes:
-        num_bytes: size of the waiting frames [bytes].
+        num_bytes: size of the waiting frames [bytes]; 0 only if none waits.
         bursts: topic -> newest messages to keep, if not the `burst` of the limits.
         dropped: topic -> number of dropped messages.
         is_overfull: the hard limit is exceeded; the owner of the socket should close it.
@@ -169,7 +173,7 @@ class Outbox:
         """
         waiting = self._frames
         if self.num_bytes <= max_bytes and not self._num_late:
-            taken: list[bytes] = [frame for _, frame, _ in waiting]  # type: ignore[misc] # none is late
+            taken: list[bytes] = list(map(_frame_of, waiting))
             waiting.clear()
             self.num_bytes = 0
             return taken

@@ -22,8 +22,9 @@ from rosbridge_sim.protocol.fragments import Characters, Defragmenter, Pieces
 from rosbridge_sim.protocol.json_decoding import (
     HEAVY,
     LONG,
+    MALFORMED,
     decode_frame,
-    decode_quickly,
+    decode_op,
     op_from_value,
     read_long_text,
 )
@@ -138,8 +139,11 @@ class Session:
         if size < LONG:
             op = None if size < SHORT or self.reader is None else self.reader.read(frame)
             if op is None:
-                op = decode_quickly(frame)
-            if op is not None and type(op) not in _WRAPPERS:
+                try:
+                    op = decode_op(frame)
+                except MALFORMED:
+                    return None
+            if type(op) not in _WRAPPERS:
                 self.num_received += 1
                 return op
         elif size < HEAVY:

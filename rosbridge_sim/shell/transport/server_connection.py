@@ -320,8 +320,10 @@ class DirectConnection(ReceivingConnection):
         position, end = 0, len(data)
         need = 2
         self._takes_more = True
+        state = (
+            core.state
+        )  # a receiver that closes the connection calls `forget`, too; only frames to the library change it
         while position + need <= end:
-            state = core.state
             if state is _CLOSED:  # the library drops all data
                 self.feed(bytes(view[position:]))
                 position = end
@@ -366,6 +368,7 @@ class DirectConnection(ReceivingConnection):
                     self._takes_more = on_message(message)
             else:
                 self._hand_over(bytes(view[position:stop]))
+                state = core.state
             position = stop
             need = 2
         if self._num_scanned:

@@ -358,7 +358,7 @@ class Client:
             outbox.close()
             return
         left = MAX_FLUSHED
-        while (socket.unsent or outbox) and not socket.is_full:
+        while (socket.unsent or outbox.num_bytes) and not socket.is_full:
             frames: list[bytes] = []
             if socket.unsent:
                 self.num_bytes_sent += socket.send_more()
