@@ -89,10 +89,6 @@ def mount(vehicle: Pose, mounting: Pose) -> Pose:
     return Pose(x, y, z, roll, pitch, yaw)
 
 
-_OPTICAL: Final = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
-"""From x forward, y left, z up to x right, y down, z forward."""
-
-
 @dataclass(frozen=True)
 class CameraModel:
     """Size, field of view and lens of a camera.
@@ -143,24 +139,6 @@ class CameraModel:
         column, row = self.center
         return np.array([[self.focal, 0.0, column], [0.0, self.focal, row], [0.0, 0.0, 1.0]])
 
-    def project(self, pose: Pose, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return where points appear.
-
-        Args:
-            pose: of the camera.
-            points: (n, 3) in the map frame [m].
-
-        Returns:
-            (n, 2) column and row [pixels], outside of the picture as well, NaN behind the camera; and (n,) depth along
-            the optical axis [m].
-        """
-        away = np.asarray(points, dtype=np.float64) - np.array(pose[:3])
-        ray = away @ rotation(*pose[3:]) @ _OPTICAL.T
-        depth = ray[:, 2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            flat = np.where((depth > NEAR)[:, None], ray[:, :2] / depth[:, None], np.nan)
-        return self.distort(flat) * self.focal + np.array(self.center), depth
-
     def distort(self, flat: FloatArray) -> FloatArray:
         """Return places (n, 2) on the plane at depth 1 as the lens moves them."""
         if not self.is_distorted:
@@ -198,13 +176,11 @@ class Box2D(NamedTuple):
     Attributes:
         rows: int64, rows of the entities in the `SceneFrame`.
         bounds: (k, 4) left, top, right, bottom [pixels], within the picture.
-        depth: of the middle of the box along the optical axis [m].
         corners: (k, 8, 3) corners of the box in the camera's axes, x forward [m], in the order of `box_corners`.
     """
 
     rows: NDArray[np.int64]
     bounds: FloatArray
-    depth: FloatArray
     corners: FloatArray
 
 
@@ -261,4 +237,4 @@ def boxes_in_view(
     high_corner = np.clip(np.nanmax(place, axis=1), 0.0, limit) if len(rows) else np.zeros((0, 2))
     is_seen = (high_corner > low_corner).all(axis=1)
     bounds = np.concatenate([low_corner, high_corner], axis=1)
-    return Box2D(rows[is_seen], bounds[is_seen], corners[is_seen, :, 0].mean(axis=1), corners[is_seen])
+    return Box2D(rows[is_seen], bounds[is_seen], corners[is_seen])

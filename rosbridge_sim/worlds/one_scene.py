@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Scenario
@@ -91,11 +90,6 @@ class OneScene:
     def has_traffic(self) -> bool:
         """Whether vehicles come and go."""
         return self._traffic.is_active
-
-    @property
-    def road_map(self) -> RoadMap:
-        """The map in use."""
-        return self.scene.road_map
 
     @property
     def is_settled(self) -> bool:

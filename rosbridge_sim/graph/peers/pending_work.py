@@ -28,11 +28,10 @@ class PendingWork(Generic[W]):
     """The work that was given to one service or action.
 
     Attributes:
-        spelling: its name as the client writes it.
         num_given: number of calls or goals so far.
     """
 
-    __slots__ = ("_by_id", "_prefix", "_tidy_at", "num_given", "spelling")
+    __slots__ = ("_by_id", "_prefix", "_tidy_at", "num_given")
 
     def __init__(self, prefix: str, spelling: str) -> None:
         """Create an empty list.
@@ -41,7 +40,6 @@ class PendingWork(Generic[W]):
             prefix: start of the ids; the spelling and a number follow.
             spelling: name of the service or action as the client writes it.
         """
-        self.spelling = spelling
         self.num_given = 0
         self._prefix = f"{prefix}:{spelling}:"
         self._by_id: dict[str, W] = {}

@@ -9,7 +9,6 @@ The rights of connected clients are in `graph/policy.py`. A `RateGate` is used o
 from __future__ import annotations
 
 import hmac
-import logging
 import re
 import ssl
 from collections.abc import Iterator
@@ -26,8 +25,6 @@ from rosbridge_sim.protocol.ops import ActionResult, Id, Op, ServiceResponse
 from rosbridge_sim.shell.websocket.origins import OriginRules
 
 __all__ = ["Access", "RateGate", "Refusal", "TokenBucket", "load_certificate"]
-
-_log = logging.getLogger("rosbridge_sim.access")
 
 LEAST_BURST = 100
 """Frames that may always come at once: a program with many topics sends so many when it connects."""

@@ -12,7 +12,6 @@ handshake never needs such a place.
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable
 from typing import Any
 
@@ -31,8 +30,6 @@ __all__ = [
     "WRONG_TOKEN",
     "UnauthenticatedConnection",
 ]
-
-_log = logging.getLogger("rosbridge_sim.access")
 
 MAX_UNPROVEN_SIZE = 16 * 1024
 """Longest message [bytes]; a longer one closes the connection with code 1009 before its content is stored."""

@@ -16,7 +16,6 @@ frame, the map at the time of its arrival. So the result does not depend on the 
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -41,8 +40,6 @@ __all__ = ["Loads"]
 
 _WAS_RESET = "the simulation was reset or restored before the scenario was read; load it again"
 _FAILED = "the server failed to load the scenario; see the server's log"
-
-_log = logging.getLogger("rosbridge_sim.morai")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -17,6 +17,7 @@ from rosbridge_sim.shell.rendering.shaders import ASPHALT_FADES, GRASS_FADES
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
 from rosbridge_sim.shell.rendering.weather_looks import LOOKS
 from rosbridge_sim.world.state.world import World
+from tests.scenery.projection import project
 from tests.shell.rendering.graphics import EDU, box_mesh, built_in, ground_mesh, nothing, open_renderer, put
 from tests.support import ROOT
 
@@ -41,7 +42,7 @@ def test_cube_appears_where_its_corners_are_projected(pose: Pose, fov: float) ->
     low, high = (9.0, -0.5, 0.3), (10.0, 0.5, 1.3)
     picture = open_renderer().render(box_mesh(low, high, 7), nothing(), camera, pose, channels=CLASSES)
     corners = np.array([(x, y, z) for x in (9.0, 10.0) for y in (-0.5, 0.5) for z in (0.3, 1.3)])
-    place, _ = camera.project(pose, corners)
+    place, _ = project(camera, pose, corners)
     assert picture.instance is not None
     expected = (*place.min(axis=0), *place.max(axis=0))
     # A pixel belongs to the cube if its middle does: an edge is told to half a pixel.
@@ -176,7 +177,7 @@ def test_lens_bends_a_picture_as_the_model_says() -> None:
     pose, low, high = Pose(0, 0, 1.2), (9.0, 4.0, 1.8), (10.0, 5.0, 2.8)
     picture = open_renderer().render(box_mesh(low, high, 7), nothing(), camera, pose)
     corners = np.array([(x, y, z) for x in (9.0, 10.0) for y in (4.0, 5.0) for z in (1.8, 2.8)])
-    place, _ = camera.project(pose, corners)
+    place, _ = project(camera, pose, corners)
     assert picture.instance is not None
     assert picture.rgb is not None
     assert picture.rgb.shape == (480, 640, 3)
