@@ -19,7 +19,7 @@ from rosbridge_sim.world.lane_changes.lane_change_decision import LaneLook
 from rosbridge_sim.world.lane_changes.lane_change_model import LaneChange
 from rosbridge_sim.world.lane_changes.lane_change_motion import LANE, time_of_shift
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, is_clear
-from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT, LaneNeighbours
+from rosbridge_sim.world.roads.lane_change_map import LEFT, NUM_SIDES, RIGHT, LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
@@ -490,10 +490,10 @@ def compare(world: World, decision: int) -> None:
     arguments = (followers.choice, scene.drivers, perception, perception.queue, scene.desired)
     accel = np.full(followers.num, 9.0)
     look = LaneLook(world, followers.rows, *arguments, which)
-    for side, option in enumerate(look._look_aside()):
-        for name in ("is_there", "run", "gap", "lead_speed", "gap_behind", "follower", "advantage", "is_safe"):
-            values = [getattr(each.options[side], name) for each in one_by_one]
-            assert getattr(option, name).tolist() == pytest.approx(values, rel=1e-9, abs=1e-9), name
+    option = look._look_aside()  # all of them to the left, then all to the right
+    for name in ("is_there", "run", "gap", "lead_speed", "gap_behind", "follower", "advantage", "is_safe"):
+        values = [getattr(each.options[side], name) for side in range(NUM_SIDES) for each in one_by_one]
+        assert getattr(option, name).tolist() == pytest.approx(values, rel=1e-9, abs=1e-9), name
     begins, sides, tight = look.decide(accel, decision)
     rows = followers.rows[which]
     assert world.change[rows].tolist() == [wish.reason for wish in wishes]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -116,7 +118,7 @@ CASES = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("scenario", "options"), CASES)
-def test_worlds_of_a_batch_equal_the_same_worlds_alone(scenario: str, options: dict[str, object]) -> None:
+def test_worlds_of_a_batch_equal_the_same_worlds_alone(scenario: str, options: dict[str, Any]) -> None:
     compare(scenario, num=3, rounds=12, traffic=8, **options)
 
 
