@@ -280,9 +280,13 @@ def test_vehicle_that_begins_a_change_in_a_bend_steers_along_its_new_lane(*, is_
     assert world.yaw_rate[row] == pytest.approx(8.0 / 61.75, rel=0.2)  # about that of either lane
 
 
-def test_bus_in_a_bend_goes_on_with_its_change_of_lanes_and_swings_later() -> None:
+@pytest.mark.parametrize("num_others", [0, 1])
+def test_bus_in_a_bend_goes_on_with_its_change_of_lanes_and_swings_later(num_others: int) -> None:
+    """Whether another one swings there, or not."""
     world = world_of(wide_ring(2, radius=30.0))
     row = car(world, "a0", 40.0, speed=6.0, body=BUS)
+    for i in range(num_others):
+        car(world, "b0", 40.0 + 30.0 * i, speed=6.0, body=BUS)
     world.leaving[row], world.lateral_left[row] = RIGHT + 1, 0.7
     world.lateral[row], world.lateral_from[row] = -2.4, -3.5
     world.frame = FRAME

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rosbridge_sim.world.lane_changes import lane_change_passing
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, is_clear
 from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT
 from rosbridge_sim.world.state.world import Body, World
@@ -17,13 +18,14 @@ from tests.world.road_factory import CAR, car, ego
 from tests.world.wide_roads import wide_road
 
 
-@pytest.mark.parametrize(("beside", "clear"), [(0.0, True), (0.85, True), (-0.85, False)])
-def test_driver_that_moves_over_keeps_off_what_stands_askew(beside: float, *, clear: bool) -> None:
+def is_clear_of_an_ego(beside: float, course: float = 0.0) -> bool:
+    """Return whether a driver that moves over to the right passes an ego that stands 13 m ahead and to the side."""
     world = world_of(wide_road(2))
     row = car(world, "l0", 137.0, speed=8.0)
-    standing = ego(world, 150.0, beside)
+    world.yaw[row] = course
+    place = complex(world.x[row], world.y[row]) + complex(13.0, beside) * cmath.rect(1.0, course)
+    standing = ego(world, place.real, place.imag, yaw=course)
     nose = world.half_length[row] + world.centre[row]
-    tail = world.x[standing] + world.centre[standing] - world.half_length[standing]
     shifts = Shifts(
         rows=np.array([row]),
         nose=np.array([nose]),
@@ -31,12 +33,26 @@ def test_driver_that_moves_over_keeps_off_what_stands_askew(beside: float, *, cl
         side=np.array([RIGHT]),
         done=np.array([0.25]),
         across=np.array([3.5]),
-        gap=np.array([tail - world.x[row] - nose]),
+        gap=np.array([13.0 + world.centre[standing] - world.half_length[standing] - nose]),
         lead_speed=np.zeros(1),
         is_tight=np.array([False]),
         change_time=np.array([4.4]),
     )
-    assert is_clear(world, shifts, np.array([8.0])).tolist() == [clear]
+    return bool(is_clear(world, shifts, np.array([8.0])).item())
+
+
+@pytest.mark.parametrize(("beside", "clear"), [(0.0, True), (0.85, True), (-0.85, False)])
+def test_driver_that_moves_over_keeps_off_what_stands_askew(beside: float, *, clear: bool) -> None:
+    assert is_clear_of_an_ego(beside) == clear
+
+
+@pytest.mark.parametrize("course", [0.0, math.pi])
+def test_driver_beyond_the_greatest_number_of_pairs_takes_what_is_ahead_for_a_usual_car(
+    course: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not is_clear_of_an_ego(-0.85, course)
+    monkeypatch.setattr(lane_change_passing, "MAX_PAIRS", 0)
+    assert is_clear_of_an_ego(-0.85, course)
 
 
 @pytest.mark.parametrize(
