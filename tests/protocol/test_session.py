@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import weakref
 from collections.abc import Callable
 from typing import Any, NoReturn, TypeVar
 
@@ -421,6 +422,20 @@ def test_messages_that_wait_are_sent_first_when_the_throttle_ends() -> None:
     feed.deliver(Numbered(3), 0.5, 0)
     session.flush(1.0, 0)
     assert [frame["msg"]["data"] for frame in said(session)] == [0, 1, 2, 3]
+    assert session.num_sent == 4
+
+
+def test_large_message_is_let_go_when_its_fragments_are_made() -> None:
+    """A peer that reads slowly holds the fragments, and not the message beside them."""
+    session = make_session()
+    feed, message = make_feed(session, SubscriptionOptions(fragment_size=20)), Heavy()
+    held = weakref.ref(message)
+    feed.deliver(message, 0.0, 0)
+    del message
+    assert held() is not None
+    session.outbox.take(1)
+    assert held() is None
+    assert len(session.outbox) == 1
 
 
 def test_large_message_is_fragmented_completely() -> None:

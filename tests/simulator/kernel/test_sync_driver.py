@@ -49,17 +49,21 @@ def test_step_that_fails_in_a_later_turn_refuses_all_ticks_that_wait_in_their_or
     assert not harness.node.context.sync_driver.has_turn
 
 
-def test_step_that_fails_in_a_later_turn_is_told_to_all_members_of_a_barrier() -> None:
+@pytest.mark.parametrize("num_frames", [1, 10])
+def test_step_that_fails_at_once_or_in_a_later_turn_is_told_to_all_members_of_a_barrier(num_frames: int) -> None:
     harness = SimHarness()
     clients = [harness.client(), harness.client()]
     answers: list[Answer] = []
     for client, name in zip(clients, "ab", strict=True):
-        assert values(client.call("/sim/barrier/join", {"user_id": name, "time_step": 200}))["result"]
+        assert values(client.call("/sim/barrier/join", {"user_id": name, "time_step": 20 * num_frames}))["result"]
     harness.node.context.sync_driver.read_clock = Turns()
-    for client, name in zip(clients, "ab", strict=True):
-        tick(harness, client, answers.append, name)
-    assert (harness.world.frame, answers) == (1, [])
-    fail_in_the_next_turn(harness)
+    tick(harness, clients[0], answers.append, "a")
+    if num_frames == 1:
+        harness.node.context.stepper.step = fail
+    tick(harness, clients[1], answers.append, "b")
+    if num_frames > 1:
+        assert (harness.world.frame, answers) == (1, [])
+        fail_in_the_next_turn(harness)
     assert [answer.is_ok and values(answer)["response"]["tick_status"] for answer in answers] == [False, False]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.lane_entries import Drivers, Entries
-from rosbridge_sim.world.drivers.zip_merge import follow_in_joins
+from rosbridge_sim.world.drivers.zip_merge import _keys, follow_in_joins
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.lane_joins import MAX_ANGLE
 from rosbridge_sim.world.roads.roads import Roads
@@ -195,3 +195,11 @@ def test_driver_at_the_same_distance_as_one_on_the_other_lane_follows_it_on_one_
     others = Entries(no_lane, none, none, none, none, no_lane, no_lane == 0)
     found = follow_in_joins(conflicts, drivers, others, np.ones(2))
     assert sorted((found < 1.0).tolist()) == [False, True]
+
+
+def test_keys_of_many_worlds_put_one_world_behind_the_other_each_in_its_order() -> None:
+    """Two joins in a map, so those of the second world are 2 and 3."""
+    join, distance = np.array([1, 0, 3, 2, 1, 2]), np.array([90.0, 5.0, 4.0, 1.0, 40.0, 2.0])
+    order = np.lexsort((distance, join))
+    assert (np.diff(_keys(join, distance, 2)[order]) > 0).all()
+    assert (np.diff(_keys(join, distance, 0)[order]) > 0).all()
