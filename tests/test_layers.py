@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import ast
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -451,6 +452,11 @@ def _dotted(node: ast.AST, aliases: dict[str, str]) -> str:
 
 def test_sources_follow_the_layers() -> None:
     assert list(find_faults(ROOT)) == []
+
+
+def test_no_two_files_of_the_package_have_one_name() -> None:
+    names = Counter(path.name for path in ROOT.rglob("*.py") if path.name != "__init__.py")
+    assert [name for name, num in names.items() if num > 1] == []
 
 
 def test_layers_have_no_cycle() -> None:

@@ -22,7 +22,7 @@ asyncio.run(main())
 RARE = {
     *("pydantic", "pydantic_core", "numpy.ma", "PIL", "pyproj", "rosbags", "markdown_it", "prometheus_client"),
     *("difflib", "tomllib", "gzip", "html", "cyclonedds", "moderngl", "pyarrow", "cma"),
-    *("rosbridge_sim.document_mistakes", "rosbridge_sim.shell.attach", "rosbridge_sim.shell.page.joining"),
+    *("rosbridge_sim.document_mistakes", "rosbridge_sim.shell.attach", "rosbridge_sim.shell.page.module_joining"),
     *("rosbridge_sim.campaigns", "rosbridge_sim.cli", "rosbridge_sim.environments", "rosbridge_sim.shell.rendering"),
 }
 

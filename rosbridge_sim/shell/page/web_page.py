@@ -107,7 +107,7 @@ def page_source(name: str) -> bytes:
         JoinError: a module cannot be joined.
     """
     if name == PATHS["/page.js"][0]:
-        from rosbridge_sim.shell.page.joining import join_modules  # noqa: PLC0415 - for the first reader of the page
+        from rosbridge_sim.shell.page.module_joining import join_modules  # noqa: PLC0415 - for the first reader of the page
 
         return join_modules(name, lambda path: (_FOLDER / path).read_text(encoding="utf-8")).encode()
     return (_FOLDER / name).read_bytes()

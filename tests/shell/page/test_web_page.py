@@ -13,7 +13,7 @@ import pytest
 from rosbridge_sim import Simulator, __version__
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.page import web_page
-from rosbridge_sim.shell.page.joining import JoinError
+from rosbridge_sim.shell.page.module_joining import JoinError
 from rosbridge_sim.shell.page.web_page import PATHS, page_source
 from tests.support import PATIENCE
 

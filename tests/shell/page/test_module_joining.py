@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rosbridge_sim.shell.page.joining import JoinError, join_modules
+from rosbridge_sim.shell.page.module_joining import JoinError, join_modules
 from rosbridge_sim.shell.page.web_page import PATHS
 from tests.support import PATIENCE, ROOT, require_tool
 
