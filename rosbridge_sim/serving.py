@@ -23,7 +23,7 @@ from rosbridge_sim.link.stop_signals import on_stop_signals, stop_signals
 from rosbridge_sim.shell.config.loading import read_settings, strange_variables
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.monitoring.log_format import formatter_of
-from rosbridge_sim.shell.websocket.memory import keep_memory
+from rosbridge_sim.shell.websocket.memory import keep_memory, trim_memory
 
 if TYPE_CHECKING:
     from rosbridge_sim.shell.app import Simulator
@@ -118,6 +118,7 @@ async def _serve_until(stopped: asyncio.Future[None], simulator: Simulator) -> B
     gc.freeze()  # without these objects a full collection takes almost no time; with them, 12 ms
     gc.set_threshold(YOUNG_OBJECTS, *gc.get_threshold()[1:])
     gc.enable()
+    trim_memory()  # the start has freed 3 MB
     failed = asyncio.ensure_future(simulator.wait())
     await asyncio.wait({stopped, failed}, return_when=asyncio.FIRST_COMPLETED)
     if failed.done():
