@@ -9,7 +9,6 @@ from pathlib import Path
 from rosbridge_sim.errors import DocumentError, SettingError
 from rosbridge_sim.shell.config.toml_text import read_toml
 from rosbridge_sim.shell.files.bounded_read import read_bounded
-from rosbridge_sim.simulator.sensors.morai_sensor_file import is_morai_file, read_morai_sensors
 from rosbridge_sim.simulator.sensors.sensor_presets import MAX_SENSORS_BYTES, PRESETS, read_rig
 from rosbridge_sim.simulator.sensors.sensor_specs import Rig
 from rosbridge_sim.suggestions import hint
@@ -40,6 +39,11 @@ def read_sensors(choice: str) -> Rig:
             return read_rig(read_toml(path)[1], str(path))
         except SettingError as error:
             raise DocumentError(str(error)) from None
+    from rosbridge_sim.simulator.sensors.morai_sensor_file import (  # noqa: PLC0415 - most servers have no file
+        is_morai_file,
+        read_morai_sensors,
+    )
+
     text = read_bounded(path, MAX_SENSORS_BYTES)
     document = _parse(text)
     if document is not None and not is_morai_file(document):

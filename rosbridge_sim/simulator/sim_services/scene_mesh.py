@@ -12,7 +12,6 @@ from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenery.mesh_pages import MeshPages, mesh_pages
-from rosbridge_sim.scenery.static.static_mesh import static_mesh
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -74,6 +73,8 @@ class SceneMesh(Component):
         road_map, seed = key
 
         def work() -> MeshPages:
+            from rosbridge_sim.scenery.static.static_mesh import static_mesh  # noqa: PLC0415 - twelve modules, for who draws
+
             return mesh_pages(static_mesh(road_map, name, seed, is_dressed=self._is_dressed))
 
         def then(outcome: MeshPages | DocumentError, _now: float) -> None:
