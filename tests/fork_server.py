@@ -3,8 +3,9 @@
 A start of `python -m rosbridge_sim` imports for three quarters of a second of CPU time, and the tests start hundreds.
 `start` forks instead: what runs then is the same `__main__`, with its own arguments, environment, output
 and end. What it does not have is a hash seed of its own, so tests that compare two programs start them in the
-ordinary way; so do tests of the start and the end of a process. Nor is its memory cleared before it ends. The maps of
-the scenes that most tests open with are there, too, with what was computed of their roads: they never change.
+ordinary way; so do tests of the start and the end of a process. Nor is its memory cleared before it ends. Message
+types, the maps of the scenes that most tests open with, with what was computed of their roads, and the files of the
+page are there, too (`tests/kept_work.py`): they never change.
 
 The process of the first fork is started when it is wanted, one for each process of tests, and ends with it:
 `python -m tests.fork_server FD`, where FD is a socket. A request is the length of a text, the text, and four file
@@ -53,6 +54,7 @@ _MODULES = (
     "twisted.internet.endpoints",  # of roslibpy; what chooses an event loop is not among them
     "twisted.internet.ssl",
     "autobahn.websocket.protocol",
+    "encodings.idna",  # of a listening asyncio
     "numpy.ma",  # numpy imports it when it is first used
     "pytest",  # of tests that users write; a plugin of it that were imported here could not be rewritten
 )
@@ -302,7 +304,7 @@ class _Request(NamedTuple):
 def _main() -> None:
     for name in _MODULES:
         import_module(name)
-    import_module("tests.kept_maps").keep_maps()
+    import_module("tests.kept_work").keep_work()
     gc.collect()
     gc.freeze()  # a collection in a program would copy the pages of all that it shares
     with socket.socket(fileno=int(sys.argv[1])) as control:

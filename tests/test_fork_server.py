@@ -97,3 +97,31 @@ def test_traceback_of_a_program_goes_to_its_stderr() -> None:
     done = fork_server.run(["-c", "1 / 0"])
     assert (done.returncode, done.stdout) == (1, "")
     assert done.stderr.endswith("ZeroDivisionError: division by zero\n")
+
+
+REFUSING = """
+import asyncio
+from rosbridge_sim.shell import message_types
+from rosbridge_sim.shell.app import Simulator
+from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.page import web_page
+from tests import kept_work
+
+def refuse(*args, **kwargs):
+    raise AssertionError(args)
+
+kept_work.read_map = kept_work.read_scenario = message_types.read_definitions = web_page.join_modules = refuse
+
+async def main():
+    for options in ({}, {"scenario": "town", "release": "26.R1"}, {"ros": 2}):
+        async with Simulator(Settings(port=0, **options)):
+            web_page.page_files()
+
+asyncio.run(main())
+"""
+"""A program that fails where it would read something anew."""
+
+
+def test_program_finds_the_usual_scenes_their_types_and_the_page_read() -> None:
+    done = fork_server.run(["-c", REFUSING])
+    assert done.returncode == 0, done.stderr

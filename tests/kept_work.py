@@ -1,0 +1,92 @@
+"""Work that is done once for many programs: message types, the scenes that most tests open with, and the page's files.
+
+None of it ever changes while a program runs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Literal
+
+from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
+from rosbridge_sim.maps.map_formats import read_map
+from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.scenarios.catalogue import BUILT_IN, Catalogue
+from rosbridge_sim.scenarios.scenario import Scenario
+from rosbridge_sim.scenarios.scenario_reader import read_scenario
+from rosbridge_sim.shell import app
+from rosbridge_sim.shell.assembly import make_simulator_node
+from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.files import library
+from rosbridge_sim.shell.message_types import MessageTypes
+from rosbridge_sim.shell.page.web_page import page_files
+
+__all__ = ["keep_work"]
+
+SCENES = ("demo", "town")
+"""The first is the one without a flag."""
+
+OTHER_TYPES: tuple[tuple[Literal["22.R2", "26.R1"], Literal[1, 2]], ...] = (("26.R1", 1), ("22.R2", 2))
+"""Releases and ROS generations of further message types; servers without such flags have others."""
+
+
+def keep_work() -> None:
+    """Do the work in this process; simulators of its forks find it done, where theirs would be the same."""
+    types = MessageTypes()
+    files = _KeptFiles()
+    _replace(app, read_types=types.read)
+    _replace(library, read_map=files.read_map, read_scenario=files.read_scenario)
+    for name in SCENES:
+        _open(Settings(scenario=name, start="sync"), types)
+    files.is_open = False
+    for release, ros in OTHER_TYPES:
+        _open(Settings(release=release, ros=ros, start="sync"), types)
+    page_files()
+
+
+class _KeptFiles:
+    """Maps with what was computed of their roads, and scenarios, by the bytes of their files.
+
+    Attributes:
+        is_open: keep what is read from now on.
+    """
+
+    def __init__(self) -> None:
+        self.is_open = True
+        self._maps: dict[object, RoadMap] = {}
+        self._scenarios: dict[object, Scenario] = {}
+
+    def read_map(self, files: Mapping[str, bytes], source: str) -> RoadMap:
+        """As that of the package."""
+        key = source, *sorted(files.items())
+        road_map = self._maps.get(key) or read_map(files, source)
+        if self.is_open:
+            self._maps[key] = road_map
+        return road_map
+
+    def read_scenario(self, text: bytes, source: str, *, catalogue: Catalogue) -> Scenario:
+        """As that of the package."""
+        key = text, source
+        scenario = self._scenarios.get(key) if catalogue is BUILT_IN else None
+        scenario = scenario or read_scenario(text, source, catalogue=catalogue)
+        if self.is_open:
+            self._scenarios[key] = scenario
+        return scenario
+
+
+def _replace(module: ModuleType, **functions: object) -> None:
+    """Have a module use other functions than those that it imports."""
+    assert vars(module).keys() >= functions.keys(), f"{module.__name__} uses other names"
+    vars(module).update(functions)
+
+
+def _open(settings: Settings, types: MessageTypes) -> None:
+    """Open a scene, which needs most of the types and computes what a map needs of its roads."""
+    _, store = types.read(settings)
+    bus = Bus(store)
+    Rosapi(bus)
+    WebRepublisher(bus)
+    make_simulator_node(bus, settings, None, None)
