@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import gc
 import signal
+import sys
 from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Iterator
 from contextlib import AsyncExitStack
+from importlib import import_module
 from pathlib import Path
 
 import hypothesis
@@ -145,6 +147,13 @@ def default_signals() -> Iterator[None]:
     yield
     for number in ignored:
         signal.signal(number, signal.SIG_IGN)
+
+
+@pytest.fixture(autouse=True, scope="session")
+def shared_work() -> None:
+    """Read the package's message types, scenarios and maps once for all simulators in the process of the tests."""
+    if "rosbridge_sim.shell.app" in sys.modules:  # no test wants one otherwise, and its import takes half a second
+        import_module("tests.kept_work").share_work()
 
 
 @pytest.fixture(scope="module")

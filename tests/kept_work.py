@@ -6,6 +6,7 @@ None of it ever changes while a program runs.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from types import ModuleType
 from typing import Literal
 
@@ -24,7 +25,7 @@ from rosbridge_sim.shell.files import library
 from rosbridge_sim.shell.message_types import MessageTypes
 from rosbridge_sim.shell.page.web_page import page_files
 
-__all__ = ["keep_work"]
+__all__ = ["keep_work", "share_work"]
 
 SCENES = ("demo", "town")
 """The first is the one without a flag."""
@@ -33,29 +34,36 @@ OTHER_TYPES: tuple[tuple[Literal["22.R2", "26.R1"], Literal[1, 2]], ...] = (("26
 """Releases and ROS generations of further message types; servers without such flags have others."""
 
 
+def share_work() -> _BuiltIn:
+    """Have the simulators of this process take what one before them has read, where theirs would be the same."""
+    built_in = _BuiltIn()
+    _replace(app, read_types=built_in.types.read)
+    _replace(library, read_map=built_in.read_map, read_scenario=built_in.read_scenario)
+    return built_in
+
+
 def keep_work() -> None:
-    """Do the work in this process; simulators of its forks find it done, where theirs would be the same."""
-    types = MessageTypes()
-    files = _KeptFiles()
-    _replace(app, read_types=types.read)
-    _replace(library, read_map=files.read_map, read_scenario=files.read_scenario)
+    """Do the work in this process; simulators of its forks find it done, and keep nothing more."""
+    built_in = share_work()
     for name in SCENES:
-        _open(Settings(scenario=name, start="sync"), types)
-    files.is_open = False
+        _open(Settings(scenario=name, start="sync"), built_in.types)
     for release, ros in OTHER_TYPES:
-        _open(Settings(release=release, ros=ros, start="sync"), types)
+        _open(Settings(release=release, ros=ros, start="sync"), built_in.types)
+    built_in.is_full = True
     page_files()
 
 
-class _KeptFiles:
-    """Maps with what was computed of their roads, and scenarios, by the bytes of their files.
+class _BuiltIn:
+    """Message types; and the package's maps, with what was computed of their roads, and its scenarios.
 
     Attributes:
-        is_open: keep what is read from now on.
+        types: of messages.
+        is_full: keep no further map and no further scenario.
     """
 
     def __init__(self) -> None:
-        self.is_open = True
+        self.types = MessageTypes()
+        self.is_full = False
         self._maps: dict[object, RoadMap] = {}
         self._scenarios: dict[object, Scenario] = {}
 
@@ -63,18 +71,21 @@ class _KeptFiles:
         """As that of the package."""
         key = source, *sorted(files.items())
         road_map = self._maps.get(key) or read_map(files, source)
-        if self.is_open:
+        if self._is_wanted(source):
             self._maps[key] = road_map
         return road_map
 
     def read_scenario(self, text: bytes, source: str, *, catalogue: Catalogue) -> Scenario:
         """As that of the package."""
-        key = text, source
-        scenario = self._scenarios.get(key) if catalogue is BUILT_IN else None
-        scenario = scenario or read_scenario(text, source, catalogue=catalogue)
-        if self.is_open:
-            self._scenarios[key] = scenario
+        if catalogue is not BUILT_IN:
+            return read_scenario(text, source, catalogue=catalogue)
+        scenario = self._scenarios.get((text, source)) or read_scenario(text, source)
+        if self._is_wanted(source):
+            self._scenarios[text, source] = scenario
         return scenario
+
+    def _is_wanted(self, source: str) -> bool:
+        return not self.is_full and Path(source).is_relative_to(library.DATA)
 
 
 def _replace(module: ModuleType, **functions: object) -> None:
