@@ -25,13 +25,13 @@ NAME_OF = {"22.R2": 'STEERING = "steering"', "26.R1": 'STEERING = "front_steer"'
 
 NOSE = 3.58  # from the rear axle to the bumper of the Ioniq [m]
 
-BEGIN = 150.0  # where the ego stands [m]
+BEGIN = 215.0  # where the ego stands [m]
 
 Plan = Callable[..., ForkedProgram]
 """`planner("22.R2", port, path, 40)`: the planner for that release, running."""
 
 LANES = ("L2_00", "L2_01", "L2_02")
-"""The outer lane of the track: 150 m straight on from the ego, a bend to the left, and a straight."""
+"""The outer lane of the track: 85 m straight on from the ego, a bend to the left of 97 m, and a straight."""
 
 
 def scene(folder: Path) -> Path:
@@ -130,10 +130,10 @@ async def test_driving_stack_drives_brakes_and_resumes_in_synchronous_mode(
     simulate: Simulate, connect: Connect, tmp_path: Path, planner: Plan, release: str
 ) -> None:
     harness = simulate("--release", release, "--start", "sync", "--scenario", str(scene(tmp_path)))
-    path, line = course(tmp_path, 270.0)
+    path, line = course(tmp_path, 165.0)
     referee = EgoObserver(await connect(harness.url))
     client = referee.client
-    at = BEGIN + 100.0
+    at = BEGIN + 70.0
     box = {"name": "Cargo_Box", "position": {"x": at, "y": -1.75, "z": 0.0}, "heading": 0.0, "frame": 0}
     await change(client, release, "Add", box)
     await referee.listen()
@@ -144,7 +144,7 @@ async def test_driving_stack_drives_brakes_and_resumes_in_synchronous_mode(
     gap = at - 0.6 - NOSE - status["position"]["x"]
     assert 1.0 < gap < 5.0, "it has stopped before the box"
     seq = status["header"]["seq"]
-    still = await referee.watch_until(lambda status: status["header"]["seq"] >= seq + 100)
+    still = await referee.watch_until(lambda status: status["header"]["seq"] >= seq + 50)
     assert place(still) == place(status)
 
     objects = (await objects_of(client))["obstacle_list"]

@@ -162,7 +162,7 @@ def begin_anew(client: Client, *, is_free: bool) -> None:
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_program_shows_the_token_of_the_environment(serve: Serve, tmp_path: Path, language: str) -> None:
     env = {"ROSBRIDGE_SIM_TOKEN": "sesame"}
-    server = serve("--scenario", "town", env=env)
+    server = serve("--scenario", "town", "--start", "sync", env=env)
     program = programs(server.url, "token")["scoreRequest"][language]
     assert "sesame" not in program
     assert "since_frame" in run(language, program, tmp_path, **env)

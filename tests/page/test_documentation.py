@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.client, pytest.mark.slow]
 async def test_page_fits_the_window_and_its_pictures_and_links_work(
     serve: Serve, open_page: OpenPage, width: int, scheme: str
 ) -> None:
-    server = serve()
+    server = serve("--start", "sync")
     page = await open_page(
         server, path="docs/modelling", state=None, viewport={"width": width, "height": 800}, color_scheme=scheme
     )

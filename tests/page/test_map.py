@@ -262,7 +262,7 @@ async def test_nothing_is_drawn_while_nothing_changes(serve: Serve, open_page: O
 
 
 async def test_page_without_webgl_says_so_and_the_rest_works(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_page(serve("--scenario", "town"), has_webgl=False)
+    page = await open_page(serve("--scenario", "town", "--start", "sync"), has_webgl=False)
     await expect(page.get_by_text("This browser has no WebGL 2")).to_be_visible()
     await expect(page.locator(".connection-state")).to_have_text("Connected")
 

@@ -193,7 +193,7 @@ async def test_another_client_that_publishes_commands_is_named(serve: Serve, ope
 
 
 async def test_bad_name_of_a_scenario_shows_the_reason_of_the_server(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_page(serve("--scenario", "town"))
+    page = await open_page(serve("--scenario", "town", "--start", "sync"))
     await choose_tab(page, "Time")
     await page.get_by_label("Name of a scenario").fill("twon")
     await page.get_by_label("Name of a scenario").press("Enter")
@@ -201,7 +201,7 @@ async def test_bad_name_of_a_scenario_shows_the_reason_of_the_server(serve: Serv
 
 
 async def test_scenarios_are_listed_with_pictures_and_loaded(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_page(serve("--scenario", "town"))
+    page = await open_page(serve("--scenario", "town", "--start", "sync"))
     await choose_tab(page, "Time")
     row = page.get_by_role("listitem").filter(has_text="loop")
     await row.scroll_into_view_if_needed()  # a picture is asked for when its list is seen
@@ -225,7 +225,7 @@ async def test_snapshot_brings_the_world_back(serve: Serve, open_page: OpenPage)
 
 
 async def test_keyboard_keeps_its_place_in_lists_that_change(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_page(serve("--scenario", "town"))
+    page = await open_page(serve("--scenario", "town", "--start", "sync"))
     await choose_tab(page, "Time")
     snapshots = page.get_by_label("Snapshots", exact=True)
     for number in (1, 2):
@@ -272,7 +272,7 @@ async def test_actions_are_shown_as_programs(serve: Serve, open_page: OpenPage) 
 
 
 async def test_each_control_has_a_name_for_screen_readers(serve: Serve, open_page: OpenPage) -> None:
-    page = await open_page(serve("--scenario", "town"))
+    page = await open_page(serve("--scenario", "town", "--start", "sync"))
     for tab in ("Ego", "Time", "Objects", "Code"):
         await choose_tab(page, tab)
         panel = page.get_by_role("tabpanel", name=tab)

@@ -20,7 +20,7 @@ async def assert_no_image(page: Page) -> None:
 
 
 async def test_element_takes_texts_as_text_and_no_property_that_is_html(serve: Serve, open_page: OpenPage) -> None:
-    server = serve()
+    server = serve("--start", "sync")
     page = await open_page(server)
     await page.route(
         f"{page_url(server)}js/**",
@@ -50,7 +50,7 @@ async def test_element_takes_texts_as_text_and_no_property_that_is_html(serve: S
 async def test_graph_and_log_show_what_looks_like_html_as_it_is(
     serve: Serve, open_page: OpenPage, connect: Connect
 ) -> None:
-    server = serve()
+    server = serve("--start", "sync")
     page = await open_page(server)
     client = await connect(server.url)
     await client.send("advertise", topic=f"/{IMAGE}", type="std_msgs/String")  # refused: the log has the name
@@ -78,7 +78,7 @@ async def test_graph_and_log_show_what_looks_like_html_as_it_is(
 async def test_names_and_texts_of_another_client_enter_no_panel_as_html(
     serve: Serve, open_page: OpenPage, connect: Connect
 ) -> None:
-    server = serve()
+    server = serve("--start", "sync")
     page = await open_page(server)
     client = await connect(server.url)
     await client.send("advertise", topic=f"/{IMAGE}", type=IMAGE, id=IMAGE)
