@@ -49,6 +49,7 @@ _MODULES = (
     "rosbridge_sim.cli.command_table",
     "rosbridge_sim.campaign_runs.running",
     "rosbridge_sim.client",
+    "rosbridge_sim.shell.map_picture",
     "tests.far_side.server",
     "uvloop",
     "twisted.internet.endpoints",  # of roslibpy; what chooses an event loop is not among them

@@ -10,6 +10,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Literal
 
+from PIL import Image
+
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
@@ -51,6 +53,7 @@ def keep_work() -> None:
         _open(Settings(release=release, ros=ros, start="sync"), built_in.types)
     built_in.is_full = True
     page_files()
+    Image.preinit()  # imports the formats of pictures of maps
 
 
 class _BuiltIn:
