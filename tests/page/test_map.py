@@ -53,7 +53,7 @@ async def until(
             await before()
             if check(pixels := await picture(page)):
                 return pixels
-            await page.wait_for_timeout(100)
+            await page.wait_for_timeout(250)  # a picture of the canvas costs as much as its drawing
 
 
 def ego_pixels(pixels: Pixels) -> np.ndarray:

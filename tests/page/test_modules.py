@@ -23,7 +23,7 @@ def run(*words: str) -> None:
 @pytest.mark.parametrize("path", TESTS, ids=lambda path: path.name)
 def test_pure_parts_of_the_page_pass_their_tests(path: Path) -> None:
     require_tool("node")
-    run("node", "--disable-warning=ExperimentalWarning", "--test", str(path))
+    run("node", "--disable-warning=ExperimentalWarning", str(path))  # with --test it would start another Node
 
 
 def test_page_sends_no_goals_of_actions() -> None:
