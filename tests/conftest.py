@@ -158,8 +158,18 @@ def shared_work() -> None:
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
-    """One server for all tests of a file that leave it as they found it. Its world moves, which costs time."""
-    process = ServerProcess(tmp_path_factory.mktemp("server") / "log.txt")
+    """One server for all tests of a file that leave it as they found it. Its world stands still."""
+    yield from _one_server(tmp_path_factory, "--start", "sync")
+
+
+@pytest.fixture(scope="module")
+def moving_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServerProcess]:
+    """The same with a world that moves, which costs time."""
+    yield from _one_server(tmp_path_factory)
+
+
+def _one_server(tmp_path_factory: pytest.TempPathFactory, *flags: str) -> Iterator[ServerProcess]:
+    process = ServerProcess(tmp_path_factory.mktemp("server") / "log.txt", flags)
     yield process
     process.stop_cleanly()
 

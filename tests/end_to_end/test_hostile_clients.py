@@ -216,8 +216,8 @@ async def test_ten_thousand_hostile_frames_change_nothing(serve: Serve, connect:
     assert "Traceback" not in process.log
 
 
-async def test_clients_cannot_take_names_of_the_simulator(server: ServerProcess, connect: Connect) -> None:
-    thief, watcher = await connect(server.url), await connect(server.url)
+async def test_clients_cannot_take_names_of_the_simulator(moving_server: ServerProcess, connect: Connect) -> None:
+    thief, watcher = await connect(moving_server.url), await connect(moving_server.url)
     await watcher.subscribe("/Ego_topic", type="morai_msgs/EgoVehicleStatus")
     attempts: dict[str, dict[str, Any]] = {
         "serve": {"op": "advertise_service", "service": "/SyncModeCmd", "type": "morai_msgs/MoraiSyncModeCmdSrv"},

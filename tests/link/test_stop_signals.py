@@ -61,6 +61,12 @@ def wait_for(process: ForkedProgram, text: str) -> None:
         timer.cancel()
 
 
+@pytest.fixture(scope="module")
+def server(moving_server: ServerProcess) -> ServerProcess:
+    """The world of these tests moves."""
+    return moving_server
+
+
 @pytest.mark.parametrize(("name", "code"), [("a.bag", MAIN), ("a.mcap", MAIN), ("a", MAIN), ("a.bag", WITHOUT_UVLOOP)])
 def test_second_signal_closes_the_recording_and_stops_the_server(tmp_path: Path, code: str, name: str) -> None:
     with server_process(code, "--record", str(tmp_path / name)) as (process, _):

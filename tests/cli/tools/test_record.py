@@ -18,6 +18,12 @@ from tests.shell.bags.bag_reading import read_bag
 from tests.support import PATIENCE, ServerProcess
 
 
+@pytest.fixture(scope="module")
+def server(moving_server: ServerProcess) -> ServerProcess:
+    """The world of these tests moves."""
+    return moving_server
+
+
 @pytest.mark.parametrize("name", ["drive.bag", "drive.mcap", "drive"])
 async def test_recorded_stamps_are_the_time_of_the_server(tmp_path: Path, name: str) -> None:
     async with Simulator(port=0) as sim:

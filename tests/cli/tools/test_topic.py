@@ -17,6 +17,13 @@ from tests.cli.tool_fixture import in_the_background, run, start
 from tests.conftest import Connect
 from tests.support import PATIENCE, Client, ServerProcess, read_line
 
+
+@pytest.fixture(scope="module")
+def server(moving_server: ServerProcess) -> ServerProcess:
+    """The world of these tests moves."""
+    return moving_server
+
+
 # list, info
 
 
