@@ -35,9 +35,9 @@ LANES = ("L2_00", "L2_01", "L2_02")
 
 
 def scene(folder: Path) -> Path:
-    """The ego at the beginning of the outer lane; a car goes ahead of it at 18 km/h on the inner one."""
+    """The ego at the beginning of the outer lane; a car goes ahead of it at 9 km/h on the inner one."""
     ego = {"initPosition": {"pos": {"x": BEGIN, "y": -1.75}}, "gear": 4}
-    beside = {"initPosition": {"pos": {"x": BEGIN + 20.0, "y": 1.75}}, "constantVelocity": 18}
+    beside = {"initPosition": {"pos": {"x": BEGIN + 20.0, "y": 1.75}}, "constantVelocity": 9}
     file = folder / "scene.json"
     file.write_text(json.dumps({"mapInfo": {"mapName": "track"}, "egoVehicle": ego, "vehicleList": [beside]}))
     return file
