@@ -9,6 +9,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Generator, Itera
 from contextlib import AsyncExitStack
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import hypothesis
 import pytest
@@ -16,6 +17,11 @@ import pytest_asyncio
 
 from tests.deployment import Bridges, Place
 from tests.support import Client, ServerProcess, require_tool
+
+if TYPE_CHECKING:
+    from xdist.remote import Producer
+
+    from tests.spreading import FilesTogether
 
 __all__ = ["Connect", "Serve", "Simulate", "require_tool"]
 
@@ -56,6 +62,16 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         (chosen if is_in_run(item, is_long=is_long) else others).append(item)
     config.hook.pytest_deselected(items=others)
     items[:] = sorted(chosen, key=_turn_of)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> FilesTogether | None:
+    """Spread files over processes in our own way."""
+    if config.getvalue("dist") != "loadfile":
+        return None
+    from tests.spreading import FilesTogether  # noqa: PLC0415 - one process alone has no need of it
+
+    return FilesTogether(config, log)
 
 
 LONGEST = (
