@@ -79,11 +79,19 @@ def figure_of(pattern: str, text: str) -> float:
     return float(match[1])
 
 
+# A left and a right bend; a left one in the other place; and all of it in the long run.
 @pytest.mark.parametrize(
-    "num_pieces", [4, pytest.param(len(COURSE), marks=pytest.mark.long)]
-)  # a left and a right bend
+    ("simulate", "num_pieces", "length"),
+    [
+        ("serve", 4, 180.0),
+        ("attach", 2, 110.0),
+        pytest.param("serve", len(COURSE), 600.0, marks=pytest.mark.long),
+        pytest.param("attach", len(COURSE), 600.0, marks=pytest.mark.long),
+    ],
+    indirect=["simulate"],
+)
 async def test_script_follows_a_path_in_map_coordinates(
-    simulate: Simulate, connect: Connect, tmp_path: Path, num_pieces: int
+    simulate: Simulate, connect: Connect, tmp_path: Path, num_pieces: int, length: float
 ) -> None:
     place = simulate("--start", "sync")
     client = await connect(place.url)
@@ -93,7 +101,7 @@ async def test_script_follows_a_path_in_map_coordinates(
     points = draw(COURSE[:num_pieces], car["position"]["x"], car["position"]["y"], math.radians(car["heading"]))
     code, out, err = run(place, "--path", str(write(points, tmp_path / "path.txt")))
     assert (code, err) == (0, "")
-    assert figure_of(r"drove ([\d.]+) m", out) >= (600.0 if num_pieces == len(COURSE) else 180.0)
+    assert figure_of(r"drove ([\d.]+) m", out) >= length
     assert figure_of(r"slowest after the run-up: ([\d.]+) km/h", out) >= 30.0
     assert figure_of(r"largest lateral error: ([\d.]+) m", out) < 0.3
 

@@ -59,6 +59,10 @@ WHOLE = {
 }
 
 
+NUM_CAPTURES = 10
+"""Ticks in which the sensors of both egos are saved."""
+
+
 async def tick(master: Client, num: int, *, captures: bool = False) -> None:
     for _ in range(num):
         command = {"longlCmdType": 1, "accel": 0.5, "steering": 0.1}
@@ -83,12 +87,12 @@ async def drive(master: Client) -> None:
     at |= {name: [0.0] for name in ("global_roll", "global_pitch", "global_yaw")}
     ego = {"number_of_ego_vehicle": 1, "camera_index": 2, "ego_index": [2], "gear": [4], "ctrl_mode": [6], **at}
     await master.send("publish", topic="/ego_setting", msg=ego)
-    await tick(master, 30, captures=True)
+    await tick(master, NUM_CAPTURES, captures=True)
     await master.ask("/Service_MoraiEventCmd", option=1, ctrl_mode=6)
-    for _ in range(60):
+    for _ in range(20):
         await master.ask("/SyncModeWaitForTick", user_id="master")
     await replay(master, 1, 1, rosbag_file_name="drive")
-    await tick(master, 20)
+    await tick(master, 10)
     await replay(master, 1, 4 | 8, start_time=500, replay_speed=3)
     await tick(master, 10)
     await replay(master, 1, 2, replay_target_option=2)
@@ -98,14 +102,14 @@ async def drive(master: Client) -> None:
     for name, has_network in (("demo", True), ("town", False)):
         load = {"file_name": name, **WHOLE, "load_network_connection_data": has_network}
         assert (await master.ask("/Service_MoraiSL", **load))["result"] is True
-        await tick(master, 20)
+        await tick(master, 10)
     await replay(master, 1, 1, "/car/process", rosbag_file_name="drive.mcap")
     await tick(master, 60)  # it ends, and the last ones are refused
     await replay(master, 32, service="/car/process")
     await master.send("publish", topic="/ego_setting", msg=ego)
-    await tick(master, 20)
+    await tick(master, 10)
     await master.call("/sim/reset", {"seed": -1})
-    await tick(master, 20)
+    await tick(master, 10)
 
 
 async def run(
@@ -146,7 +150,7 @@ async def test_runs_of_all_features_give_the_same_bytes(serve: Serve, connect: C
     frames: list[dict[str, Any]] = [json.loads(text) for text in first]
     heard = Counter(frame["topic"] for frame in frames if frame["op"] == "publish")
     assert set(TOPICS) - set(heard) <= {"/InsnStatus", "/Ego-2/InsnStatus"}, "of all but where nobody was"
-    assert len(files) == 3 * 30
+    assert len(files) == 3 * NUM_CAPTURES
     assert first == second
     assert files == same_files == timed_files
     times = [int(secs) for text in timed for _, secs in _STAMP.findall(text)]
