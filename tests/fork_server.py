@@ -49,6 +49,9 @@ _MODULES = (
     "rosbridge_sim.cli.command_table",
     "rosbridge_sim.campaign_runs.running",
     "rosbridge_sim.client",
+    "rosbridge_sim.serving",
+    "rosbridge_sim.shell.attach",
+    "rosbridge_sim.shell.bags.bag_recorder",
     "rosbridge_sim.shell.map_picture",
     "tests.far_side.server",
     "uvloop",
@@ -56,6 +59,7 @@ _MODULES = (
     "twisted.internet.ssl",
     "autobahn.websocket.protocol",
     "encodings.idna",  # of a listening asyncio
+    "pyproj",
     "numpy.ma",  # numpy imports it when it is first used
     "pytest",  # of tests that users write; a plugin of it that were imported here could not be rewritten
 )

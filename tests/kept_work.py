@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from types import ModuleType
-from typing import Literal
+from typing import Any, Literal
 
 from PIL import Image
 
@@ -26,6 +26,7 @@ from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files import library
 from rosbridge_sim.shell.message_types import MessageTypes
 from rosbridge_sim.shell.page.web_page import page_files
+from rosbridge_sim.simulator.simulator_node import SimulatorNode
 
 __all__ = ["keep_work", "share_work"]
 
@@ -37,10 +38,9 @@ OTHER_TYPES: tuple[tuple[Literal["22.R2", "26.R1"], Literal[1, 2]], ...] = (("26
 
 
 def share_work() -> _BuiltIn:
-    """Have the simulators of this process take what one before them has read, where theirs would be the same."""
+    """Have the simulators of this process take types, and their opening scene, from those before them."""
     built_in = _BuiltIn()
-    _replace(app, read_types=built_in.types.read)
-    _replace(library, read_map=built_in.read_map, read_scenario=built_in.read_scenario)
+    _replace(app, read_types=built_in.types.read, make_simulator_node=built_in.make_simulator_node)
     return built_in
 
 
@@ -48,10 +48,12 @@ def keep_work() -> None:
     """Do the work in this process; simulators of its forks find it done, and keep nothing more."""
     built_in = share_work()
     for name in SCENES:
-        _open(Settings(scenario=name, start="sync"), built_in.types)
+        built_in.open(Settings(scenario=name, start="sync"))
     for release, ros in OTHER_TYPES:
-        _open(Settings(release=release, ros=ros, start="sync"), built_in.types)
+        built_in.open(Settings(release=release, ros=ros, start="sync"))
     built_in.is_full = True
+    _replace(app, make_simulator_node=make_simulator_node)
+    _replace(library, read_map=built_in.read_map, read_scenario=built_in.read_scenario)
     page_files()
     Image.preinit()  # imports the formats of pictures of maps
 
@@ -90,17 +92,24 @@ class _BuiltIn:
     def _is_wanted(self, source: str) -> bool:
         return not self.is_full and Path(source).is_relative_to(library.DATA)
 
+    def make_simulator_node(self, *args: Any, **options: Any) -> SimulatorNode:  # noqa: ANN401 - those of the package's
+        """As that of the package."""
+        _replace(library, read_map=self.read_map, read_scenario=self.read_scenario)
+        try:
+            return make_simulator_node(*args, **options)
+        finally:
+            _replace(library, read_map=read_map, read_scenario=read_scenario)
+
+    def open(self, settings: Settings) -> None:
+        """Open a scene, which needs most of the types and computes what a map needs of its roads."""
+        _, store = self.types.read(settings)
+        bus = Bus(store)
+        Rosapi(bus)
+        WebRepublisher(bus)
+        self.make_simulator_node(bus, settings, None, None)
+
 
 def _replace(module: ModuleType, **functions: object) -> None:
     """Have a module use other functions than those that it imports."""
     assert vars(module).keys() >= functions.keys(), f"{module.__name__} uses other names"
     vars(module).update(functions)
-
-
-def _open(settings: Settings, types: MessageTypes) -> None:
-    """Open a scene, which needs most of the types and computes what a map needs of its roads."""
-    _, store = types.read(settings)
-    bus = Bus(store)
-    Rosapi(bus)
-    WebRepublisher(bus)
-    make_simulator_node(bus, settings, None, None)
