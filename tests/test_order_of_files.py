@@ -38,5 +38,7 @@ def test_long_run_has_the_long_tests_and_those_of_hypothesis(
 ) -> None:
     item = pytest.Function.from_parent(request.node.parent, name="test", callobj=function)
     assert [is_long for is_long in (False, True) if is_in_run(item, is_long=is_long)] == runs
+
+
 def test_files_that_share_a_browser_exist() -> None:
     assert [name for name in TOGETHER if not (ROOT / name).is_file()] == []
