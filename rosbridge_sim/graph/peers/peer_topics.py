@@ -68,7 +68,7 @@ class PeerTopics:
         self._check_room = check_room
         self._publications: dict[str, Topic] = {}
         self._subscriptions: dict[str, _TopicSubscription] = {}
-        self._reader = PublishReader(self._publications, peer.bus, self._session)
+        self._reader: PublishReader | None = None  # many clients publish nothing
         self._judged: set[str] = set()  # names of topics without a subscriber that were judged
 
     # Publishing
@@ -124,10 +124,12 @@ class PeerTopics:
         topic = self._publications.get(op.topic)
         message_type = self._type_to_publish(op) if topic is None else topic.type
         message: object = op.msg
-        if not isinstance(message, Message):  # else `_reader` has read it
+        if not isinstance(message, Message):  # else the reader has read it
             value = decode_body(message_type, op.msg, bus.stamp_ns)
             message = Message(message_type, value, self._session.frame_length)
             if topic is not None:
+                if self._reader is None:
+                    self._reader = PublishReader(self._publications, bus, self._session)
                 self._reader.note_usual(op.topic, topic)
         if topic is None:  # only after the check of the message, so that a wrong one changes nothing
             # Not under the op's id: roslib gives each publish a new one, and all of them would be stored.
