@@ -10,7 +10,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from hashlib import blake2b
 
-from rosbridge_sim.world.geometry.planar import FloatArray
+import numpy as np
+
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
 
@@ -144,6 +146,12 @@ class RoadMap:
     borders: tuple[Border, ...] = ()
     markings: tuple[Marking, ...] = ()
     signs: tuple[Sign, ...] = ()
+
+    def find_inside(self) -> BoolArray:
+        """Return which lanes lie within an intersection: behind a stop line, or controlled by lights; (lanes,)."""
+        roads, is_inside = self.roads, np.zeros(len(self.roads), dtype=bool)
+        is_inside[roads.successor[np.repeat(roads.is_stop, np.diff(roads.first_successor))]] = True
+        return is_inside if self.plan is None else is_inside | (self.plan.controller_of_lane >= 0)
 
     @cached_property
     def digest(self) -> bytes:

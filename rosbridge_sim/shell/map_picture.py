@@ -237,14 +237,8 @@ def _left_out(roads: Roads, agents: Sequence[Spawn]) -> tuple[list[str], list[st
 
 def _kinds(road_map: RoadMap) -> _Kinds:
     """Return the kind of each lane: ordinary, inside an intersection, or dead end."""
-    roads = road_map.roads
-    led_to_from_stop = np.zeros(len(roads), dtype=bool)
-    for lane in np.flatnonzero(roads.is_stop).tolist():
-        led_to_from_stop[roads.successors(lane)] = True
-    if road_map.plan is not None:
-        led_to_from_stop |= road_map.plan.controller_of_lane >= 0
-    kinds = np.where(led_to_from_stop, INSIDE, LANE).astype("<U7")
-    kinds[np.diff(roads.first_successor) == 0] = DEAD_END
+    kinds = np.where(road_map.find_inside(), INSIDE, LANE).astype("<U7")
+    kinds[np.diff(road_map.roads.first_successor) == 0] = DEAD_END
     return kinds
 
 

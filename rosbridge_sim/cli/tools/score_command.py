@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rosbridge_sim.cli.tools.text import note, put, put_json
-from rosbridge_sim.cli.tools.tool_client import Bridge, Frame
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, frames_in
 from rosbridge_sim.cli.tools.tool_subscription import Listener
 from rosbridge_sim.link.terminal_text import safe
 
@@ -51,7 +51,7 @@ async def show(bridge: Bridge, *, is_reset: bool, is_json: bool) -> int:
         return 0
     if values.get("message"):
         note(str(values["message"]))
-    for score in _scores(values):
+    for score in frames_in(values, "scores"):
         _put_score(score)
     return 0
 
@@ -73,17 +73,11 @@ async def follow(bridge: Bridge, count: int | None, *, is_json: bool) -> int:
         if is_json:
             put_json(msg)
         else:
-            for score in _scores(msg):
+            for score in frames_in(msg, "scores"):
                 put(_line(score))
         if num_left is not None:
             num_left -= 1
     return 0
-
-
-def _scores(values: Frame) -> list[Frame]:
-    """Return the scores in an answer or a message; a stranger's may hold anything."""
-    scores = values.get("scores")
-    return [one for one in scores if isinstance(one, dict)] if isinstance(scores, list) else []
 
 
 def _put_score(score: Frame) -> None:

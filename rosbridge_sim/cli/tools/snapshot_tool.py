@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rosbridge_sim.cli.tools.text import put, put_json, put_table
-from rosbridge_sim.cli.tools.tool_client import Bridge, Frame
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, frames_in
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
@@ -52,8 +52,7 @@ async def list_snapshots(bridge: Bridge, remove: Sequence[str], *, is_json: bool
         BridgeError: there is no answer.
     """
     answer = await _ask(bridge, "/sim/snapshots", {"remove": list(remove)})
-    found = answer.get("snapshots")
-    rows: list[Frame] = [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
+    rows = frames_in(answer, "snapshots")
     if is_json:
         put_json(rows)
     else:

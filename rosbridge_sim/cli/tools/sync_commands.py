@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager
 from dataclasses import dataclass
 
 from rosbridge_sim.cli.tools.text import put, put_json
-from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, words
+from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, frames_in, words
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
 
@@ -294,15 +294,11 @@ def _show_steps(response: Frame) -> None:
         f"frame {_whole(response.get('frame'))}  steps {_whole(response.get('steps'))}"
         f"{f'  stopped by {safe(why)}' if why else ''}"
     )
-    for ego in _list_of_frames(response.get("egos")):
+    for ego in frames_in(response, "egos"):
         put(f"ego {_whole(ego.get('unique_id'))}  {_describe_ego(ego)}")
-    for sample in _list_of_frames(response.get("topics")):
+    for sample in frames_in(response, "topics"):
         text = str(sample.get("message") or "(no message)")
         put(f"{safe(str(sample.get('topic')))}  {safe(text)}")
-
-
-def _list_of_frames(value: object) -> list[Frame]:
-    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []
 
 
 async def _command(bridge: Bridge, user_id: str, step_ms: int, *, is_on: bool) -> Frame:

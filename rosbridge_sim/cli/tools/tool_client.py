@@ -21,7 +21,7 @@ from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.link.urls import shown_url
 
-__all__ = ["Bridge", "Frame", "ToolAnswer", "absolute", "answer_of", "open_bridge", "words"]
+__all__ = ["Bridge", "Frame", "ToolAnswer", "absolute", "answer_of", "frames_in", "open_bridge", "words"]
 
 CALLS_AT_ONCE = 20
 """Calls that run at the same time: rosbridge_suite uses a thread for each."""
@@ -218,3 +218,9 @@ def words(values: Frame, key: str) -> list[str]:
     """
     value = values.get(key)
     return [str(one) for one in value] if isinstance(value, list) else []
+
+
+def frames_in(values: Frame, key: str) -> list[Frame]:
+    """Return the list of objects in an answer or a message; a stranger's may hold anything."""
+    value = values.get(key)
+    return [one for one in value if isinstance(one, dict)] if isinstance(value, list) else []

@@ -90,7 +90,7 @@ def _road(road_map: RoadMap, budget: int) -> Iterator[tuple[str, str, Shape, Flo
     if not len(roads):
         return
     has_paint = bool(road_map.borders)
-    is_inside = _is_inside(road_map)
+    is_inside = road_map.find_inside()  # edges there would cross everything
     for tolerance in TOLERANCES:
         kept = _kept(roads.points, roads.first, tolerance, roads.border)
         starts, lanes = _segments(kept, roads.first)
@@ -170,17 +170,6 @@ def _longest(starts: IntArray, lines: IntArray, length: FloatArray, most: int) -
     fits = np.zeros(len(length), dtype=bool)
     fits[order] = np.cumsum(num[order]) <= most
     return starts[fits[lines]], lines[fits[lines]]
-
-
-def _is_inside(road_map: RoadMap) -> BoolArray:
-    """Return which lanes lie within an intersection; edges there would cross everything."""
-    roads = road_map.roads
-    is_inside = np.zeros(len(roads), dtype=bool)
-    for lane in np.flatnonzero(roads.is_stop).tolist():
-        is_inside[roads.successors(lane)] = True
-    if road_map.plan is not None:
-        is_inside |= road_map.plan.controller_of_lane >= 0
-    return is_inside
 
 
 def _sides(roads: Roads) -> tuple[FloatArray, FloatArray]:
