@@ -151,8 +151,6 @@ class Barrier:
         dues = [due for due in map(self._lease_due, self._members.values()) if due is not None]
         if self.state is BarrierState.GATHERING:
             dues.append(self._wait_until if self._waited_for() else now)
-        elif self.state is BarrierState.RESTING and self._has_ticked():
-            dues.append(now)
         return min(dues, default=None)
 
     def status(self) -> BarrierStatus:
@@ -185,8 +183,7 @@ class Barrier:
         }:
             return f"{outcome.why}: time_step {self.step_ms} ms, deadline_s {self.deadline:g}"
         if outcome.why == event_texts[BarrierEvent.JOIN_SHARED].why:
-            own = self._member_of.get(holder)
-            return outcome.why if own is None else f"{outcome.why}; it is {own.user_id!r}"
+            return f"{outcome.why}; it is {self._member_of[holder].user_id!r}"
         return outcome.why
 
     # Members

@@ -117,5 +117,5 @@ def _distance_to(
     distance = np.where(is_behind, ahead - length[lane], np.inf)
     for here in lanes:
         distance = np.where(np.isinf(distance) & (here == lane), ahead, distance)
-        ahead = ahead + np.where(here >= 0, length[here], 0.0)
+        ahead = ahead + length[here]  # beyond a dead end it is asked for no more
     return np.where(np.isinf(distance), -np.inf, distance)

@@ -183,8 +183,10 @@ def test_change_behind_a_tick_is_made_after_the_frame_in_which_a_component_pause
 def test_change_that_is_asked_for_within_a_frame_does_not_wait() -> None:
     harness, client = in_sync(time_step=200)
     driver, waits = harness.node.context.sync_driver, list[bool]()
+    driver.read_clock = Turns()
     harness.node.context.hooks.after_frame.append(lambda _: waits.append(driver.wait_for_tick(client, fail)))
-    client.tick()
+    tick(harness, client, lambda _: None)
+    harness.run(0.0)
     assert waits == [False] * 10
 
 

@@ -261,6 +261,7 @@ def test_stop_by_anyone_ends_the_barrier_in_each_state() -> None:
         assert (model.sync.state, model.barrier.status().members) == (SyncState.FREE, [])
         assert None not in model.answers()
         assert model.moves == []
+        assert model.join("first").is_accepted
         assert model.join("a", holder="b").is_accepted, "nobody belongs to a member any more"
 
 
@@ -440,6 +441,25 @@ def test_tick_of_a_lost_member_counts_no_more() -> None:
     assert model.barrier.due(0.0) is None, "nobody waits for a deadline"
 
 
+def test_tick_of_a_member_that_is_lost_while_the_world_moves_is_answered_once() -> None:
+    model = a_model(BarrierState.MOVING)
+    model.barrier.drop("a", 0.0)
+    model.barrier.drop("a2", 0.0)
+    model.finish()
+    assert model.answers() == ["the member was lost while the tick waited for the other members", ""]
+
+
+def test_tick_of_a_new_member_waits_for_its_own_boundary_when_those_who_ticked_before_are_lost() -> None:
+    model = a_model(BarrierState.GATHERING)
+    model.now = 0.5
+    model.join("c")
+    model.tick("c")
+    assert model.barrier.status().joining == ["c"]
+    model.barrier.drop("a", model.now)
+    model.barrier.drop("a2", model.now)
+    assert (model.barrier.status().joining, model.barrier.due(model.now)) == ([], 2.5)
+
+
 def test_tick_goes_with_its_connection_where_the_member_has_another() -> None:
     model = a_model(BarrierState.GATHERING)
     model.barrier.drop("a", 0.0)
@@ -489,6 +509,15 @@ def test_lease_of_a_member_whose_tick_is_refused_counts_from_the_refusal() -> No
     assert model.barrier.due(model.now) == 2.5
     model.wait(1.0)
     assert model.barrier.status().members == ["a", "b"]
+
+
+def test_member_whose_ticks_are_refused_in_a_pause_is_not_silent() -> None:
+    model = a_model(BarrierState.RESTING, lease=1.0)
+    model.pause()
+    for _ in range(3):
+        assert not model.tick("a").is_accepted
+        model.wait(0.9)
+    assert model.barrier.status().members == ["a"]
 
 
 def test_members_that_leave_together_after_a_loss_end_the_mode_and_do_not_lose_it() -> None:
@@ -550,6 +579,21 @@ def test_late_member_is_told_once_and_its_tick_counts_for_the_next_boundary() ->
     model.tick("a")
     model.wait(2.0)
     assert len(model.warned) == 4, "it had ticked in between"
+
+
+@pytest.mark.parametrize("is_lost", [True, False])
+def test_late_member_that_leaves_or_is_lost_while_the_world_moves_is_not_told(*, is_lost: bool) -> None:
+    model = a_model(BarrierState.RESTING)
+    model.is_slow = True
+    model.tick("a")
+    model.wait(2.0)
+    if is_lost:
+        model.barrier.drop("b", model.now)
+        model.barrier.drop("b2", model.now)
+    else:
+        assert model.barrier.leave("b", model.now).is_accepted
+    model.finish()
+    assert (model.answers(), model.warned) == ([""], [])
 
 
 def test_late_member_is_told_anew_after_a_reset() -> None:

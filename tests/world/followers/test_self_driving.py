@@ -301,6 +301,29 @@ def test_ego_drives_itself_and_changes_lanes_on_a_road_of_any_direction(heading:
     assert (world.lane[row], world.leaving[row], world.came_from[row]) == (0, 2 - RIGHT, 2 - RIGHT)
 
 
+def steer_while_it_changes_lanes(heading: float) -> float:
+    """Where the wheels point of an ego that drives along a road and begins to change to the left lane [rad]."""
+    way = np.array([math.cos(heading), math.sin(heading)])
+    left = np.array([-way[1], way[0]])
+    lines = [
+        np.append(np.array([s * way + aside * left for s in (0.0, 200.0)]), np.zeros((2, 1)), 1) for aside in (0.0, 3.5)
+    ]
+    world = world_of(Roads(["R", "L"], lines, [[], []], [3.5] * 2, [15.0] * 2, left=[1, -1], right=[-1, 0]))
+    row = ego(world, *(50.0 * way), yaw=heading, speed=8.0)
+    world.gear[row] = Gear.DRIVE
+    assert start_self_driving(world, row)
+    assert change_lane(world, row, LEFT)
+    run(world, 1.0)
+    return float(world.steer_cmd[row])
+
+
+@pytest.mark.parametrize("heading", [0.5 * math.pi, -2.5])
+def test_ego_that_changes_lanes_steers_alike_on_a_road_of_any_direction(heading: float) -> None:
+    steer = steer_while_it_changes_lanes(0.0)
+    assert steer > 0.01
+    assert steer_while_it_changes_lanes(heading) == pytest.approx(steer, rel=1e-6)
+
+
 @pytest.mark.parametrize("frame", [5, 6])
 def test_drivers_leave_pose_and_motion_of_a_self_driving_ego_to_its_tyres(frame: int) -> None:
     world = World(0, Dynamics.SINGLE_TRACK)

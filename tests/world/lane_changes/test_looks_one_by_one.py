@@ -494,6 +494,7 @@ def compare(world: World, decision: int) -> None:
     for name in ("is_there", "run", "gap", "lead_speed", "gap_behind", "follower", "advantage", "is_safe"):
         values = [getattr(each.options[side], name) for side in range(NUM_SIDES) for each in one_by_one]
         assert getattr(option, name).tolist() == pytest.approx(values, rel=1e-9, abs=1e-9), name
+    assert np.fmax(look._to_entry, 0.0) == pytest.approx([max(each.to_entry, 0.0) for each in one_by_one])
     begins, sides, tight = look.decide(accel, decision)
     rows = followers.rows[which]
     assert world.change[rows].tolist() == [wish.reason for wish in wishes]
