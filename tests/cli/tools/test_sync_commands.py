@@ -43,7 +43,7 @@ async def ended(sim: Simulator, num_left: int = 0) -> None:
 async def test_waiting_tool_times_out_and_says_that_the_world_waits_for_ticks(
     standing: Simulator, words: tuple[str, ...]
 ) -> None:
-    done = await in_the_background(*words, "--timeout", "0.1", url=standing.url)
+    done = await in_the_background(*words, "--timeout", "0.5", url=standing.url)
     text = "no message on /Ego_topic within 0.1 s: the world stands until a master ticks, and there is no master;"
     assert (done.code, done.out) == (1, "")
     assert done.complaint == f"{text} rosbridge-sim tick N --start moves it"
@@ -52,10 +52,10 @@ async def test_waiting_tool_times_out_and_says_that_the_world_waits_for_ticks(
 async def test_waiting_tool_names_the_master_of_synchronous_mode(standing: Simulator) -> None:
     async with await Client.open(standing.url) as master:
         await lead(master)
-        done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.1", url=standing.url)
+        done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.5", url=standing.url)
         assert done.complaint.endswith("the world stands until a master ticks; the master is 'planner'")
         await master.ask("/Service_MoraiEventCmd", option=8, set_pause=True)
-        done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.1", url=standing.url)
+        done = await in_the_background("topic", "echo", "/Ego_topic", "--timeout", "0.5", url=standing.url)
         where = "the world is paused, in synchronous mode with the master 'planner'"
         assert done.complaint.endswith(f": {where}; {RESUME}")
 
@@ -100,13 +100,13 @@ async def test_waiting_tool_reports_a_paused_replay(mode: int, status: int, text
 
 
 async def test_waiting_tool_reports_a_topic_without_a_publisher(standing: Simulator) -> None:
-    words = ("topic", "echo", "/x", "--type", "std_msgs/String", "--timeout", "0.1")
+    words = ("topic", "echo", "/x", "--type", "std_msgs/String", "--timeout", "0.5")
     done = await in_the_background(*words, url=standing.url)
     assert (done.code, done.complaint) == (1, "no message on /x within 0.1 s: it has no publisher")
 
 
 async def test_recording_without_messages_times_out_and_is_complete(standing: Simulator, tmp_path: Path) -> None:
-    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Ego*", "--timeout", "0.1")
+    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Ego*", "--timeout", "0.5")
     done = await in_the_background(*words, url=standing.url)
     assert done.code == 1
     assert "no message to record within 0.1 s: the world stands until a master ticks" in done.err
@@ -114,7 +114,7 @@ async def test_recording_without_messages_times_out_and_is_complete(standing: Si
 
 
 async def test_recording_of_missing_topics_names_them(standing: Simulator, tmp_path: Path) -> None:
-    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Egg*", "--timeout", "0.1")
+    words = ("record", str(tmp_path / "a.mcap"), "--topics", "/Egg*", "--timeout", "0.5")
     done = await in_the_background(*words, url=standing.url)
     assert (done.code, done.err.count("within 0.1 s: none of the wanted topics is there")) == (1, 1)
 
