@@ -11,12 +11,13 @@ import cbor2
 import pytest
 
 from rosbridge_sim.errors import EncodingError, FieldError, FrameError
+from rosbridge_sim.long_text import LongText, find_long_text
 from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.json_decoding import HEAVY, LONG
-from rosbridge_sim.protocol.ops import Advertise, Op, Subscribe
+from rosbridge_sim.protocol.ops import Advertise, Op, Publish, Subscribe
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.png import Picture
-from rosbridge_sim.protocol.session import Session
+from rosbridge_sim.protocol.session import SHORT, Session
 from rosbridge_sim.protocol.subscription import Feed, SubscriptionOptions
 
 T = TypeVar("T")
@@ -50,6 +51,26 @@ def receive(session: Session, frame: bytes) -> list[Op]:
     """The ops of a frame, as whoever reads a session gets them."""
     op = session.receive_plain(frame)
     return [op] if op is not None else [op for op in session.receive(frame, 0.0) if op is not None]
+
+
+class Learnt:
+    """A reader that knows one topic, and notes what it was asked to read."""
+
+    def __init__(self, topic: str) -> None:
+        self._topic = topic
+        self.short: list[bytes] = []
+        self.long: list[LongText] = []
+
+    def read(self, frame: bytes) -> Op | None:
+        self.short.append(frame)
+        return self._op_of(frame)
+
+    def read_long(self, frame: LongText) -> Op | None:
+        self.long.append(frame)
+        return self._op_of(frame.short)
+
+    def _op_of(self, text: bytes) -> Op | None:
+        return Publish(topic=self._topic, id="read") if json.loads(text)["topic"] == self._topic else None
 
 
 class Body:
@@ -97,6 +118,70 @@ class Unfit(Body):
     @property
     def cbor(self) -> NoReturn:  # type: ignore[override] # that it cannot be had is the point
         raise FieldError("not in cbor")
+
+
+def publish(size: int, topic: str = "/learnt", filler: str = "A") -> bytes:
+    """A frame of so many bytes, with a text of whole groups of base64."""
+    start, end = f'{{"op":"publish","topic":"{topic}","msg":{{"data":"', '"}}'
+    num = (size - len(start) - len(end)) // 4 * 4
+    return (start + filler * num + end).encode().ljust(size)
+
+
+def body_of(frame: bytes) -> bytes:
+    return frame[frame.index(b'"msg":') + 6 : frame.rindex(b"}")]
+
+
+@pytest.mark.parametrize("size", [SHORT - 1, SHORT, SHORT + 1, LONG - 1])
+def test_short_frames_are_read_in_the_usual_way_and_longer_ones_by_the_reader(size: int) -> None:
+    session = make_session()
+    reader = session.reader = Learnt("/learnt")
+    learnt, other = publish(size), publish(size, "/other")
+    ops = [session.receive_plain(frame) for frame in (learnt, other)]
+    assert reader.short == ([] if size < SHORT else [learnt, other])
+    assert [getattr(op, "id", None) for op in ops] == ([None, None] if size < SHORT else ["read", None])
+    assert isinstance(ops[1], Publish)
+    assert bytes(ops[1].msg) == body_of(other)
+    assert (session.num_received, session.frame_length, reader.long) == (2, 0, [])
+
+
+@pytest.mark.parametrize("size", [LONG, 2 * LONG, HEAVY - 1])
+def test_long_texts_are_read_by_the_reader_or_in_the_usual_way(size: int) -> None:
+    session = make_session()
+    reader = session.reader = Learnt("/learnt")
+    for topic, expected in (("/learnt", "read"), ("/other", None)):
+        frame = publish(size, topic)
+        op = session.receive_plain(frame)
+        assert isinstance(op, Publish)
+        assert (op.topic, op.id, session.frame_length) == (topic, expected, size)
+        assert reader.long[-1].text is frame
+        assert expected or bytes(op.msg) == body_of(frame)
+    assert (session.num_received, len(reader.long), reader.short) == (2, 2, [])
+
+
+def test_long_frames_without_a_long_text_and_heavy_ones_are_no_plain_frames() -> None:
+    session = make_session()
+    reader = session.reader = Learnt("/learnt")
+    for frame in (publish(2 * LONG, filler="-"), publish(HEAVY), publish(HEAVY + 1)):
+        assert session.receive_plain(frame) is None
+    assert session.num_received == 0
+    assert (reader.short, reader.long) == ([], [])
+
+
+def test_long_text_is_looked_for_where_its_owner_says() -> None:
+    session = make_session()
+    frame = publish(LONG)
+    assert session.receive_plain(frame) is not None
+    asked: list[bytes] = []
+
+    def look(text: bytes) -> LongText | None:
+        asked.append(text)
+        return find_long_text(text)
+
+    session.find_long_text = look
+    assert session.receive_plain(frame) is not None
+    assert asked == [frame]
+    session.find_long_text = lambda _text: None
+    assert session.receive_plain(frame) is None
 
 
 def test_ops_are_delivered_in_order_and_errors_reported() -> None:
