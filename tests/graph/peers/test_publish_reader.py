@@ -12,13 +12,15 @@ from rosbridge_sim.errors import PeerError
 from rosbridge_sim.graph.participant import decode_body
 from rosbridge_sim.graph.peers.publish_reader import LEARN_EACH, MAX_LEARNT, PublishReader
 from rosbridge_sim.graph.topics_services import Topic
-from rosbridge_sim.protocol.json_decoding import decode_quickly
+from rosbridge_sim.long_text import LongText, find_long_text
+from rosbridge_sim.protocol.json_decoding import LONG, decode_quickly
 from rosbridge_sim.protocol.ops import Publish
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
 from rosbridge_sim.protocol.session import SHORT, Session
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
-from tests.graph.bus_fixture import Wire, make_bus
+from rosbridge_sim.schema.opaque_types import OpaqueType
+from tests.graph.bus_fixture import Wire, make_bus, make_store
 from tests.schema.strategies import STAMP_NS, bodies, broken_texts, every_type, odd_bodies
 
 ODOMETRY = "nav_msgs/Odometry"
@@ -115,12 +117,18 @@ def test_ordinary_frames_are_read_in_one_pass(name: str, monkeypatch: pytest.Mon
     assert len(seen) == 2 * LEARN_EACH
 
 
-def reader_of(message_type: MessageType) -> PublishReader:
-    """A reader that has learnt the topic `/t` of a type."""
+def make_reader(publications: dict[str, Topic]) -> tuple[PublishReader, Session]:
+    """A reader that has learnt nothing, and its session."""
     bus = make_bus()
     bus.stamp_ns = STAMP_NS
+    session = Session(Outbox(OutboxLimits(), print, print), print)
+    return PublishReader(publications, bus, session), session
+
+
+def reader_of(message_type: MessageType) -> PublishReader:
+    """A reader that has learnt the topic `/t` of a type."""
     topic = Topic("/t", message_type)
-    reader = PublishReader({"/t": topic}, bus, Session(Outbox(OutboxLimits(), print, print), print))
+    reader, _ = make_reader({"/t": topic})
     for _ in range(LEARN_EACH):
         reader.note_usual("/t", topic)
     return reader
@@ -164,6 +172,91 @@ def test_odd_and_broken_messages_are_read_as_usual_or_not_at_all(data: st.DataOb
         pytest.fail(f"read in one pass, but refused in two: {error}")
 
 
+def test_topic_is_learnt_after_some_messages_or_one_long_one() -> None:
+    topic = Topic("/t", make_store().message(ODOMETRY))
+    reader, session = make_reader({"/t": topic})
+    for _ in range(LEARN_EACH - 1):
+        reader.note_usual("/t", topic)
+    assert session.reader is None
+    reader.note_usual("/t", topic)
+    assert session.reader is reader
+    assert reader.read(PLAIN) is not None
+
+    reader, session = make_reader({"/t": topic})
+    session.frame_length = LONG
+    reader.note_usual("/t", topic)
+    assert session.reader is reader
+
+
+def test_topic_whose_type_is_unknown_is_not_learnt() -> None:
+    topic = Topic("/t", OpaqueType("mine/Mine"))
+    reader, session = make_reader({"/t": topic})
+    for _ in range(2 * LEARN_EACH):
+        reader.note_usual("/t", topic)
+    assert session.reader is None
+
+
+DATA = "iVBO" * LONG
+IMAGE = {"format": "jpeg", "data": DATA}
+
+
+def long_text(msg: object, topic: str = "/t") -> LongText:
+    found = find_long_text(frame_of(topic, msg=msg, id="i", latch=False))
+    assert found is not None
+    return found
+
+
+def test_image_is_read_in_one_pass_with_its_text_as_it_came() -> None:
+    image = make_store().message("sensor_msgs/CompressedImage")
+    frame = long_text(IMAGE)
+    read = reader_of(image).read_long(frame)
+    assert read is not None
+    assert (read.topic, read.id, read.latch) == ("/t", "i", False)
+    message: object = read.msg
+    assert isinstance(message, Message)
+    value = image.decode_json(json.dumps(IMAGE).encode(), STAMP_NS)
+    assert (message.type, message.value, message.text_length) == (image, value, len(frame.text))
+    assert message.long_field is not None
+    assert message.long_field[1].obj is frame.text
+    assert message.json == image.encode_json(value)
+    assert message.framed(b"head") == b"head" + image.encode_json(value) + b"}"
+
+
+@pytest.mark.parametrize(
+    ("frame", "kind"),
+    [
+        (
+            long_text({**IMAGE, "data": DATA + "AAB="}),
+            "sensor_msgs/CompressedImage",
+        ),  # its bits beyond the end are not 0
+        (long_text(IMAGE, "/other"), "sensor_msgs/CompressedImage"),
+        (long_text({"data": "", "format": DATA}), "sensor_msgs/CompressedImage"),
+        (long_text({**IMAGE, "more": 1}), "sensor_msgs/CompressedImage"),
+        (long_text({"data": DATA}), "std_msgs/String"),
+        (long_text({"data": [DATA]}), "std_msgs/UInt8MultiArray"),
+    ],
+)
+def test_other_long_texts_are_left_to_the_usual_way(frame: LongText, kind: str) -> None:
+    assert reader_of(make_store().message(kind)).read_long(frame) is None
+
+
+def test_topic_that_has_ended_or_has_another_type_is_left_to_the_usual_way() -> None:
+    image, odometry = (make_store().message(kind) for kind in ("sensor_msgs/CompressedImage", ODOMETRY))
+    for kind in (image, odometry):
+        publications = {"/t": Topic("/t", kind)}
+        reader, _ = make_reader(publications)
+        for _ in range(LEARN_EACH):
+            reader.note_usual("/t", publications["/t"])
+        assert (reader.read(PLAIN) is None) == (kind is image)
+        assert (reader.read_long(long_text(IMAGE)) is None) == (kind is odometry)
+        publications["/t"] = Topic("/t", make_store().message("std_msgs/String"))
+        assert reader.read(PLAIN) is None
+        assert reader.read_long(long_text(IMAGE)) is None
+        publications.clear()
+        assert reader.read(PLAIN) is None
+        assert reader.read_long(long_text(IMAGE)) is None
+
+
 def test_topic_with_a_new_type_is_read_by_the_new_type() -> None:
     bus = make_bus()
     sender, listener = Wire(bus), Wire(bus)
@@ -179,6 +272,9 @@ def test_topic_with_a_new_type_is_read_by_the_new_type() -> None:
     for _ in range(2 * LEARN_EACH):
         assert sender.says(op="publish", topic="/t", msg={"data": text}) == []
         assert [each["msg"] for each in listener.hears()] == [{"data": text}]
+    reader = sender.peer.session.reader
+    assert reader is not None
+    assert reader.read(frame_of(msg={"data": text})) is not None
 
 
 def test_publish_of_a_topic_that_the_client_has_left_advertises_it_anew() -> None:
