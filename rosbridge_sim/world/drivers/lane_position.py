@@ -257,7 +257,7 @@ def set_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> None:
     world.block(*_LEGS)[:, rows] = conflicts.legs.take(point, axis=0).T
 
 
-def enter_next_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> bool:
+def enter_next_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> IntArray:
     """Write the legs that follow on the same lanes, for rows that are beyond the ends of theirs, in half of the time.
 
     Args:
@@ -266,15 +266,18 @@ def enter_next_legs(world: World, conflicts: LaneConflicts, rows: IntArray) -> b
         rows: (k,) int64.
 
     Returns:
-        Whether all of them are on those legs; if not, nothing is written.
+        Those that are beyond these legs, too, (m,) int64 indices; for them nothing is written.
     """
     point = world.point[rows] + 1
     legs = conflicts.legs.take(point, axis=0)
-    if np.count_nonzero(world.arc[rows] >= legs[:, 1]):  # the last point of a lane has a leg that ends at 0
-        return False
+    is_beyond = world.arc[rows] >= legs[:, 1]  # the last point of a lane has a leg that ends at 0
+    farther: IntArray = is_beyond.nonzero()[0]
+    if len(farther):
+        near = (~is_beyond).nonzero()[0]
+        rows, point, legs = rows[near], point[near], legs[near]
     world.point[rows] = point
     world.block(*_LEGS)[:, rows] = legs.T
-    return True
+    return farther
 
 
 def headings(roads: Roads, lanes: IntArray, arc: FloatArray, wheelbase: FloatArray) -> FloatArray:

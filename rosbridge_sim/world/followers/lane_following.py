@@ -326,10 +326,9 @@ class _LaneFollowers:
         speed[:] = after
         past = (arc >= leg_end).nonzero()[0]
         if len(past):
-            self._write(columns)
+            self._write(columns, past)
             self._pass_ends(past)
-            columns = self._columns()
-            accel, _, yaw_rate, x, y, yaw, speed, z, arc, leg_start, leg_end, *leg = columns
+            self._read(columns, past)
         leg_x, leg_y, leg_z, leg_dx, leg_dy, leg_dz = leg
         distance = arc - leg_start
         for place, start, direction in ((x, leg_x, leg_dx), (y, leg_y, leg_dy), (z, leg_z, leg_dz)):
@@ -345,7 +344,7 @@ class _LaneFollowers:
         beyond = (np.abs(yaw) >= math.pi).nonzero()[0]
         if len(beyond):
             yaw[beyond] = wrap_angle(yaw[beyond])
-        self._write(columns)
+        self._write(columns, slice(None))
         self.wander.move(dt)
         if len(self.shifted):
             nudge(world, self.rows[self.shifted], dt)
@@ -356,10 +355,18 @@ class _LaneFollowers:
         """Return the columns of `_MOTION`, (n,) each: views where the rows are neighbours, else copies."""
         return self._views or tuple(self.world.block(*_MOTION).take(self.rows, axis=1))
 
-    def _write(self, columns: Sequence[FloatArray]) -> None:
-        """Write what `move` has changed in copies from `_columns`."""
+    def _write(self, columns: Sequence[FloatArray], which: slice | IntArray) -> None:
+        """Write what `move` has changed in copies from `_columns` for some vehicles."""
         if not self._views:
-            self.world.block(_MOTION[0], _LAST_MOVED)[:, self.rows] = columns[:_NUM_MOVED]
+            moved = [column[which] for column in columns[:_NUM_MOVED]]
+            self.world.block(_MOTION[0], _LAST_MOVED)[:, self.rows[which]] = moved
+
+    def _read(self, columns: Sequence[FloatArray], which: IntArray) -> None:
+        """Bring copies from `_columns` up to date for some vehicles."""
+        if not self._views:
+            now = self.world.block(*_MOTION).take(self.rows[which], axis=1)
+            for column, values in zip(columns, now, strict=True):
+                column[which] = values
 
     def _way_beside(self, dt: float) -> FloatArray:
         """Return by how much the line of a bend is longer than the way of those who wander beside it, (n,) [m].
@@ -376,8 +383,9 @@ class _LaneFollowers:
         """Bring lane and leg up to date for vehicles that are beyond the ends of their legs."""
         world, rows = self.world, self.rows[which]
         if not self.roads.has_long_legs:
-            if not enter_next_legs(world, self.conflicts, rows):
-                self._advance_lanes(which)
+            farther = enter_next_legs(world, self.conflicts, rows)
+            if len(farther):
+                self._advance_lanes(which[farther])
             return
         before = self._stretch(rows, 0.0)
         self._advance_lanes(which)

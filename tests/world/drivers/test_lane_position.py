@@ -154,25 +154,16 @@ def test_headings_on_straights_are_those_of_both_axles(name: str) -> None:
 def test_next_legs_are_those_that_a_search_finds() -> None:
     world = world_of(make(a=(line(*[(x, 0.1 * x * x) for x in range(0, 31, 2)]), "")))
     conflicts, roads = world.roads.derived(LaneConflicts), world.roads
-    rows = np.array([car(world, "a", s, speed=5.0) for s in (1.0, 9.0, 19.0)])
+    rows = np.array([car(world, "a", s, speed=5.0) for s in (1.0, 9.0, 19.0, 25.0)])
     legs = world.block("leg_start", "leg_dz")
-    world.arc[rows] = world.leg_end[rows]  # exactly at the start of the next one
-    assert enter_next_legs(world, conflicts, rows)
-    entered, points = legs[:, rows].tobytes(), world.point[rows].tolist()
-    set_legs(world, conflicts, rows)
-    assert (legs[:, rows].tobytes(), world.point[rows].tolist()) == (entered, points)
-    # Nothing is written where one is two legs on, or at the end of its lane.
-    next_end = float(roads.s[world.point[rows[1]] + 2])
-    for arc, is_next in ((next_end, False), (np.nextafter(next_end, 0.0), True), (roads.length[0], False)):
-        world.arc[rows] = (*world.leg_end[rows[:1]], arc, *world.leg_end[rows[2:]])
-        if not is_next:
-            assert not enter_next_legs(world, conflicts, rows)
-            assert (legs[:, rows].tobytes(), world.point[rows].tolist()) == (entered, points)
-        else:
-            assert enter_next_legs(world, conflicts, rows[1:2])
-            entered, points = legs[:, rows].tobytes(), world.point[rows].tolist()
-            set_legs(world, conflicts, rows[1:2])
-            assert (legs[:, rows].tobytes(), world.point[rows].tolist()) == (entered, points)
+    ends = roads.s[world.point[rows] + 2]  # of the legs that follow
+    world.arc[rows] = (world.leg_end[rows[0]], np.nextafter(ends[1], 0.0), ends[2], roads.length[0])
+    before = legs[:, rows[2:]].tobytes(), world.point[rows[2:]].tolist()
+    assert enter_next_legs(world, conflicts, rows).tolist() == [2, 3]  # on the second leg, and at the end of the lane
+    assert (legs[:, rows[2:]].tobytes(), world.point[rows[2:]].tolist()) == before
+    entered = legs[:, rows[:2]].tobytes(), world.point[rows[:2]].tolist()
+    set_legs(world, conflicts, rows[:2])
+    assert (legs[:, rows[:2]].tobytes(), world.point[rows[:2]].tolist()) == entered
 
 
 @pytest.mark.parametrize(("beyond", "holds"), [(-0.1, False), (0.1, True)])
