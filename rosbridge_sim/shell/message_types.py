@@ -1,7 +1,7 @@
 """Definitions of messages and their compiled types, kept for the next simulators of a process.
 
-To read them is a quarter of what a further simulator costs at its start. A compiled type has no state, so simulators
-that share them share nothing that one could change for the others.
+To read them, and to compile those of the ego, is a third of what a further simulator costs at its start. A compiled
+type has no state, so simulators that share them share nothing that one could change for the others.
 """
 
 from __future__ import annotations

@@ -52,7 +52,7 @@ from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import STEP_NS, Body, Dynamics, Kind, World
 
-__all__ = ["Converter", "maker", "time_text"]
+__all__ = ["Converter", "late_maker", "maker", "time_text"]
 
 # Units
 
@@ -116,21 +116,21 @@ class Converter:
             *("header", "num_of_npcs", "num_of_pedestrian", "num_of_obstacle"),
             *("npc_list", "pedestrian_list", "obstacle_list"),
         )
-        self._collision = maker(
+        self._collision = late_maker(
             store,
             "morai_msgs/CollisionData",
             *("header", "global_offset_x", "global_offset_y", "global_offset_z"),
             *("collision_object", "collision_objecta"),
         )
-        self._crash = maker(store, "morai_msgs/VehicleCollision", "crashed_vehicles")
-        self._crashes = maker(store, "morai_msgs/VehicleCollisionData", "header", "collisions")
-        self._map_spec = maker(
+        self._crash = late_maker(store, "morai_msgs/VehicleCollision", "crashed_vehicles")
+        self._crashes = late_maker(store, "morai_msgs/VehicleCollisionData", "header", "collisions")
+        self._map_spec = late_maker(
             store,
             "morai_msgs/MapSpec",
             *("plane_coordinate_system", "utm_num", "utm_offset", "ellipse", "central_latitude", "central_meridian"),
             *("scale_factor", "false_easting", "false_northing"),
         )
-        self._vehicle_spec = maker(
+        self._vehicle_spec = late_maker(
             store, "morai_msgs/VehicleSpec", "size", "wheel_base", "max_steering", "overhang", "rear_overhang"
         )
         fields = store.message("morai_msgs/CtrlCmd").struct_type.__struct_fields__
@@ -397,6 +397,21 @@ class Converter:
                 fixed, *figures.tolist(), strict=True
             )
         ]
+
+
+def late_maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:
+    """Return the same as `maker`, but compile the type at the first call: most servers send no such message.
+
+    A call costs 0.1 us more, so what is made for each object of each frame has `maker`.
+    """
+    made: list[Callable[..., Any]] = []
+
+    def make(*values: object) -> object:
+        if not made:
+            made.append(maker(store, type_name, *names))
+        return made[0](*values)
+
+    return make
 
 
 def maker(store: Store, type_name: str, *names: str) -> Callable[..., Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
@@ -28,7 +28,7 @@ class SyncInfo:
         self._sync = sync
         self._publishers = publishers
         self._topic = publishers.keep("/SyncModeInfo", "morai_msgs/SyncModeInfo")
-        self._make = maker(store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
+        self._make = late_maker(store, "morai_msgs/SyncModeInfo", "master_id", "status", "frame", "can_send_tick")
         self._told_frame = -1
         sync.hooks.announce.append(self.announce)
 

@@ -15,7 +15,7 @@ from rosbridge_sim.document_reading import MistakeNotReadyError
 from rosbridge_sim.errors import DocumentError, FieldError, PeerError
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -51,7 +51,7 @@ class SensorService(Component):
         self._context = context
         self._mounted = mounted
         self._reader = reader
-        self._make_info = maker(
+        self._make_info = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/SensorInfo",
             *("number", "kind", "frame_id", "topics", "rate", "measured", "skipped"),

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
@@ -40,7 +40,7 @@ class Contacts(Component):
         self._context = context
         self._publisher: PeriodicPublisher | None = None
         self._before: IntArray = NO_CONTACTS
-        self._make = maker(
+        self._make = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/Contact",
             *("header", "frame", "id", "kind", "name", "x", "y", "z", "relative_speed"),

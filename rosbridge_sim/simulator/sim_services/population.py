@@ -21,7 +21,7 @@ from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import EgoSetting, GhostPose
-from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -68,7 +68,7 @@ class Population(Component):
 
     def __init__(self, context: SimulatorContext) -> None:
         self._context = context
-        self._make_model = maker(
+        self._make_model = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/ModelInfo",
             *("name", "kind", "is_own", "can_be_ego", "data_ids", "length", "width", "height", "wheelbase"),

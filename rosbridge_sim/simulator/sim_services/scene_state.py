@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.scenery.moving.looks import paints
 from rosbridge_sim.scenery.scene_frame import SceneLayout
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
@@ -70,7 +70,7 @@ class SceneState(Component):
         """
         self._context = context
         self._road_services = road_services
-        self._make = maker(
+        self._make = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/SceneState",
             *("header", "frame", "map_digest", "scenario", "id", "kind", "x", "y", "z", "roll", "pitch", "heading"),
@@ -88,7 +88,7 @@ class SceneState(Component):
                 "light_time_left",
             ),
         )
-        self._make_view = maker(
+        self._make_view = late_maker(
             context.bus.store,
             "rosbridge_sim_msgs/SceneView",
             *("header", "frame", "map_digest", "scenario", "origin_x", "origin_y", "origin_z", "id", "kind", "x", "y"),

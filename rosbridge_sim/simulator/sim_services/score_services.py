@@ -15,7 +15,7 @@ from typing import Any, Final
 
 from rosbridge_sim.graph.topics_services import Call, Topic
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -46,8 +46,8 @@ class Scores(Component):
         self._is_always = is_always
         self._publisher: PeriodicPublisher | None = None
         store = context.bus.store
-        self._make_message = maker(store, "rosbridge_sim_msgs/Scores", "header", "scores")
-        self._make_score = maker(
+        self._make_message = late_maker(store, "rosbridge_sim_msgs/Scores", "header", "scores")
+        self._make_score = late_maker(
             store,
             "rosbridge_sim_msgs/EgoScore",
             *("unique_id", "since_frame", "distance", "collisions", "collision_ids"),

@@ -26,7 +26,7 @@ from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import Participant, check_reading, explain, may_read, notifier, resolve
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.publisher_kinds import LatchedPublisher, PeriodicPublisher
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -200,7 +200,7 @@ class StepService(Component):
 
     def __init__(self, context: SimulatorContext) -> None:
         self.context = context
-        self._make_sample = maker(context.bus.store, "rosbridge_sim_msgs/TopicSample", "topic", "type", "message")
+        self._make_sample = late_maker(context.bus.store, "rosbridge_sim_msgs/TopicSample", "topic", "type", "message")
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""

@@ -26,7 +26,7 @@ from rosbridge_sim.graph.participant import Participant, check_reading, explain
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.road_map import RoadMap
-from rosbridge_sim.morai.messages.convert import maker
+from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -101,9 +101,9 @@ class Snapshots(Component):
         self._is_after_frame = False
         context.hooks.after_frame.append(self._publish_hash)
         store = context.bus.store
-        self._make_info = maker(store, "rosbridge_sim_msgs/SnapshotInfo", "id", "frame", "size", "state_hash")
-        self._make_hash = maker(store, "rosbridge_sim_msgs/StateHash", "header", "frame", "hash")
-        types = [store.message(f"morai_msgs/{name}").definition for name in HASHED_TYPES]
+        self._make_info = late_maker(store, "rosbridge_sim_msgs/SnapshotInfo", "id", "frame", "size", "state_hash")
+        self._make_hash = late_maker(store, "rosbridge_sim_msgs/StateHash", "header", "frame", "hash")
+        types = [store.definition(f"morai_msgs/{name}") for name in HASHED_TYPES]
         fields = [[(field.type, field.name) for field in one.fields] for one in types]
         self._definitions = blake2b(repr(fields).encode(), digest_size=8).digest()
 

@@ -14,10 +14,11 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.mgeo import NO_PROJECTION
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.morai.messages.control import gear_of
-from rosbridge_sim.morai.messages.convert import Converter, maker, time_text
+from rosbridge_sim.morai.messages.convert import Converter, late_maker, maker, time_text
 from rosbridge_sim.morai.messages.object_lists import LATE_FROM
 from rosbridge_sim.morai.releases import FIELD, LENIENCY, MANUAL, RELEASES, Profile, choose_profile
 from rosbridge_sim.schema.message import Message
+from rosbridge_sim.schema.message_type import LateMessageType, MessageType
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.world.roads.roads import Roads
@@ -277,6 +278,14 @@ def test_user_definitions_may_have_other_fields() -> None:
     make = maker(Store(texts), "x/Pair", "a", "b")
     value = make(1, 2)
     assert (value.a, value.extra) == (1, 0)
+
+
+def test_late_maker_compiles_its_type_at_the_first_call() -> None:
+    store = Store({("x", "msg", "Pair"): "int32 extra\nint32 a\n"}, is_checked=True)
+    make = late_maker(store, "x/Pair", "a", "b")
+    assert type(store.message("x/Pair")) is LateMessageType
+    assert [(value.a, value.extra) for value in (make(1, 2), make(3, 4))] == [(1, 0), (3, 0)]
+    assert type(store.message("x/Pair")) is MessageType
 
 
 def test_newer_steering_field_is_read_where_the_type_has_it() -> None:
