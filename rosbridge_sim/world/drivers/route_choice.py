@@ -130,7 +130,7 @@ class RouteChoice:
         Args:
             lane: (k,) int64, where the row is.
             before: (k,) int64, lane of the route beside it.
-            wanted: (k,) int64, next lane of the route.
+            wanted: (k,) int64, next lane of the route; written.
 
         Returns:
             (k,) int64: of a row on its route the next lane. Of any other one the successor from which the route can be
@@ -140,7 +140,6 @@ class RouteChoice:
         if not np.count_nonzero(is_beside):
             return wanted
         neighbours, roads = self.neighbours, self.world.roads
-        wanted = wanted.copy()
         for i in is_beside.nonzero()[0].tolist():  # few: those who overtake
             following = roads.successors(int(lane[i])) if lane[i] >= 0 else NO_ROUTE
             following = following[neighbours.group[following] == neighbours.group[wanted[i]]]
