@@ -9,7 +9,9 @@ import pytest
 from rosbridge_sim.world.drivers.driver_model import STOP_GAP
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.followers.lane_following import DriverView, Stop, view_driver
+from rosbridge_sim.world.roads.signal_plan import Controller, Lamp, Light, Phase, SignalPlan
 from rosbridge_sim.world.state.world import Body, Kind, World
+from tests.world.drivers.test_claims_one_by_one import one_crossing
 from tests.world.lane_drives import NOSE, lane_of, run, to_line, world_of
 from tests.world.road_factory import CAR, car, crossing, ego, line, make, road, signalled
 
@@ -83,6 +85,16 @@ def test_driver_at_a_red_light_names_it_and_its_lane() -> None:
     assert (seen.stop, roads.ids[seen.stop_lane], plan.lights[seen.light].name) == (Stop.LIGHT, "sn", "north")
     assert seen.stop_distance == pytest.approx(to_line(world, row))
     assert seen.stop_distance >= STOP_GAP / 2
+
+
+def test_driver_at_a_red_light_names_its_lane_also_if_that_is_the_first_one_of_the_map() -> None:
+    roads = one_crossing("sn").roads
+    red = Controller("c", 1, ((0,),), (Phase(10, (int(Lamp.RED),)),), (0,))
+    world = world_of(roads, SignalPlan(roads, [Light("north", lanes=(0,))], [red]))
+    row = car(world, "s", 160.0, speed=8.0)
+    run(world, 5.0)
+    seen = view(world, row)
+    assert (seen.stop, seen.stop_lane, seen.light) == (Stop.LIGHT, 0, 0)
 
 
 def test_driver_at_the_end_of_the_road_says_so() -> None:

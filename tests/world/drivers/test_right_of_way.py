@@ -12,6 +12,7 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
+from tests.world.drivers.test_claims_one_by_one import one_crossing
 from tests.world.lane_drives import NOSE, lane_of, run, world_of
 from tests.world.road_factory import CAR, arc, built_in, car, crossing, line, make, signalled
 
@@ -192,6 +193,17 @@ def test_driver_keeps_its_claim_until_it_has_entered_when_another_crossing_is_ne
         claims.append(world.claim.item(row))
     first = claims.index(into)
     assert set(claims[first:-1]) == {into}
+
+
+@pytest.mark.parametrize("first", ["we", "sn"])
+def test_driver_gets_no_way_across_a_claimed_lane_whichever_lane_is_the_first_of_the_map(first: str) -> None:
+    world = world_of(one_crossing(first).roads)
+    claims = car(world, "w", 160.0, speed=8.0)
+    run(world, DECISION * DT)
+    assert world.claim[claims] == world.roads.row("we")
+    asks = car(world, "s", 180.0, speed=5.0)
+    run(world, DECISION * DT)
+    assert (world.claim[claims], world.claim[asks]) == (world.roads.row("we"), -1)
 
 
 @pytest.mark.parametrize(

@@ -137,6 +137,20 @@ def test_velocity_on_a_slope_has_an_upward_part() -> None:
         assert largest(now.velocity - (now.place - before.place) / DT) < 0.05
 
 
+@pytest.mark.parametrize("is_on_lane", [True, False])
+def test_upward_part_of_a_velocity_is_that_of_the_slope_at_a_corner_too(*, is_on_lane: bool) -> None:
+    world = World()
+    points = np.array([(0.0, 0.0, 0.0), (20.0, 0.0, 2.0), (20.0 + 30.0 * math.cos(0.6), 30.0 * math.sin(0.6), 5.0)])
+    if is_on_lane:
+        world.lay_roads(make(a=(points, "")))
+        car(world, "a", 14.0, speed=6.0)
+    else:
+        npc(world, path=points, speed=6.0)
+    for told in follow(world, np.array([0]), 300 if not is_on_lane else 120):
+        east, north, up = told.velocity[:, 0]
+        assert up / math.hypot(east, north) == pytest.approx(0.1, abs=0.01)
+
+
 @pytest.mark.slow
 def test_velocities_and_accelerations_in_the_town_are_consistent() -> None:
     world = town()
