@@ -102,11 +102,11 @@ def test_snapshot_in_the_middle_of_a_swing_goes_on_with_the_same_bits() -> None:
     assert restored.digest() == world.digest()
 
 
-def in_a_ring(radius: float, side: int, body: Body) -> tuple[World, int]:
+def in_a_ring(radius: float, side: int, body: Body, lane: str = "a") -> tuple[World, int]:
     """A vehicle in the middle of a half circle, to the left with side 1, that one comes to from another one."""
     halves = [arc(0, 0, radius, start, side * 180) for start in (0, 180)]
     world = world_of(make(a=(halves[0], "b", 10.0), b=(halves[1], "a", 10.0)))
-    row = car(world, "a", 1.6 * radius, speed=5.0, body=body)
+    row = car(world, lane, 1.6 * radius, speed=5.0, body=body)
     return world, row
 
 
@@ -134,8 +134,8 @@ def wanted_offset(radius: float, side: int, body: Body) -> float:
 def test_offset_of_a_long_vehicle_brings_its_corners_and_its_middle_into_the_lane(
     body: Body, radius: float, side: int
 ) -> None:
-    for behind in (-1, 1):  # it begins here, or has come from the other half
-        world, row = in_a_ring(radius, side, body)
+    for lane, behind in (("a", -1), ("a", 1), ("b", 0)):  # it begins here, or has come from the other half
+        world, row = in_a_ring(radius, side, body, lane)
         world.drift[row], world.behind[row] = 0.03, behind
         plan_swings(world, np.array([row]), np.array([100.0]), 0.1)
         assert world.lateral_rate[row] * 0.1 == pytest.approx(wanted_offset(radius, side, body), abs=0.03)

@@ -75,16 +75,17 @@ def test_vehicle_enters_a_crossing_with_room_for_itself_and_its_gap_behind(spare
     assert lane_of(world, row) == lane
 
 
+@pytest.mark.parametrize("first", ["w", "we", "e"])
 @pytest.mark.parametrize(("spare", "may_enter"), [(-0.3, False), (0.3, True)])
 def test_room_behind_a_crossing_is_reserved_for_entering_vehicles_with_their_gaps(
-    spare: float, *, may_enter: bool
+    spare: float, first: str, *, may_enter: bool
 ) -> None:
-    world = world_of(crossing())
+    world = world_of(one_crossing(first).roads)
     car(world, "e", CAR.rear_overhang + 2.0 * (CAR.length + GAP) + spare, desired_speed=0.0)
-    first, second = car(world, "w", 176.0, speed=8.0), car(world, "w", 164.0, speed=8.0)
+    rows = [car(world, "w", 176.0, speed=8.0), car(world, "w", 164.0, speed=8.0)]
     run(world, 4 * DECISION * DT)
     entered = world.roads.row("we")
-    assert (world.claim[[first, second]] == entered).tolist() == [True, may_enter]
+    assert (world.claim[rows] == entered).tolist() == [True, may_enter]
 
 
 def test_vehicle_avoids_a_full_street() -> None:

@@ -301,6 +301,13 @@ def test_ego_drives_itself_and_changes_lanes_on_a_road_of_any_direction(heading:
     assert (world.lane[row], world.leaving[row], world.came_from[row]) == (0, 2 - RIGHT, 2 - RIGHT)
 
 
+def test_ego_drives_round_and_round_on_a_route_of_one_lane() -> None:
+    world = world_of(make(a=(arc(0, 0, 30.0, 0.0, 360.0), "a")))
+    row = ego(world, 30.0, 0.5, yaw=0.5 * math.pi)
+    assert start_self_driving(world, row, route=[0], is_loop=True)
+    assert (world.lane[row], world.is_loop[row]) == (0, True)
+
+
 def steer_while_it_changes_lanes(heading: float) -> float:
     """Where the wheels point of an ego that drives along a road and begins to change to the left lane [rad]."""
     way = np.array([math.cos(heading), math.sin(heading)])
