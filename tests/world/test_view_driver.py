@@ -97,12 +97,29 @@ def test_driver_at_a_red_light_names_its_lane_also_if_that_is_the_first_one_of_t
     assert (seen.stop, seen.stop_lane, seen.light) == (Stop.LIGHT, 0, 0)
 
 
+def test_driver_that_may_cross_and_stops_at_a_light_behind_the_crossing_names_the_light() -> None:
+    roads = one_crossing("w").roads
+    red = Controller("c", 1, ((0,),), (Phase(10, (int(Lamp.RED),)),), (0,))
+    world = world_of(roads, SignalPlan(roads, [Light("behind", lanes=(roads.row("e"),))], [red]))
+    row = car(world, "w", 190.0 - NOSE - 15.0, speed=10.0)
+    seen = view(world, row)
+    assert (seen.stop, roads.ids[seen.stop_lane], seen.rival_row) == (Stop.LIGHT, "e", -1)
+    assert seen.stop_distance == pytest.approx(35.0)
+
+
 def test_driver_at_the_end_of_the_road_says_so() -> None:
     world = world_of(road(length=200.0))
     row = car(world, "a", 100.0, speed=10.0)
     run(world, 20.0)
     seen = view(world, row)
     assert (seen.stop, world.roads.ids[seen.stop_lane], seen.light) == (Stop.END, "a", -1)
+
+
+def test_driver_at_the_end_of_the_road_says_so_behind_an_ego_that_still_moves() -> None:
+    world = world_of(road(length=200.0))
+    ego(world, 50.0, 0.0, speed=5.0)
+    row = car(world, "a", 190.0, speed=5.0)
+    assert view(world, row).stop is Stop.END
 
 
 def test_driver_that_gives_way_names_who_has_the_right_of_way() -> None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.drivers.lane_entries import Entries, EntryQueue, find_entries
+from rosbridge_sim.world.drivers.lane_entries import Entries, EntryQueue, find_entries, scale_ticks
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 from tests.world.road_factory import line, make
@@ -147,3 +147,10 @@ def test_queue_has_each_lane_in_its_order_and_one_entry_far_ahead_for_none() -> 
     nothing, no_lane = np.zeros(0), np.zeros(0, dtype=np.int64)
     empty = EntryQueue(roads, Entries(no_lane, nothing, nothing, nothing, nothing, no_lane, no_lane == 0))
     assert (empty.num, empty.first_on(np.array([1])).tolist()) == (0, [0])
+
+
+def test_scales_of_many_worlds_do_not_overlap() -> None:
+    """The end of the last lane of a world is before the start of the first one of the next world."""
+    for length in (10.0, 123.456, 1e4 + 1.0 / 3.0):
+        roads = make(a=(line((0, 0), (length, 0)), ""), b=(line((0, 9), (length, 9)), ""))
+        assert scale_ticks(roads) > float(roads.chain[-1]) * 65536.0

@@ -196,6 +196,35 @@ def test_driver_keeps_its_claim_until_it_has_entered_when_another_crossing_is_ne
     assert set(claims[first:-1]) == {into}
 
 
+def test_driver_may_claim_the_last_lane_that_it_knows_and_reserves_no_room_behind_it() -> None:
+    names = ["a", "b", "c", "d", "e"]
+    short = {
+        name: (line((6.0 * i - 40.0, 0), (6.0 * i - 34.0, 0)), [*names, "we"][i + 1]) for i, name in enumerate(names)
+    }
+    world = world_of(
+        make(
+            **short,
+            we=(line((-10, 0), (10, 0)), "out"),
+            out=(line((10, 0), (400, 0)), ""),
+            sn=(line((0, -10), (0, 10)), ""),
+        )
+    )
+    row = car(world, "a", 1.0, speed=12.0)
+    run(world, DECISION * DT)
+    assert (world.claim[row], world.exit_lane[row]) == (world.roads.row("we"), -1)
+
+
+@pytest.mark.parametrize("lane", ["a", "b"])
+def test_driver_holds_a_lane_that_another_one_crosses_in_its_middle_until_it_is_past(lane: str) -> None:
+    world = world_of(make(a=(line((-80, 0), (80, 0)), ""), b=(line((0, -80), (0, 80)), "")))
+    row, number, held = car(world, lane, 40.0, speed=8.0), world.roads.row(lane), list[tuple[float, bool]]()
+    while world.arc[row] < 110.0:
+        step(world)
+        held.append((float(world.arc[row]), world.held.item(row) == number))
+    assert all(is_held for arc, is_held in held if 78.0 < arc < 80.0)
+    assert not any(is_held for arc, is_held in held if arc < 60.0 or arc > 100.0)
+
+
 @pytest.mark.parametrize("first", ["we", "sn"])
 def test_driver_gets_no_way_across_a_claimed_lane_whichever_lane_is_the_first_of_the_map(first: str) -> None:
     world = world_of(one_crossing(first).roads)

@@ -10,7 +10,7 @@ from rosbridge_sim.world.drivers.route_choice import RouteChoice
 from rosbridge_sim.world.state.world import Kind
 from rosbridge_sim.world.step import step
 from tests.world.lane_drives import lane_of, world_of
-from tests.world.road_factory import CAR, car, ring
+from tests.world.road_factory import CAR, arc, car, line, make, ring
 from tests.world.wide_roads import wide_ring
 
 
@@ -60,6 +60,15 @@ def test_route_can_repeat() -> None:
         step(world)
         seen += lane_of(world, row) if lane_of(world, row) != seen[-1] else ""
     assert seen == "aceacea"
+
+
+def test_route_of_one_lane_can_repeat() -> None:
+    world = world_of(make(a=(arc(0, 0, 30.0, 0.0, 360.0), "a b"), b=(line((30, 0), (30, 50)), "")))
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0))
+    keep_lane(world, row, 0, 1.0, route=[0], is_loop=True)
+    choice, same, turns = RouteChoice(world, np.array([row])), np.zeros(6, dtype=np.int64), np.arange(6)
+    assert choice.choose(same, same, turns).tolist() == [0] * 6
+    assert choice.find_wanted(same, turns).tolist() == [0] * 6
 
 
 def next_of_route(route: list[int], lane: int, turn: int, *, is_loop: bool) -> int:

@@ -232,7 +232,7 @@ def test_many_vehicles_find_what_they_would_touch_as_one_by_one(seed: int) -> No
         side=rng.choice([LEFT, RIGHT], num),
         done=rng.choice([0.0, 1.0], num) * rng.uniform(0.0, 1.0, num),
         across=rng.choice([3.5, 3.5, 2.0, 4.0], num),
-        gap=rng.choice([*rng.uniform(-3.0, 25.0, 6), 60.0, np.inf], num),
+        gap=rng.choice([*rng.uniform(-9.0, 3.0, 2), *rng.uniform(-3.0, 25.0, 4), 60.0, np.inf], num),
         lead_speed=rng.choice([0.0, 0.4, 0.6, 5.0], num),
         is_tight=rng.random(num) < 0.4,
         change_time=rng.uniform(2.5, 6.5, num),
