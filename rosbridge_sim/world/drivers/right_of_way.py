@@ -91,17 +91,33 @@ def give_claims(
     if not len(needs):
         return
     # A driver asks before it would begin to brake, so that it need not brake if it gets the lane.
-    speed = drivers.speed
-    braking_distance = speed * (speed / (2.0 * BRAKE_FROM) + drivers.parameters.headway) + STOP_GAP + GAP
-    asks = (requests.lane >= 0) & (requests.distance < braking_distance)
+    speed, distance, lead = drivers.speed[needs], requests.distance[needs], perception.lead[needs]
+    braking_distance = speed * (speed / (2.0 * BRAKE_FROM) + drivers.parameters.headway[needs]) + STOP_GAP + GAP
     # A driver whose lead vehicle waits itself could not use the lane, and would only keep others out.
-    is_led = perception.gap <= requests.distance
-    asks &= ~is_led | ((perception.lead >= 0) & (drivers.claim[perception.lead] >= 0))
-    at = asks.nonzero()[0]
+    is_led = perception.gap[needs] <= distance
+    at = needs[(distance < braking_distance) & (~is_led | ((lead >= 0) & (drivers.claim[lead] >= 0)))]
     # A driver has one claim at a time. A claim for a lane before this one must become a hold first: if it were given up
     # here, the driver would have to stop before a lane that it was about to enter.
-    has_claim = (drivers.claim[at] >= 0) & (drivers.lanes.take(at, axis=1) == drivers.claim[at]).any(axis=0)
-    at = at[~has_claim]
+    claim = drivers.claim[at]
+    at = at[~((claim >= 0) & np.logical_or.reduce(drivers.lanes.take(at, axis=1) == claim))]
+    if len(at):
+        _give(conflicts, drivers, perception, requests, queue, at, others=others, num_moving=num_moving)
+    waits = needs[drivers.claim[needs] != requests.lane[needs]]
+    perception.stop_distance[waits] = np.fmin(perception.stop_distance[waits], requests.distance[waits])
+
+
+def _give(  # noqa: PLR0917 - those of `give_claims`, and who asks
+    conflicts: LaneConflicts,
+    drivers: Drivers,
+    perception: Perception,
+    requests: Requests,
+    queue: EntryQueue,
+    at: IntArray,
+    *,
+    others: Entries,
+    num_moving: int,
+) -> None:
+    """Give lanes to drivers that ask and may, (k,) int64 indices; see `give_claims`."""
     has_room = _has_room(conflicts, drivers, requests, queue, at)
     perception.is_shut_out[at[~has_room]] = True
     stands = np.zeros(len(conflicts.wait_point), dtype=bool)
@@ -109,25 +125,24 @@ def give_claims(
     is_free = ~stands[requests.lane[at]]
     perception.is_blocked[at[~is_free]] = True
     at = at[has_room & is_free]
-    if len(at):
-        lane = requests.lane[at]
-        taken = _taken(conflicts, drivers, others.lane[:num_moving], others.tail[:num_moving])
-        rank = np.empty(len(at), dtype=np.int64)
-        # Beside a full road without a stop line those at one would never come: now and then each is let in.
-        is_let_in = drivers.is_let_in[at] & (speed[at] < CREEP) & (requests.distance[at] < 2.0 * STOP_GAP)
-        order = np.lexsort((drivers.uid[at], requests.distance[at], conflicts.gives_way[lane] & ~is_let_in))
-        rank[order] = np.arange(len(at))
-        best = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
-        np.minimum.at(best, lane, rank)
-        index, link = conflicts.rivals.of(lane)
-        rival = conflicts.rivals.other[link]
-        is_refused = (taken[rival] < conflicts.rivals.figure[link]) | (best[rival] < rank[index])
-        stands[drivers.held[(drivers.held >= 0) & (speed < CREEP)]] = True
-        perception.is_blocked[at[index[stands[rival]]]] = True
-        given = at[np.bincount(index[is_refused], minlength=len(at)) == 0]
-        drivers.claim[given], drivers.exit_lane[given] = requests.lane[given], requests.exit_lane[given]
-    waits = needs[drivers.claim[needs] != requests.lane[needs]]
-    perception.stop_distance[waits] = np.fmin(perception.stop_distance[waits], requests.distance[waits])
+    if not len(at):
+        return
+    lane = requests.lane[at]
+    taken = _taken(conflicts, drivers, others.lane[:num_moving], others.tail[:num_moving])
+    rank = np.empty(len(at), dtype=np.int64)
+    # Beside a full road without a stop line those at one would never come: now and then each is let in.
+    is_let_in = drivers.is_let_in[at] & (drivers.speed[at] < CREEP) & (requests.distance[at] < 2.0 * STOP_GAP)
+    order = np.lexsort((drivers.uid[at], requests.distance[at], conflicts.gives_way[lane] & ~is_let_in))
+    rank[order] = np.arange(len(at))
+    best = np.full(len(conflicts.wait_point), len(at), dtype=np.int64)
+    np.minimum.at(best, lane, rank)
+    index, link = conflicts.rivals.of(lane)
+    rival = conflicts.rivals.other[link]
+    is_refused = (taken[rival] < conflicts.rivals.figure[link]) | (best[rival] < rank[index])
+    stands[drivers.held[(drivers.held >= 0) & (drivers.speed < CREEP)]] = True
+    perception.is_blocked[at[index[stands[rival]]]] = True
+    given = at[np.bincount(index[is_refused], minlength=len(at)) == 0]
+    drivers.claim[given], drivers.exit_lane[given] = requests.lane[given], requests.exit_lane[given]
 
 
 def _tail_on_held_lane(roads: Roads, drivers: Drivers, at: IntArray) -> FloatArray:
