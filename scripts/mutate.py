@@ -76,7 +76,7 @@ TESTS = {
     "graph/service_table.py": "graph",
     "graph/guard.py": "graph",
     "world/step.py": f"{_WORLD} {_DRIVES} world/contacts/test_collisions.py world/state",
-    "world/drivers": f"{_WORLD} {_DRIVES}",
+    "world/drivers": f"{_WORLD} {_DRIVES} world/roads/test_turn_shares.py",
     "world/lane_changes": f"{_WORLD} {_DRIVES}",
     "world/followers": f"{_WORLD} {_DRIVES}",
     "world/people": f"{_WORLD} {_DRIVES}",

@@ -176,3 +176,13 @@ def test_those_that_wait_for_an_ego_and_ghosts_do_not_decide() -> None:
     world.frame = 1
     mind_the_path(world)
     assert world.speed[row] == mind_speed == 0.0
+
+
+def test_pedestrian_on_a_path_is_no_vehicle() -> None:
+    world = World()
+    careful(world)
+    uid = world.spawn(Kind.PEDESTRIAN, MAN, name="p", x=0.0, y=5.0, path=STRAIGHT + 5.0, speed=1.3, yields=True)
+    row = world.row(uid)
+    world.desired_speed[row], world.frame = 2.0, 1
+    mind_the_path(world)
+    assert (world.speed[row], world.accel[row]) == (1.3, 0.0)

@@ -18,6 +18,7 @@ from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import DT, Dynamics, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.road_factory import CAR, arc, car, ego, line, make, road
+from tests.world.wide_roads import wide_road
 
 LIMIT = 15.0
 
@@ -253,6 +254,16 @@ def test_ego_changes_into_no_lane_that_is_not_there() -> None:
     leave_lane(world, row)
     with pytest.raises(ValueError, match="does not drive itself"):
         change_lane(world, row, LEFT)
+
+
+def test_ego_changes_into_no_lane_that_one_may_not_change_into() -> None:
+    roads = wide_road(2)
+    roads.right[:] = -1
+    world = world_of(roads)
+    row = self_driving_ego(world, 60.0)
+    before = world.digest()
+    assert not change_lane(world, row, RIGHT)
+    assert world.digest() == before
 
 
 def test_vehicle_behind_sees_an_ego_that_changes_into_its_lane() -> None:
