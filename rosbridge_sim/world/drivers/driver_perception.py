@@ -120,7 +120,7 @@ def observe(
     distance = float(perception.stop_distance[which])
     is_stopping = speed < CREEP or speed * speed > 2.0 * BRAKE_FROM * max(distance - STOP_GAP, 0.0)
     lane = int(requests.lane[which])
-    waits = lane >= 0 and drivers.claim[which] != lane and requests.distance[which] <= distance
+    waits = drivers.claim[which] != lane and requests.distance[which] <= distance  # without a request it is inf
     stop, rival = Stop.NONE, -1
     if math.isinf(distance) or not is_stopping:
         distance, lane = math.inf, -1

@@ -13,6 +13,7 @@ from rosbridge_sim.world.drivers.lane_position import (
     MAX_WANDER,
     LaneStart,
     enter_next_legs,
+    find_ahead,
     headings,
     headings_ahead,
     keep_lane,
@@ -226,3 +227,19 @@ def test_greatest_offset_and_wander_can_be_had() -> None:
     row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0))
     keep_lane(world, row, 0, 30.0, lateral=-MAX_LATERAL, wander=MAX_WANDER)
     assert (world.lateral[row], world.wander_width[row]) == (-MAX_LATERAL, MAX_WANDER)
+
+
+def test_place_beyond_a_dead_end_stays_on_the_last_lane_and_one_before_it_does_not() -> None:
+    roads = make(a=(line((0, 0), (0, 20)), "b"), b=(line((0, 20), (0, 50)), ""))
+    lanes = np.full((6, 3), -1)
+    lanes[0], lanes[1, :2] = [0, 0, 1], 1
+    lane, s = find_ahead(roads, lanes, np.array([15.0, 60.0, 33.0]))
+    assert (lane.tolist(), s.tolist()) == ([0, 1, 1], [15.0, 40.0, 33.0])
+
+
+def test_vehicle_at_a_dead_end_has_the_direction_of_its_lane() -> None:
+    world = world_of(make(a=(line((0, 0), (0, 50)), "")))
+    row = world.row(world.spawn(Kind.VEHICLE, CAR, name="car", x=0.0, y=0.0))
+    for s in (50.0, 49.9, 20.0):
+        keep_lane(world, row, 0, s)
+        assert world.yaw[row] == pytest.approx(0.5 * np.pi)

@@ -152,6 +152,17 @@ def test_long_vehicle_moves_to_the_side_by_a_tenth_of_its_way_and_not_while_it_s
         assert (world.drift[row], world.drift_rate[row]) == (0.0, 0.0)
 
 
+@pytest.mark.parametrize(("now", "then", "rate"), [(1e-10, 0.0, 0.0), (0.02, 0.02, -0.2), (0.2, 0.2, -0.5)])
+def test_long_vehicle_behind_a_bend_comes_back_to_the_line_and_is_on_it_to_the_last_bit(
+    now: float, then: float, rate: float
+) -> None:
+    world = world_of(corner())
+    row = car(world, "a", 20.0, speed=5.0, body=BUS)
+    world.lateral[row] = now
+    plan_swings(world, np.array([row]), np.array([0.5]), 0.1)
+    assert (world.lateral[row], world.lateral_rate[row]) == (then, pytest.approx(rate))
+
+
 @pytest.mark.parametrize(
     ("length", "bias", "kind", "swings"),
     [(7.5, 0.0, Kind.VEHICLE, True), (6.5, 0.0, Kind.VEHICLE, False), (7.5, 0.2, Kind.VEHICLE, False)],
