@@ -107,6 +107,7 @@ def test_load_with_values_at_their_bounds_comes_back_as_it_was(changes: dict[str
         ("point", [{"lateral": (0.0, 1.1 * MAX_LATERAL)}], "within their bounds"),
         ("phase", [{"phase": -1}, {"phase": 2}, {"controller": "I2"}, {"elapsed": -0.1}], "phases of the map"),
         ("phase", [{"elapsed": 1.1 * MAX_COORDINATE}, {"elapsed": math.nan}], "phases of the map"),
+        ("phase", [{"controller": "I2", "phase": 0}], "phases of the map"),
     ],
 )
 def test_load_that_its_map_could_not_carry_out_is_refused(part: str, changes: list[dict[str, Any]], said: str) -> None:
