@@ -211,3 +211,13 @@ def test_wheels_that_were_set_from_outside_turn_the_car_with_no_acceleration(sha
     world.steer[row] = turned
     expected = 8.0 * turned / (0.5 * DT) / float(world.wheelbase[row]) if counts else 0.0
     assert _yaw_accel(world, row) == pytest.approx(expected)
+
+
+def test_yaw_acceleration_from_rest_is_that_of_turned_wheels_and_none_without_them_or_as_a_ghost() -> None:
+    world = World()
+    scooter = Body(1.6, 0.6, 1.2, wheelbase=0.9, front_overhang=0.3, rear_overhang=0.4)
+    rows = [world.row(world.spawn(Kind.EGO, body, name="ego", x=0.0, y=0.0)) for body in (CAR, scooter, CAR, CAR)]
+    world.steer[rows], world.accel[rows], world.speed[rows] = 0.2, 1.5, 0.5 * DT * 1.5
+    world.is_ghost[rows[2]], world.wheelbase[rows[3]] = True, 0.0
+    turning = [1.5 * math.tan(0.2) / wheelbase for wheelbase in (CAR.wheelbase, 0.9)]
+    assert [_yaw_accel(world, row) for row in rows] == pytest.approx([*turning, 0.0, 0.0])
