@@ -33,7 +33,8 @@ def tables() -> list[str]:
 
 def flags_and_variables() -> list[str]:
     """Return the keys that can be a flag or a variable, with the no- form of switches."""
-    return [*(key for key in keys() if key not in tables()), *SHORT_FORMS]
+    of_files = tables()
+    return [*(key for key in keys() if key not in of_files), *SHORT_FORMS]
 
 
 def keys() -> list[str]:
