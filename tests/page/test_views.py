@@ -89,7 +89,7 @@ async def test_cameras_marks_pictures_and_clips_of_the_map(serve: Serve, open_pa
 
 
 async def test_link_is_checked_asks_for_its_scenario_and_never_has_the_token(serve: Serve, open_page: OpenPage) -> None:
-    server = serve("--scenario", "demo", "--token", "not-in-links")
+    server = serve("--start", "sync", "--scenario", "demo", "--token", "not-in-links")
     page = await open_page(server, path="?scenario=loop&camera=drone&panel=objects&token=not-in-links", state="token")
     await page.get_by_role("textbox", name="Token").fill("not-in-links")
     await page.get_by_role("button", name="Connect").click()

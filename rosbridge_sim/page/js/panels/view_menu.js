@@ -172,7 +172,7 @@ function followLink({ scene, time, timeControls: controls, mapView, showTab, tex
           throw new Error(time.reasons.load);
         }
         await controls.load(scenario);
-        end = scene.onLive(() => {
+        const end = scene.onLive(() => {
           if (scene.live?.scenario === scenario) {
             end();
             show();
@@ -186,10 +186,14 @@ function followLink({ scene, time, timeControls: controls, mapView, showTab, tex
     }
     show();
   };
-  let end = scene.onLive(() => {
-    if (scene.live !== null && time.state.kind !== "unknown") {
-      end();
+  // A world that stands sends one state, which may come before the time is known.
+  let hasBegun = false;
+  const begin = () => {
+    if (!hasBegun && scene.live !== null && time.state.kind !== "unknown") {
+      hasBegun = true;
       void load();
     }
-  });
+  };
+  scene.onLive(begin);
+  time.onChange(begin);
 }
