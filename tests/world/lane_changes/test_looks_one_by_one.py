@@ -554,3 +554,15 @@ def test_driver_goes_around_what_stands_within_six_seconds_or_forty_metres(
     world.frame = FRAME
     compare(world, decision=0)
     assert (world.change[row] == LaneChange.AROUND) == goes_around
+
+
+def test_driver_does_not_go_around_a_queue_with_the_first_driver_of_all(roads: list[tuple[Roads, SignalPlan]]) -> None:
+    world = world_of(*roads[0])
+    head, _, row = (car(world, "a1", s, speed=v, desired_speed=w) for s, v, w in ((80, 0, 9), (72, 0, 0), (58, 3, 9)))
+    world.frame = FRAME
+    compare(world, decision=0)
+    assert head == 0
+    assert world.change[row] == LaneChange.FASTER  # and not around a queue
+    world.speed[head] = 5.0
+    compare(world, decision=0)
+    assert world.change[row] == LaneChange.AROUND
