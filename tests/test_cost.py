@@ -25,8 +25,7 @@ def test_dear_work_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
         return work
 
     monkeypatch.setitem(guard.WORKLOADS, "three", thrice)
-    monkeypatch.setattr(guard, "ROUNDS", 8)
-    (_, is_good), (_, is_dear_good) = guard.judge("three", 4.0), guard.judge("three", 1.5)
+    (_, is_good), (_, is_dear_good) = (guard.judge("three", figure, rounds=8, tries=2) for figure in (4.0, 1.5))
     assert is_good
     assert not is_dear_good
 

@@ -240,19 +240,21 @@ def _time(work: Work, num: int) -> int:
     return thread_time_ns() - start
 
 
-def judge(name: str, figure: float) -> tuple[float, bool]:
+def judge(name: str, figure: float, *, rounds: int = ROUNDS, tries: int = TRIES) -> tuple[float, bool]:
     """Measure a workload, several times if it costs too much.
 
     Args:
         name: of the workload.
         figure: to compare with.
+        rounds: turns of each measurement.
+        tries: measurements at most.
 
     Returns:
         Its lowest cost, and whether that is within the bound.
     """
     cost = float("inf")
-    for _ in range(TRIES):
-        cost = min(cost, measure(WORKLOADS[name]))
+    for _ in range(tries):
+        cost = min(cost, measure(WORKLOADS[name], rounds))
         if cost <= ROOM * figure:
             return cost, True
     return cost, False

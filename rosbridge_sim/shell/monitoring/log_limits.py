@@ -23,7 +23,7 @@ __all__ = ["LOGGERS", "LineLimiter"]
 LOGGERS: Final = tuple(
     f"rosbridge_sim{name}"
     for name in (
-        *("", ".access", ".app", ".attach", ".bus", ".campaign", ".client", ".graph", ".morai"),
+        *("", ".app", ".attach", ".bus", ".campaign", ".client", ".graph", ".morai"),
         *(".page", ".recording", ".replay", ".ros2", ".server", ".storage", ".websockets"),
     )
 )

@@ -320,9 +320,8 @@ class DirectConnection(ReceivingConnection):
         position, end = 0, len(data)
         need = 2
         self._takes_more = True
-        state = (
-            core.state
-        )  # a receiver that closes the connection calls `forget`, too; only frames to the library change it
+        # A receiver that closes the connection calls `forget`, too; only frames to the library change the state.
+        state = core.state
         while position + need <= end:
             if state is _CLOSED:  # the library drops all data
                 self.feed(bytes(view[position:]))
