@@ -1,4 +1,4 @@
-"""How files of tests are spread over processes: one at a time in each, and those of one browser in the same one."""
+"""How tests are spread over processes: one file at a time in each, those of one browser together, some test by test."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from xdist.remote import Producer
     from xdist.workermanage import WorkerController
 
-__all__ = ["TOGETHER", "FilesTogether"]
+__all__ = ["APART", "TOGETHER", "FilesTogether"]
 
 _WITH_WEBGL = ("drawn", "map", "sensors", "views")
 _WITHOUT = (
@@ -25,6 +25,13 @@ TOGETHER = {
 }
 """Files whose tests share a Chromium: the first picture of one with WebGL takes as long as five tests."""
 
+APART = {
+    "tests/end_to_end/test_sensor_programs.py",
+    "tests/simulator/test_town_traffic.py",
+    "tests/world/many_worlds/test_batch.py",
+}
+"""Files whose tests share nothing, and of which some take minutes: together they would keep one process busy alone."""
+
 
 class FilesTogether(LoadFileScheduling):  # type: ignore[misc]  # without type hints
     """Gives files of tests to processes, in their order, as `--dist loadfile` does."""
@@ -34,9 +41,9 @@ class FilesTogether(LoadFileScheduling):  # type: ignore[misc]  # without type h
         self._places: dict[WorkerController, dict[str, int]] = {}
 
     def _split_scope(self, nodeid: str) -> str:
-        """Return what is run in one process: the name of a file, or of several."""
+        """Return what is run in one process: the name of a file, of several, or of a test."""
         file: str = super()._split_scope(nodeid)
-        return TOGETHER.get(file, file)
+        return nodeid if file in APART else TOGETHER.get(file, file)
 
     def _assign_work_unit(self, node: WorkerController) -> None:
         """Give a process the next files. The library would search each of 13,000 tests in a list."""

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.conftest import LONGEST, LONGEST_LONG, PROGRAMS, is_in_run
-from tests.spreading import TOGETHER
+from tests.spreading import APART, TOGETHER
 from tests.support import ROOT
 
 
@@ -41,4 +41,4 @@ def test_long_run_has_the_long_tests_and_those_of_hypothesis(
 
 
 def test_files_that_share_a_browser_exist() -> None:
-    assert [name for name in TOGETHER if not (ROOT / name).is_file()] == []
+    assert [name for name in (*TOGETHER, *APART) if not (ROOT / name).is_file()] == []
