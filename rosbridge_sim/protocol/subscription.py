@@ -129,7 +129,7 @@ def read_qos(qos: dict[str, object] | None) -> Qos:
         if values is None and policy not in {"depth", "deadline", "lifespan"}:
             known = [*QOS_VALUES, "depth", "deadline", "lifespan"]
             raise FrameError(f"{policy!r} is not a valid policy name. Valid options are: {known}")
-        if values is not None and value not in values:
+        if values is not None and (not isinstance(value, str) or value not in values):
             raise FrameError(f"{value!r} is not a valid {policy}. Valid options are: {list(values)}")
     depth = qos.get("depth", 1)
     if not isinstance(depth, int) or isinstance(depth, bool) or depth < 0:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -211,6 +212,8 @@ def test_qos_of_a_subscribe_op_is_read() -> None:
         {"durability": "forever"},
         {"durability": ["volatile"]},
         {"history": 5},
+        {"history": np.zeros(2)},  # as CBOR brings a typed array
+        {"depth": np.zeros(2)},
         {"depth": -1},
         {"depth": "7"},
         {"depth": True},
