@@ -166,7 +166,8 @@ def find_ways_over(world: World) -> tuple[FloatArray, ComplexArray]:
     people = world.derived(_People)
     if people.num:
         state, rows = world.yields[people.rows], people.rows
-        at = (state >= COMMITTED).nonzero()[0]
+        # On another map a way has other crossings. Who remembers one that is no more decides anew, after the drivers.
+        at = ((state >= COMMITTED) & (state - COMMITTED < np.diff(people.first))).nonzero()[0]
         crossing = people.first[at] + state[at] - COMMITTED
         left = people.end[crossing] - world.arc[rows[at]]
         times[rows[at]] = np.fmax(left, 0.0) / np.fmax(world.speed[rows[at]], SLOW)

@@ -120,6 +120,18 @@ def test_driver_stops_for_a_pedestrian_that_crosses_and_drives_on() -> None:
     assert world.y[person] > 3.0
 
 
+def test_drivers_of_another_map_see_somebody_who_had_begun_to_cross_on_the_old_one() -> None:
+    world = world_of(make(a=(line((0, 0), (100, 0)), ""), b=(line((0, 12), (100, 12)), "")))
+    row = walker(world, np.array([[50.0, -5.0], [50.0, 18.0]]))
+    while world.yields[row] != COMMITTED + 1:
+        step(world)
+    world.lay_roads(make(a=(line((0, 0), (100, 0)), "")))  # its second crossing is no more
+    car(world, "a", 10.0, speed=8.0)
+    while world.yields[row] >= COMMITTED:
+        step(world)
+    assert world.yields[row] == 1
+
+
 def test_driver_does_not_brake_for_one_that_waits_at_the_kerb() -> None:
     world = lit(Lamp.RED)
     walker(world, OVER + np.array([[0.0, 9.0], [0.0, 0.0]]))
