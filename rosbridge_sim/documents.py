@@ -171,7 +171,7 @@ def number_spelling(low: float, high: float, kind: str = "number") -> Spelling:
 
 
 class DocumentType(Generic[T]):
-    """What a document holds.
+    """The form of a document: what it holds, and how that is read.
 
     Attributes:
         form: a model, or a type such as `list[Model]`, with the marks of this module.

@@ -62,7 +62,7 @@ class Store:
         leniency: other names and forms to accept.
         ros: see above.
         is_checked: no text has a mistake. Then a type is compiled when its first message comes or goes; otherwise
-            when it is asked for, so that whoever asks is told of the mistake.
+            when it is asked for, so that the mistake is told there.
     """
 
     def __init__(

@@ -21,7 +21,7 @@ def read_types(settings: Settings) -> tuple[Texts, Store]:
         DocumentError: a folder of the user has no definitions, or a file cannot be used.
     """
     texts = read_definitions(settings.release, settings.schema_path)
-    # The package's own definitions are compiled by its tests, those of the user's folders by whoever needs them first.
+    # The package's own definitions are compiled by its tests, those of the user's folders at their first use.
     return texts, Store(texts, leniency=LENIENCY, ros=settings.ros, is_checked=not settings.schema_path)
 
 

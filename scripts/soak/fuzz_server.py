@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -149,6 +149,12 @@ class Server:
             raise FuzzError(f"the server has stopped with {code}:\n{self._log.read_text(errors='replace')[-3000:]}")
         self._check_log()
 
+    def last_words(self) -> str:
+        """Return the end of its log; if it is about to end, with its last lines."""
+        with suppress(subprocess.TimeoutExpired):
+            self.process.wait(1.0)
+        return self._log.read_text(errors="replace")[-30000:]
+
     def kill(self) -> None:
         """End it if it still runs."""
         if self.process.poll() is None:
@@ -176,6 +182,8 @@ def serving(configuration: Configuration, data: Path) -> Iterator[Server]:
         try:
             yield server
             server.stop()
+        except FuzzError as error:
+            raise FuzzError(f"{error}\nthe end of the server's log:\n{server.last_words()}") from None
         finally:
             server.kill()
 
