@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import Protocol, Self
 
 from rosbridge_sim.client.frames import Frame, Inbox
 
-if TYPE_CHECKING:  # the client makes its subscriptions
-    from rosbridge_sim.client.asynchronous import AsyncClient, Predicate
+__all__ = ["AsyncSubscription", "Predicate"]
 
-__all__ = ["AsyncSubscription"]
+Predicate = Callable[[Frame], object]
+"""Takes a message and returns true if it fits."""
+
+
+class Subscriber(Protocol):
+    """The client of a subscription, see `AsyncClient`."""
+
+    async def next_of(
+        self, subscription: AsyncSubscription, predicate: Predicate | None, timeout: float | None
+    ) -> Frame:
+        """Return the next message that fits."""
+
+    async def unsubscribe(self, subscription: AsyncSubscription) -> None:
+        """End a subscription."""
 
 
 class AsyncSubscription:
@@ -28,7 +41,7 @@ class AsyncSubscription:
         op_id: id of the subscription on the wire.
     """
 
-    def __init__(self, client: AsyncClient, topic: str, inbox: Inbox, op_id: str) -> None:
+    def __init__(self, client: Subscriber, topic: str, inbox: Inbox, op_id: str) -> None:
         self.topic = topic
         self.inbox = inbox
         self.op_id = op_id

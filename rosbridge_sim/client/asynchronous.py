@@ -11,7 +11,7 @@ import itertools
 import logging
 import math
 import ssl
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from types import TracebackType
 from typing import Any, ClassVar, Literal, Self
@@ -20,7 +20,7 @@ import orjson
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
 
-from rosbridge_sim.client.async_subscription import AsyncSubscription
+from rosbridge_sim.client.async_subscription import AsyncSubscription, Predicate
 from rosbridge_sim.client.frames import MAX_SIZE, Frame, FrameReader, Inbox, absolute
 from rosbridge_sim.client.simulator_requests import SimulatorRequests
 from rosbridge_sim.client.statuses import Statuses
@@ -56,9 +56,6 @@ _FINAL_STATUSES = (401, 403)
 """HTTP statuses after which a new attempt is useless: the token is wrong, or the server rejects this client."""
 
 _log = logging.getLogger("rosbridge_sim.client")
-
-Predicate = Callable[[Frame], object]
-"""A function that takes a message and returns a true value if it is the wanted one."""
 
 StatusLevel = Literal["info", "warning", "error", "none"]
 """Lowest level of the status messages that the server sends."""

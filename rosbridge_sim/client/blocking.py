@@ -13,13 +13,12 @@ from functools import wraps
 from types import TracebackType
 from typing import Any, Concatenate, ParamSpec, Self, TypeVar
 
-from rosbridge_sim.client.async_subscription import AsyncSubscription
+from rosbridge_sim.client.async_subscription import AsyncSubscription, Predicate
 from rosbridge_sim.client.asynchronous import (
     DEFAULT_KEEP,
     DEFAULT_TIMEOUT,
     DEFAULT_URL,
     AsyncClient,
-    Predicate,
     StatusLevel,
 )
 from rosbridge_sim.client.frames import Frame

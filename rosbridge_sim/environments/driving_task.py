@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from rosbridge_sim.environments.judgement import Judgement
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
-
-if TYPE_CHECKING:
-    from rosbridge_sim.environments.judgement import Judgement
 
 __all__ = ["ACTIONS", "OBSERVATIONS", "PARTS", "WEIGHTS", "DrivingTask"]
 
@@ -29,7 +27,7 @@ WEIGHTS: Final = {
     "arrived": 0.0,
     "goal": 0.0,
 }
-"""Weights of the terms of the reward, see `judgement.judge`."""
+"""Weights of the terms of the reward, see `rewards.judge`."""
 
 PARTS: Final = ("Lane", "Others", "Kinematics", "OccupancyGrid", "Lidar", "Camera")
 """Observations that are one array, and parts of `Dict`."""
@@ -73,7 +71,7 @@ class DrivingTask:
         frame_skip: frames of 20 ms in a step; a multiple of 5 is fastest.
         num_starts: episodes begin with so many seeds of the world; fewer need less memory.
         max_offset: an episode ends this far from the line of the lane [m]; inf for at the edge of the road alone.
-        weights: of the terms of the reward, see `judgement.judge`; those that are not named stay as they are.
+        weights: of the terms of the reward, see `rewards.judge`; those that are not named stay as they are.
         reward: the user's function in place of these terms: `reward(worlds, judgement, actions)` returns the rewards of
             a step, (num_worlds,), with `judgement.reward` as that of the terms.
         start_lane: name of the lane on which episodes begin, or a pattern such as `R2*`, of whose lanes chance chooses

@@ -12,8 +12,9 @@ from gymnasium.vector.utils import batch_space
 
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.episodes import FPS, Episodes
-from rosbridge_sim.environments.judgement import Judgement, goal_reward
+from rosbridge_sim.environments.judgement import Judgement
 from rosbridge_sim.environments.observations import Seen, pick, space_of
+from rosbridge_sim.environments.rewards import goal_reward
 from rosbridge_sim.environments.top_view import draw
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 from rosbridge_sim.worlds.worlds import Worlds

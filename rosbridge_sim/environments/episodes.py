@@ -9,8 +9,9 @@ import numpy.typing as npt
 
 from rosbridge_sim.environments.action_kinds import make_action
 from rosbridge_sim.environments.driving_task import DrivingTask
-from rosbridge_sim.environments.judgement import Index, Judgement, judge
+from rosbridge_sim.environments.judgement import Index, Judgement
 from rosbridge_sim.environments.observations import Seen, observe, pick
+from rosbridge_sim.environments.rewards import judge
 from rosbridge_sim.environments.starts import Starts
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
