@@ -581,6 +581,21 @@ def test_late_member_is_told_once_and_its_tick_counts_for_the_next_boundary() ->
     assert len(model.warned) == 4, "it had ticked in between"
 
 
+def test_late_member_that_ticks_while_the_world_moves_is_told_of_this_and_of_its_next_delay() -> None:
+    model = a_model(BarrierState.RESTING)
+    model.is_slow = True
+    model.tick("a")
+    model.wait(2.0)
+    model.tick("b")
+    model.finish()
+    model.tick("a")  # together with the tick of b that came late
+    model.finish()
+    model.tick("a")
+    model.wait(2.0)
+    model.finish()
+    assert model.warned == 2 * [("b", Reason.LATE_TICK), ("b2", Reason.LATE_TICK)]
+
+
 @pytest.mark.parametrize("is_lost", [True, False])
 def test_late_member_that_leaves_or_is_lost_while_the_world_moves_is_not_told(*, is_lost: bool) -> None:
     model = a_model(BarrierState.RESTING)
