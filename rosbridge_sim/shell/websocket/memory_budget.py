@@ -118,13 +118,15 @@ class MemoryBudget:
     def look(self) -> None:
         """Close clients, the largest first, until the rest is within the budget."""
         holders = [(client.num_bytes_held, client) for client in self._clients()]
-        held = sum(size for size, _ in holders) + self._leftovers(holders)
+        left = self._leftovers(holders)
+        held = sum(size for size, _ in holders) + left
         self._on_look(held)
         if self._budget is None or held <= self._budget:
             return
         held -= _num_shared(client for _, client in holders)
         if held > self._budget:
             self._bus.forget_orphans()
+            held -= left - self._leftovers(holders)
         for size, client in sorted(holders, key=lambda holder: holder[0], reverse=True):
             if held <= self._budget:
                 return

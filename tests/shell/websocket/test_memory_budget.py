@@ -183,6 +183,25 @@ async def test_shared_bytes_count_once() -> None:
     assert len(await closed(40 * MB, *own)) == 18
 
 
+async def test_latched_messages_of_a_client_that_is_gone_are_dropped_before_another_client_is_closed(
+    listen: Listen,
+) -> None:
+    server, bus = await listen(ServerLimits())
+    async with await Client.open(url_of(server)) as gone:
+        qos = {"durability": "transient_local", "depth": 1}
+        await gone.send("advertise", topic="/t", type="std_msgs/String", qos=qos)
+        await gone.send("publish", topic="/t", msg={"data": TEXT})
+        await gone.settle()
+    while server.clients:  # noqa: ASYNC110 - nothing tells of it
+        await asyncio.sleep(0)
+    assert bus.total.num_bytes >= MB
+    stays = HoldingClient("stays", MB)
+    watch = MemoryBudget(asyncio.get_running_loop(), bus, lambda: [stays], MB)
+    watch.look()
+    watch.stop()
+    assert (bus.total.num_bytes, stays.evicted) == (0, [])
+
+
 def test_default_budget_is_a_part_of_the_machines_memory() -> None:
     assert 64 * MB <= default_budget() < 2**50
 
