@@ -104,6 +104,6 @@ def test_a_fault_that_a_test_notices_is_counted_and_one_that_it_does_not_is_prin
     done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
     noticed = [line for line in done.stdout.splitlines() if line.startswith("noticed by tests/graph/test_guard.py::")]
     survivors = [line for line in done.stdout.splitlines() if "  (reached by" in line]
-    assert any("self.num_unencoded += 1  ->  self.num_unencoded -= 1" in line for line in noticed)
+    assert any("self.num_faults += 1  ->  self.num_faults -= 1" in line for line in noticed)
     assert f"noticed {len(noticed)} of 20 tried" in done.stdout
     assert len(noticed) + len(survivors) == 20

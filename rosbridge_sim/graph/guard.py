@@ -40,12 +40,10 @@ class Guard:
 
     Attributes:
         num_faults: number of all internal errors; each is counted here once.
-        num_unencoded: number of messages among them that could not be encoded, counted for each subscriber.
     """
 
     def __init__(self) -> None:
         self.num_faults = 0
-        self.num_unencoded = 0
         self._logged: set[tuple[str, str]] = set()
 
     def blame(self, concerned: object, error: Exception) -> None:
@@ -110,7 +108,6 @@ class Guard:
             where: the topic or service.
             error: the failure; its cause is the error of the encoder.
         """
-        self.num_unencoded += 1
         self.num_faults += 1
         key = (where, str(error))
         if key not in self._logged and len(self._logged) < MAX_LOGGED_FAILURES:

@@ -133,11 +133,6 @@ class MessageConnection(Connection):
         """The end of the connection; valid only after it has ended."""
         return self.core.close_exc
 
-    @property
-    def is_extended(self) -> bool:
-        """True if extensions were negotiated, so that outgoing frames need the library."""
-        return bool(self.core.extensions)
-
     def extension(self, kind: type[E]) -> E:
         """Return the negotiated extension of a class.
 

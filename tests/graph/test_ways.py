@@ -22,7 +22,6 @@ from tests.graph.bus_fixture import Wire, make_bus
 FIBONACCI, STRING, TRIGGER = "example_interfaces/Fibonacci", "std_msgs/String", "std_srvs/Trigger"
 GOAL, GOAL_ID = "tf2_web_republisher/TFSubscriptionActionGoal", "actionlib_msgs/GoalID"
 FEEDBACK, STATUS = "tf2_web_republisher/TFSubscriptionActionFeedback", "actionlib_msgs/GoalStatusArray"
-RESULT = "tf2_web_republisher/TFSubscriptionActionResult"
 TF, WEB = "tf2_msgs/TFMessage", "/tf2_web_republisher"
 
 Join = Callable[[Policy], Wire]

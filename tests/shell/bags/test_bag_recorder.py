@@ -307,7 +307,7 @@ async def test_unencodable_message_is_left_out_alone(
             assert told["msg"] == "std_msgs/String cannot be written into the bag: ZeroDivisionError()"
         assert await client.settle() == []
         assert sim.bus is not None
-        assert sim.bus.guard.num_unencoded == sim.num_bugs == 2
+        assert sim.bus.guard.num_faults == sim.num_bugs == 2
     assert [one.data for topic, _, one in read_bag(tmp_path / name) if topic == "/good"] == ["a", "b"]
     assert [line.partition(":")[0] for line in failures(caplog)] == ["/bad"]
 
@@ -322,7 +322,7 @@ async def test_unencodable_latched_message_does_not_exclude_its_topic(tmp_path: 
     recorder = Recorder(bus, BagMessageWriter(open_bag(path), bus.store), path, loop=asyncio.get_running_loop())
     recorder.stop()
     assert [one.data for _, _, one in read_bag(path)] == ["a", "b"]
-    assert bus.guard.num_unencoded == 1
+    assert bus.guard.num_faults == 1
 
 
 @pytest.mark.parametrize("end", ["stop", "fail"])
