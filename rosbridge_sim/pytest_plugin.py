@@ -50,11 +50,7 @@ class SimulatorFactory(Protocol):
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the option with the folder for pictures.
-
-    Args:
-        parser: pytest's parser.
-    """
+    """Add the option with the folder for pictures."""
     parser.getgroup("rosbridge_sim").addoption(
         "--rosbridge-pictures",
         metavar="DIR",
@@ -123,21 +119,13 @@ def rosbridge_simulator(rosbridge_simulator_factory: SimulatorFactory) -> Simula
 
 @pytest.fixture
 def rosbridge_url(rosbridge_simulator: Simulator) -> str:
-    """Return the URL of the fixture `rosbridge_simulator`.
-
-    Args:
-        rosbridge_simulator: the simulator.
-    """
+    """Return the URL of the fixture `rosbridge_simulator`."""
     return rosbridge_simulator.url
 
 
 @pytest.fixture
 def rosbridge_client(rosbridge_simulator: Simulator) -> Iterator[Client]:
-    """Return a blocking client that is connected to the fixture `rosbridge_simulator`.
-
-    Args:
-        rosbridge_simulator: the simulator.
-    """
+    """Return a blocking client that is connected to the fixture `rosbridge_simulator`."""
     from rosbridge_sim.client import Client  # noqa: PLC0415 - as above
 
     with Client(rosbridge_simulator.url, token=rosbridge_simulator.settings.token) as client:

@@ -161,7 +161,6 @@ def _count_extremes(
 
     Args:
         data: the whole text, because a number may continue behind the slice.
-        start: start of the slice.
         part: the slice.
         outside: True for characters outside texts; None counts all.
     """
@@ -187,7 +186,6 @@ def real_quotes(part: npt.NDArray[np.uint8], *, is_escaped: bool) -> tuple[npt.N
     """Return the quotes that begin or end a text, as ones among zeros, and True if the next character is escaped.
 
     Args:
-        part: a part of the text.
         is_escaped: its first character is escaped by a backslash.
     """
     marks = (part == _QUOTE).astype(np.uint8)

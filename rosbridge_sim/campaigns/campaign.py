@@ -44,7 +44,7 @@ class RunValues:
 
 @dataclass(frozen=True, slots=True)
 class Campaign:
-    """A campaign.
+    """A campaign as it was read: its runs, and how each is judged.
 
     Attributes:
         source: name of its file, for errors.

@@ -31,7 +31,7 @@ MakeStrategy = Callable[[list[float], float, dict[str, Any]], Any]
 
 
 class Search:
-    """One search.
+    """A search for the parameters of the worst run.
 
     Attributes:
         num_asked: runs so far.

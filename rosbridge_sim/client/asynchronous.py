@@ -225,7 +225,6 @@ class AsyncClient(SimulatorRequests):
 
         Args:
             op: name of the op, such as `advertise`.
-            fields: fields of the op.
 
         Returns:
             The `id` of the op: the given one, or a new one.
@@ -323,7 +322,6 @@ class AsyncClient(SimulatorRequests):
         """Send a call without waiting for its answer, so that many calls can run at once.
 
         Args:
-            service: name of the service.
             args: the request, by field names or, as a list, by position.
             server_timeout: time after which the server gives up [s]; 0 means never, None means the server's default.
 
@@ -351,7 +349,6 @@ class AsyncClient(SimulatorRequests):
         """Call any service and return its values.
 
         Args:
-            service: name of the service.
             args: the request, by field names or, as a list, by position.
             timeout: longest wait [s].
 
@@ -380,7 +377,6 @@ class AsyncClient(SimulatorRequests):
         adds and removes these fields. For other services use `call`.
 
         Args:
-            service: name of the service.
             timeout: longest wait [s].
             request: fields of the request; a field that is left out is 0.
 

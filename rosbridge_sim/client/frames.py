@@ -34,7 +34,6 @@ class FrameReader:
 
         Args:
             data: the message. Data that is not a JSON object is ignored.
-            now: monotonic time [s].
 
         Raises:
             FrameError: a fragment that cannot be used.

@@ -140,19 +140,11 @@ class Policy:
         self._check("subscribe to", Use.SUBSCRIBE, topic, type_name)
 
     def check_call(self, name: str) -> None:
-        """Raise GraphError if the service must not be called.
-
-        Args:
-            name: name of the service.
-        """
+        """Raise GraphError if the service must not be called."""
         self._check("call", Use.SERVICE, name)
 
     def check_goal(self, name: str) -> None:
-        """Raise GraphError if no goal may be sent to the action.
-
-        Args:
-            name: name of the action.
-        """
+        """Raise GraphError if no goal may be sent to the action."""
         self._check("call", Use.ACTION, name)
 
     def check_offer(self, name: str) -> None:
@@ -175,19 +167,11 @@ class Policy:
             raise GraphError(f"Not allowed to use the parameter {name}", reason=Reason.NOT_ALLOWED)
 
     def may_call(self, name: str) -> bool:
-        """Return True if a service may be called.
-
-        Args:
-            name: name of the service.
-        """
+        """Return True if a service may be called."""
         return self._why_not(Use.SERVICE, name) is None
 
     def may_send_goal(self, name: str) -> bool:
-        """Return True if a goal may be sent to an action.
-
-        Args:
-            name: name of the action.
-        """
+        """Return True if a goal may be sent to an action."""
         return self._why_not(Use.ACTION, name) is None
 
     def may_subscribe(self, topic: str) -> bool:

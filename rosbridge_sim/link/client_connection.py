@@ -61,11 +61,7 @@ class DialedConnection(MessageConnection, ClientConnection):
         self.transport.write(b"".join(parts))
 
     def data_received(self, data: bytes) -> None:
-        """Handle received bytes. If they end the connection, the other side has some time to close it.
-
-        Args:
-            data: the bytes.
-        """
+        """Handle received bytes. If they end the connection, the other side has some time to close it."""
         self.feed(data)
         self.cut_off_deaf()
 

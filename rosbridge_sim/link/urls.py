@@ -93,9 +93,5 @@ _SECRETS_IN_WORDS = re.compile(r"\?[^'\"\s]*=[^'\"\s]*|//[^'\"/@\s]*@|(?<=token[
 
 
 def hide_in_words(text: str) -> str:
-    """Return words of a command line or file for an error text, without a query, password or token.
-
-    Args:
-        text: the words.
-    """
+    """Return words of a command line or file for an error text, without a query, password or token."""
     return _SECRETS_IN_WORDS.sub(lambda match: {"?": "?...", "/": "//...@"}.get(match[0][0], "..."), text)

@@ -165,11 +165,7 @@ class MessageConnection(Connection):
     # The beginning of a server's connection without a task
 
     def begin_without_task(self, transport: BaseTransport) -> None:
-        """Do what `connection_made` does, but for the task and the queue, which a later call of it makes.
-
-        Args:
-            transport: the transport of the connection.
-        """
+        """Do what `connection_made` does, but for the task and the queue, which a later call of it makes."""
         self.transport = cast("Transport", transport)  # a cast, because uvloop's transports are not a subclass
         self.transport.set_write_buffer_limits(self.write_limit_high, self.write_limit_low)
         self.recv_messages = _NO_QUEUE
@@ -228,9 +224,6 @@ class MessageConnection(Connection):
 
         Otherwise it is cut off. The library itself has no time limit, neither after an invalid frame nor after a close
         frame. A peer that has sent a close frame gets time to read its earlier answers.
-
-        Args:
-            data: the bytes.
         """
         super().data_received(data)
         if self.core.close_expected():
@@ -263,7 +256,6 @@ class MessageConnection(Connection):
         """Handle a message that the library has read. Subclasses define it.
 
         Args:
-            message: the whole message.
             is_text: type of its first frame; the text may not be valid UTF-8.
             last: data of its last frame, whose class an extension may have chosen.
         """

@@ -122,7 +122,7 @@ class Sign:
 
 @dataclass(frozen=True, eq=False)  # without slots, because the digest is kept
 class RoadMap:
-    """A map.
+    """A map in a form that knows no file format.
 
     Attributes:
         name: of its folder.

@@ -102,7 +102,6 @@ class HeldMessages(Generic[T]):
         """Add the newest message; drop the oldest ones if there is no room.
 
         Args:
-            message: the new message.
             max_length: largest number of messages.
 
         Returns:

@@ -80,7 +80,6 @@ def response_frame(service: str, values: bytes, *, is_ok: bool, op_id: Id) -> by
         service: name of the service as the caller spelt it.
         values: JSON text of the response, or of the reason for a failure.
         is_ok: `result` of the answer.
-        op_id: id of the call.
     """
     tail = b"}" if op_id is None else b',"id":' + _encode_id(op_id) + b"}"
     result = b',"result":true' if is_ok else b',"result":false'
@@ -94,7 +93,6 @@ def op_frame(op: str, bodies: Mapping[str, bytes], **fields: object) -> bytes:
     """Return the frame of any op.
 
     Args:
-        op: name of the op.
         bodies: message bodies as JSON text, by field name.
         fields: other fields; those that are None are left out.
     """
@@ -111,7 +109,6 @@ def status_frame(level: str, text: str, op_id: object) -> bytes:
 
     Args:
         level: `info`, `warning` or `error`.
-        text: the message.
         op_id: id of the op that the message is about.
     """
     return op_frame("status", {}, level=level, msg=printable(text), id=op_id)

@@ -243,7 +243,6 @@ class Session:
 
         Args:
             level: one of LEVELS.
-            text: the message.
             op_id: id of the op that the message is about.
         """
         if self._is_talkative and LEVELS[level] <= self.level:
@@ -256,7 +255,6 @@ class Session:
 
         Args:
             service: name of the service as the peer spelt it.
-            op_id: id of the call.
             values: the response message; or, for a failure, any JSON value with the reason.
             is_ok: `result` of the answer.
             fragment_size: longest frame that the caller asked for [characters]; None means no limit.
@@ -271,7 +269,6 @@ class Session:
         """Send any op that is an answer or a request, and so must not be dropped.
 
         Args:
-            op: name of the op.
             bodies: messages by field name.
             fragment_size: longest frame that the peer asked for [characters]; None means no limit.
             fields: other fields; those that are None are left out.

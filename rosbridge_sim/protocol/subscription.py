@@ -73,11 +73,7 @@ _PLAIN = SubscriptionOptions()
 
 
 def read_options(op: Subscribe) -> SubscriptionOptions:
-    """Return the options of a subscribe op. An unknown encoding means JSON, as in rosbridge_suite.
-
-    Args:
-        op: the subscribe op.
-    """
+    """Return the options of a subscribe op. An unknown encoding means JSON, as in rosbridge_suite."""
     size = op.fragment_size
     if size is None and op.throttle_rate is None and op.queue_length is None and op.compression is None:
         return _PLAIN
@@ -158,7 +154,6 @@ class MergedOptions:
         """Set, replace or remove the options of one subscription.
 
         Args:
-            sub_id: id of the subscription.
             options: its options; None removes it.
         """
         old = self.by_id.pop(sub_id, None) if options is None else self.by_id.get(sub_id)
@@ -230,11 +225,7 @@ class Throttle(Generic[T]):
         self.num_dropped = 0
 
     def set_options(self, options: SubscriptionOptions) -> None:
-        """Use new options; waiting messages stay as far as the new queue has room.
-
-        Args:
-            options: the new options.
-        """
+        """Use new options; waiting messages stay as far as the new queue has room."""
         self._free_at += options.interval - self._interval
         self._interval = options.interval
         self._max_length = options.queue_length
@@ -298,11 +289,7 @@ class FeedWire(Protocol):
         """
 
     def remark(self, level: str, text: str) -> None:
-        """Send a status frame.
-
-        Args:
-            text: the message.
-        """
+        """Send a status frame."""
 
     def pieces(self, frame: bytes, size: float | None, share: Callable[[], Characters]) -> bytes | LateFrames:
         """Return the frame, or its fragments if it is longer than `size`.
@@ -385,7 +372,6 @@ class Feed:
         """Set, replace or remove the options of one subscription. At least one subscription must stay.
 
         Args:
-            sub_id: id of the subscription.
             options: its options; None removes it.
         """
         self._is_warned = False

@@ -318,7 +318,7 @@ class Waypoint(Document, frozen=True, kw_only=True):
 
 
 class WaypointPath(Document, frozen=True, kw_only=True):
-    """A path."""
+    """A path of waypoints, for the items that name it."""
 
     pathName: Annotated[ShortText, Meta(description='any name; "... - 7" is the path of the item with UNIQUEID 7')]
     waypointData: Annotated[list[Waypoint], Meta(max_length=MAX_WAYPOINTS)]

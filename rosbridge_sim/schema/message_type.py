@@ -207,7 +207,6 @@ class MessageType:
         """Return the same text in parts, end to end: a long base64 text that came so is not made again.
 
         Args:
-            value: the value.
             long_field: a field of bytes with its base64 text as it came.
         """
         if long_field is None:

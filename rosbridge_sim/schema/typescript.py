@@ -29,7 +29,6 @@ def declare_package(store: Store, package: str) -> str:
 
     Args:
         store: knows the definitions; its ROS generation decides how a time looks.
-        package: name of the package.
 
     Raises:
         TypeNameError: a definition names a type that does not exist.

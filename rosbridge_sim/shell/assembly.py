@@ -129,7 +129,6 @@ def make_simulator_node(
     """Return the node of a simulator, in its opening scene.
 
     Args:
-        settings: all settings.
         recordings: recorded drives of the user; None for none.
         reader: reads files in a thread; None to read at once.
         quota: limits the files that are written for clients; None for no limit.
@@ -215,7 +214,6 @@ def start_worker(settings: Settings, loop: asyncio.AbstractEventLoop, on_done: C
     """Return what draws for cameras and lidars; a server that has some and cannot draw does not start.
 
     Args:
-        settings: all settings.
         loop: delivers what was drawn.
         on_done: called after each delivery.
 

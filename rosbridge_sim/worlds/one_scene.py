@@ -88,7 +88,7 @@ class OneScene:
 
     @property
     def has_traffic(self) -> bool:
-        """Whether vehicles come and go."""
+        """True if vehicles come and go."""
         return self._traffic.is_active
 
     @property

@@ -1,4 +1,4 @@
-"""What the programs with a camera share: decoding, colours as OpenCV counts them, and the bird's-eye view.
+"""The shared parts of the programs with a camera: decoding, colours as OpenCV counts them, and the bird's-eye view.
 
 With OpenCV these are `imdecode`, `cvtColor`, `inRange`, `getPerspectiveTransform` and `warpPerspective`.
 """

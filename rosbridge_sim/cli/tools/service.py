@@ -161,7 +161,6 @@ async def call(bridge: Bridge, name: str, args: object, patience: float | None, 
     """Call a service; print its answer and the server's status messages about it.
 
     Args:
-        name: name of the service.
         args: the request, by name or by position.
         patience: longest wait for the answer [s]; None means no limit.
 

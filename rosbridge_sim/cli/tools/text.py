@@ -25,11 +25,7 @@ __all__ = ["note", "put", "put_json", "put_lines", "put_record", "put_table", "r
 
 
 def put(text: str) -> None:
-    """Print one or more lines on stdout at once, because the reader may wait for them.
-
-    Args:
-        text: the lines.
-    """
+    """Print one or more lines on stdout at once, because the reader may wait for them."""
     sys.stdout.write(f"{text}\n")
     sys.stdout.flush()
 
@@ -132,7 +128,6 @@ def read_body(text: str, where: str) -> object:
     """Return a value that a user wrote as JSON or as YAML (`{x: 1}`).
 
     Args:
-        text: the input.
         where: name of the input, for errors.
 
     Raises:

@@ -213,7 +213,6 @@ def words(values: Frame, key: str) -> list[str]:
     """Return the list of names in an answer; empty if there is none.
 
     Args:
-        values: values of the answer.
         key: field with the list.
     """
     value = values.get(key)

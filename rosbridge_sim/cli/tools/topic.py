@@ -156,9 +156,6 @@ class FieldPath:
     def __init__(self, text: str) -> None:
         """Read a path.
 
-        Args:
-            text: the path as text.
-
         Raises:
             ValueError: the text is not a path.
         """

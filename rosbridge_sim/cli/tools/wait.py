@@ -21,7 +21,6 @@ async def wait_until_ready(url: str, token: str | None, patience: float) -> int:
     """Wait for a successful WebSocket handshake, which a simulator allows when everything is loaded.
 
     Args:
-        url: URL of the server.
         token: token of the server; None sends none.
         patience: longest wait [s].
 

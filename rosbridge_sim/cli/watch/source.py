@@ -61,7 +61,6 @@ class Source:
         """Prepare; `run` connects.
 
         Args:
-            url: URL of the rosbridge.
             token: its token; None for none.
             patience: longest wait for a connection or an answer [s].
         """

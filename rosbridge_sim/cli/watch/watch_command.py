@@ -30,7 +30,6 @@ async def watch(url: str, token: str | None, patience: float, *, rate: float, is
     """Show the scene until a key or a signal ends it, or show it once.
 
     Args:
-        url: URL of the rosbridge.
         token: its token; None for none.
         patience: longest wait for a connection, an answer or the first message [s].
         rate: pictures a second.

@@ -105,7 +105,6 @@ class BridgeConnection:
         """Create a connection without a socket.
 
         Args:
-            name: name of the connection.
             limits: limits on frames that wait for the socket.
             max_frame_size: longest frame that fragments may form [characters].
             on_refused: gets the error of each invalid part of an incoming frame.

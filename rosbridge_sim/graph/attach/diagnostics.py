@@ -254,7 +254,6 @@ def names_of(values: Values | None, key: str) -> list[str]:
     """Return a list of names from an answer; empty if there is none.
 
     Args:
-        values: values of the answer.
         key: field with the list.
     """
     names = None if values is None else values.get(key)
@@ -266,20 +265,12 @@ def _package(key: ItemKey) -> str:
 
 
 def is_list_of_topics(values: Values | None) -> bool:
-    """Return True if an answer of `/rosapi/topics` has its list.
-
-    Args:
-        values: values of the answer.
-    """
+    """Return True if an answer of `/rosapi/topics` has its list."""
     return values is not None and isinstance(values.get("topics"), list)
 
 
 def types_of(values: Values | None) -> dict[str, str]:
-    """Return the types of all topics in an answer of `/rosapi/topics`, by name.
-
-    Args:
-        values: values of the answer.
-    """
+    """Return the types of all topics in an answer of `/rosapi/topics`, by name."""
     return dict(zip(names_of(values, "topics"), names_of(values, "types"), strict=False))
 
 

@@ -198,7 +198,6 @@ class Ros2Gateway:
         """Publish a message of a topic on the bus. One that does not fit is dropped, and its mistake is told.
 
         Args:
-            name: name of the topic on the bus.
             raw: the message as CDR.
         """
         reader, topic = self._readers.get(name), self._bus.find_topic(name)

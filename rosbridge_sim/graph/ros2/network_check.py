@@ -54,7 +54,7 @@ class SeenEndpoint:
 
 @dataclass(frozen=True, slots=True)
 class SeenGraph:
-    """What a program in a domain sees.
+    """A domain as a program in it sees it.
 
     Attributes:
         domain: number of the domain.

@@ -1,1 +1,1 @@
-"""What moves in a scene, as one mesh: shapes, colours and lamps of vehicles and people."""
+"""The moving parts of a scene as one mesh: shapes, colours and lamps of vehicles and people."""

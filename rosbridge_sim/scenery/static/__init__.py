@@ -1,1 +1,1 @@
-"""What stands still in a scene, as one mesh: roads, paint, ground, signs, lights, and what stands beside roads."""
+"""The static parts of a scene as one mesh: roads, paint, ground, signs, lights, and the surroundings of roads."""

@@ -135,9 +135,6 @@ class Bag(ABC):
 def generation_of(path: Path) -> Generation:
     """Return the ROS generation of a bag, from its name.
 
-    Args:
-        path: path of the bag.
-
     Raises:
         DocumentError: this kind of file cannot be written.
     """

@@ -67,7 +67,6 @@ class DiskRecordings:
         """See `Recordings`.
 
         Args:
-            name: name of the recording.
             reading: a new builder.
             then: called with the result.
         """

@@ -55,7 +55,6 @@ def read_value(key: str, value: object, where: str) -> object:
     """Return the checked value of a setting.
 
     Args:
-        key: key of the setting.
         where: place of the value, for errors.
 
     Raises:

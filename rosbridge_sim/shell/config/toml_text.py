@@ -79,7 +79,6 @@ def place_of(lines: Lines, keys: tuple[str, ...]) -> str:
 
     Args:
         lines: from `lines_of`.
-        keys: path of the key.
     """
     line = next((lines[keys[:n]] for n in range(len(keys), 0, -1) if keys[:n] in lines), None)
     return "" if line is None else f":{line}"

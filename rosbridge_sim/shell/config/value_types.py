@@ -403,11 +403,7 @@ RATES = ValueType(f"TOPIC=HZ with at most {_MAX_RATE} Hz, such as /Ego_topic=10"
 
 
 def item_choices(name: str) -> ValueType:
-    """Return the type of a table of choices about publishers, subscribers or services.
-
-    Args:
-        name: name of the table.
-    """
+    """Return the type of a table of choices about publishers, subscribers or services."""
 
     def read(value: object) -> object:
         # Imported here because only a setting with such a table needs it.

@@ -267,11 +267,7 @@ def _find_scenario(folder: Path, parts: tuple[str, ...]) -> Path | None:
 
 
 def read_folder(folder: Path) -> dict[str, bytes]:
-    """Return name -> content of the needed files of a map; a city's folder has many other, large files.
-
-    Args:
-        folder: folder of the map.
-    """
+    """Return name -> content of the needed files of a map; a city's folder has many other, large files."""
     return {name: read_bounded(folder / name, MAX_DOCUMENT_SIZE) for name in _map_files(folder)}
 
 

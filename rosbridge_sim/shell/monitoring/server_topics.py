@@ -81,7 +81,6 @@ class ServerTopics:
         """Advertise the topics and follow the server's clients and this process's log, until `stop`.
 
         Args:
-            bus: the bus of the topics.
             server: the server with the clients.
             loop: runs the timers.
             refusals: the refused requests of clients; None creates a new list.
@@ -132,12 +131,7 @@ class ServerTopics:
         """Ignore a notice of the bus: this participant makes no requests."""
 
     def publish(self, topic: Topic, **fields: JsonValue) -> None:
-        """Publish a message.
-
-        Args:
-            topic: one of the topics.
-            fields: fields of the message.
-        """
+        """Publish a message."""
         self.bus.announce(self, topic, Message(topic.type, self._struct(topic)(**fields)), self._loop.time())
 
     def tell_clients_soon(self) -> None:

@@ -29,7 +29,6 @@ def render_markdown(text: str, name: str, pages: frozenset[str], images: frozens
     Args:
         text: the page in Markdown.
         name: its path below the folder of the pages, without suffix.
-        pages: names of all pages.
         images: paths of all pictures below the folder of the pages.
     """
     from markdown_it import MarkdownIt  # noqa: PLC0415 - at the first page alone: the server needs it for nothing else

@@ -77,7 +77,6 @@ class _Joiner:
         """Read a module and those that it imports, unless they are there.
 
         Args:
-            path: path of the module.
             importers: the modules that import it, from the first one on.
             where: place of the import, for errors.
         """

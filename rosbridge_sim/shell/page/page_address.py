@@ -61,11 +61,7 @@ def has_desktop(platform: str = sys.platform, environment: Mapping[str, str] = o
 
 
 def open_browser(url: str) -> None:
-    """Open a page in the user's browser, if there is a desktop. A thread does it, because some browsers take seconds.
-
-    Args:
-        url: URL of the page.
-    """
+    """Open a page in the user's browser, if there is a desktop, in a thread, because some browsers take seconds."""
     if not has_desktop():
         _log.warning("--open: there is no desktop here to open a browser on; open %s yourself", url)
         return

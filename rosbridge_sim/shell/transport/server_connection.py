@@ -234,7 +234,6 @@ class DirectConnection(ReceivingConnection):
         """Handle a message that the library has read: fragments, or a compressed message.
 
         Args:
-            message: the whole message.
             is_text: it was sent as text.
             last: data of its last frame.
         """

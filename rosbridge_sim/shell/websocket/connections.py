@@ -96,11 +96,7 @@ class ServedConnection(ReceivingConnection):
         self.on_lost: Callable[[], None] = _ignore
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Take a place among the connections without a request.
-
-        Args:
-            transport: the transport of the connection.
-        """
+        """Take a place among the connections without a request."""
         self._begin(transport)
         self._tables.sockets[self] = None
         self._tables.opening.take(self)
@@ -181,11 +177,7 @@ class DirectServedConnection(ServedConnection, DirectConnection):
         super().feed_head(data)
 
     def open(self, answer: bytes) -> None:
-        """Answer a request, without the library.
-
-        Args:
-            answer: the whole answer.
-        """
+        """Answer a request, without the library."""
         self._stop_open_timer()
         self.transport.write(answer)
         self.open_without_task()

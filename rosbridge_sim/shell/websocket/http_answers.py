@@ -42,7 +42,6 @@ def answer_with(connection: ServerConnection, code: HTTPStatus, body: bytes, con
         connection: the connection of the request.
         code: the status.
         body: the content.
-        content_type: its type.
     """
     response = connection.respond(code, "")
     for name, value in (("Content-Type", content_type), ("Content-Length", str(len(body)))):
@@ -145,11 +144,7 @@ def links_of(paths: Sequence[str], *, has_version: bool) -> bytes:
 
 
 def not_allowed(connection: ServerConnection, request: Request) -> Response | None:
-    """Return the refusal of a request that is neither GET nor HEAD; None if it is one of them.
-
-    Args:
-        connection: the connection of the request.
-    """
+    """Return the refusal of a request that is neither GET nor HEAD; None if it is one of them."""
     method = method_of(request)
     if method in {"GET", "HEAD"}:
         return None
@@ -173,7 +168,6 @@ def accepts(request: Request, header: str, value: str) -> bool:
     """Return True if a header such as `Accept` names a value, and not with `q=0`. Wildcards do not count.
 
     Args:
-        header: name of the header.
         value: the value, such as `text/html`.
     """
     for entry in ",".join(request.headers.get_all(header)).split(","):

@@ -178,11 +178,7 @@ class TlsHandshake(asyncio.Protocol):
     # Called by the encrypted transport until `inner` has it
 
     def data_received(self, data: bytes) -> None:
-        """Keep received data; it is at most one read of the transport.
-
-        Args:
-            data: the bytes.
-        """
+        """Keep received data; it is at most one read of the transport."""
         self._early += data
 
     def connection_lost(self, exc: Exception | None) -> None:

@@ -67,7 +67,6 @@ class GuestPublisher:
         Args:
             topic: from `offer`.
             value: plain objects; fields that the type does not have are left out.
-            now: monotonic time [s].
         """
         try:
             message_type = self._bus.store.message(type_name)
@@ -77,11 +76,7 @@ class GuestPublisher:
             _log.warning("%s: a message of %s is left out: %s", self.name, topic.name, error)
 
     def leave(self, now: float) -> None:
-        """Publish none of the topics any more.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Publish none of the topics any more."""
         if self.has_topics:
             self._bus.leave(self, now)
             self.has_topics = False

@@ -231,9 +231,6 @@ class Ego:
     def place_as_ghost(self, pose: GhostPose) -> None:
         """Place the ego as a ghost: nothing moves it until the next command, and its speed is the given one.
 
-        Args:
-            pose: the new pose.
-
         Raises:
             ValueError: the pose is out of range. Nothing has moved.
         """

@@ -55,9 +55,6 @@ LOW_LAMP: Final = 1.5
 def make_map_markers(make: MarkerMaker, header: Struct, road_map: RoadMap) -> list[Struct]:
     """Return the markers of a map; it may be called in a thread.
 
-    Args:
-        header: header of the message.
-
     Returns:
         First the deletion of what was there before, then the markers.
     """

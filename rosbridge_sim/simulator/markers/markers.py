@@ -144,7 +144,6 @@ class MarkerMaker:
         """Return a marker of many lines, triangles or spheres.
 
         Args:
-            header: header of the message.
             ns: namespace.
             number: id within the namespace.
             shape: of all.

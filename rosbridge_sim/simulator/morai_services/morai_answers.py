@@ -14,9 +14,6 @@ __all__ = ["complain", "request_of", "respond"]
 def request_of(call: Call) -> Struct:
     """Return the message inside a request; every MORAI service wraps one message.
 
-    Args:
-        call: the call of the service.
-
     Returns:
         The struct of the request's only field.
     """

@@ -94,9 +94,6 @@ class Replay(Component):
     def play(self, recording: Recording, now: float) -> str:
         """Show a recording from its beginning, with all that it has.
 
-        Args:
-            now: monotonic time [s].
-
         Returns:
             Why it cannot be shown; empty if it is.
         """

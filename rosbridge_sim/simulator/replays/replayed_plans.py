@@ -45,11 +45,7 @@ class ReplayedPlans:
         self._shown_ns = -LONGEST_NS
 
     def settle(self, now: float) -> None:
-        """Publish what belongs to the position that the world shows; called after each frame and each command.
-
-        Args:
-            now: monotonic time [s].
-        """
+        """Publish what belongs to the position that the world shows; called after each frame and each command."""
         is_shown = self._process.state in {ReplayState.REPLAYING, ReplayState.AT_END}
         recording = self._playback.recording if is_shown else Recording("")
         if recording.plans != self._recording.plans:

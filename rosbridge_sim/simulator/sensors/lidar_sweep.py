@@ -203,7 +203,7 @@ def sweep(motion: Motion, beams: Beams, origin: FloatArray) -> tuple[NDArray[np.
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Echoes:
-    """What the rays of a turn give; (k,) float32 each.
+    """Echoes of the rays of a turn; (k,) float32 each.
 
     Attributes:
         ranges: [m]; inf for a ray without an echo.

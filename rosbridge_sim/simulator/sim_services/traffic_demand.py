@@ -92,10 +92,10 @@ _log = logging.getLogger("rosbridge_sim.morai")
 
 
 class EgoStatuses(Protocol):
-    """What is told of the egos, and kept until something changes."""
+    """Messages about the egos, which are kept until something changes."""
 
     def forget_statuses(self) -> None:
-        """Make it anew when it is asked for."""
+        """Make the messages anew when they are asked for."""
 
 
 class TrafficHost(Protocol):
@@ -115,7 +115,7 @@ class TrafficHost(Protocol):
 
     @property
     def egos(self) -> EgoStatuses:
-        """What is told of the egos."""
+        """The messages about the egos."""
 
 
 class Traffic(Component):
@@ -149,7 +149,7 @@ class Traffic(Component):
 
     @property
     def is_active(self) -> bool:
-        """Whether vehicles come and go."""
+        """True if vehicles come and go."""
         return bool(self._points or self._target)
 
     @property

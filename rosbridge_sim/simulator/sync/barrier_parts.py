@@ -108,7 +108,6 @@ class BarrierHappening(NamedTuple):
 
     Attributes:
         event: what has happened.
-        now: monotonic time [s].
         user_id: the member that it is about.
         holder: the connection that asks.
         step_ms: time step of a first member [ms].

@@ -42,7 +42,6 @@ class SyncHappening(NamedTuple, Generic[C]):
 
     Attributes:
         event: what has happened.
-        now: monotonic time [s].
         user_id, step_ms, holder: of the master, for LEAD.
         num_frames: of the tick, for MOVE and WAIT.
         num_ticks: how many of these, for WAIT.

@@ -59,7 +59,6 @@ def aims_at(salt: npt.NDArray[np.uint64], frame: int) -> FloatArray:
 
     Args:
         salt: (k,) uint64; see `chance.salt_of`.
-        frame: number of the frame.
     """
     return _sum_of_waves(*_waves_of(salt), frame)
 

@@ -188,7 +188,6 @@ class Signals:
 
         Args:
             controller: row of the controller.
-            phase: number of the phase.
             elapsed: how long the phase has lasted already [frames].
 
         Raises:

@@ -139,7 +139,6 @@ def shift(world: World, row: int, gear: Gear) -> bool:
     Args:
         world: written in place.
         row: row of an EGO.
-        gear: the gear to change to.
 
     Returns:
         True when the row is in that gear now, which it may have been before. False when it is too fast for a change.

@@ -167,7 +167,6 @@ class World(RowWorlds):
         follows the path (see `paths`), and at the end it stops or, with `is_loop`, begins again.
 
         Args:
-            kind: kind of entity.
             body: its size and its limits.
             name: any text.
             x: reference point, east [m].
