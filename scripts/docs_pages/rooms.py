@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from textwrap import wrap
 from typing import Final
 
 from scripts.docs_pages.svg import Point, arrow, box, document, text
@@ -117,6 +118,7 @@ def read_arrows(root: Path, picture: Picture = PACKAGE_ROOMS) -> set[tuple[str, 
         room = parts[0] if len(parts) > 1 else "."
         for name in _imports(path):
             target = name.removeprefix(base + ".").partition(".")[0]
+            target = "." if (folder / f"{target}.py").is_file() else target
             if name.startswith(base + ".") and {room, target} <= picture.rooms.keys() and room != target:
                 arrows.add((room, target))
     return arrows
@@ -158,16 +160,34 @@ def draw_rooms(root: Path, picture: Picture = PACKAGE_ROOMS) -> str:
         parts.append(text((end, floor - 8), "above: sockets, tasks, clocks, files", size=12, anchor="end"))
         parts.append(text((end, floor + 18), "below: the same calls give the same values", size=12, anchor="end"))
     for name, (at, size, meaning) in picture.rooms.items():
-        imported = [other for other in order if (name, other) in arrows]
-        lines = [f"{name}/" if name != "." else "files beside the rooms", meaning]
-        is_brief = len(imported) > MAX_NAMED or (name == "." and len(imported) == len(order) - 1)
-        lines.append("imports: " + ("all rooms below" if is_brief else ", ".join(imported) or "no other room"))
+        lines = [f"{name}/" if name != "." else FILES, meaning]
+        lines += _imports_in_words(picture, name, arrows)
         parts.append(box(at, size, lines))
     return document(int(width), int(height), picture.title, parts)
 
 
-MAX_NAMED: Final = 7
-"""Imported rooms that a box names; a longer list would not fit."""
+def _imports_in_words(picture: Picture, name: str, arrows: set[tuple[str, str]]) -> list[str]:
+    """Return lines with the rooms that a room imports; a longer list than a line has those that it does not import."""
+    (_, y), (width, height), _ = picture.rooms[name]
+    below = [other for other, (at, _, _) in picture.rooms.items() if at[1] >= y + height]
+    imported = [other for other in below if (name, other) in arrows]
+    missing = [other for other in below if other not in imported]
+    most = int(width / LETTER) - 2
+    words = f"imports: {_listed(imported) or 'no other room'}"
+    if len(words) > most and 3 * len(missing) < len(imported):
+        words = "imports: all rooms below" + (f" but {_listed(missing)}" if missing else "")
+    num = len(wrap(words, most))
+    return next(lines for size in range(len(words) // num, most + 1) if len(lines := wrap(words, size)) == num)
+
+
+def _listed(rooms: Sequence[str]) -> str:
+    return ", ".join(FILES if room == "." else room for room in rooms)
+
+
+FILES: Final = "files beside the rooms"
+
+LETTER: Final = 6.0
+"""Mean width of a letter of the small font [px]."""
 
 
 def _ends(picture: Picture, first: str, second: str) -> tuple[Point, Point]:
