@@ -1,4 +1,4 @@
-"""The table of all sensors of an ego. A new sensor is a file beside this one and an entry here."""
+"""The table of the sensors that each ego has once, GPS and IMU; cameras, lidars and radars are in `sensor_specs`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rosbridge_sim.simulator.sensors.sensor import Sensor
 __all__ = ["SENSORS", "SENSOR_FRAMES"]
 
 SENSORS: Final[tuple[type[Sensor], ...]] = (Gps, Imu)
-"""All sensors; the index is the number of a sensor in SensorPosControl."""
+"""The index is the number of a sensor in SensorPosControl."""
 
 SENSOR_FRAMES: Final = tuple(sensor.frame for sensor in SENSORS)
 """Their coordinate frames, in the same order."""
