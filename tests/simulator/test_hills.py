@@ -11,8 +11,8 @@ import pytest
 
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.world.geometry.planar import quaternion, rotate
+from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.state.world import Dynamics
-from rosbridge_sim.world.vehicle.sensor_readings import GRAVITY
 from tests.simulator.sim_harness import Client, SimHarness
 from tests.world.road_factory import line, make
 

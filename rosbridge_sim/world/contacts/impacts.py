@@ -41,7 +41,7 @@ from rosbridge_sim.world.geometry.planar import (
     is_among,
     wrap_angle,
 )
-from rosbridge_sim.world.state.entity_types import MAX_SPEED
+from rosbridge_sim.world.state.entity_types import GRAVITY, MAX_SPEED
 from rosbridge_sim.world.state.labels import usual_wheelbase
 from rosbridge_sim.world.state.world import NO_CONTACTS, Dynamics, Kind, World
 
@@ -49,9 +49,6 @@ __all__ = ["MAX_PAIRS", "SLIDING_FRICTION", "collide", "slide"]
 
 SLIDING_FRICTION: Final = 0.75
 """Friction of locked wheels on dry asphalt (Wong, Theory of Ground Vehicles, table 1.3)."""
-
-GRAVITY: Final = 9.80665
-"""[m/s^2]"""
 
 SPIN: Final = 1.5
 SPIN_END: Final = 0.5

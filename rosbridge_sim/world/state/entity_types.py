@@ -10,7 +10,18 @@ from dataclasses import dataclass, field, fields
 from enum import IntEnum
 from typing import Final
 
-__all__ = ["CG_SHARE", "MAX_COORDINATE", "MAX_SPEED", "ROAD_FRICTION", "Body", "Dynamics", "Gear", "Kind", "Mode"]
+__all__ = [
+    "CG_SHARE",
+    "GRAVITY",
+    "MAX_COORDINATE",
+    "MAX_SPEED",
+    "ROAD_FRICTION",
+    "Body",
+    "Dynamics",
+    "Gear",
+    "Kind",
+    "Mode",
+]
 
 MAX_COORDINATE: Final = 1e9
 """Bound of coordinates, and of angles that are wrapped later [m, rad]. It is far beyond any map, and keeps squares and
@@ -19,6 +30,8 @@ sums finite for ever."""
 MAX_SPEED: Final = 1e3
 """Bound of speeds, far beyond any car [m/s]."""
 
+GRAVITY: Final = 9.80665
+"""The standard acceleration of free fall [m/s^2] (CGPM 1901); maps do not give their own."""
 
 ROAD_FRICTION: Final = 0.9
 """Friction of dry asphalt: 0.8 to 0.9 at the peak (Wong, Theory of Ground Vehicles, table 1.3)."""
@@ -135,8 +148,8 @@ class Body:
     grip: float = field(default=1.0, repr=False)
     front_drive: float = field(default=1.0, repr=False)
     max_rear_steer: float = field(default=math.radians(10.0), repr=False)
-    roll_gain: float = field(default=math.radians(4.5) / 9.80665, repr=False)
-    pitch_gain: float = field(default=math.radians(2.0) / 9.80665, repr=False)
+    roll_gain: float = field(default=math.radians(4.5) / GRAVITY, repr=False)
+    pitch_gain: float = field(default=math.radians(2.0) / GRAVITY, repr=False)
     launch_accel: float = field(default=3.5, repr=False)
     power: float = field(default=49.8, repr=False)
     top_speed: float = field(default=185.0 / 3.6, repr=False)

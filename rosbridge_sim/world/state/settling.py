@@ -14,20 +14,15 @@ along the road. The ground's slope to the side moves nothing.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.surface import Ground, Surface
 from rosbridge_sim.world.state.entity_arrays import EntityArrays
-from rosbridge_sim.world.state.entity_types import Kind
+from rosbridge_sim.world.state.entity_types import GRAVITY, Kind
 
 __all__ = ["keep_level", "settle", "settle_on", "settle_on_lanes"]
-
-G: Final = 9.80665
-"""Acceleration of free fall, as in `sensors` [m/s^2]."""
 
 
 def settle(arrays: EntityArrays, roads: Roads, rows: IntArray, z: FloatArray | None) -> None:
@@ -91,7 +86,7 @@ def _lean(arrays: EntityArrays, rows: IntArray, ground: Ground) -> None:
     if len(is_ego):
         egos = rows[is_ego]
         arrays.ground_pitch[egos], arrays.ground_roll[egos] = pitch[is_ego], roll[is_ego]
-        arrays.grade[egos] = G * np.sin(pitch[is_ego])
+        arrays.grade[egos] = GRAVITY * np.sin(pitch[is_ego])
         pitch[is_ego] += arrays.lean_pitch[egos]
         roll[is_ego] += arrays.lean_roll[egos]
     arrays.pitch[rows], arrays.roll[rows] = pitch, roll

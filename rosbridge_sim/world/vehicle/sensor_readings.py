@@ -42,12 +42,10 @@ from rosbridge_sim.world.geometry.planar import (
     rotate_back,
     wrap_angle,
 )
+from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.state.world import DT, Dynamics, World
 
-__all__ = ["GRAVITY", "Boxes", "Inertia", "Mounting", "feel", "find_boxes", "locate"]
-
-GRAVITY: Final = 9.80665
-"""The standard acceleration of free fall [m/s^2] (CGPM 1901); maps do not give their own."""
+__all__ = ["Boxes", "Inertia", "Mounting", "feel", "find_boxes", "locate"]
 
 STEER_ROUNDING: Final = 1e-9
 """The most that rounding can add to the turn of the wheels in one step [rad]."""

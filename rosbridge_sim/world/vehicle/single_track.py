@@ -61,13 +61,11 @@ import math
 from collections.abc import Sequence
 from typing import Final, Generic, NamedTuple
 
+from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.vehicle import stability
 from rosbridge_sim.world.vehicle.operators import Operators, V
 
 __all__ = ["BLEND_FROM", "BLEND_TO", "Car", "advance", "make_car"]
-
-G: Final = 9.80665
-"""Acceleration of free fall [m/s^2]."""
 
 SHAPE: Final = 1.35
 """C of the magic formula: between 1.3, Pacejka's value for lateral force, and 1.4; the force of a sliding tyre is 85 %
@@ -196,7 +194,7 @@ def make_car(do: Operators[V], body: Sequence[V], limits: Sequence[V], dt: float
     wheelbase, steer_rate, _, max_decel, rolling, _ = limits
     to_rear = front_load * wheelbase
     to_front = wheelbase - to_rear
-    front_rest, rear_rest = G * front_load, G * (1.0 - front_load)
+    front_rest, rear_rest = GRAVITY * front_load, GRAVITY * (1.0 - front_load)
     to_axles = to_front, to_rear
     control = stability.make_control(to_axles, dynamic_index, (front_stiffness, rear_stiffness)) if is_stable else None
     return Car(
@@ -378,7 +376,7 @@ def _load(  # noqa: PLR0917 - keywords would take a tenth of the time
         reserve: forces across both axles that braking must leave [N/kg]; None without stability control.
     """
     least, most = do.least, do.most
-    along = (SHARE_OF_GRIP * G) * grip
+    along = (SHARE_OF_GRIP * GRAVITY) * grip
     braking = least(braking, along)
     slowing = do.pick(u, braking, -braking)
     moved = car.transfer * (most(least(push, along), -along) - slowing)
@@ -392,10 +390,10 @@ def _load(  # noqa: PLR0917 - keywords would take a tenth of the time
     front_push = most(least(car.front_drive * push, front_most), -front_most)
     rear_push = most(least(push - car.front_drive * push, rear_most), -rear_most)
     if reserve is None:
-        slowing = slowing * (1.0 / G)
+        slowing = slowing * (1.0 / GRAVITY)
         front_slowing, rear_slowing = slowing * front_load, slowing * rear_load
     else:
-        rear_slowing = most(least(slowing * (1.0 / G) * rear_load, rear_most), -rear_most)
+        rear_slowing = most(least(slowing * (1.0 / GRAVITY) * rear_load, rear_most), -rear_most)
         front_slowing = most(least(slowing - rear_slowing, front_most), -front_most)
         braking = do.magnitude(front_slowing + rear_slowing)
     front_along = most(least(front_push - front_slowing, front_most), -front_most)

@@ -27,12 +27,10 @@ from __future__ import annotations
 
 from typing import Final, Generic, NamedTuple
 
+from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.vehicle.operators import Operators, V
 
 __all__ = ["FRONT_RESERVE", "REAR_RESERVE", "YawControl", "correct", "make_control", "share_along"]
-
-G: Final = 9.80665
-"""Acceleration of free fall [m/s^2]."""
 
 RESERVE: Final = 1.25
 """Grip that is kept across, for each newton that an axle carries across. A tyre needs more slip, and so time, for more
@@ -85,7 +83,7 @@ def make_control(to_axles: tuple[V, V], dynamic_index: V, stiffness: tuple[V, V]
     (to_front, to_rear), (front, rear) = to_axles, stiffness
     wheelbase = to_front + to_rear
     lever = HALF_TRACK * wheelbase / (dynamic_index * to_front * to_rear)
-    return YawControl(wheelbase, (1.0 / front - 1.0 / rear) * (1.0 / G), lever)
+    return YawControl(wheelbase, (1.0 / front - 1.0 / rear) * (1.0 / GRAVITY), lever)
 
 
 def correct(do: Operators[V], control: YawControl[V], grip: V, motion: tuple[V, V], turned: V) -> tuple[V, V]:
@@ -98,13 +96,13 @@ def correct(do: Operators[V], control: YawControl[V], grip: V, motion: tuple[V, 
     """
     least, most = do.least, do.most
     u, r = motion
-    bound = G * grip / most(do.magnitude(u), MIN_SPEED)
+    bound = GRAVITY * grip / most(do.magnitude(u), MIN_SPEED)
     wanted = u * turned / (control.wheelbase + most(control.understeer, 0.0) * (u * u))
     wanted = most(least(wanted, bound), -bound)
     # Too much to the left is above the greater one of the wanted rate and straight on, to the right below the lesser.
     left = most(r - most(wanted, 0.0) - DEADBAND, 0.0)
     right = most(least(wanted, 0.0) - r - DEADBAND, 0.0)
-    force = least((GAIN / control.lever) * (left + right), (SIDE_SHARE * G) * grip)
+    force = least((GAIN / control.lever) * (left + right), (SIDE_SHARE * GRAVITY) * grip)
     return do.pick(right, force, -force) * control.lever, force
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from typing import Final, Literal, NamedTuple
 
+from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.state.world import Dynamics, World
-from rosbridge_sim.world.vehicle.sensor_readings import GRAVITY
 
 __all__ = ["NO_TYRES", "TyreReading", "read_tyres"]
 

@@ -11,7 +11,8 @@ from pyproj import Proj
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.maps.mgeo import NO_PROJECTION
 from rosbridge_sim.world.state import placement
-from rosbridge_sim.world.vehicle.sensor_readings import GRAVITY, Mounting, feel
+from rosbridge_sim.world.state.entity_types import GRAVITY
+from rosbridge_sim.world.vehicle.sensor_readings import Mounting, feel
 from tests.simulator.sim_harness import ALL, Client, SimHarness, rates
 from tests.support import ROOT
 

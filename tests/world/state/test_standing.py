@@ -14,10 +14,11 @@ from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.surface import Surface
 from rosbridge_sim.world.scoring import read_score
 from rosbridge_sim.world.state.commands import command, shift
+from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.state.placement import place_ghost, teleport
 from rosbridge_sim.world.state.world import DT, Body, Dynamics, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.vehicle.sensor_readings import GRAVITY, Mounting, feel
+from rosbridge_sim.world.vehicle.sensor_readings import Mounting, feel
 from tests.world.road_factory import CAR, built_in, line, make
 
 MAN = Body.box(0.45, 0.55, 1.7)

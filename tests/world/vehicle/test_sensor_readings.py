@@ -9,9 +9,10 @@ import pytest
 
 from rosbridge_sim.world.geometry.planar import FloatArray, quaternion, rotate
 from rosbridge_sim.world.state import commands, placement
+from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.state.world import DT, Body, Kind, Mode, World
 from rosbridge_sim.world.step import step
-from rosbridge_sim.world.vehicle.sensor_readings import GRAVITY, Mounting, _yaw_accel, feel, find_boxes, locate
+from rosbridge_sim.world.vehicle.sensor_readings import Mounting, _yaw_accel, feel, find_boxes, locate
 
 CAR = Body()
 # No drag and no patience: so that circles and ways have closed forms.

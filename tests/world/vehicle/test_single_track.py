@@ -17,13 +17,13 @@ import pytest
 from rosbridge_sim.scenarios.catalogue import CATALOGUE
 from rosbridge_sim.world.state.commands import command, release, shift
 from rosbridge_sim.world.state.control_columns import JERK_LIMIT
-from rosbridge_sim.world.state.entity_types import ROAD_FRICTION
+from rosbridge_sim.world.state.entity_types import GRAVITY, ROAD_FRICTION
 from rosbridge_sim.world.state.placement import set_speed, teleport
 from rosbridge_sim.world.state.world import DT, Body, Dynamics, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from rosbridge_sim.world.vehicle import dynamics
 from rosbridge_sim.world.vehicle.dynamics import drive
-from rosbridge_sim.world.vehicle.sensor_readings import GRAVITY, Mounting, feel
+from rosbridge_sim.world.vehicle.sensor_readings import Mounting, feel
 from rosbridge_sim.world.vehicle.single_track import BRAKE_LAG, THROTTLE_LAG
 from rosbridge_sim.world.vehicle.tyre_readings import NO_TYRES, read_tyres
 from tests.world.driven_cars import CAR, pedals, speeds

@@ -12,9 +12,9 @@ import pytest
 from rosbridge_sim.scenarios.catalogue import find_model
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.state.commands import command
+from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.state.world import DT, Body, Dynamics, Kind, Mode, World
 from rosbridge_sim.world.vehicle.dynamics import drive
-from rosbridge_sim.world.vehicle.sensor_readings import GRAVITY
 from rosbridge_sim.world.vehicle.stability import correct, make_control, share_along
 from tests.world.driven_cars import CAR
 
