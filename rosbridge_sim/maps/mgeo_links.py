@@ -21,6 +21,7 @@ from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.road_map import Border
 from rosbridge_sim.units import KMH_TO_MPS
 from rosbridge_sim.world.geometry.planar import FloatArray, nearest_on_polyline
+from rosbridge_sim.world.roads.road_places import MAX_EDGE
 from rosbridge_sim.world.roads.roads import Roads
 
 __all__ = [
@@ -45,9 +46,6 @@ MAX_MAP_COORDINATE: Final = 1e7
 
 LANE_WIDTH: Final = 3.5
 """Width of a lane that gives none, as in MGeo [m]."""
-
-MAX_BORDER: Final = 20.0
-"""Largest distance from a lane's line to its edge [m]; a farther edge belongs to another lane."""
 
 NO_ROADS: Final = frozenset(
     {"biking", "border", "curb", "median", "rail", "restricted", "shoulder", "sidewalk", "tram", "walking"}
@@ -343,7 +341,7 @@ def _edge(
         across = (away * normal).sum(axis=1)
         along = np.abs(away[:, 1] * normal[:, 0] - away[:, 0] * normal[:, 1])
         # Only a mark beside the point counts, not the end of a mark that begins farther along.
-        is_beside = (across > 0.0) & (along < 0.5 * across) & (across <= MAX_BORDER)
+        is_beside = (across > 0.0) & (along < 0.5 * across) & (across <= MAX_EDGE)
         is_nearer = is_beside & (across < best)
         best[is_nearer] = across[is_nearer]
         start, end = mark[near.segment], mark[near.segment + 1]

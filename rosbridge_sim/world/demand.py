@@ -1,6 +1,6 @@
 """Demand: places on lanes where vehicles may appear, and whether there is room now.
 
-Other modules decide when a vehicle appears; see `morai.traffic`.
+Other modules decide when a vehicle appears; see `simulator.sim_services.traffic_demand`.
 """
 
 from __future__ import annotations

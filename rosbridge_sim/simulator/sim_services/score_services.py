@@ -4,7 +4,7 @@ The world keeps scores from the first request until its reset. A request is a su
 service, or `--score` at the start. Subscribers of all topics (far bridges, recorders) make no request; they get the
 topic once it is there. After a reset, scores begin again at frame 0 with `--score`, or if the topic has a subscriber.
 
-The component holds no state: the figures are columns of the world. What they mean is in `world.score`.
+The component holds no state: the figures are columns of the world. What they mean is in `world.scoring`.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ An ego that is stopped or thrown back by a model of our own would surprise every
 episode.
 
 *How it is exact at any speed.* Within a step the boxes slide along the straight line from where they stood to where
-they stand, with the heading that they have at the end; `geometry.do_boxes_meet` decides for the whole line at once. If
+they stand, with the heading that they have at the end; `planar.do_boxes_meet` decides for the whole line at once. If
 a box turns so much that a corner strays by more than `GRAIN`, the step is cut into smaller pieces. So the end of a step
 is judged exactly, and the rest of it to `GRAIN`. Heights are judged coarsely, by all that a body passes in the step; on
 a slope from its lowest to its highest end.

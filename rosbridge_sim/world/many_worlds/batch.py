@@ -233,7 +233,7 @@ class Batch(World):
         has_new_rows: the number of rows of a world has changed.
 
     Args:
-        like: a world like all those of the batch; see `key_of`.
+        like: a world like all those of the batch, as `world_set` finds them.
         num: slots to begin with.
     """
 
@@ -261,7 +261,7 @@ class Batch(World):
     # -- its worlds
 
     def add(self, world: OneOfMany) -> None:
-        """Take a world in; `key_of` must be that of the others."""
+        """Take a world in; it must be like the others."""
         if None not in self.worlds:
             self._lay_out(self.blocks[0].shape[1], 2 * len(self.worlds))
         slot = self.worlds.index(None)

@@ -9,10 +9,10 @@ import numpy as np
 
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 
-__all__ = ["LanePlace", "find_lane", "is_on_road", "place_on_lane"]
+__all__ = ["MAX_EDGE", "LanePlace", "find_lane", "is_on_road", "place_on_lane"]
 
 MAX_EDGE: Final = 20.0
-"""No edge of a lane is farther from its line [m]; `Roads.border` holds distances of the map, which are at most this."""
+"""No edge of a lane is farther from its line [m]: readers of maps take a farther one for that of another lane."""
 
 MAX_BEYOND_END: Final = 0.5
 """A place at most this far beyond the end of a lane is still on it [m]: lines of maps end a little early."""

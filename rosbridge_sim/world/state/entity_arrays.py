@@ -1,7 +1,7 @@
 """The arrays of the world: one block of memory for each type of number, with one line in it for each quantity (column).
 
 One block has three advantages. Quantities that are read together lie together. `digest` and `snapshot` copy the whole
-block, so they cannot forget a quantity. A run of neighbouring entities is a plain slice for numpy. `state.World` owns
+block, so they cannot forget a quantity. A run of neighbouring entities is a plain slice for numpy. `world.World` owns
 the arrays and says who may write them.
 """
 

@@ -1,6 +1,6 @@
 """Kinds of entities, gears, control modes, bodies, and the bounds of all numbers.
 
-`state` re-exports these names; import them from there.
+`world` beside it exports those that other rooms use most.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ class Body:
     drag: float = 0.00135
     speed_mode_accel: float = 3.0
     speed_mode_decel: float = 6.0
-    # Not shown by `repr`, and so no part of labels (`state.label_of`): digests of the kinematic model never change.
+    # Not shown by `repr`, and so no part of labels (`labels.label_of`): digests of the kinematic model never change.
     mass: float = field(default=1450.0, repr=False)
     front_load: float = field(default=0.59, repr=False)
     cg_height: float = field(default=0.537, repr=False)

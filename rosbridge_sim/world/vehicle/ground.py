@@ -12,6 +12,7 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.geometry.segment_search import BESIDE
+from rosbridge_sim.world.roads.road_places import MAX_EDGE
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.entity_types import ROAD_FRICTION
 from rosbridge_sim.world.state.world import World
@@ -27,9 +28,6 @@ INTERVAL: Final = 5
 NEAR_LIMIT: Final = 3.0
 """A row uses its grip when its acceleration is above this, or its brake pedal could make it so [m/s^2]. It is half of
 what the ground beside roads can give: below, the two kinds of ground change the path by a few per cent."""
-
-MAX_EDGE: Final = 20.0
-"""No edge is farther from its lane's line [m]; `morai.maps` takes no farther one for the lane's own."""
 
 
 def find_friction(world: World, rows: IntArray) -> None:

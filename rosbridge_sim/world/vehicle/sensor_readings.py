@@ -57,7 +57,7 @@ class Mounting:
 
     Attributes:
         x, y, z: forward, left and up of the middle of the rear axle on the ground [m].
-        roll, pitch, yaw: orientation in the vehicle's frame, as for `geometry.quaternion` [rad].
+        roll, pitch, yaw: orientation in the vehicle's frame, as for `planar.quaternion` [rad].
     """
 
     x: float = 0.0

@@ -1,6 +1,6 @@
 """The contract with the `rosbags` library: what we use of it beyond its documented interface is there and behaves.
 
-A new version of the library is tried by running this file, `test_bag.py`, `test_repair.py`, `test_recording.py`,
+A new version of the library is tried by running this file, `test_bag.py`, `test_repair.py`, `test_bag_recorder.py`,
 `test_recordings.py` and `tests/schema/definitions/test_standard.py` with it. If they pass, it joins `TRIED`.
 """
 

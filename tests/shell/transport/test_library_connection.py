@@ -44,7 +44,7 @@ CLOSE = frame(Opcode.CLOSE, b"\x03\xe8")
 
 
 class NotifyingReceiver(PausingReceiver):
-    """An `Ear` that tells when it has heard something."""
+    """A `PausingReceiver` that tells when it has heard something."""
 
     def __init__(self, socket: LibraryConnection, heard: list[bytes], num_a_turn: int) -> None:
         super().__init__(socket, heard, num_a_turn)
