@@ -21,7 +21,7 @@ from rosbridge_sim.schema.plain_values import plain_message
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import Texts
 from rosbridge_sim.simulator.replays.object_list_decoder import LAYOUT, decode_object_lists
-from rosbridge_sim.simulator.replays.recorded_drive import Recording, digest_of
+from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recorded_plans import MAX_PLAN_BYTES, PLAN_TYPES, RecordedPlan
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 
@@ -72,7 +72,7 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
                     raise DocumentError(f"{path.name}: a message does not fit its type: {what}") from None
         plans = _read_plans(bag, path, start_ns or 0, texts, breathe, reading=reading) if chosen else ()
     recording = replace(reading.finish(), plans=plans)
-    digest_of(recording)  # kept with it: later it would keep the event loop waiting
+    _ = recording.digest  # kept with it: later it would keep the event loop waiting
     return recording
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property
 from hashlib import blake2b
 from typing import Final
 
@@ -31,7 +31,6 @@ __all__ = [
     "Recording",
     "actor_from_plain",
     "actor_to_plain",
-    "digest_of",
     "from_plain",
     "to_plain",
 ]
@@ -171,7 +170,7 @@ class RecordedMoment:
     values: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)  # without slots, because the digest is kept
 class Recording:
     """A recorded drive.
 
@@ -203,6 +202,19 @@ class Recording:
     def duration_ns(self) -> int:
         """Time from the first stamp to the last [ns]; an empty recording has none."""
         return int(max(stamps[-1] for stamps in self._stamps())) - self.start_ns
+
+    @cached_property
+    def digest(self) -> bytes:
+        """16 bytes that stand for the tracks; those of large ones take a while, so the thread that reads asks first."""
+        state = blake2b(repr((self.name, list(self.egos))).encode(), digest_size=16)
+        for track in self.egos.values():
+            state.update(track.stamps.tobytes())
+            state.update(track.values.tobytes())
+        if self.objects is not None:
+            state.update(repr(self.objects.actors).encode())
+            for column in (self.objects.stamps, self.objects.starts, self.objects.actor_indices, self.objects.values):
+                state.update(column.tobytes())
+        return state.digest()
 
     def moment(self, since_ns: int) -> RecordedMoment:
         """Return the state at a moment. A track that begins later shows its first entry.
@@ -287,21 +299,6 @@ def actor_from_plain(data: PlainData) -> Actor:
     if kind == Kind.EGO:
         raise ValueError("recording: expected an object, no ego")
     return Actor(uid, Kind(kind), name, size)
-
-
-@lru_cache(maxsize=2)
-def digest_of(recording: Recording) -> bytes:
-    """Return 16 bytes that stand for a recording's tracks; large ones take a while, so the thread that reads asks."""
-    state = blake2b(repr((recording.name, list(recording.egos))).encode(), digest_size=16)
-    for track in recording.egos.values():
-        state.update(track.stamps.tobytes())
-        state.update(track.values.tobytes())
-    objects = recording.objects
-    if objects is not None:
-        state.update(repr(objects.actors).encode())
-        for column in (objects.stamps, objects.starts, objects.actor_indices, objects.values):
-            state.update(column.tobytes())
-    return state.digest()
 
 
 def _check_track(stamps: IntArray, values: FloatArray, num_columns: int, num: int) -> None:

@@ -24,7 +24,7 @@ from rosbridge_sim.simulator.replays.playback_actors import ALL_TARGETS
 from rosbridge_sim.simulator.replays.process import ReplayProcess
 from rosbridge_sim.simulator.replays.process_service import ProcessService
 from rosbridge_sim.simulator.replays.process_status import ProcessStatus
-from rosbridge_sim.simulator.replays.recorded_drive import Recording, digest_of, from_plain, to_plain
+from rosbridge_sim.simulator.replays.recorded_drive import Recording, from_plain, to_plain
 from rosbridge_sim.simulator.replays.recording_builder import Recordings
 from rosbridge_sim.simulator.replays.replay_info import ReplayInfoPublisher
 from rosbridge_sim.simulator.replays.replay_status import ReplayStatus
@@ -110,7 +110,7 @@ class Replay(Component):
         if self._process.state not in {ReplayState.REPLAYING, ReplayState.AT_END}:
             return None
         recording = self._playback.recording
-        return RecordingKey(recording.name, digest_of(recording))
+        return RecordingKey(recording.name, recording.digest)
 
     @property
     def recording(self) -> Recording:

@@ -35,7 +35,7 @@ from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode
 from rosbridge_sim.simulator.plain.reading import Reader, read_while_held
 from rosbridge_sim.simulator.plain.snapshot_bytes import OwnBytes, OwnKey, SnapshotHead, pack, unpack
-from rosbridge_sim.simulator.replays.recorded_drive import Recording, digest_of
+from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Recordings
 from rosbridge_sim.simulator.replays.replay import RecordingKey, Replay
 from rosbridge_sim.simulator.scene.load import Library, MapKey
@@ -427,7 +427,7 @@ class Snapshots(Component):
         def add() -> None:
             if isinstance(outcome, DocumentError):
                 raise outcome
-            if digest_of(outcome) != key.digest:
+            if outcome.digest != key.digest:
                 raise DocumentError(f"recording: {key.name} is another one than that of the snapshot")
             restoration.recording = outcome
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from types import SimpleNamespace as Struct
 from typing import Any
+from weakref import ref
 
 import numpy as np
 import pytest
@@ -193,6 +194,16 @@ def test_recording_without_messages_is_empty() -> None:
     builder = reading()
     builder.take_ego(0, ego(math.nan), both(1))
     assert builder.finish().is_empty
+
+
+def test_recording_is_held_by_nothing_after_its_digest_was_asked_for() -> None:
+    builder = reading()
+    builder.take_ego(0, ego(1.0), both(1))
+    recording = builder.finish()
+    assert recording.digest == recording.digest
+    held = ref(recording)
+    del recording
+    assert held() is None
 
 
 def test_recording_beyond_the_limit_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
