@@ -10,8 +10,8 @@ from rosbridge_sim.version import __version__
 if TYPE_CHECKING:
     from rosbridge_sim.errors import DocumentError, RosbridgeSimError, SettingError
     from rosbridge_sim.shell.app import AddressError, Simulator
+    from rosbridge_sim.shell.clocks.scheduler import WorldFailedError
     from rosbridge_sim.shell.config.options import SimulatorOptions
-    from rosbridge_sim.shell.scheduler import WorldFailedError
     from rosbridge_sim.worlds.worlds import Worlds
 
 __all__ = [
@@ -33,7 +33,7 @@ _MODULES = {
     "SettingError": "rosbridge_sim.errors",
     "Simulator": "rosbridge_sim.shell.app",
     "SimulatorOptions": "rosbridge_sim.shell.config.options",
-    "WorldFailedError": "rosbridge_sim.shell.scheduler",
+    "WorldFailedError": "rosbridge_sim.shell.clocks.scheduler",
     "Worlds": "rosbridge_sim.worlds.worlds",
 }
 """Module of each public name."""

@@ -26,7 +26,7 @@ from scripts.docs_pages.environments import write_environments  # noqa: E402
 from scripts.docs_pages.fields import write_fields  # noqa: E402
 from scripts.docs_pages.flags import write_flags  # noqa: E402
 from scripts.docs_pages.learning_curve import draw_learning_curve  # noqa: E402
-from scripts.docs_pages.rooms import PACKAGE_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS, draw_rooms  # noqa: E402
+from scripts.docs_pages.rooms import PACKAGE_ROOMS, SHELL_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS, draw_rooms  # noqa: E402
 from scripts.docs_pages.sync_mode import draw_states, write_table  # noqa: E402
 
 __all__ = ["DOCS", "GENERATED", "find_outdated"]
@@ -45,6 +45,7 @@ GENERATED: Final[dict[str, Callable[[], str]]] = {
     "images/barrier.svg": draw_barrier,
     "images/learning_curve.svg": draw_learning_curve,
     "images/rooms.svg": lambda: draw_rooms(ROOT / "rosbridge_sim", PACKAGE_ROOMS),
+    "images/rooms_shell.svg": lambda: draw_rooms(ROOT / "rosbridge_sim", SHELL_ROOMS),
     "images/rooms_simulator.svg": lambda: draw_rooms(ROOT / "rosbridge_sim", SIMULATOR_ROOMS),
     "images/rooms_world.svg": lambda: draw_rooms(ROOT / "rosbridge_sim", WORLD_ROOMS),
 }

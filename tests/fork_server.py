@@ -52,7 +52,7 @@ _MODULES = (
     "rosbridge_sim.serving",
     "rosbridge_sim.shell.attach",
     "rosbridge_sim.shell.bags.bag_recorder",
-    "rosbridge_sim.shell.map_picture",
+    "rosbridge_sim.shell.drawing.map_picture",
     "tests.far_side.server",
     "uvloop",
     "twisted.internet.endpoints",  # of roslibpy; what chooses an event loop is not among them

@@ -24,7 +24,7 @@ from rosbridge_sim.shell import app
 from rosbridge_sim.shell.assembly import make_simulator_node
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files import library
-from rosbridge_sim.shell.message_types import MessageTypes
+from rosbridge_sim.shell.files.message_types import MessageTypes
 from rosbridge_sim.shell.page.web_page import page_files
 from rosbridge_sim.simulator.simulator_node import SimulatorNode
 

@@ -25,6 +25,7 @@ from scripts.docs_pages.fields import SERVER_TOPICS, FieldRow, read_fields
 from scripts.docs_pages.rooms import (
     LETTER,
     PACKAGE_ROOMS,
+    SHELL_ROOMS,
     SIMULATOR_ROOMS,
     WORLD_ROOMS,
     Picture,
@@ -227,7 +228,7 @@ def test_topic_with_the_type_name_of_a_service_shows_fields_of_the_message(name:
     assert "(response)" not in topics
 
 
-@pytest.mark.parametrize("picture", [PACKAGE_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS])
+@pytest.mark.parametrize("picture", [PACKAGE_ROOMS, SHELL_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS])
 def test_arrows_between_rooms_are_those_that_are_permitted(picture: Picture) -> None:
     def name(room: str) -> str:  # as the picture has it
         inside = room.removeprefix(picture.folder).lstrip(".")
@@ -239,7 +240,7 @@ def test_arrows_between_rooms_are_those_that_are_permitted(picture: Picture) -> 
     assert read_arrows(ROOT / "rosbridge_sim", picture) == shown
 
 
-@pytest.mark.parametrize("picture", [PACKAGE_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS])
+@pytest.mark.parametrize("picture", [PACKAGE_ROOMS, SHELL_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS])
 def test_words_about_a_room_are_within_its_box(picture: Picture) -> None:
     drawing = draw_rooms(ROOT / "rosbridge_sim", picture)
     boxes = re.findall(r'<rect x="\S+" y="(\S+)" width="(\S+)" height="(\S+)".*/>\n((?:<text.*\n?)+)', drawing)
@@ -253,7 +254,7 @@ def test_words_about_a_room_are_within_its_box(picture: Picture) -> None:
 def test_pictures_show_all_rooms() -> None:
     folders = {path.parent.name for path in (ROOT / "rosbridge_sim").glob("*/__init__.py")}
     assert PACKAGE_ROOMS.rooms.keys() == folders
-    for picture in (SIMULATOR_ROOMS, WORLD_ROOMS):
+    for picture in (SHELL_ROOMS, SIMULATOR_ROOMS, WORLD_ROOMS):
         there = {room.partition(".")[2] for room in ARROWS if room.startswith(f"{picture.folder}.")}
         assert picture.rooms.keys() == {".", *there}
 

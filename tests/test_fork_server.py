@@ -101,7 +101,7 @@ def test_traceback_of_a_program_goes_to_its_stderr() -> None:
 
 REFUSING = """
 import asyncio
-from rosbridge_sim.shell import message_types
+from rosbridge_sim.shell.files import message_types
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.page import web_page

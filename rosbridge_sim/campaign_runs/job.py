@@ -26,7 +26,7 @@ from rosbridge_sim.scenarios.scenario_reader import read_scenario
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.toml_text import read_toml
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.shell.message_types import MessageTypes
+from rosbridge_sim.shell.files.message_types import MessageTypes
 
 __all__ = ["Job", "LoadedJob", "load_callable", "open_job", "read_job"]
 

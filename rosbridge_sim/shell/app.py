@@ -41,28 +41,28 @@ from rosbridge_sim.shell.assembly import (
     start_worker,
 )
 from rosbridge_sim.shell.bags.recordings import DiskRecordings
+from rosbridge_sim.shell.clocks.scheduler import Clock, Scheduler
 from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.drawing.sensor_thread import SensorThread
 from rosbridge_sim.shell.files.access_rights import is_writable, why_not_writable
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary
+from rosbridge_sim.shell.files.message_types import MessageTypes, read_types
+from rosbridge_sim.shell.files.port_file import PortFile
 from rosbridge_sim.shell.files.quota import DataQuota, in_thread
 from rosbridge_sim.shell.files.thread_reader import ThreadReader
-from rosbridge_sim.shell.map_page import MapPage
-from rosbridge_sim.shell.message_types import MessageTypes, read_types
 from rosbridge_sim.shell.monitoring.descriptors import DescriptorWatch
 from rosbridge_sim.shell.monitoring.log_limits import LineLimiter
 from rosbridge_sim.shell.monitoring.masking import mask_of
 from rosbridge_sim.shell.monitoring.metrics import Metrics
 from rosbridge_sim.shell.monitoring.refusal_log import RefusalLog
 from rosbridge_sim.shell.monitoring.server_topics import ServerTopics
+from rosbridge_sim.shell.page.map_page import MapPage
 from rosbridge_sim.shell.page.page_address import open_browser, page_urls
 from rosbridge_sim.shell.page.type_files import TypeFiles
 from rosbridge_sim.shell.page.web_page import WebPage
-from rosbridge_sim.shell.port_file import PortFile
-from rosbridge_sim.shell.scheduler import Clock, Scheduler
-from rosbridge_sim.shell.sensor_thread import SensorThread
 from rosbridge_sim.shell.websocket.access import load_certificate
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.server import Server

@@ -21,8 +21,10 @@ from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
 from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.scenery.pictures import Weather
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.clocks.wall_clock import WallClock
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.value_types import URLS
+from rosbridge_sim.shell.drawing.sensor_thread import SensorThread
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.shell.files.network_files import DiskNetworks
@@ -32,8 +34,6 @@ from rosbridge_sim.shell.files.rig_file import read_sensors
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
 from rosbridge_sim.shell.monitoring.server_topics import TOPICS, WHO_IS_CONNECTED
 from rosbridge_sim.shell.scenario_shelf import DiskShelf
-from rosbridge_sim.shell.sensor_thread import SensorThread
-from rosbridge_sim.shell.wall_clock import WallClock
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.memory_budget import default_budget

@@ -91,7 +91,7 @@ class FailureReport:
             return
         if scene is None:
             return
-        from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, and only after a failure
+        from rosbridge_sim.shell.drawing.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, and only after a failure
 
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -59,7 +59,7 @@ class DiskShelf:
 
         def draw() -> bytes:
             # Imported here: Pillow takes a tenth of a second, and most servers draw nothing.
-            from rosbridge_sim.shell.map_picture import draw_thumbnail  # noqa: PLC0415
+            from rosbridge_sim.shell.drawing.map_picture import draw_thumbnail  # noqa: PLC0415
 
             road_map = self._library.map(map_name)
             placed = place_on_roads(scenario, road_map.roads)

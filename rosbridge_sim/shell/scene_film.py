@@ -20,10 +20,10 @@ from rosbridge_sim.scenery.pictures import NOBODY
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.assembly import make_simulator_node
 from rosbridge_sim.shell.config.settings import Settings
+from rosbridge_sim.shell.drawing.sensor_makers import make_makers
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 from rosbridge_sim.shell.files.rig_file import read_sensors
 from rosbridge_sim.shell.rendering.unavailable import RenderingUnavailableError
-from rosbridge_sim.shell.sensor_makers import make_makers
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 from rosbridge_sim.simulator.replays.replay import Replay
 from rosbridge_sim.simulator.sensors.drawing import Shot, Sight, draw

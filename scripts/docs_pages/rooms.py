@@ -12,7 +12,7 @@ from typing import Final
 
 from scripts.docs_pages.svg import Point, arrow, box, document, text
 
-__all__ = ["PACKAGE_ROOMS", "SIMULATOR_ROOMS", "WORLD_ROOMS", "Picture", "draw_rooms", "read_arrows"]
+__all__ = ["PACKAGE_ROOMS", "SHELL_ROOMS", "SIMULATOR_ROOMS", "WORLD_ROOMS", "Picture", "draw_rooms", "read_arrows"]
 
 PACKAGE: Final = "rosbridge_sim"
 
@@ -81,6 +81,26 @@ SIMULATOR_ROOMS: Final = Picture(
     },
     (1000, 860),
     "Rooms of the simulator; an arrow leads from a room to a room that it imports",
+)
+
+SHELL_ROOMS: Final = Picture(
+    "shell",
+    {
+        ".": ((40, 30), (1040, 80), "app builds a server from settings, assembly its parts; attach dials bridges"),
+        "monitoring": ((40, 150), (330, 80), "log, metrics, refusals, topics about clients"),
+        "drawing": ((390, 150), (200, 80), "a process that draws; maps"),
+        "bags": ((610, 150), (180, 80), "recordings on the disk"),
+        "ros2": ((810, 150), (270, 80), "a node on the graph of ROS 2"),
+        "websocket": ((40, 270), (330, 80), "the server, and the connections of its clients"),
+        "rendering": ((390, 270), (200, 80), "OpenGL, Embree, JPEG"),
+        "files": ((610, 270), (300, 80), "files of the user and of clients"),
+        "transport": ((40, 390), (155, 80), "bytes of a socket"),
+        "page": ((215, 390), (155, 80), "files of the page"),
+        "config": ((610, 390), (300, 80), "settings: flags, variables, a file"),
+        "clocks": ((930, 390), (150, 80), "time of day, timers"),
+    },
+    (1120, 500),
+    "Rooms of the shell; an arrow leads from a room to a room that it imports",
 )
 
 WORLD_ROOMS: Final = Picture(

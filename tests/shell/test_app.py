@@ -23,11 +23,11 @@ from rosbridge_sim.client import Client, ServiceRefusedError
 from rosbridge_sim.errors import SettingError
 from rosbridge_sim.shell.app import AddressError
 from rosbridge_sim.shell.assembly import list_items
+from rosbridge_sim.shell.clocks.scheduler import WorldFailedError
 from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.shell.config.options import SimulatorOptions
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.config.toml_output import format_config
-from rosbridge_sim.shell.scheduler import WorldFailedError
 from tests.conftest import Connect
 from tests.graph.bus_fixture import Wire
 from tests.support import PATIENCE, ROOT

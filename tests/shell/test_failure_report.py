@@ -56,7 +56,7 @@ def test_report_changes_nothing_that_a_client_sees(sim: Simulator) -> None:
 def test_last_message_wins_and_the_report_is_bounded(
     sim: Simulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("rosbridge_sim.shell.map_picture.SIZE", 300)  # the picture is not what this is about
+    monkeypatch.setattr("rosbridge_sim.shell.drawing.map_picture.SIZE", 300)  # the picture is not what this is about
     report = FailureReport(sim)
     with Client(sim.url) as client:
         for i in range(60):

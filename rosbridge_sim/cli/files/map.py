@@ -52,7 +52,7 @@ def show_maps(names: Sequence[str], picture: str | None, *, is_json: bool, is_st
     if len(folders) == 1:
         account, road_map = _account(folders[0])
         if picture is not None and road_map is not None:
-            from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
+            from rosbridge_sim.shell.drawing.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
 
             left_out = draw_map(road_map, Path(picture))
             if left_out:

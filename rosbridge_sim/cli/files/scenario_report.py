@@ -149,7 +149,7 @@ def _expand(name: str, library: DiskLibrary) -> list[str]:
 
 
 def _draw(scenario: Scenario, road_map: RoadMap | None, path: Path) -> None:
-    from rosbridge_sim.shell.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
+    from rosbridge_sim.shell.drawing.map_picture import draw_map  # noqa: PLC0415 - it needs Pillow, only for pictures
 
     ground = road_map or RoadMap(scenario.map_name or "", Projection(is_tm=False), (0.0, 0.0, 0.0), Roads())
     left_out = draw_map(ground, path, (*scenario.egos, *scenario.vehicles, *scenario.pedestrians, *scenario.obstacles))

@@ -1,1 +1,1 @@
-"""The web page of the server: its files, and its JavaScript modules joined into one file."""
+"""The web page of the server: its files, its JavaScript modules joined into one file, and the map that it draws."""

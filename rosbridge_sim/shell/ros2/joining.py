@@ -12,10 +12,10 @@ from rosbridge_sim.graph.ros2.gateway import PERIOD, Ros2Gateway
 from rosbridge_sim.graph.ros2.quality import read_choice
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.clocks.scheduler import Scheduler
 from rosbridge_sim.shell.config.settings import Settings
 from rosbridge_sim.shell.files.definitions import Texts
 from rosbridge_sim.shell.ros2.ros2_node import Ros2Choices, Ros2Node
-from rosbridge_sim.shell.scheduler import Scheduler
 
 __all__ = ["JoinedRos2", "join_ros2"]
 

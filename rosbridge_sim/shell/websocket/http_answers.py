@@ -10,7 +10,7 @@ from http import HTTPStatus
 from websockets.asyncio.server import ServerConnection
 from websockets.http11 import Request, Response
 
-from rosbridge_sim.shell.map_page import MapText
+from rosbridge_sim.shell.page.map_page import MapText
 from rosbridge_sim.shell.page.page_file import PageFile
 from rosbridge_sim.version import __version__
 

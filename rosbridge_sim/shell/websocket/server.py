@@ -34,7 +34,7 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.link.library_log import quiet
-from rosbridge_sim.shell.map_page import MapText
+from rosbridge_sim.shell.page.map_page import MapText
 from rosbridge_sim.shell.page.web_page import PATHS, WebPage
 from rosbridge_sim.shell.transport.inflate import (
     LateDeflateFactory,

@@ -14,7 +14,7 @@ from rosbridge_sim.maps.map_formats import read_map
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
-from rosbridge_sim.shell.map_picture import (
+from rosbridge_sim.shell.drawing.map_picture import (
     AGENTS,
     CAR_LIGHT,
     DEAD_END,

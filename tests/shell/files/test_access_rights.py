@@ -53,7 +53,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.bags.bag import open_bag
 from rosbridge_sim.shell.files.access_rights import is_writable
 from rosbridge_sim.shell.files.sensor_data_store import DiskArchive
-from rosbridge_sim.shell.port_file import PortFile
+from rosbridge_sim.shell.files.port_file import PortFile
 import logging
 logging.basicConfig(format="%(message)s", stream=sys.stdout)
 folder = Path(sys.argv[1])

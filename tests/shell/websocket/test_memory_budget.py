@@ -14,7 +14,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
-from rosbridge_sim.shell.map_page import MapText
+from rosbridge_sim.shell.page.map_page import MapText
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.memory_budget import MemoryBudget, default_budget
 from rosbridge_sim.shell.websocket.server import Server

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from itertools import pairwise
 
-from rosbridge_sim.shell.wall_clock import WallClock
+from rosbridge_sim.shell.clocks.wall_clock import WallClock
 
 SECOND = 1_000_000_000
 DAY = 1_700_000_000 * SECOND

@@ -13,8 +13,8 @@ import pytest
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.scene_frame import take_frame
-from rosbridge_sim.shell.drawing_process import DrawingError, DrawingProcess
-from rosbridge_sim.shell.sensor_makers import make_makers
+from rosbridge_sim.shell.drawing.drawing_process import DrawingError, DrawingProcess
+from rosbridge_sim.shell.drawing.sensor_makers import make_makers
 from rosbridge_sim.simulator.sensors.drawing import Cloud, DrawingJob, Sight, draw
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.sensor_specs import Lidar3dSpec
@@ -125,7 +125,7 @@ def test_process_ends_with_its_parent() -> None:
     """The parent dies without a word; `run` returns when nobody holds its pipe any longer."""
     program = (
         "import os\n"
-        "from rosbridge_sim.shell.drawing_process import DrawingProcess\n"
+        "from rosbridge_sim.shell.drawing.drawing_process import DrawingProcess\n"
         "from rosbridge_sim.simulator.sensors.sensor_specs import Lidar3dSpec\n"
         "process = DrawingProcess()\n"
         "process.open([Lidar3dSpec()])\n"

@@ -12,7 +12,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.scene_frame import take_frame
-from rosbridge_sim.shell.sensor_thread import SensorThread
+from rosbridge_sim.shell.drawing.sensor_thread import SensorThread
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, Makers, Result, Shot, Sight
 from rosbridge_sim.simulator.sensors.lidar_sweep import Motion
 from rosbridge_sim.simulator.sensors.sensor_specs import CameraSpec

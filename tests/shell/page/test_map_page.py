@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim import Simulator
 from rosbridge_sim.client import AsyncClient
-from rosbridge_sim.shell import map_page
+from rosbridge_sim.shell.page import map_page
 from tests.support import PATIENCE
 
 TOKEN = "s3cret"  # noqa: S105 - of these tests

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rosbridge_sim import DocumentError, Simulator
-from rosbridge_sim.shell.port_file import PortFile
+from rosbridge_sim.shell.files.port_file import PortFile
 from tests.conftest import Serve
 from tests.support import PATIENCE, ROOT, read_line
 

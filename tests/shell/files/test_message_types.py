@@ -10,7 +10,7 @@ from rosbridge_sim import Simulator
 from rosbridge_sim.errors import TypeNameError
 from rosbridge_sim.schema.message_type import LateMessageType
 from rosbridge_sim.shell.config.settings import Settings
-from rosbridge_sim.shell.message_types import MessageTypes, read_types
+from rosbridge_sim.shell.files.message_types import MessageTypes, read_types
 
 
 def test_types_are_kept_for_each_release_and_generation_of_ros() -> None:

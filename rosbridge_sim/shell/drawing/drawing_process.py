@@ -41,7 +41,9 @@ MAX_ENDS: Final = 3
 PAUSE: Final = 10.0
 """Time between two starts of a process that keeps ending [s]: a start takes half a second of a core."""
 
-_START: Final = "import sys; sys.path[:] = sys.argv[1:]; from rosbridge_sim.shell.drawing_process import main; main()"
+_START: Final = (
+    "import sys; sys.path[:] = sys.argv[1:]; from rosbridge_sim.shell.drawing.drawing_process import main; main()"
+)
 """The child finds the same modules as its parent. `multiprocessing` would import the user's program once more."""
 
 _log = logging.getLogger("rosbridge_sim.app")
@@ -232,7 +234,7 @@ def main() -> None:
 
 def _serve(requests: IO[bytes], answers: IO[bytes]) -> None:
     # Imported here, because the parent needs no library that draws.
-    from rosbridge_sim.shell.sensor_makers import make_makers  # noqa: PLC0415
+    from rosbridge_sim.shell.drawing.sensor_makers import make_makers  # noqa: PLC0415
 
     makers: Makers = make_makers()
     shared: Sequence[object] = ()

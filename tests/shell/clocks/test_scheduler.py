@@ -17,9 +17,9 @@ from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.store import Store
+from rosbridge_sim.shell.clocks.scheduler import Scheduler
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary
-from rosbridge_sim.shell.scheduler import Scheduler
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.simulator_node import NodeSettings
 from rosbridge_sim.world.state.world import World

@@ -16,7 +16,7 @@ from contextlib import suppress
 from typing import Any, Final, Protocol, TypeAlias
 
 from rosbridge_sim.errors import DocumentError
-from rosbridge_sim.shell.drawing_process import DrawingProcess
+from rosbridge_sim.shell.drawing.drawing_process import DrawingProcess
 from rosbridge_sim.simulator.sensors.drawing import DrawingJob, DrawnSpec, Result
 
 __all__ = ["Drawer", "SensorThread"]
