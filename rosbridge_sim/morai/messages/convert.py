@@ -326,19 +326,15 @@ class Converter:
                 "morai_msgs/CtrlCmd.longlCmdType: expected 1 (throttle), 2 (velocity) or 3 (acceleration),"
                 f" got {command.longlCmdType}"
             )
-        rear_steer = ("rear_steer",) if self._has_rear_steer else ()
-        for name in ("accel", "brake", self.steering, *rear_steer, "velocity", "acceleration"):
-            if not math.isfinite(getattr(command, name)):
-                raise FieldError(f"morai_msgs/CtrlCmd.{name}: expected a finite number, got {getattr(command, name)}")
-        return Control(
-            mode,
-            steer=getattr(command, self.steering),
-            rear_steer=command.rear_steer if self._has_rear_steer else 0.0,
-            throttle=command.accel,
-            brake=command.brake,
-            speed=command.velocity / MPS_TO_KMH,
-            accel=command.acceleration,
-        )
+        steer = getattr(command, self.steering)
+        rear_steer = command.rear_steer if self._has_rear_steer else 0.0
+        throttle, brake, velocity, accel = command.accel, command.brake, command.velocity, command.acceleration
+        if not math.isfinite(throttle + brake + steer + rear_steer + velocity + accel):  # or the sum is too large
+            for name in ("accel", "brake", self.steering, "rear_steer", "velocity", "acceleration"):
+                figure = getattr(command, name, 0.0)
+                if not math.isfinite(figure):
+                    raise FieldError(f"morai_msgs/CtrlCmd.{name}: expected a finite number, got {figure}")
+        return Control(mode, steer, throttle, brake, velocity / MPS_TO_KMH, accel, rear_steer)
 
     # Inside
 

@@ -197,9 +197,12 @@ class Ego:
         Returns:
             The reason, for a person to read; None if the control moves the ego or does not want to.
         """
+        number = self._world.gear.item(self.row)
+        if number == Gear.DRIVE or number == Gear.REVERSE:  # noqa: PLR1714 - asked with each command: a set is slower
+            return None
+        gear = Gear(number)
         wants = {Mode.PEDALS: control.throttle, Mode.SPEED: control.speed, Mode.ACCEL: control.accel}
-        gear = self.gear
-        if gear not in {Gear.PARK, Gear.NEUTRAL} or gear is self._idle_gear or wants[control.mode] <= 0.0:
+        if gear is self._idle_gear or wants[control.mode] <= 0.0:
             return None
         self._idle_gear = gear
         return f"the command moves nothing: ego {self.index} is in gear {gear.name}; shift to 4 (D) or 2 (R) first"

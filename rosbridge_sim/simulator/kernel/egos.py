@@ -73,7 +73,10 @@ class EgoRegistry:
             The ego, or None.
         """
         wanted = FIRST_EGO if unique_id == FIRST_NUMBER else unique_id
-        return next((ego for ego in self._egos if ego.index == wanted), None)
+        for ego in self._egos:  # a generator costs more than the search
+            if ego.index == wanted:
+                return ego
+        return None
 
     def numbers(self) -> set[int]:
         """Return all numbers that mean an ego on the wire; -1 is the first ego too."""

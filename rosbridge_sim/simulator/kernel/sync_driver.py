@@ -326,14 +326,31 @@ class SyncDriver:
                 call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=reason), now)
                 return
             user_id, holder = BARRIER_ID, self._barrier
-        outcome = sync.step(user_id, steps.num_left, holder, now, on_wait=partial(self._calls.append, call))
-        if not outcome.is_accepted:
-            why = sync.why(outcome)
-            call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=outcome.reason), now)
-            return
-        self.take_turns(now)
+        is_done = steps.num_left == 1 and self._gate.is_open and self._step_now(user_id, call, holder, now)
+        if not is_done:
+            outcome = sync.step(user_id, steps.num_left, holder, now, on_wait=partial(self._calls.append, call))
+            if not outcome.is_accepted:
+                why = sync.why(outcome)
+                call.end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=outcome.reason), now)
+                return
+            self.take_turns(now)
         if not call.is_over:
             call.release = self.hold(caller)
+
+    def _step_now(self, user_id: str, call: WaitingCall, holder: object, now: float) -> bool:
+        """Carry out a call for one step at once, without a queue; return false if it has to wait, or is refused."""
+        steps = call.steps
+        try:
+            if not self._sync.step_now(user_id, self._world.frame, holder, now, prepare=steps.before_tick):
+                return False
+        except GraphError as error:
+            self._ended_at = now
+            call.end(TickResult(is_accepted=False, is_paused=self._sync.is_paused, why=str(error)), now)
+        else:
+            steps.after_ticks(1)
+            self._answer(call, TickResult(is_accepted=True, is_paused=False), now)
+        self._end_waits(now)
+        return True
 
     @property
     def has_turn(self) -> bool:

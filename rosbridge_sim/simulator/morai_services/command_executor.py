@@ -62,7 +62,10 @@ class CommandExecutor:
 
     def _find_ego(self, uid: int) -> Ego | None:
         """Return the ego with this id in the world; None if it is gone."""
-        return next((ego for ego in self._context.egos if ego.uid == uid and ego.is_there), None)
+        for ego in self._context.egos:  # a generator costs more than the search
+            if ego.uid == uid and ego.is_there:
+                return ego
+        return None
 
     def _control(self, action: ControlEgo, command: SceneCommand) -> None:
         ego = self._find_ego(action.uid)

@@ -49,33 +49,33 @@ class StopConditions:
     place: tuple[float, float] = (0.0, 0.0)
     within: float = 0.0
 
-    @property
-    def has_any(self) -> bool:
-        """Return whether there is anything to look at."""
-        return self.on_collision or self.on_red_light or self.off_road or self.distance < math.inf or self.within > 0.0
 
-
-def read_conditions(request: Struct) -> StopConditions:
+def read_conditions(request: Struct) -> StopConditions | None:
     """Read the conditions of a request of `/sim/step`.
+
+    Returns:
+        The conditions; None where there is nothing to look at.
 
     Raises:
         FieldError: a number that is none, negative or beyond all bounds.
     """
-    for name, most in (("stop_after_m", MAX_DISTANCE), ("stop_within_m", MAX_DISTANCE)):
-        figure = getattr(request, name)
-        if not 0.0 <= figure <= most:
-            raise FieldError(f"{name}: expected a number of metres from 0 to {most:g}, got {figure}")
-    for name in ("stop_at_x", "stop_at_y"):
-        figure = getattr(request, name)
+    distance, within, x, y = request.stop_after_m, request.stop_within_m, request.stop_at_x, request.stop_at_y
+    for name, figure in (("stop_after_m", distance), ("stop_within_m", within)):
+        if not 0.0 <= figure <= MAX_DISTANCE:
+            raise FieldError(f"{name}: expected a number of metres from 0 to {MAX_DISTANCE:g}, got {figure}")
+    for name, figure in (("stop_at_x", x), ("stop_at_y", y)):
         if not -MAX_COORDINATE <= figure <= MAX_COORDINATE:
             raise FieldError(f"{name}: expected a number within +-{MAX_COORDINATE:g}, got {figure}")
+    has_event = request.stop_on_collision or request.stop_on_red_light or request.stop_off_road
+    if not (has_event or distance or within):
+        return None
     return StopConditions(
         on_collision=request.stop_on_collision,
         on_red_light=request.stop_on_red_light,
         off_road=request.stop_off_road,
-        distance=request.stop_after_m or math.inf,
-        place=(request.stop_at_x, request.stop_at_y),
-        within=request.stop_within_m,
+        distance=distance or math.inf,
+        place=(x, y),
+        within=within,
     )
 
 

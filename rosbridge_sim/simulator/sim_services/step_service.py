@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import Participant, check_reading, explain, may_read, notifier, resolve
@@ -50,8 +50,7 @@ INTERRUPTED: Final = "interrupted"
 """`stopped_by` of a call that another event has ended: a pause, a stop, a reset, the loss of the master."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Commands:
+class _Commands(NamedTuple):
     """The commands of one ego.
 
     Attributes:
@@ -86,8 +85,7 @@ class _Sample:
         return isinstance(self.publisher, PeriodicPublisher) and self.publisher.is_sampled
 
 
-@dataclass(frozen=True, slots=True)
-class _Plan:
+class _Plan(NamedTuple):
     """A request that was read and checked.
 
     Attributes:
@@ -269,32 +267,28 @@ class StepService(Component):
         commands = self._read_commands(request, call)
         samples = self._find_topics(request.topics, call.caller)
         conditions = read_conditions(request)
-        watch = self._watch(conditions) if conditions.has_any else None
+        watch = None if conditions is None else self._watch(conditions)
         return _StepCall(self, call, _Plan(request.n, commands, samples, watch))
 
     def _read_commands(self, request: Any, call: Call) -> list[_Commands]:  # noqa: ANN401 - as above
         egos: dict[Ego, _Commands] = {}
+        name, notify = call.service.name, notifier(call.caller)
         for i, entry in enumerate(request.commands):
-            where = f"commands[{i}]"
             ego = self.context.egos.find(entry.ego)
             if ego is None:
                 there = ", ".join(str(one.index) for one in self.context.egos)
-                raise FieldError(f"{where}.ego: expected the number of an ego, one of {there}; got {entry.ego}")
+                raise FieldError(f"commands[{i}].ego: expected the number of an ego, one of {there}; got {entry.ego}")
             if ego in egos:
-                raise FieldError(f"{where}.ego: ego {ego.index} is named twice")
+                raise FieldError(f"commands[{i}].ego: ego {ego.index} is named twice")
             num = len(entry.commands)
             if num not in {1, request.n}:
-                raise FieldError(f"{where}.commands: expected 1 or n = {request.n} commands, got {num}")
-            egos[ego] = _Commands(ego, [self._read_command(ego, command, call) for command in entry.commands])
+                raise FieldError(f"commands[{i}].commands: expected 1 or n = {request.n} commands, got {num}")
+            read, index, uid = self.context.convert.control, ego.index, ego.uid
+            actions = [ControlEgo(index, uid, read(command), has_capture=False) for command in entry.commands]
+            egos[ego] = _Commands(ego, [SceneCommand(action, name, notify) for action in actions])
             if ego.is_replayed:
-                self.context.warnings.warn(
-                    call.caller, f"{call.service.name}: commands move nothing while a recording is replayed"
-                )
+                self.context.warnings.warn(call.caller, f"{name}: commands move nothing while a recording is replayed")
         return list(egos.values())
-
-    def _read_command(self, ego: Ego, command: Struct, call: Call) -> SceneCommand:
-        action = ControlEgo(ego.index, ego.uid, self.context.convert.control(command), has_capture=False)
-        return SceneCommand(action, call.service.name, notifier(call.caller))
 
     def _find_topics(self, names: Sequence[str], caller: Participant) -> list[_Sample]:
         if len(names) > MAX_TOPICS:

@@ -277,6 +277,24 @@ class Sync(WaitingCommands[C]):
         self._hear(holder, now)
         return self._follow(SyncHappening(SyncEvent.TICK_EARLY, now, self.num_frames, num_ticks, on_wait))
 
+    def step_now(self, user_id: str, frame: int, holder: object, now: float, *, prepare: Callable[[], object]) -> bool:
+        """Carry out one tick of a single frame, if nothing is in its way: what `step` and `take_turn` would do.
+
+        Args:
+            user_id, holder: see `step`.
+            prepare: called before the frame is computed; see `enter`.
+
+        Returns:
+            False if nothing has happened, because the tick has to wait, has more frames or is refused; see `step`.
+        """
+        is_next = self.state is SyncState.LED and self.step_ms == FRAME_MS and not self._is_early(frame + 1)
+        if not is_next or not self._is_master(user_id):
+            return False
+        self._hear(holder, now)
+        prepare()
+        self._follow(SyncHappening(SyncEvent.TICK_BY_MASTER, now, 1))
+        return True
+
     def give_up(self, num_ticks: int, now: float) -> None:
         """Forget the first ticks that wait, at least one.
 

@@ -56,24 +56,30 @@ def command(
     """
     if not _is_driven(world, row):
         raise ValueError(f"row {row} is not driven by commands")
+    before = world.mode.item(row)
+    is_held = before == mode  # the columns that follow from the command stay as they are
     if mode == Mode.PEDALS:
         _check(steer=steer, rear_steer=rear_steer, throttle=throttle, brake=brake)
         world.throttle[row], world.brake[row] = min(max(throttle, 0.0), 1.0), min(max(brake, 0.0), 1.0)
     elif mode == Mode.SPEED:
         _check(steer=steer, rear_steer=rear_steer, speed=speed)
-        world.speed_cmd[row] = min(max(speed, -MAX_SPEED), MAX_SPEED)
+        speed = min(max(speed, -MAX_SPEED), MAX_SPEED)
+        is_held = is_held and speed == world.speed_cmd.item(row) != 0.0  # zeros have signs
+        world.speed_cmd[row] = speed
     elif mode == Mode.ACCEL:
         _check(steer=steer, rear_steer=rear_steer, accel=accel)
-        world.accel_cmd[row] = min(max(accel, -MAX_COMMAND_ACCEL), MAX_COMMAND_ACCEL)
+        accel = min(max(accel, -MAX_COMMAND_ACCEL), MAX_COMMAND_ACCEL)
+        is_held = is_held and accel == world.accel_cmd.item(row) != 0.0
+        world.accel_cmd[row] = accel
     else:
         raise ValueError(f"mode: expected 1 (pedals), 2 (speed) or 3 (acceleration), got {mode!r}")
     limit = world.max_steer.item(row)
     world.steer_cmd[row] = min(max(steer, -limit), limit)
     limit = world.bodies[row].max_rear_steer
     world.rear_steer_cmd[row] = min(max(rear_steer, -limit), limit)
-    before = world.mode.item(row)
-    world.mode[row] = mode
-    update_control_columns(world, row, is_creeping=world.is_creeping)
+    if not is_held:
+        world.mode[row] = mode
+        update_control_columns(world, row, is_creeping=world.is_creeping)
     set_ghost(world, row, is_ghost=False)
     if (before == Mode.PEDALS) != (mode == Mode.PEDALS):
         world.touch()  # the controller's calls are only in the programs that need them
@@ -201,6 +207,8 @@ def _is_driven(world: World, row: int) -> bool:
 
 
 def _check(**arguments: float) -> None:
+    if math.isfinite(sum(arguments.values())):
+        return
     for name, value in arguments.items():
         if not math.isfinite(value):
             raise ValueError(f"{name}: expected a finite number, got {value!r}")

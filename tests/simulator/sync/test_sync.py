@@ -337,6 +337,17 @@ class AnyOrder(RuleBasedStateMachine):
         if may:
             self.queue(self.sync.num_frames, num)
 
+    @rule(user_id=IDS, peer=PEERS)
+    def step_now(self, user_id: str, peer: str) -> None:
+        prepared: list[int] = []
+        is_free = bool(user_id) and user_id == self.sync.master_id and not self.sync.is_paused and not self.ticks
+        is_early = any(due <= self.end + 1 for due in self.unready.values())
+        can = is_free and self.sync.num_frames == 1 and not is_early
+        is_done = self.sync.step_now(user_id, self.frame, peer, self.now, prepare=lambda: prepared.append(self.frame))
+        assert (is_done, prepared) == (can, [self.frame] if can else [])
+        if can:
+            self.move(1)
+
     @precondition(lambda self: bool(self.ticks))
     @rule(data=st.data())
     def give_up(self, data: st.DataObject) -> None:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
 
 from rosbridge_sim.world.state.commands import command, release, shift, turn_wheels
+from rosbridge_sim.world.state.control_columns import update_control_columns
 from rosbridge_sim.world.state.placement import teleport
-from rosbridge_sim.world.state.world import Gear, Kind, Mode, World
+from rosbridge_sim.world.state.world import Dynamics, Gear, Kind, Mode, World
 from rosbridge_sim.world.step import step
 from tests.world.driven_cars import CAR, ego, pedals, speeds
 
@@ -18,6 +20,21 @@ def test_command_holds_until_the_next_one() -> None:
     pedals(world, throttle=0.5)
     trace = speeds(world, 20.0)
     assert trace == sorted(trace)
+
+
+@pytest.mark.parametrize("is_creeping", [False, True])
+@pytest.mark.parametrize("gear", Gear)
+def test_columns_follow_from_the_last_command_alone(gear: Gear, *, is_creeping: bool) -> None:
+    world = World(0, Dynamics.SINGLE_TRACK, is_creeping=is_creeping)
+    world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0, gear=gear)
+    columns = world.block("rear_steer_cmd", "speed")
+    figures = (0.0, -0.0, 0.0, 2.0, 2.0, 200.0, 300.0, -2.0, -2.0)
+    for mode, other, figure in itertools.product(Mode, Mode, figures):
+        for each in (mode, other, mode):
+            command(world, 0, mode=each, steer=0.0, throttle=figure, speed=figure, accel=figure)
+            before = columns.tobytes()
+            update_control_columns(world, 0, is_creeping=is_creeping)
+            assert columns.tobytes() == before
 
 
 def test_gear_change_at_speed_is_refused_and_keeps_the_gear() -> None:
