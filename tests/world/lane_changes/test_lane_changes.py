@@ -367,6 +367,7 @@ def test_driver_keeps_right_only_fifteen_seconds_after_its_last_change() -> None
         (LEFT, 40.0, 14.5, True),
         (RIGHT, 40.0, 9.0, True),  # it does not go back
         (LEFT, 20.0, 9.0, True),  # it would have to brake firmly
+        (LEFT, 30.0, 9.0, True),  # it would have to brake by more than 2 m/s^2
     ],
 )
 def test_driver_goes_back_to_the_lane_that_it_left_only_for_a_reason(
@@ -378,6 +379,18 @@ def test_driver_goes_back_to_the_lane_that_it_left_only_for_a_reason(
     world.came_from[row], world.change_since[row] = came_from + 1, -seconds / DT
     run(world, 1.4)
     assert (world.signal[row] == 1.0) == changes
+
+
+@pytest.mark.parametrize("is_followed", [True, False])
+def test_driver_waits_for_a_fast_one_that_is_three_lanes_behind_on_the_other_side(*, is_followed: bool) -> None:
+    world = world_of(wide_road(2, (200.0, 30.0, 30.0, 30.0, 600.0)))
+    row = car(world, "p1", 5.0, speed=5.0, desired_speed=20.0)
+    car(world, "p1", 24.0, speed=3.0, desired_speed=3.0)
+    if is_followed:
+        car(world, "m0", 1.0, speed=25.0)
+    signal(world, row, LaneChange.FASTER, LEFT, 2.0)
+    run(world, 1.0)
+    assert (world.leaving[row] > 0) != is_followed
 
 
 def test_driver_remembers_the_side_that_it_came_from() -> None:
