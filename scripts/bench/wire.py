@@ -24,9 +24,11 @@ from pathlib import Path
 from statistics import median, quantiles
 
 import orjson
+from websockets.sync.client import connect
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from rosbridge_sim.client import Client
 from scripts.bench import bodies
 from scripts.bench.core import PATHS
 from scripts.bench.load import Result, Socket, calls, connect_many, flood, masked, pulse, round_trips
@@ -46,10 +48,12 @@ WINDOW_BYTES = 128 * 2**10
 Figures = dict[str, float]
 
 RATE, CPU, P50, P99, LOAD, MEMORY, TIME = "per second", "CPU us each", "p50 ms", "p99 ms", "CPU %", "memory", "ms"
-THREE = "three calls per second"
-OF_THREE = "x the three calls"
+TWO, TWO_CPU = "us the two calls", "CPU us the two calls"
+OF_TWO, OF_TWO_CPU = "of the two calls", "of their CPU"
+CLIENT = "CPU us of our client"
 FRAME, P50_REST = "ms a further frame", "p50 ms without it"
 ONE_MASTER = "one master per second"
+STEP_WANTED = {P50_REST: 1 / 1.3, CLIENT: 1 / 1.3}
 
 FURTHER = 10
 """Further steps in a call that shows what a frame costs within the server."""
@@ -270,29 +274,29 @@ class _Tick:
 
 
 class _Step:
-    """One step for each call of `/sim/step`, beside the three calls of synchronous mode that do the same.
+    """One step for each call of `/sim/step` with a command, beside the two calls of synchronous mode that do the same.
 
     An echo moves no world. So the cost of a frame is measured, too, by calls for more steps, and is left out of one
-    figure.
+    figure. The last figure is the CPU time of our own client, which is this process, beside an echo by the library
+    that it uses.
     """
 
     def __init__(self) -> None:
-        command = {"longlCmdType": 2, "velocity": 30.0}
-        args = {"user_id": "bench", "n": 1, "commands": [{"ego": 0, "commands": [command]}]}
+        self._command = {"longlCmdType": 2, "velocity": 30.0}
+        args = {"user_id": "bench", "n": 1, "commands": [{"ego": 0, "commands": [self._command]}]}
         self._call = {"op": "call_service", "service": "/sim/step", "id": "step", "args": args}
-        requests = (
-            ("/SyncModeCtrlCmd", {"frame": 0, "command": command}),
-            ("/SyncModeSetGear", {"frame": 0, "gear": 4}),
+        requests: tuple[tuple[str, dict[str, object]], ...] = (
+            ("/SyncModeCtrlCmd", {"frame": 0, "command": self._command}),
             ("/SyncModeWaitForTick", {"user_id": "bench", "frame": 0}),
         )
-        self._three = [
+        self._two = [
             {"op": "call_service", "service": service, "id": "call", "args": {"request": request}}
             for service, request in requests
         ]
         self._answer_size = 0
 
     def on_server(self, program: Program, seconds: float) -> Figures:
-        """The step, and the three calls."""
+        """The step, the two calls, and a step of our client."""
         (client,) = _connect(program, 1)
         start = {"user_id": "bench", "start_sync_mode": True, "time_step": 20}
         client.tell(op="call_service", service="/SyncModeCmd", id="start", args={"request": start})
@@ -301,47 +305,69 @@ class _Step:
         answer = client.payload()
         assert orjson.loads(answer)["values"]["steps"] == 1, f"no step: {answer!r}"
         self._answer_size = len(answer)
-        frames = [masked(orjson.dumps(call)) for call in self._three]
+        frames = [masked(orjson.dumps(call)) for call in (self._call, *self._two)]
         args = {"user_id": "bench", "n": 1 + FURTHER}
         more = [masked(orjson.dumps(self._call | {"args": args | {"n": n}})) for n in (1, 1 + FURTHER)]
-        return self._measure(program, client, [masked(orjson.dumps(self._call)), *frames, *more], seconds)
+        figures = self._measure(program, client, [*frames, *more], seconds)
+        with Client(f"ws://127.0.0.1:{program.port}") as blocking:
+            blocking.start_sync(user_id="bench")
+            return figures | {CLIENT: _own_cpu(lambda: blocking.step(commands={0: self._command}), seconds)}
 
     def on_floor(self, program: Program, seconds: float) -> Figures:
-        """The bare echo, and three of them."""
+        """The bare echo, two of them, and an echo by the library."""
         (client,) = _connect(program, 1)
-        frame = masked(orjson.dumps(self._call | {"op": "echo", "size": self._answer_size}))
-        return self._measure(program, client, [frame] * 4, seconds)
+        text = orjson.dumps(self._call | {"op": "echo", "size": self._answer_size}).decode()
+        figures = self._measure(program, client, [masked(text.encode())] * 3, seconds)
+
+        def echo() -> None:
+            blocking.send(text)
+            blocking.recv()
+
+        with connect(f"ws://127.0.0.1:{program.port}", compression=None, ping_interval=None) as blocking:
+            return figures | {CLIENT: _own_cpu(echo, seconds)}
 
     @staticmethod
     def _measure(program: Program, client: Socket, frames: Sequence[bytes], seconds: float) -> Figures:
-        """Measure the call, the three calls and, if there are any, the calls for one step and for more."""
-        frame, three, more = frames[0], frames[1:4], frames[4:]
+        """Measure the call, the two calls and, if there are any, the calls for one step and for more."""
+        frame, two, more = frames[0], frames[1:3], frames[3:]
         round_trips(client, client, frame, lambda _: True, seconds / 4)
-        cpu = program.cpu()
+        cuts = [program.cpu()]
         result = round_trips(client, client, frame, lambda _: True, seconds)
-        cpu = program.cpu() - cpu
+        cuts.append(program.cpu())
         num, begin = 0, time.perf_counter()
         while time.perf_counter() < begin + seconds:
-            for one in three:
+            for one in two:
                 client.raw.sendall(one)
                 client.payload()
             num += 1
-        three_rate = num / (time.perf_counter() - begin)
+        two_time = (time.perf_counter() - begin) / num * 1e6
+        cuts.append(program.cpu())
         further = [
             median(round_trips(client, client, one, lambda _: True, seconds / 4).latencies) * 1e3 for one in more
         ]
         client.close()
-        rate = result.num / result.seconds
+        cpu, two_cpu = (cuts[1] - cuts[0]) / result.num * 1e6, (cuts[2] - cuts[1]) / num * 1e6
         percentiles = _percentiles(result)
         of_frame = (further[1] - further[0]) / FURTHER if further else 0.0
         return {
-            RATE: rate,
-            CPU: cpu / result.num * 1e6,
-            THREE: three_rate,
-            OF_THREE: rate / three_rate,
+            RATE: result.num / result.seconds,
+            CPU: cpu,
+            TWO: two_time,
+            TWO_CPU: two_cpu,
+            OF_TWO: result.seconds / result.num * 1e6 / two_time,
+            OF_TWO_CPU: cpu / two_cpu,
             FRAME: of_frame,
             P50_REST: percentiles[P50] - of_frame,
         } | percentiles
+
+
+def _own_cpu(work: Callable[[], object], seconds: float) -> float:
+    """Return the CPU time of this process for a call of a function [us]."""
+    num, cpu, end = 0, time.process_time(), time.perf_counter() + seconds
+    while time.perf_counter() < end:
+        work()
+        num += 1
+    return (time.process_time() - cpu) / num * 1e6
 
 
 class _Barrier:
@@ -421,7 +447,7 @@ ROWS = (
     _row("100 listeners at 50 Hz, 0.7 kB", _pulse(100, 50.0), P50, LOAD),
     _row("200 connections", _connections(200), is_fresh=True),
     Row("tick, beside an echo as long", _tick.on_server, _tick.on_floor, {P50: 1 / 1.6}, is_world=True),
-    Row("step, beside an echo as long", _step.on_server, _step.on_floor, {P50_REST: 1 / 1.3}, is_world=True),
+    Row("step, beside an echo as long", _step.on_server, _step.on_floor, STEP_WANTED, is_world=True),
     Row("barrier of three, beside three echoes", _barrier.on_server, _barrier.on_floor, {}, is_world=True),
     Row("start and idle memory", _idle(10), _idle(10), is_world=True, is_fresh=True),
 )
@@ -479,7 +505,7 @@ def _summary(rows: Sequence[Row], measured: dict[str, list[tuple[Figures, Figure
             ours = [server[name] for server, _ in measured[row.name]]
             theirs = [floor[name] for _, floor in measured[row.name]]
             ratios = [
-                a / b if name in {RATE, THREE, OF_THREE, ONE_MASTER} else b / a
+                a / b if name in {RATE, ONE_MASTER} else b / a
                 for a, b in zip(ours, theirs, strict=True)
                 if a > 0 and b > 0
             ]
