@@ -462,6 +462,14 @@ def test_no_two_files_of_the_package_have_one_name() -> None:
     assert [name for name, num in names.items() if num > 1] == []
 
 
+def test_no_two_classes_of_the_server_have_one_name() -> None:
+    """The client has the words of its users. The component of drivers keeps its name, because snapshots have it."""
+    files = [path for path in ROOT.rglob("*.py") if path.relative_to(ROOT).parts[0] != "client"]
+    nodes = [node for path in files for node in ast.parse(path.read_bytes()).body]
+    names = Counter(node.name for node in nodes if isinstance(node, ast.ClassDef) and not node.name.startswith("_"))
+    assert [name for name, num in names.items() if num > 1] == ["Drivers"]
+
+
 def test_layers_have_no_cycle() -> None:
     outer: dict[str, set[str]] = {}  # a room with all that is within it
     for room, targets in ARROWS.items():

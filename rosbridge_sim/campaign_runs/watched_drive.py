@@ -10,7 +10,7 @@ from rosbridge_sim.campaigns.campaign import Campaign, names_of
 from rosbridge_sim.campaigns.own_limits import OwnLimits
 from rosbridge_sim.campaigns.run_results import Run
 from rosbridge_sim.campaigns.topic_values import TopicValues
-from rosbridge_sim.campaigns.trace import Recorder
+from rosbridge_sim.campaigns.trace import TraceRecorder
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant
@@ -36,7 +36,7 @@ class WatchedDrive:
     def __init__(self, campaign: Campaign, run: Run) -> None:
         own = OwnLimits(campaign.limits)
         self._topics = TopicValues(campaign.fields)
-        self._recorder = Recorder(campaign.document.seconds, campaign.end_when, names_of(run), own, self._topics)
+        self._recorder = TraceRecorder(campaign.document.seconds, campaign.end_when, names_of(run), own, self._topics)
         self._heard: set[str] = set()
         self.outcome = Outcome(self._recorder.trace, own)
 

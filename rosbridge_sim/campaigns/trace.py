@@ -15,7 +15,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, Following, Value
 from rosbridge_sim.world.state.world import DT, Kind, World
 
-__all__ = ["FIGURES", "Judge", "Neighbours", "Recorder", "Trace"]
+__all__ = ["FIGURES", "Judge", "Neighbours", "Trace", "TraceRecorder"]
 
 _COLUMNS: Final = {
     **{name: name for name in ("x", "y", "z", "yaw", "speed", "lateral_speed", "accel", "lateral_accel", "yaw_rate")},
@@ -119,7 +119,7 @@ class Judge(Protocol):
         """Judge one frame; the values are those of expressions."""
 
 
-class Recorder:
+class TraceRecorder:
     """Follows the first ego of a world, frame by frame, and says when the drive has ended.
 
     Attributes:

@@ -21,7 +21,7 @@ import pybase64
 
 from rosbridge_sim.errors import EncodingError, FrameError
 
-__all__ = ["Picture", "PictureFrames", "decode_png"]
+__all__ = ["PictureFrames", "PngFrame", "decode_png"]
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _HEADER = Struct(">IIBBBBB")  # width, height, bits a sample, colour type, compression, filter, interlace
@@ -171,7 +171,7 @@ def _file(header: bytes, image_data: bytes) -> bytes:
     )
 
 
-class Picture:
+class PngFrame:
     """A `png` op that holds a frame: made in slices, once for all its subscribers.
 
     Attributes:
@@ -259,7 +259,7 @@ class PictureFrames:
 
     __slots__ = ("_picture", "is_finished", "num_bytes")
 
-    def __init__(self, picture: Picture) -> None:
+    def __init__(self, picture: PngFrame) -> None:
         self._picture = picture
         self.num_bytes = picture.num_bytes
         self.is_finished = False

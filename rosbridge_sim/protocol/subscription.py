@@ -29,7 +29,7 @@ from rosbridge_sim.protocol.json_decoding import HEAVY
 from rosbridge_sim.protocol.json_encoding import Encoded, publish_head
 from rosbridge_sim.protocol.ops import Id, Subscribe
 from rosbridge_sim.protocol.outbox import BinaryFrame, LateFrames, Outbox
-from rosbridge_sim.protocol.png import Picture, PictureFrames
+from rosbridge_sim.protocol.png import PictureFrames, PngFrame
 from rosbridge_sim.protocol.smallest import Smallest
 
 __all__ = [
@@ -472,7 +472,7 @@ class Feed:
             return BinaryFrame(cbor_raw_frame(self._head, stamp_ns, message.raw))
         frame = message.framed(self._head)
         if options.compression == "png":
-            return PictureFrames(message.shared(("png", self._head), lambda: Picture(frame)))
+            return PictureFrames(message.shared(("png", self._head), lambda: PngFrame(frame)))
         return self._wire.pieces(
             frame,
             options.fragment_size,

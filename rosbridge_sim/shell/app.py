@@ -73,7 +73,7 @@ from rosbridge_sim.suggestions import listing
 
 if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and record nothing
     from rosbridge_sim.shell.attach import Attachment
-    from rosbridge_sim.shell.bags.bag_recorder import Recorder
+    from rosbridge_sim.shell.bags.bag_recorder import BagRecorder
     from rosbridge_sim.shell.ros2.joining import JoinedRos2
 
 __all__ = ["AddressError", "Simulator"]
@@ -131,7 +131,7 @@ class Simulator:
         self.descriptors: DescriptorWatch | None = None
         self._limiter: LineLimiter | None = None
         self._reports: ServerTopics | None = None
-        self._recorder: Recorder | None = None
+        self._recorder: BagRecorder | None = None
         self._port_file: PortFile | None = None
         self._recordings: DiskRecordings | None = None
         self._quota: DataQuota | None = None

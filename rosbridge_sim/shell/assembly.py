@@ -52,7 +52,7 @@ from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.world import Dynamics, World
 
 if TYPE_CHECKING:  # saves start time: most servers attach to no bridge and record nothing
-    from rosbridge_sim.shell.bags.bag_recorder import Recorder
+    from rosbridge_sim.shell.bags.bag_recorder import BagRecorder
 
 __all__ = [
     "check_sense",
@@ -248,7 +248,7 @@ def taken_names(settings: Settings) -> list[str]:
     ]
 
 
-def start_recorder(settings: Settings, bus: Bus, node: SimulatorNode | None, texts: Texts) -> Recorder | None:
+def start_recorder(settings: Settings, bus: Bus, node: SimulatorNode | None, texts: Texts) -> BagRecorder | None:
     """Start to record, if `--record` is set.
 
     Raises:
@@ -257,7 +257,7 @@ def start_recorder(settings: Settings, bus: Bus, node: SimulatorNode | None, tex
     if settings.record is None:
         return None
     from rosbridge_sim.shell.bags.bag import open_bag  # noqa: PLC0415 - the import of rosbags' writers takes a tenth of a second
-    from rosbridge_sim.shell.bags.bag_recorder import Recorder  # noqa: PLC0415
+    from rosbridge_sim.shell.bags.bag_recorder import BagRecorder  # noqa: PLC0415
     from rosbridge_sim.shell.bags.message_writer import BagMessageWriter  # noqa: PLC0415
 
     path = Path(settings.record)
@@ -268,7 +268,7 @@ def start_recorder(settings: Settings, bus: Bus, node: SimulatorNode | None, tex
     store = bus.store if bag.ros == bus.store.ros else Store(texts, leniency=LENIENCY, ros=bag.ros)
     loop = asyncio.get_running_loop()
     owner = None if node is None else node.participant
-    return Recorder(
+    return BagRecorder(
         bus, BagMessageWriter(bag, store, bus.store), path, simulator=owner, patterns=settings.record_topics, loop=loop
     )
 

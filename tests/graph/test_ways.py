@@ -16,7 +16,7 @@ from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.graph.topic_table import TYPE_MEMORY
 from rosbridge_sim.graph.ways import PolicyEffect, Use, Way, Ways
-from rosbridge_sim.protocol.png import Picture
+from rosbridge_sim.protocol.png import PngFrame
 from tests.graph.bus_fixture import Wire, make_bus
 
 FIBONACCI, STRING, TRIGGER = "example_interfaces/Fibonacci", "std_msgs/String", "std_srvs/Trigger"
@@ -236,7 +236,7 @@ def as_pieces(op: bytes) -> list[bytes]:
 
 
 def as_picture(op: bytes) -> list[bytes]:
-    picture = Picture(op)
+    picture = PngFrame(op)
     while not picture.work():
         pass
     assert picture.frame is not None

@@ -15,14 +15,14 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from rosbridge_sim.errors import EncodingError, FrameError
-from rosbridge_sim.protocol.png import Picture, PictureFrames, decode_png
+from rosbridge_sim.protocol.png import PictureFrames, PngFrame, decode_png
 from tests.support import finish
 
 MAX_BYTES = 16 * 2**20
 
 
 def make(frame: bytes) -> bytes:
-    picture = Picture(frame)
+    picture = PngFrame(frame)
     while not picture.work():
         pass
     assert picture.frame is not None
@@ -68,7 +68,7 @@ def test_png_of_any_size_is_read_as_by_pillow(size: int) -> None:
 def test_long_png_is_read_and_made_in_slices() -> None:
     frame = long_text(3_000_000)
     assert sum(1 for _ in decode_png(drawn(frame), MAX_BYTES)) > 20
-    picture = Picture(frame)
+    picture = PngFrame(frame)
     num_slices = 1
     while not picture.work():
         num_slices += 1
@@ -77,7 +77,7 @@ def test_long_png_is_read_and_made_in_slices() -> None:
 
 def test_two_subscribers_share_the_encoding_of_a_png() -> None:
     frame = long_text(600_000)
-    picture = Picture(frame)
+    picture = PngFrame(frame)
     first, second = PictureFrames(picture), PictureFrames(picture)
     taken: list[bytes] = []
     num_slices = 0
@@ -86,7 +86,7 @@ def test_two_subscribers_share_the_encoding_of_a_png() -> None:
         num_slices += 2
     taken += second.take(2**16)
     assert second.is_finished
-    alone = Picture(frame)
+    alone = PngFrame(frame)
     num_alone = 1
     while not alone.work():
         num_alone += 1
@@ -95,7 +95,7 @@ def test_two_subscribers_share_the_encoding_of_a_png() -> None:
 
 
 def test_png_that_failed_for_one_subscriber_is_not_sent_incomplete_to_another() -> None:
-    picture = Picture(long_text(300_000))
+    picture = PngFrame(long_text(300_000))
     first, second = PictureFrames(picture), PictureFrames(picture)
     assert first.take(1) == []
     encoder, picture._encoder = picture._encoder, None  # type: ignore[assignment] # as good a bug as any

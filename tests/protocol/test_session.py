@@ -16,7 +16,7 @@ from rosbridge_sim.protocol.account import Account
 from rosbridge_sim.protocol.json_decoding import HEAVY, LONG
 from rosbridge_sim.protocol.ops import Advertise, Op, Publish, Subscribe
 from rosbridge_sim.protocol.outbox import Outbox, OutboxLimits
-from rosbridge_sim.protocol.png import Picture
+from rosbridge_sim.protocol.png import PngFrame
 from rosbridge_sim.protocol.session import SHORT, Session
 from rosbridge_sim.protocol.subscription import Feed, SubscriptionOptions
 
@@ -40,7 +40,7 @@ def said(session: Session) -> list[Any]:
 
 def png_of(frame: bytes) -> bytes:
     """An op with an image that holds a frame."""
-    picture = Picture(frame)
+    picture = PngFrame(frame)
     while not picture.work():
         pass
     assert picture.frame is not None

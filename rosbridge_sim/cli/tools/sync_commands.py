@@ -11,7 +11,7 @@ from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, frames_
 from rosbridge_sim.link.bridge_errors import BridgeError, RefusedError
 from rosbridge_sim.link.terminal_text import safe
 
-__all__ = ["SyncInfo", "read_sync_info", "show_sync", "step", "tick", "why_silent", "why_standing"]
+__all__ = ["ModeInfo", "read_sync_info", "show_sync", "step", "tick", "why_silent", "why_standing"]
 
 SYNC_INFO = "/SyncModeInfo"
 
@@ -38,7 +38,7 @@ FRAME_MS = 20
 
 
 @dataclass(frozen=True, slots=True)
-class SyncInfo:
+class ModeInfo:
     """State of synchronous mode, from `/SyncModeInfo`.
 
     Attributes:
@@ -54,12 +54,12 @@ class SyncInfo:
     can_send_tick: bool
 
 
-async def read_sync_info(bridge: Bridge) -> SyncInfo | None:
+async def read_sync_info(bridge: Bridge) -> ModeInfo | None:
     """Return the state of synchronous mode; None without a simulator. Other frames that come meanwhile are ignored."""
     msg = await _read_latched(bridge, SYNC_INFO)
     if msg is None:
         return None
-    return SyncInfo(
+    return ModeInfo(
         str(msg.get("master_id", "")),
         msg.get("status") is True,
         _whole(msg.get("frame")),

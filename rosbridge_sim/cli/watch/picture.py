@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.cli.watch.canvas import DOTS_X, DOTS_Y, Canvas, Ink, columns, fit, paint
-from rosbridge_sim.cli.watch.watched_scene import Scene, Thing, lamp_word, number_of, speed_of, text_of
+from rosbridge_sim.cli.watch.watched_scene import Thing, WatchedScene, lamp_word, number_of, speed_of, text_of
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.world.geometry.planar import FloatArray
 
@@ -92,7 +92,7 @@ def zoom(view: View, steps: int) -> None:
     view.scale = min(max(view.scale * ZOOM**-steps, MIN_SCALE), MAX_SCALE)
 
 
-def show_whole_map(view: View, scene: Scene, width: int, height: int) -> None:
+def show_whole_map(view: View, scene: WatchedScene, width: int, height: int) -> None:
     """Show all of the map, or of the trail where there is no map.
 
     Args:
@@ -112,7 +112,7 @@ def show_whole_map(view: View, scene: Scene, width: int, height: int) -> None:
     view.scale = min(max(wide, high, MIN_SCALE), MAX_SCALE)
 
 
-def pan(view: View, scene: Scene, right: float, up: float) -> None:
+def pan(view: View, scene: WatchedScene, right: float, up: float) -> None:
     """Move the view by so many dots; it follows the ego no longer.
 
     Args:
@@ -127,7 +127,7 @@ def pan(view: View, scene: Scene, right: float, up: float) -> None:
 
 
 def draw(
-    scene: Scene, view: View, size: tuple[int, int], *, now: float, title: str, has_keys: bool = True
+    scene: WatchedScene, view: View, size: tuple[int, int], *, now: float, title: str, has_keys: bool = True
 ) -> list[str]:
     """Return the rows of the picture.
 
@@ -181,14 +181,14 @@ def _painted(text: str, ink: Ink, width: int, view: View) -> str:
 # Texts
 
 
-def _title_text(scene: Scene, title: str, width: int) -> str:
+def _title_text(scene: WatchedScene, title: str, width: int) -> str:
     left, right = f" rosbridge-sim watch  {title}", ""
     if scene.map is not None and scene.map.name:
         right = f"{scene.map.name} "
     return left + " " * max(2, width - columns(left) - columns(right)) + right
 
 
-def _ego_text(scene: Scene) -> str:
+def _ego_text(scene: WatchedScene) -> str:
     if scene.ego is None:
         return " no /Ego_topic yet"
     ego = scene.ego
@@ -207,7 +207,7 @@ def _ego_text(scene: Scene) -> str:
     return f" {'  '.join(parts)}"
 
 
-def _place_text(scene: Scene) -> str:
+def _place_text(scene: WatchedScene) -> str:
     ego, (x, y) = scene.ego, scene.place
     if ego is None:
         return ""
@@ -215,7 +215,7 @@ def _place_text(scene: Scene) -> str:
     return f" {pedals}  at {x:.1f}, {y:.1f}  heading {number_of(ego, 'heading') % 360.0:.0f}°"
 
 
-def _time_text(scene: Scene, now: float) -> str:
+def _time_text(scene: WatchedScene, now: float) -> str:
     parts = []
     if scene.sync is not None:
         parts.append(f"frame {int(number_of(scene.sync, 'frame')):,}")
@@ -239,7 +239,7 @@ def _time_text(scene: Scene, now: float) -> str:
 class _Lens:
     """The transformation from the map to the dots of a canvas."""
 
-    def __init__(self, canvas: Canvas, scene: Scene, view: View) -> None:
+    def __init__(self, canvas: Canvas, scene: WatchedScene, view: View) -> None:
         turn = scene.heading - math.pi / 2 if view.is_heading_up else 0.0
         self._cos, self._sin = math.cos(turn), math.sin(turn)
         self._view = view
@@ -264,7 +264,7 @@ class _Lens:
         return math.floor(column), math.floor(row)
 
 
-def _draw_scene(canvas: Canvas, scene: Scene, view: View) -> None:
+def _draw_scene(canvas: Canvas, scene: WatchedScene, view: View) -> None:
     lens = _Lens(canvas, scene, view)
     _draw_ground(canvas, scene, view, lens)
     if len(scene.trail) > 1:
@@ -281,7 +281,7 @@ def _draw_scene(canvas: Canvas, scene: Scene, view: View) -> None:
     _draw_scale(canvas, view)
 
 
-def _draw_ground(canvas: Canvas, scene: Scene, view: View, lens: _Lens) -> None:
+def _draw_ground(canvas: Canvas, scene: WatchedScene, view: View, lens: _Lens) -> None:
     if scene.map is None:
         _draw_grid(canvas, view, lens)
         return
@@ -317,7 +317,7 @@ def _draw_thing(canvas: Canvas, lens: _Lens, thing: Thing) -> None:
     canvas.lines(lens.lines(sides), _INK_OF[thing.kind])
 
 
-def _draw_ego(canvas: Canvas, scene: Scene, view: View, lens: _Lens) -> None:
+def _draw_ego(canvas: Canvas, scene: WatchedScene, view: View, lens: _Lens) -> None:
     (x, y), heading = scene.place, scene.heading
     length, width, ahead = EGO_SIZE
     if length / view.scale < GLYPH_LENGTH:
@@ -334,7 +334,7 @@ def _draw_ego(canvas: Canvas, scene: Scene, view: View, lens: _Lens) -> None:
     canvas.lines(lens.lines(np.array([*rungs, *tip])), Ink.EGO)
 
 
-def _draw_labels(canvas: Canvas, scene: Scene, view: View, lens: _Lens) -> None:
+def _draw_labels(canvas: Canvas, scene: WatchedScene, view: View, lens: _Lens) -> None:
     near = sorted(scene.things, key=lambda thing: math.hypot(thing.x - view.x, thing.y - view.y))[:MAX_LABELS]
     for thing in near:
         column, row = lens.cell(thing.x, thing.y)

@@ -1,4 +1,4 @@
-"""The connection of `watch`: it keeps a `Scene` up to date, and connects again after each loss.
+"""The connection of `watch`: it keeps a `WatchedScene` up to date, and connects again after each loss.
 
 The ego, the objects and the light ahead come from MORAI's own topics, so any rosbridge behind which a MORAI SIM or this
 simulator runs will do. A server that has `/sim/map` is this simulator: it is asked for the map, gear and mode as well.
@@ -11,11 +11,11 @@ import math
 from typing import Final
 
 from rosbridge_sim.cli.tools.tool_client import Bridge, Frame, absolute, open_bridge
-from rosbridge_sim.cli.watch.watched_scene import MapLines, Scene
+from rosbridge_sim.cli.watch.watched_scene import MapLines, WatchedScene
 from rosbridge_sim.errors import ClientError, DocumentError
 from rosbridge_sim.link.bridge_errors import RefusedError
 
-__all__ = ["Source"]
+__all__ = ["SceneSource"]
 
 EGO: Final = "/Ego_topic"
 OBJECTS: Final = "/Object_topic"
@@ -48,7 +48,7 @@ MAX_FRAMES: Final = 500
 """Frames that are handled before the picture is drawn again: a few milliseconds."""
 
 
-class Source:
+class SceneSource:
     """The source of a scene.
 
     Attributes:
@@ -64,7 +64,7 @@ class Source:
             token: its token; None for none.
             patience: longest wait for a connection or an answer [s].
         """
-        self.scene = Scene()
+        self.scene = WatchedScene()
         self.connected = asyncio.Event()
         self.is_complete = False
         self._url, self._token, self._patience = url, token, patience

@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 
 from rosbridge_sim.cli.tools.text import put
 from rosbridge_sim.cli.watch.picture import View, draw, pan, show_whole_map, zoom
-from rosbridge_sim.cli.watch.source import Source
+from rosbridge_sim.cli.watch.source import SceneSource
 from rosbridge_sim.cli.watch.terminal import Screen, count_colours, has_unicode, read_keys
 from rosbridge_sim.link.bridge_errors import RefusedError
 from rosbridge_sim.link.stop_signals import on_stop_signals
@@ -43,7 +43,7 @@ async def watch(url: str, token: str | None, patience: float, *, rate: float, is
     is_terminal = sys.stdout.isatty()
     num_colours = count_colours(os.environ, is_terminal=is_terminal) if has_colour else 0
     view = View(num_colours=num_colours, has_unicode=has_unicode(sys.stdout.encoding))
-    source = Source(url, token, patience)
+    source = SceneSource(url, token, patience)
     title = shown_url(full_url(url))
     following = asyncio.create_task(source.run())
     try:
@@ -57,7 +57,9 @@ async def watch(url: str, token: str | None, patience: float, *, rate: float, is
             following.exception()  # it was raised to the caller
 
 
-async def _show_once(source: Source, following: asyncio.Task[None], view: View, title: str, patience: float) -> int:
+async def _show_once(
+    source: SceneSource, following: asyncio.Task[None], view: View, title: str, patience: float
+) -> int:
     """Print a picture when the ego and the map are known."""
     loop = asyncio.get_running_loop()
     give_up_at = loop.time() + patience
@@ -76,7 +78,7 @@ async def _show_once(source: Source, following: asyncio.Task[None], view: View, 
     return 0
 
 
-async def _show_many(source: Source, following: asyncio.Task[None], view: View, title: str, rate: float) -> int:
+async def _show_many(source: SceneSource, following: asyncio.Task[None], view: View, title: str, rate: float) -> int:
     """Show pictures until a key or a signal ends it."""
     loop = asyncio.get_running_loop()
     connecting = asyncio.ensure_future(source.connected.wait())
@@ -101,7 +103,7 @@ class _Keys:
         is_ended: a key or a signal has asked for the end.
     """
 
-    def __init__(self, source: Source, view: View) -> None:
+    def __init__(self, source: SceneSource, view: View) -> None:
         self.is_ended = False
         self._source = source
         self._view = view

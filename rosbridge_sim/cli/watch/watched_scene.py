@@ -18,7 +18,7 @@ from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.signal_plan import GREENS, Lamp
 
-__all__ = ["MapLines", "Scene", "Thing", "TimeMeter", "lamp_word", "number_of"]
+__all__ = ["MapLines", "Thing", "TimeMeter", "WatchedScene", "lamp_word", "number_of"]
 
 TRAIL: Final = 600
 """Places of the ego that are kept for its trail: a minute at 10 Hz."""
@@ -211,7 +211,7 @@ class TimeMeter:
 
 
 @dataclass(slots=True)
-class Scene:
+class WatchedScene:
     """Everything that is known.
 
     Attributes:

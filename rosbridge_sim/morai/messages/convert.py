@@ -27,7 +27,7 @@ from rosbridge_sim.morai.messages.ego_figures import (
     AXLE_OF,
     LANE_FIGURES,
     OFF_ROAD,
-    LanePlace,
+    LateralPlace,
     find_lane_place,
     front_steer_angle,
     rear_steer_angle,
@@ -338,7 +338,7 @@ class Converter:
 
     # Inside
 
-    def _wheel_angle(self, world: World, row: int, _lane: LanePlace) -> float:
+    def _wheel_angle(self, world: World, row: int, _lane: LateralPlace) -> float:
         return world.steer.item(row) * self._wheel_factor
 
     def _lay_out(self, world: World) -> ObjectLayout:

@@ -16,7 +16,7 @@ __all__ = [
     "LANE_FIGURES",
     "OFF_ROAD",
     "Figure",
-    "LanePlace",
+    "LateralPlace",
     "find_lane_place",
     "front_steer_angle",
     "rear_steer_angle",
@@ -25,7 +25,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, slots=True)
-class LanePlace:
+class LateralPlace:
     """The ego's place across its lane, left positive, and the distances to the lane's edges [m]; zeros off any road."""
 
     lateral: float = 0.0
@@ -33,10 +33,10 @@ class LanePlace:
     to_right: float = 0.0
 
 
-OFF_ROAD: Final = LanePlace()
+OFF_ROAD: Final = LateralPlace()
 """The place of an ego that is off any road."""
 
-Figure = Callable[[World, int, LanePlace], float]
+Figure = Callable[[World, int, LateralPlace], float]
 """Returns the figure of a row: `(world, row, place)`."""
 
 LANE_FIGURES: Final[Mapping[str, Figure]] = {
@@ -50,11 +50,11 @@ LANE_FIGURES: Final[Mapping[str, Figure]] = {
 AXLE_OF: Final[Mapping[str, Literal["front", "rear"]]] = {"fl": "front", "fr": "front", "rl": "rear", "rr": "rear"}
 
 
-def find_lane_place(world: World, row: int, roads: Roads) -> LanePlace:
+def find_lane_place(world: World, row: int, roads: Roads) -> LateralPlace:
     """Return the place of a row across the nearest of these lanes."""
     places = roads.nearest(world.x[row], world.y[row], world.yaw[row], world.z[row])
     to_left, to_right = roads.beside(places)
-    return LanePlace(places.lateral.item(), to_left.item(), to_right.item())
+    return LateralPlace(places.lateral.item(), to_left.item(), to_right.item())
 
 
 def tyre_figure(figure: str, axle: Literal["front", "rear"]) -> Figure:
@@ -66,11 +66,11 @@ def tyre_figure(figure: str, axle: Literal["front", "rear"]) -> Figure:
     return lambda world, row, _lane: math.radians(read_tyres(world, row, axle).cornering_stiffness)  # N/deg
 
 
-def rear_steer_angle(world: World, row: int, _lane: LanePlace) -> float:
+def rear_steer_angle(world: World, row: int, _lane: LateralPlace) -> float:
     """Return the angle of the rear wheels, left positive [deg]."""
     return math.degrees(world.rear_steer.item(row))
 
 
-def front_steer_angle(world: World, row: int, _lane: LanePlace) -> float:
+def front_steer_angle(world: World, row: int, _lane: LateralPlace) -> float:
     """Return the angle of the front wheels, left positive [deg], in any profile."""
     return math.degrees(world.steer.item(row))

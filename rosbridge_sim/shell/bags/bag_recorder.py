@@ -23,7 +23,7 @@ from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.bags.bag import BagGoneError
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 
-__all__ = ["FLUSH_PERIOD", "Recorder"]
+__all__ = ["FLUSH_PERIOD", "BagRecorder"]
 
 MAX_TOPICS = 10_000
 """Largest number of topics in one recording. A recorded topic is never forgotten, so with `--record-topics '*'` a
@@ -35,7 +35,7 @@ FLUSH_PERIOD = 1.0
 _log = logging.getLogger("rosbridge_sim.recording")
 
 
-class Recorder:
+class BagRecorder:
     """A `Participant` of the bus that writes a bag.
 
     Attributes:

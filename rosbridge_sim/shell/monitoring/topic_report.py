@@ -27,7 +27,7 @@ NOT_MEASURED: Final = -1.0
 """Rate before the first second is over [Hz]."""
 
 
-class Reader(Protocol):
+class ReadingClient(Protocol):
     """A client that reads messages.
 
     Attributes:
@@ -62,7 +62,7 @@ class TopicReport:
             self._bus.delivery.unwatch(self._count)
             self._clear()
 
-    def take(self, clients: Iterable[Reader], now: float) -> dict[str, JsonValue]:
+    def take(self, clients: Iterable[ReadingClient], now: float) -> dict[str, JsonValue]:
         """Return the fields of a message behind its header, of the time since the last call; counting goes on.
 
         Args:

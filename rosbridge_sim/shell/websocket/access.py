@@ -24,7 +24,7 @@ from rosbridge_sim.graph.peers.peer import FrameWork, Peer, Work
 from rosbridge_sim.protocol.ops import ActionResult, Id, Op, ServiceResponse
 from rosbridge_sim.shell.websocket.origins import OriginRules
 
-__all__ = ["Access", "RateGate", "Refusal", "TokenBucket", "load_certificate"]
+__all__ = ["Access", "HandshakeRefusal", "RateGate", "TokenBucket", "load_certificate"]
 
 LEAST_BURST = 100
 """Frames that may always come at once: a program with many topics sends so many when it connects."""
@@ -43,7 +43,7 @@ _LOOKED_AT = 256
 
 
 @dataclass(frozen=True, slots=True)
-class Refusal:
+class HandshakeRefusal:
     """Refusal of a handshake.
 
     Attributes:
@@ -81,7 +81,7 @@ class Access:
 
     def judge(
         self, request: Request, num_clients: int, *, is_loopback: bool, own_names: frozenset[str] = frozenset()
-    ) -> Refusal | None:
+    ) -> HandshakeRefusal | None:
         """Return why a handshake is refused; None if it may go on.
 
         Args:
@@ -94,15 +94,16 @@ class Access:
             origins, hosts = (request.headers.get_all(name) for name in ("Origin", "Host"))
             why = self.origins.judge(origins, hosts, own_names, is_loopback=is_loopback)
             if why is not None:
-                return Refusal(HTTPStatus.FORBIDDEN, f"{why}\n", origins[0])
+                return HandshakeRefusal(HTTPStatus.FORBIDDEN, f"{why}\n", origins[0])
         if not self.is_shown(request):  # a connection without the token does not use a client's place
-            return Refusal(HTTPStatus.UNAUTHORIZED, "The token is wrong\n") if any(_shown_tokens(request)) else None
+            is_wrong = any(_shown_tokens(request))
+            return HandshakeRefusal(HTTPStatus.UNAUTHORIZED, "The token is wrong\n") if is_wrong else None
         if self.is_full(num_clients):
             text = f"At most {num_clients} clients; try again later\n"
-            return Refusal(HTTPStatus.SERVICE_UNAVAILABLE, text)
+            return HandshakeRefusal(HTTPStatus.SERVICE_UNAVAILABLE, text)
         return None
 
-    def judge_data(self, request: Request, own_names: frozenset[str]) -> Refusal | None:
+    def judge_data(self, request: Request, own_names: frozenset[str]) -> HandshakeRefusal | None:
         """Return why a plain HTTP request gets no data; None if it may have them.
 
         Args:
@@ -110,14 +111,14 @@ class Access:
             own_names: names of this machine.
         """
         if not self.is_shown(request):
-            return Refusal(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
+            return HandshakeRefusal(HTTPStatus.UNAUTHORIZED, "The token is missing or wrong\n")
         if self.token is not None:
             return None
         hosts = request.headers.get_all("Host")
         why = self.origins.judge_host(hosts, own_names)
         if why is None:
             return None
-        return Refusal(HTTPStatus.FORBIDDEN, f"{why}\n", f"http://{hosts[0]}" if hosts else None)
+        return HandshakeRefusal(HTTPStatus.FORBIDDEN, f"{why}\n", f"http://{hosts[0]}" if hosts else None)
 
     def is_full(self, num_clients: int) -> bool:
         """Return True if there is no room for another client.

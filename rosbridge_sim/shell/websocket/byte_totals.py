@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 from rosbridge_sim.shell.websocket.connected_client import Client
 
-__all__ = ["Traffic"]
+__all__ = ["ByteTotals"]
 
 
 @dataclass(slots=True)
-class Traffic:
+class ByteTotals:
     """Totals of some clients.
 
     Attributes:
@@ -41,9 +41,9 @@ class Traffic:
         self.num_messages_sent += session.num_sent
         self.num_messages_dropped += sum(client.outbox.dropped.values())
 
-    def plus(self, clients: Iterable[Client]) -> Traffic:
+    def plus(self, clients: Iterable[Client]) -> ByteTotals:
         """Return the totals with those of more clients."""
-        total = Traffic(
+        total = ByteTotals(
             self.num_clients,
             self.num_bytes_sent,
             self.num_frames_received,

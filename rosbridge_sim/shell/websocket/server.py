@@ -41,8 +41,8 @@ from rosbridge_sim.shell.transport.inflate import (
     library_deflate,
 )
 from rosbridge_sim.shell.transport.upgrade_request import answer_to, read_upgrade
-from rosbridge_sim.shell.websocket.access import Refusal
-from rosbridge_sim.shell.websocket.byte_totals import Traffic
+from rosbridge_sim.shell.websocket.access import HandshakeRefusal
+from rosbridge_sim.shell.websocket.byte_totals import ByteTotals
 from rosbridge_sim.shell.websocket.connected_client import Client
 from rosbridge_sim.shell.websocket.connections import (
     ConnectionTables,
@@ -148,11 +148,11 @@ class Server:
         self.is_loopback = False
         self.own_names: frozenset[str] = frozenset()
         self._refused_origins = RefusedOrigins()
-        self._left = Traffic()  # totals of the clients that have left
+        self._left = ByteTotals()  # totals of the clients that have left
         self._is_stopping = False
 
     @property
-    def traffic(self) -> Traffic:
+    def traffic(self) -> ByteTotals:
         """Totals of all clients since the start, with those that have left."""
         return self._left.plus(self.clients)
 
@@ -335,7 +335,7 @@ class Server:
         except Exception:  # noqa: BLE001 - an internal error, which `_process_request` finds again
             return False
 
-    def _judge(self, request: Request) -> Refusal | None:
+    def _judge(self, request: Request) -> HandshakeRefusal | None:
         return self._limits.access.judge(
             request, len(self.clients), is_loopback=self.is_loopback, own_names=self.own_names
         )

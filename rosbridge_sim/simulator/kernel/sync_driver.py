@@ -29,7 +29,7 @@ from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.hooks import Hooks
 from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
-from rosbridge_sim.simulator.kernel.tick_calls import ModeResult, OneTick, OnTick, Steps, TickResult, WaitingCall
+from rosbridge_sim.simulator.kernel.tick_calls import ModeResult, OneTick, OnTick, TickResult, WaitingCall, WaitingTicks
 from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sync.barrier import Barrier
 from rosbridge_sim.simulator.sync.barrier_table import BARRIER_ID, BarrierOutcome
@@ -308,7 +308,7 @@ class SyncDriver:
             why = barrier.why(outcome, caller)
             on_end(TickResult(is_accepted=False, is_paused=sync.is_paused, why=why, reason=outcome.reason))
 
-    def ask_steps(self, user_id: str, steps: Steps, caller: Participant, now: float) -> None:
+    def ask_steps(self, user_id: str, steps: WaitingTicks, caller: Participant, now: float) -> None:
         """Move the world by several time steps: now as far as one turn goes, the others in later turns.
 
         Args:

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 
 from rosbridge_sim.errors import Reason
 
-__all__ = ["ModeResult", "OnTick", "OneTick", "Steps", "TickResult", "WaitingCall"]
+__all__ = ["ModeResult", "OnTick", "OneTick", "TickResult", "WaitingCall", "WaitingTicks"]
 
 
 class ModeResult(NamedTuple):
@@ -43,7 +43,7 @@ class TickResult(NamedTuple):
 OnTick = Callable[[TickResult], None]
 
 
-class Steps(Protocol):
+class WaitingTicks(Protocol):
     """A call for ticks that may wait.
 
     Attributes:
@@ -108,7 +108,7 @@ class WaitingCall:
 
     __slots__ = ("is_over", "num_frames", "release", "steps", "why")
 
-    def __init__(self, steps: Steps, num_frames: int) -> None:
+    def __init__(self, steps: WaitingTicks, num_frames: int) -> None:
         self.steps = steps
         self.num_frames = num_frames
         self.release: Callable[[float], None] | None = None

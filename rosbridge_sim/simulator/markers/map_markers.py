@@ -13,7 +13,7 @@ import numpy as np
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.road_map import RoadMap
-from rosbridge_sim.simulator.markers.markers import COLOURS, MarkerMaker, Shape
+from rosbridge_sim.simulator.markers.markers import COLOURS, MarkerMaker, MarkerShape
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import Light
@@ -61,9 +61,9 @@ def make_map_markers(make: MarkerMaker, header: Struct, road_map: RoadMap) -> li
     share = int(MAX_MAP_POINTS * PAINT_SHARE) // 3
     markers = [make.delete_all(header)]
 
-    def add(ns: str, shape: Shape, width: float, colour: str, points: FloatArray) -> None:
+    def add(ns: str, shape: MarkerShape, width: float, colour: str, points: FloatArray) -> None:
         if len(points):
-            size = make.size(1.0, 1.0, 1.0) if shape == Shape.TRIANGLES else make.size(width, 0.0, 0.0)
+            size = make.size(1.0, 1.0, 1.0) if shape == MarkerShape.TRIANGLES else make.size(width, 0.0, 0.0)
             number = sum(marker.ns == ns for marker in markers)
             paint = make.colour(COLOURS[colour])
             markers.append(make.group(header, ns, number, shape, size=size, colour=paint, points=make.points(points)))
@@ -71,17 +71,17 @@ def make_map_markers(make: MarkerMaker, header: Struct, road_map: RoadMap) -> li
     for ns, colour, shape, points in _road(road_map, MAX_MAP_POINTS - 4 * share):
         add(ns, shape, EDGE_WIDTH, colour, points)
     for colour, width, points in _paint(road_map, share):
-        add("borders", Shape.LINE_LIST, width, colour, points)
-    add("stop_lines", Shape.LINE_LIST, STOP_WIDTH, "stop", _stop_lines(road_map.roads)[:share])
-    add("crosswalks", Shape.TRIANGLES, 0.0, "white", _crosswalks(road_map)[:share])
-    add("posts", Shape.LINE_LIST, POST_WIDTH, "post", _posts(road_map)[:share])
+        add("borders", MarkerShape.LINE_LIST, width, colour, points)
+    add("stop_lines", MarkerShape.LINE_LIST, STOP_WIDTH, "stop", _stop_lines(road_map.roads)[:share])
+    add("crosswalks", MarkerShape.TRIANGLES, 0.0, "white", _crosswalks(road_map)[:share])
+    add("posts", MarkerShape.LINE_LIST, POST_WIDTH, "post", _posts(road_map)[:share])
     return markers
 
 
 # Road
 
 
-def _road(road_map: RoadMap, budget: int) -> Iterator[tuple[str, str, Shape, FloatArray]]:
+def _road(road_map: RoadMap, budget: int) -> Iterator[tuple[str, str, MarkerShape, FloatArray]]:
     """Yield namespace, colour, shape and points of the road's surface and of its edges."""
     roads = road_map.roads
     if not len(roads):
@@ -97,19 +97,19 @@ def _road(road_map: RoadMap, budget: int) -> Iterator[tuple[str, str, Shape, Flo
     else:  # too large for surfaces: the middle lines, of the longest lanes first
         starts, lanes = _longest(starts, lanes, roads.length, budget // 2)
         ends = _next(kept)[starts]
-        yield "lanes", "road", Shape.LINE_LIST, _pairs(roads.points[starts], roads.points[ends])
+        yield "lanes", "road", MarkerShape.LINE_LIST, _pairs(roads.points[starts], roads.points[ends])
         return
     ends = _next(kept)[starts]
     left, right = _sides(roads)
     for colour, chosen in (("road", ~is_inside[lanes]), ("inside", is_inside[lanes])):
         first, last = starts[chosen], ends[chosen]
-        yield "lanes", colour, Shape.TRIANGLES, _quads(left[first], right[first], right[last], left[last])
+        yield "lanes", colour, MarkerShape.TRIANGLES, _quads(left[first], right[first], right[last], left[last])
     if not has_paint:
         chosen = ~is_inside[lanes]
         first, last = starts[chosen], ends[chosen]
         edges = np.concatenate([_pairs(left[first], left[last]), _pairs(right[first], right[last])])
         edges[:, 2] += LIFT
-        yield "edges", "white", Shape.LINE_LIST, edges
+        yield "edges", "white", MarkerShape.LINE_LIST, edges
 
 
 def _kept(points: FloatArray, first: IntArray, tolerance: float, border: FloatArray | None = None) -> BoolArray:

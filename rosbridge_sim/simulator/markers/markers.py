@@ -17,7 +17,7 @@ from rosbridge_sim.world.geometry.planar import FloatArray, Quaternion, Vector
 from rosbridge_sim.world.roads.signal_plan import GREENS, Lamp
 from rosbridge_sim.world.state.world import Kind
 
-__all__ = ["COLOURS", "KIND_LOOKS", "LAMPS", "MARKER_ARRAY", "Colour", "MarkerMaker", "Shape"]
+__all__ = ["COLOURS", "KIND_LOOKS", "LAMPS", "MARKER_ARRAY", "Colour", "MarkerMaker", "MarkerShape"]
 
 MARKER_ARRAY: Final = "visualization_msgs/MarkerArray"
 
@@ -25,7 +25,7 @@ Colour = tuple[float, float, float, float]
 """Red, green, blue and opacity, 0..1 each."""
 
 
-class Shape(IntEnum):
+class MarkerShape(IntEnum):
     """Shape of a marker; the numbers are those of visualization_msgs/Marker."""
 
     ARROW = 0
@@ -58,11 +58,11 @@ COLOURS: Final[dict[str, Colour]] = {
 }
 """Colours by name; readable on the dark background that RViz and Lichtblick begin with."""
 
-KIND_LOOKS: Final[dict[int, tuple[str, Shape, Colour]]] = {
-    Kind.EGO: ("egos", Shape.CUBE, (0.88, 0.10, 0.50, 0.9)),
-    Kind.VEHICLE: ("vehicles", Shape.CUBE, (0.35, 0.55, 0.95, 0.9)),
-    Kind.PEDESTRIAN: ("pedestrians", Shape.CYLINDER, (0.95, 0.55, 0.10, 0.9)),
-    Kind.OBSTACLE: ("obstacles", Shape.CUBE, (0.65, 0.45, 0.25, 0.9)),
+KIND_LOOKS: Final[dict[int, tuple[str, MarkerShape, Colour]]] = {
+    Kind.EGO: ("egos", MarkerShape.CUBE, (0.88, 0.10, 0.50, 0.9)),
+    Kind.VEHICLE: ("vehicles", MarkerShape.CUBE, (0.35, 0.55, 0.95, 0.9)),
+    Kind.PEDESTRIAN: ("pedestrians", MarkerShape.CYLINDER, (0.95, 0.55, 0.10, 0.9)),
+    Kind.OBSTACLE: ("obstacles", MarkerShape.CUBE, (0.65, 0.45, 0.25, 0.9)),
 }
 """Kind -> namespace, shape and colour."""
 
@@ -124,7 +124,7 @@ class MarkerMaker:
     # Markers
 
     def solid(
-        self, header: Struct, ns: str, number: int, shape: Shape, *, pose: Struct, size: Struct, colour: Struct
+        self, header: Struct, ns: str, number: int, shape: MarkerShape, *, pose: Struct, size: Struct, colour: Struct
     ) -> Struct:
         """Return a marker of one body."""
         return self._marker(header, ns, number, int(shape), _ADD, pose, size, colour)
@@ -134,7 +134,7 @@ class MarkerMaker:
         header: Struct,
         ns: str,
         number: int,
-        shape: Shape,
+        shape: MarkerShape,
         *,
         size: Struct,
         colour: Struct,
@@ -159,7 +159,7 @@ class MarkerMaker:
     def text(self, header: Struct, ns: str, number: int, text: str, *, pose: Struct, height: float) -> Struct:
         """Return a text that faces the viewer; `height` is that of a capital letter [m]."""
         size, colour = self.size(0.0, 0.0, height), self.colour(COLOURS["label"])
-        return self._marker_with_text(header, ns, number, int(Shape.TEXT), _ADD, pose, size, colour, text)
+        return self._marker_with_text(header, ns, number, int(MarkerShape.TEXT), _ADD, pose, size, colour, text)
 
     def delete(self, header: Struct, ns: str, number: int) -> Struct:
         """Return the deletion of a marker."""

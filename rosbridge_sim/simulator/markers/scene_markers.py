@@ -26,7 +26,7 @@ from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.tf_publisher import MAP
 from rosbridge_sim.simulator.markers.map_markers import lamp_height, make_map_markers
-from rosbridge_sim.simulator.markers.markers import COLOURS, KIND_LOOKS, LAMPS, MARKER_ARRAY, MarkerMaker, Shape
+from rosbridge_sim.simulator.markers.markers import COLOURS, KIND_LOOKS, LAMPS, MARKER_ARRAY, MarkerMaker, MarkerShape
 from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.geometry.planar import IntArray, Vector, quaternion, rotate
@@ -227,7 +227,7 @@ class SceneMarkers(Component):
             points = make.points(np.array([nose, tip]))
             size, colour = make.size(*ARROW_SIZE), make.colour(COLOURS["arrow"])
             markers.append(
-                make.group(header, "ego_arrows", number, Shape.ARROW, size=size, colour=colour, points=points)
+                make.group(header, "ego_arrows", number, MarkerShape.ARROW, size=size, colour=colour, points=points)
             )
         if has_label:
             pose = make.pose((middle[0], middle[1], middle[2] + 0.5 * height + LABEL_HEIGHT))
@@ -281,7 +281,7 @@ class _Lamps:
             header,
             "lights",
             0,
-            Shape.SPHERE_LIST,
+            MarkerShape.SPHERE_LIST,
             size=size,
             colour=make.colour(DARK),
             points=self._points,

@@ -31,8 +31,8 @@ __all__ = [
     "MAX_POINTS",
     "Behaviour",
     "Change",
-    "Motion",
     "NewObject",
+    "ObjectMotion",
     "Spot",
     "check_size",
     "find_link",
@@ -94,7 +94,7 @@ class Spot:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Motion:
+class ObjectMotion:
     """Motion of an object.
 
     Attributes:
@@ -133,7 +133,7 @@ class NewObject:
     ego_index: int
     spot: Spot
     speed: float
-    motion: Motion
+    motion: ObjectMotion
     start_within: float
 
 
@@ -155,7 +155,7 @@ class Change:
     unique_id: int
     spot: Spot | None
     speed: float | None
-    motion: Motion | None
+    motion: ObjectMotion | None
     gear: Gear | None
     ctrl_mode: CtrlMode | None
     lamps: tuple[int, int] | None
@@ -351,7 +351,7 @@ def _read_spot(place: Struct, where: str, roads: Roads) -> Spot:
     )
 
 
-def _read_motion(message: Struct, where: str, roads: Roads, kind: Kind, speed: float | None) -> Motion:
+def _read_motion(message: Struct, where: str, roads: Roads, kind: Kind, speed: float | None) -> ObjectMotion:
     behaviour = _read_behaviour(message, where, speed)
     is_lane, is_path = behaviour is Behaviour.LANE, behaviour is Behaviour.PATH
     for field, is_given, fits in (
@@ -372,7 +372,9 @@ def _read_motion(message: Struct, where: str, roads: Roads, kind: Kind, speed: f
         raise FieldError(f"{where}.speed: expected 0 m/s or more with behaviour {behaviour.value}, got {speed:g}")
     desired_speed = _within(message.desired_speed, 0.0, MAX_SPEED, f"{where}.desired_speed", "m/s") or math.inf
     route = _read_route(message, where, roads)
-    return Motion(behaviour, desired_speed, route, _read_path(message, where) if is_path else None, bool(message.loop))
+    return ObjectMotion(
+        behaviour, desired_speed, route, _read_path(message, where) if is_path else None, bool(message.loop)
+    )
 
 
 def _read_behaviour(message: Struct, where: str, speed: float | None) -> Behaviour:

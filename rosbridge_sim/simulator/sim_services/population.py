@@ -33,8 +33,8 @@ from rosbridge_sim.simulator.scene.scene_limits import MAX_ENTITIES
 from rosbridge_sim.simulator.sim_services.object_parsing import (
     Behaviour,
     Change,
-    Motion,
     NewObject,
+    ObjectMotion,
     Spot,
     can_be_ego,
     check_size,
@@ -364,7 +364,7 @@ class Population(Component):
             world.follow_path(row, motion.path, is_loop=motion.is_loop)
         return lane
 
-    def _lane_of(self, row: int, spot: Spot | None, motion: Motion, where: str) -> tuple[int, float]:
+    def _lane_of(self, row: int, spot: Spot | None, motion: ObjectMotion, where: str) -> tuple[int, float]:
         """Return the lane that a driver is to keep to; without a new place, that on which it drives already."""
         world = self._context.world
         if spot is None and world.has_lane[row] and motion.route[:1] in {(), (world.lane.item(row),)}:
@@ -395,7 +395,7 @@ class Population(Component):
 
     # Both
 
-    def _keep_lanes(self, drivers: Iterable[tuple[int, Motion, tuple[int, float]]]) -> None:
+    def _keep_lanes(self, drivers: Iterable[tuple[int, ObjectMotion, tuple[int, float]]]) -> None:
         """Have vehicles follow lanes: the row of each, its motion, and its place on its lane."""
         starts = [
             LaneStart(row, *lane, desired_speed=motion.desired_speed, route=motion.route, is_loop=motion.is_loop)
@@ -403,7 +403,7 @@ class Population(Component):
         ]
         keep_lanes(self._context.world, starts)
 
-    def _drive_itself(self, ego: Ego, motion: Motion, where: str) -> None:
+    def _drive_itself(self, ego: Ego, motion: ObjectMotion, where: str) -> None:
         """Have an ego drive itself along the lanes.
 
         Raises:

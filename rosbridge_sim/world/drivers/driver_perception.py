@@ -32,7 +32,7 @@ from rosbridge_sim.world.drivers.right_of_way import Requests, give_claims, upda
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among
 from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, MIN_SAFE_SPEED, LaneConflicts
 
-__all__ = ["Sight", "Stop", "observe", "perceive"]
+__all__ = ["DriverSight", "Stop", "observe", "perceive"]
 
 FOLLOWS_FROM: Final = 0.25
 """A driver follows if the entity ahead takes this much from its acceleration [m/s^2]: a passenger would feel it."""
@@ -74,7 +74,7 @@ class Stop(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class DriverSight:
     """Perception of one driver. An index counts the drivers first, then the entries of the others; -1 is none.
 
     Attributes:
@@ -98,7 +98,7 @@ class Sight:
 
 def observe(
     conflicts: LaneConflicts, may_enter: BoolArray, drivers: Drivers, others: Entries, num_moving: int, *, which: int
-) -> Sight:
+) -> DriverSight:
     """Return what one driver sees, and why it stops or slows down. The arguments are those of `perceive`.
 
     Args:
@@ -132,7 +132,7 @@ def observe(
         rival = _find_rival(conflicts, drivers, others.lane[:num_moving], lane, which)
     else:
         stop, lane = look.find_stop(which, distance)
-    return Sight(
+    return DriverSight(
         lead=look.find_lead(which),
         gap=gap,
         is_following=bool(lost[which] > FOLLOWS_FROM),
@@ -144,7 +144,7 @@ def observe(
 
 
 def _find_rival(conflicts: LaneConflicts, drivers: Drivers, moving: IntArray, lane: int, which: int) -> int:
-    """Return who has or claims a rival of a lane: an index as in `Sight`, -1 for none.
+    """Return who has or claims a rival of a lane: an index as in `DriverSight`, -1 for none.
 
     Args:
         drivers: after claims were given.
@@ -253,7 +253,7 @@ class _Look:
         return stop_for_intruders(*arguments, others.first(num_moving))
 
     def find_lead(self, which: int) -> int:
-        """Return the entity ahead of a driver, an index as in `Sight`; -1 for none."""
+        """Return the entity ahead of a driver, an index as in `DriverSight`; -1 for none."""
         queue, drivers = self.queue, self._drivers
         if np.isinf(self.perception.gap[which]):
             return -1

@@ -13,7 +13,7 @@ import numpy as np
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.lane_change_map import LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
-from rosbridge_sim.world.roads.turn_shares import ONE, Turns
+from rosbridge_sim.world.roads.turn_shares import ONE, TurnKinds
 from rosbridge_sim.world.state.chance import mix
 from rosbridge_sim.world.state.row_worlds import NO_ROUTE
 from rosbridge_sim.world.state.world import World
@@ -44,7 +44,7 @@ class RouteChoice:
         self.route = np.concatenate(routes) if routes else NO_ROUTE
         self.is_loop = world.is_loop[rows].copy()
         self.salt = world.salts(rows)
-        self.bounds = None if world.turn_shares is None else world.roads.derived(Turns).bounds(world.turn_shares)
+        self.bounds = None if world.turn_shares is None else world.roads.derived(TurnKinds).bounds(world.turn_shares)
 
     def plan(self, which: IntArray) -> None:
         """Choose all lanes ahead of some rows, and write them into the world."""

@@ -18,7 +18,7 @@ from rosbridge_sim.world.roads.lane_change_map import LaneNeighbours
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts, Links
 from rosbridge_sim.world.roads.lane_joins import Joins
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
-from rosbridge_sim.world.roads.turn_shares import ONE, Turns, TurnShares
+from rosbridge_sim.world.roads.turn_shares import ONE, TurnKinds, TurnShares
 
 __all__ = ["ManyRoads", "most_worlds"]
 
@@ -104,7 +104,7 @@ class ManyRoads(Roads):
             many = _repeat_conflicts(value, self)
         elif isinstance(value, LaneNeighbours):
             many = _repeat_neighbours(value, self)
-        elif isinstance(value, Turns):
+        elif isinstance(value, TurnKinds):
             many = _ManyTurns(value, self)
         elif make in _BY_LANE:
             many = np.tile(value, self.num)
@@ -167,12 +167,12 @@ def _repeat_neighbours(one: LaneNeighbours, roads: ManyRoads) -> LaneNeighbours:
     return many
 
 
-class _ManyTurns(Turns):
+class _ManyTurns(TurnKinds):
     """The turns of a map, once for each world."""
 
     __slots__ = ("_one", "_roads")
 
-    def __init__(self, one: Turns, roads: ManyRoads) -> None:
+    def __init__(self, one: TurnKinds, roads: ManyRoads) -> None:
         self._one, self._roads = one, roads
         self._bounds = None
 

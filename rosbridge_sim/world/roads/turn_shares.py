@@ -16,7 +16,7 @@ from rosbridge_sim.world.geometry.planar import IntArray, wrap_angle
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["MAX_SHARE", "ONE", "TurnShares", "Turns"]
+__all__ = ["MAX_SHARE", "ONE", "TurnKinds", "TurnShares"]
 
 LOOK: Final = 30.0
 """Distance beyond a fork at which its lanes are compared [m]: lanes across an intersection end there, and a long road
@@ -55,7 +55,7 @@ class TurnShares:
             raise ValueError(f"turn shares: expected three numbers 0..{MAX_SHARE:g}, not all 0, got {shares}")
 
 
-class Turns:
+class TurnKinds:
     """The kinds of all turns of one map; get them by `roads.derived(Turns)`.
 
     Attributes:

@@ -1,8 +1,8 @@
 """Equations written with `+ - * /`, recorded once as the calls of a row program.
 
-A function that computes with numbers gets `Value`s in their place. Each operation on them adds a call to a `Recorder`.
-`finish` gives each value a place in memory and hands the calls over to a `RowProgram`. A place is used again once the
-last call that needs its value is made, so a thousand rows stay in the cache of the processor.
+A function that computes with numbers gets `Value`s in their place. Each operation on them adds a call to an
+`EquationRecorder`. `finish` gives each value a place in memory and hands the calls over to a `RowProgram`. A place is
+used again once the last call that needs its value is made, so a thousand rows stay in the cache of the processor.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, wrap_angle
 from rosbridge_sim.world.state.row_program import RowProgram
 
-__all__ = ["RECORDED", "RecordedOperators", "Recorder", "Value"]
+__all__ = ["RECORDED", "EquationRecorder", "RecordedOperators", "Value"]
 
 _Function = Callable[..., object]
 
@@ -26,7 +26,7 @@ class Value:
 
     __slots__ = ("_recorder", "index")
 
-    def __init__(self, recorder: Recorder, index: int) -> None:
+    def __init__(self, recorder: EquationRecorder, index: int) -> None:
         self._recorder = recorder
         self.index = index
 
@@ -62,7 +62,7 @@ class Value:
         return self.call(np.negative)
 
 
-class Recorder:
+class EquationRecorder:
     """The calls of equations, in order.
 
     Args:

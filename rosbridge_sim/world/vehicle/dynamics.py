@@ -42,7 +42,7 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.state.entity_arrays import FLOATS as COLUMNS
-from rosbridge_sim.world.state.recorded_equations import RECORDED, Recorder, Value
+from rosbridge_sim.world.state.recorded_equations import RECORDED, EquationRecorder, Value
 from rosbridge_sim.world.state.row_program import RowProgram
 from rosbridge_sim.world.state.world import BoolArray, Dynamics, Kind, Mode, World
 from rosbridge_sim.world.state.written_equations import Script, Term, WrittenOperators
@@ -121,7 +121,7 @@ class _SingleTrack:
 
     def _write_program(self) -> None:
         program = self.program = RowProgram(self.world, self.rows, "front_load", "speed", written_from="rear_steer")
-        recorder = Recorder(program.num)
+        recorder = EquationRecorder(program.num)
 
         def columns(first: str, last: str) -> list[FloatArray]:
             return list(program.values[COLUMNS.index(first) : COLUMNS.index(last) + 1])

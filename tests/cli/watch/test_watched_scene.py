@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.cli.watch.picture import MAX_SCALE, MIN_SCALE, View, draw, pan, show_whole_map, zoom
-from rosbridge_sim.cli.watch.watched_scene import MapLines, Scene, TimeMeter, lamp_word, number_of
+from rosbridge_sim.cli.watch.watched_scene import MapLines, TimeMeter, WatchedScene, lamp_word, number_of
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
@@ -28,7 +28,7 @@ def ego_at(x: float, y: float, *, heading: float = 0.0, secs: float = 1.0, **fie
     return {"header": {"stamp": stamp}, "unique_id": 0, "position": position, "heading": heading, **fields}
 
 
-def picture(scene: Scene, view: View | None = None, size: tuple[int, int] = (80, 24)) -> str:
+def picture(scene: WatchedScene, view: View | None = None, size: tuple[int, int] = (80, 24)) -> str:
     return "\n".join(draw(scene, view or View(), size, now=0.0, title="ws://here"))
 
 
@@ -36,7 +36,7 @@ def picture(scene: Scene, view: View | None = None, size: tuple[int, int] = (80,
     ego=st.dictionaries(st.sampled_from(["position", "heading", "velocity", "unique_id", "header"]), JSON), other=JSON
 )
 def test_any_message_gives_a_picture(ego: dict[str, Any], other: Any) -> None:  # noqa: ANN401 - any JSON
-    scene = Scene()
+    scene = WatchedScene()
     scene.take_ego(ego, 0.0)
     scene.take_objects(
         {"npc_list": [other, {"position": other, "size": other, "heading": other}], "obstacle_list": other}
@@ -56,7 +56,7 @@ def test_any_message_gives_a_picture(ego: dict[str, Any], other: Any) -> None:  
 
 
 def test_steering_gear_and_mode_stand_in_the_ego_line() -> None:
-    scene = Scene()
+    scene = WatchedScene()
     scene.take_ego(ego_at(0, 0, velocity={"x": 10.0}, wheel_angle=math.radians(-3.25), accel=0.5), 0.0)
     scene.event = {"gear": 4, "ctrl_mode": 3}
     text = picture(scene)
@@ -67,7 +67,7 @@ def test_steering_gear_and_mode_stand_in_the_ego_line() -> None:
 
 
 def test_master_and_light_ahead_stand_in_the_time_line() -> None:
-    scene = Scene()
+    scene = WatchedScene()
     scene.take_ego(ego_at(0, 0), 0.0)
     scene.sync = {"frame": 1234, "status": True, "master_id": "me\x1b[2J"}
     scene.take_light({"trafficLightStatus": 33}, 0.0)
@@ -81,7 +81,7 @@ def test_master_and_light_ahead_stand_in_the_time_line() -> None:
 
 
 def test_without_a_map_a_grid_and_a_trail_show_motion() -> None:
-    scene = Scene()
+    scene = WatchedScene()
     scene.take_ego(ego_at(0, 0), 0.0)
     still = picture(scene)
     assert any(char in still for char in "⠁⠂⠄⡀⠈⠐⠠⢀")
@@ -94,7 +94,7 @@ def test_without_a_map_a_grid_and_a_trail_show_motion() -> None:
 
 
 def test_jump_of_the_ego_ends_the_trail_and_asks_for_the_map() -> None:
-    scene = Scene()
+    scene = WatchedScene()
     scene.take_ego(ego_at(0, 0), 0.0)
     assert not scene.has_jumped
     scene.take_ego(ego_at(100, 0), 0.1)
@@ -107,7 +107,7 @@ def test_jump_of_the_ego_ends_the_trail_and_asks_for_the_map() -> None:
 
 @pytest.mark.parametrize(("heading", "arrow"), [(0, "→"), (90, "↑"), (180, "←"), (-45, "↘")])
 def test_ego_from_far_is_an_arrow_along_its_heading(heading: float, arrow: str) -> None:
-    scene = Scene()
+    scene = WatchedScene()
     scene.take_ego(ego_at(5, 5, heading=heading), 0.0)
     view = View(scale=10.0)
     assert arrow in picture(scene, view)
@@ -119,7 +119,7 @@ def test_ego_from_far_is_an_arrow_along_its_heading(heading: float, arrow: str) 
 
 
 def test_panned_view_stays_and_follows_again() -> None:
-    scene, view = Scene(), View(scale=1.0)
+    scene, view = WatchedScene(), View(scale=1.0)
     scene.take_ego(ego_at(5, 5, heading=180.0), 0.0)
     picture(scene, view)
     pan(view, scene, 10.0, -4.0)
@@ -182,7 +182,7 @@ def test_number_of_anything_else_is_0() -> None:
 
 
 def test_labels_come_near_and_boxes_have_the_size_of_objects() -> None:
-    scene = Scene()
+    scene = WatchedScene()
     scene.take_ego(ego_at(0, 0), 0.0)
     thing = {"unique_id": 7, "position": {"x": 0, "y": 8}, "size": {"x": 1.8, "y": 4.5}, "velocity": {"x": 36.0}}
     scene.take_objects({"npc_list": [thing]})

@@ -17,7 +17,7 @@ from rosbridge_sim import DocumentError, Simulator
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.bags import bag_recorder as recording
 from rosbridge_sim.shell.bags.bag import open_bag
-from rosbridge_sim.shell.bags.bag_recorder import Recorder
+from rosbridge_sim.shell.bags.bag_recorder import BagRecorder
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 from tests.conftest import Connect
 from tests.graph.bus_fixture import Wire, make_bus
@@ -314,12 +314,12 @@ async def test_unencodable_message_is_left_out_alone(
 
 async def test_unencodable_latched_message_does_not_exclude_its_topic(tmp_path: Path) -> None:
     bus, path = make_bus(), tmp_path / "a.bag"
-    speaker = Recorder.__new__(Recorder)  # any owner
+    speaker = BagRecorder.__new__(BagRecorder)  # any owner
     topic = bus.advertise(speaker, "/t", "std_msgs/String", depth=3)
     make = bus.store.message("std_msgs/String").struct_type
     for data in ("a", object(), "b"):
         bus.publish(speaker, topic, Message(topic.type, make(data=data)), 0.0)
-    recorder = Recorder(bus, BagMessageWriter(open_bag(path), bus.store), path, loop=asyncio.get_running_loop())
+    recorder = BagRecorder(bus, BagMessageWriter(open_bag(path), bus.store), path, loop=asyncio.get_running_loop())
     recorder.stop()
     assert [one.data for _, _, one in read_bag(path)] == ["a", "b"]
     assert bus.guard.num_faults == 1
@@ -329,7 +329,7 @@ async def test_unencodable_latched_message_does_not_exclude_its_topic(tmp_path: 
 async def test_ended_recording_is_not_flushed_again(tmp_path: Path, end: str) -> None:
     """A timer that goes on would keep the bag in memory and write to its closed file once a second, for ever."""
     bus, path = make_bus(), tmp_path / "a.bag"
-    recorder = Recorder(bus, BagMessageWriter(open_bag(path), bus.store), path, loop=asyncio.get_running_loop())
+    recorder = BagRecorder(bus, BagMessageWriter(open_bag(path), bus.store), path, loop=asyncio.get_running_loop())
     recorder._tick()
     if end == "stop":
         recorder.stop()

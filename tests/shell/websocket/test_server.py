@@ -849,7 +849,7 @@ async def test_failing_request_and_failing_watcher_are_counted_and_survived(
 
 async def test_memory_is_given_back_after_a_small_frame_that_holds_a_large_one(listen: Listen) -> None:
     port = await listen()
-    picture = png.Picture(b'{"op":"unsubscribe","topic":"/t"}'.ljust(LARGE_FRAME))
+    picture = png.PngFrame(b'{"op":"unsubscribe","topic":"/t"}'.ljust(LARGE_FRAME))
     while not picture.work():
         pass
     assert picture.frame is not None

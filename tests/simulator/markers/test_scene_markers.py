@@ -16,7 +16,7 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.simulator.markers import map_markers, scene_markers
 from rosbridge_sim.simulator.markers.map_markers import MAX_MAP_POINTS, make_map_markers
-from rosbridge_sim.simulator.markers.markers import MarkerMaker, Shape
+from rosbridge_sim.simulator.markers.markers import MarkerMaker, MarkerShape
 from rosbridge_sim.simulator.scene.load import WHOLE
 from rosbridge_sim.world.geometry.planar import rotate
 from rosbridge_sim.world.roads.roads import Roads
@@ -80,11 +80,11 @@ def test_objects_have_bodies_of_their_kind_labels_and_ego_arrow() -> None:
     )
     assert {one["header"]["frame_id"] for one in message["markers"]} == {"map"}
     body, world, row = marker(message, "vehicles", 7), harness.world, harness.world.row(7)
-    assert body["type"] == Shape.CUBE
+    assert body["type"] == MarkerShape.CUBE
     assert body["scale"] == {"x": 2 * world.half_length[row], "y": 2 * world.half_width[row], "z": world.height[row]}
     assert body["pose"]["position"]["z"] == pytest.approx(world.z[row] + world.height[row] / 2)
     assert body["pose"]["position"]["x"] == pytest.approx(world.x[row] + world.centre[row] * math.cos(world.yaw[row]))
-    assert marker(message, "pedestrians", 9)["type"] == Shape.CYLINDER
+    assert marker(message, "pedestrians", 9)["type"] == MarkerShape.CYLINDER
     assert marker(message, "vehicles_labels", 7)["text"] == "7  36 km/h"
     assert marker(message, "egos_labels")["text"] == "ego 0  0 km/h"
     assert marker(message, "obstacles_labels", 3)["text"] == "3"

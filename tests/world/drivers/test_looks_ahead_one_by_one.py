@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.drivers.driver_perception import Sight, Stop, _find_rival, _Look, observe, perceive
+from rosbridge_sim.world.drivers.driver_perception import DriverSight, Stop, _find_rival, _Look, observe, perceive
 from rosbridge_sim.world.drivers.lane_entries import Entries
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
@@ -237,7 +237,7 @@ def test_drivers_perceive_lead_vehicles_stops_and_speeds_as_one_by_one(seed: int
         assert perception.slow.accel.tolist() == [second.accel for _, _, second in found if second]
 
 
-def sight_of(case: Situation, may_enter: BoolArray, i: int) -> Sight:
+def sight_of(case: Situation, may_enter: BoolArray, i: int) -> DriverSight:
     """What one driver stops for, told from what it perceives and has after claims were given."""
     drivers, conflicts = case.drivers, case.conflicts
     look = _Look(conflicts, may_enter, drivers, case.others)
@@ -278,7 +278,7 @@ def sight_of(case: Situation, may_enter: BoolArray, i: int) -> Sight:
                 break
             to_line += float(conflicts.roads.length[there])
     lead = ahead.lead.who if ahead.lead is not None else NONE
-    return Sight(lead, float(perception.gap[i]), lost > 0.25, stop, distance, where, rival)
+    return DriverSight(lead, float(perception.gap[i]), lost > 0.25, stop, distance, where, rival)
 
 
 @pytest.mark.parametrize("seed", range(60))

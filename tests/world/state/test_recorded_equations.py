@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.state.recorded_equations import RECORDED, Recorder
+from rosbridge_sim.world.state.recorded_equations import RECORDED, EquationRecorder
 from rosbridge_sim.world.state.row_program import RowProgram
 from rosbridge_sim.world.state.world import Body, Kind, World
 
@@ -21,7 +21,7 @@ def program_of(num: int) -> RowProgram:
 
 def test_recorded_equations_give_what_they_say() -> None:
     program = program_of(3)
-    recorder = Recorder(3)
+    recorder = EquationRecorder(3)
     x, y = recorder.given(program.values[0]), recorder.given(program.values[1])
     twice = 2.0 * x
     results = [
@@ -53,7 +53,7 @@ def test_recorded_equations_give_what_they_say() -> None:
 def test_result_may_replace_what_others_still_read() -> None:
     """Targets are written last, even if they are inputs."""
     program = program_of(3)
-    recorder = Recorder(3)
+    recorder = EquationRecorder(3)
     x, y = recorder.given(program.values[0]), recorder.given(program.values[1])
     recorder.finish(program, [y + 1.0, x + 10.0], [program.values[0], program.values[1]])
     program.run()
@@ -62,7 +62,7 @@ def test_result_may_replace_what_others_still_read() -> None:
 
 def test_smaller_and_greater_zero_has_no_sign() -> None:
     program = program_of(2)
-    recorder = Recorder(2)
+    recorder = EquationRecorder(2)
     zero = recorder.given(np.array([0.0, -0.0]))
     targets = list(np.empty((2, 2)))
     recorder.finish(program, [RECORDED.least(zero, -0.0), RECORDED.most(-zero, -0.0)], targets)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from rosbridge_sim.world.state.recorded_equations import RECORDED, Recorder
+from rosbridge_sim.world.state.recorded_equations import RECORDED, EquationRecorder
 from rosbridge_sim.world.state.row_program import RowProgram
 from rosbridge_sim.world.state.world import Body, Kind, World
 from rosbridge_sim.world.state.written_equations import Script, WrittenOperators
@@ -46,7 +46,7 @@ def test_functions_give_the_bits_of_arrays() -> None:
     program = RowProgram(world, world.rows(Kind.EGO), "x", "speed", written_from="x")
     for other in NUMBERS:
         program.values[0], program.values[1] = NUMBERS, other
-        recorder = Recorder(program.num)
+        recorder = EquationRecorder(program.num)
         results = equations(RECORDED, recorder.given(program.values[0]), recorder.given(program.values[1]))
         targets = list(np.empty((len(results), program.num)))
         fresh = RowProgram(world, world.rows(Kind.EGO), "x", "speed", written_from="x")
