@@ -220,13 +220,14 @@ def test_acceleration_of_people_is_the_change_of_their_speed() -> None:
     assert world.speed[row] > 1.0
 
 
-def test_somebody_at_the_kerb_steps_back_from_a_vehicle_that_comes_too_near() -> None:
+@pytest.mark.parametrize(("room", "steps_back"), [(0.3, True), (0.7, True), (0.78, False)])
+def test_somebody_at_the_kerb_steps_back_from_a_vehicle_that_comes_too_near(room: float, *, steps_back: bool) -> None:
     world = lit(Lamp.RED)
     row = walker(world, np.array([[50.0, -4.0], [50.0, 12.0]]))
     for _ in range(200):
         step(world)
     kerb = float(world.y[row])
-    y = kerb + 0.3 + 0.5 * CAR.width  # its side is at the chest
+    y = kerb + room + 0.5 * CAR.width  # at 0.3 m its side is at the chest
     path = np.array([[42.0, y], [70.0, y]])
     world.spawn(Kind.VEHICLE, CAR, name="bus", x=42.0, y=y, path=path, speed=3.0)
     least = kerb
@@ -234,7 +235,7 @@ def test_somebody_at_the_kerb_steps_back_from_a_vehicle_that_comes_too_near() ->
         step(world)
         assert not len(world.contacts)
         least = min(least, float(world.y[row]))
-    assert least < kerb - 0.05
+    assert (least < kerb - 0.02) == steps_back
     assert world.y[row] == pytest.approx(kerb, abs=0.1)  # back again
 
 
@@ -274,6 +275,22 @@ def test_pedestrian_waits_for_a_vehicle_that_passes_within_two_metres_of_the_cro
 ) -> None:
     world = world_of(road())
     ego(world, 30.0, y, speed=8.0)
+    assert begins_to_cross(world) == crosses
+
+
+@pytest.mark.parametrize(("spare", "crosses"), [(0.75, False), (1.25, True)])
+def test_pedestrian_crosses_if_a_vehicle_comes_a_second_after_it_is_across(spare: float, *, crosses: bool) -> None:
+    """The crossing is 4.1 m long, from kerb to kerb, and reaches half a metre to each side of the path."""
+    world = world_of(road())
+    nose = CAR.length - CAR.rear_overhang
+    ego(world, 50.0 - 0.5 - nose - 8.0 * (4.1 / 1.3 + spare), 0.0, speed=8.0)
+    assert begins_to_cross(world) == crosses
+
+
+@pytest.mark.parametrize(("away", "crosses"), [(68.0, False), (73.0, True)])
+def test_pedestrian_looks_for_vehicles_within_70_metres(away: float, *, crosses: bool) -> None:
+    world = world_of(road())
+    ego(world, 50.0 - away - CAR.centre, 0.0, speed=30.0)
     assert begins_to_cross(world) == crosses
 
 
