@@ -128,6 +128,13 @@ class Outbox:
     def __len__(self) -> int:
         return len(self._frames)
 
+    @property
+    def num_bytes_late(self) -> int:
+        """Memory held until the first frame is taken, if that is made late; else 0 [bytes]."""
+        if not self._num_late or isinstance(self._frames[0][1], bytes):
+            return 0
+        return self._frames[0][2]
+
     def send(self, frame: bytes | LateFrames) -> None:
         """Add an answer or a status frame, which is never dropped."""
         if not self._frames:

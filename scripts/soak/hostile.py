@@ -455,6 +455,12 @@ ROWS: tuple[Row, ...] = (
         before=[STRING],
         listeners=[{**LISTEN, "compression": "png"}] * 5,
     ),
+    Row(
+        "2 MB String to 200 listeners",
+        lambda: [masked(op(op="publish", topic="/s", msg={"data": "x" * 2 * MB}))],
+        before=[STRING],
+        listeners=[LISTEN] * 200,
+    ),
     Row("16 MB of 1e308", lambda: [floats(b"1e308")]),
     Row("16 MB of integers of 4,000 digits", lambda: [floats(b"1" * 4_000)]),
     Row("9,999 glued pieces, eight times", lambda: [pieces()] * 8),

@@ -23,6 +23,10 @@ TURN_TIME = 0.002
 ROUND_TIME = 0.004
 """Longest round of all clients, before the sockets and the world are checked again [s]: a fifth of a frame."""
 
+ROUND_BYTES = 32 * 2**20
+"""Bytes of heavy messages that all sockets get in one round: 15 ms. The time of a round does not bound them, because
+the event loop writes to the sockets after it."""
+
 
 class Worker(Protocol):
     """A client that may have work left."""
@@ -41,7 +45,12 @@ class Worker(Protocol):
 
 
 class Turns:
-    """The turns of all clients of one server."""
+    """The turns of all clients of one server.
+
+    Attributes:
+        num_bytes_left: bytes that sockets may still get in this round; clients subtract theirs. Below 1, heavy messages
+            wait for a later round.
+    """
 
     def __init__(self, loop: asyncio.AbstractEventLoop, on_round: Callable[[], None]) -> None:
         """Begin without workers.
@@ -52,6 +61,7 @@ class Turns:
         """
         self._loop = loop
         self._on_round = on_round
+        self.num_bytes_left = ROUND_BYTES
         self._is_begun = False
         self._ends = 0.0
         self._new: deque[Worker] = deque()
@@ -103,6 +113,7 @@ class Turns:
 
     def _end_round(self) -> None:
         self._is_begun = False
+        self.num_bytes_left = ROUND_BYTES
         self._on_round()
         flushes, self._flushes = self._flushes, []
         self._is_gathering = self._is_begun
@@ -115,9 +126,10 @@ class Turns:
         while new and perf_counter() < self._ends:
             self._serve(new.popleft())
         self._new.extendleft(reversed(new))
-        # At least one of these has its turn in each round, however many others come.
+        # At least one of these has its turn in each round, and may send, however many others come.
+        self.num_bytes_left = max(1, self.num_bytes_left)
         for i in range(len(self._old)):
-            if i and perf_counter() >= self._ends:
+            if i and (perf_counter() >= self._ends or self.num_bytes_left <= 0):
                 break
             self._serve(self._old.popleft())
 

@@ -8,6 +8,7 @@ import re
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import AsyncExitStack, suppress
+from itertools import pairwise
 from typing import NoReturn
 
 import pytest
@@ -27,6 +28,7 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.shell.monitoring.log_limits import PLACE_BURST, TRACEBACK_COST
+from rosbridge_sim.shell.websocket import turns
 from rosbridge_sim.shell.websocket.access import Access
 from rosbridge_sim.shell.websocket.connected_client import Client as Served
 from rosbridge_sim.shell.websocket.limits import ServerLimits
@@ -886,3 +888,35 @@ async def test_hundred_failing_clients_are_disconnected_with_a_short_log(
     assert least <= len(failures(caplog)) < 2 * least  # on a busy machine there is time for more than the burst
     told = [re.search(r"(\d+) more lines of connected_client.py", line) for line in caplog.messages]
     assert len(failures(caplog)) + sum(int(found[1]) for found in told if found) == 100
+
+
+async def test_heavy_message_to_many_subscribers_is_sent_in_several_passes(
+    listen: Listen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frame, num = 400_000, 12
+    monkeypatch.setattr(turns, "ROUND_BYTES", 2 * frame)
+    port = await listen()
+    loop, clients, is_over = asyncio.get_running_loop(), port.server.clients, False
+    seen = [0]
+
+    def look() -> None:
+        seen.append(sum(client.num_bytes_sent for client in clients))
+        if not is_over:
+            loop.call_soon(look)
+
+    async with AsyncExitStack() as stack:
+        publisher = await stack.enter_async_context(await Client.open(port.url))
+        await publisher.send("advertise", topic="/s", type="std_msgs/String")
+        await publisher.settle()
+        listeners = [await stack.enter_async_context(await Client.open(port.url)) for _ in range(num)]
+        for listener in listeners:
+            await listener.send("subscribe", topic="/s")
+            await listener.settle()
+        look()
+        await publisher.send("publish", topic="/s", msg={"data": "x" * frame})
+        for listener in listeners:
+            assert len((await listener.message("/s"))["data"]) == frame
+        is_over = True
+    rises = [after - before for before, after in pairwise(seen[1:])]
+    assert sum(rises) >= num * frame
+    assert max(rises) < 5 * frame  # what a round has left, and one frame more; the end of one round and the next

@@ -7,7 +7,7 @@ import asyncio
 import pytest
 
 from rosbridge_sim.shell.websocket import turns
-from rosbridge_sim.shell.websocket.turns import ROUND_TIME, TURN_TIME, Turns
+from rosbridge_sim.shell.websocket.turns import ROUND_BYTES, ROUND_TIME, TURN_TIME, Turns
 
 
 class Clock:
@@ -122,6 +122,34 @@ async def test_waiting_client_has_its_turn_in_each_round_despite_new_ones(clock:
             these.wait(Client(f"new {i}", clock, log, 1, TURN_TIME), had_turn=False)
         await rounds(1)
     assert log.count("old") >= 9
+
+
+async def test_bytes_of_a_round_are_bounded_but_one_client_may_always_send(clock: Clock) -> None:
+    class Sender:
+        num_left = 3
+
+        def __init__(self, name: str) -> None:
+            self._name = name
+
+        def work(self, _until: float) -> bool:
+            if these.num_bytes_left > 0:
+                log.append(self._name)
+                these.num_bytes_left -= ROUND_BYTES
+                self.num_left -= 1
+            return self.num_left > 0
+
+    def send_elsewhere() -> None:
+        these.num_bytes_left -= ROUND_BYTES
+
+    log: list[str] = []
+    these = Turns(asyncio.get_running_loop(), lambda: these.flush_later(send_elsewhere))
+    for name in "ab":
+        these.wait(Sender(name), had_turn=True)
+    for num in range(1, 7):
+        await rounds(1)
+        assert len(log) == num
+    assert log == list("ab") * 3
+    assert clock.now == 100.0
 
 
 async def test_client_that_left_is_not_called_again(clock: Clock) -> None:
