@@ -25,7 +25,7 @@ def braking(y: float, roads: Roads | None = ROAD) -> World:
     return world
 
 
-@pytest.mark.parametrize(("y", "friction"), [(0.0, ROAD_FRICTION), (1.7, ROAD_FRICTION), (1.8, OFF_ROAD_FRICTION)])
+@pytest.mark.parametrize(("y", "friction"), [(0.0, 0.9), (1.7, 0.9), (1.8, 0.6)])  # asphalt and gravel
 def test_brakes_find_the_friction_of_the_ground(y: float, friction: float) -> None:
     world = braking(y)
     for _ in range(60):
