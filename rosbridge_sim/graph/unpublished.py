@@ -55,7 +55,7 @@ class UnpublishedTopics:
         self._watched.pop(subscription, None)
 
     def next_due(self) -> float | None:
-        """Return when `advance` has something to do next [s]; None if never."""
+        """Return when `take_due` has something to return next [s]; None if never."""
         for due, _ in self._watched.values():  # all wait for the same time, so the first is the earliest
             return due
         return None
