@@ -426,12 +426,12 @@ def op_from_value(value: JsonValue) -> Op:
         if "receiver" in value:
             raise FrameError(
                 "Received a rosbridge v1.0 message.  Please refer to rosbridge.org for the correct format of rosbridge"
-                f" v2.0 messages.  Original message was: {_shorten(str(value))}",
+                f" v2.0 messages.  Original message was: {_original(value)}",
                 op_id,
             )
         raise FrameError(
             "Received a message without an op.  All messages require 'op' field with value one of:"
-            f" {list(OPS)}.  Original message was: {_shorten(str(value))}",
+            f" {list(OPS)}.  Original message was: {_original(value)}",
             op_id,
             reason=Reason.UNKNOWN_OP,
         )
@@ -456,6 +456,15 @@ def op_from_value(value: JsonValue) -> Op:
             fields[field.name] = _checked(given, name, field.name, op_id)
     made: Op = op(**fields)
     return made
+
+
+def _original(value: Mapping[Any, object]) -> str:
+    """Return the start of a message without an op, as Python writes it; a body that is not decoded as its JSON text."""
+    texts = [
+        f"{key!r}: {_shorten_bytes(memoryview(each)) if isinstance(each, msgspec.Raw) else repr(each)}"
+        for key, each in value.items()
+    ]
+    return _shorten("{" + ", ".join(texts) + "}")
 
 
 def _strange_fields(op: type[Op], value: Mapping[Any, object]) -> str:

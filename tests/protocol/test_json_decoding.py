@@ -146,6 +146,14 @@ def test_a_long_object_without_an_op_is_not_quoted_in_full() -> None:
     assert len(str(steps[-1])) < 1_000
 
 
+@pytest.mark.parametrize("length", [1, json_decoding.LONG])
+def test_message_without_an_op_is_quoted_as_it_came(length: int) -> None:
+    error = only_op(json.dumps({"topic": "/t", "msg": {"data": "x" * length}, "id": 5}).encode())
+    quoted = str(error).partition("Original message was: ")[2].replace('"', "'")
+    assert quoted.startswith("{'topic': '/t', 'msg': {'data': 'x")
+    assert "object at" not in quoted  # an address of memory, which helps an attacker
+
+
 @pytest.mark.parametrize(
     "frame",
     [
