@@ -24,7 +24,6 @@ from rosbridge_sim.world.step import step
 from rosbridge_sim.world.vehicle import dynamics
 from rosbridge_sim.world.vehicle.dynamics import drive
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, feel
-from rosbridge_sim.world.vehicle.single_track import BRAKE_LAG, THROTTLE_LAG
 from rosbridge_sim.world.vehicle.tyre_readings import NO_TYRES, read_tyres
 from tests.world.driven_cars import CAR, pedals, speeds
 
@@ -327,7 +326,7 @@ def test_models_accelerate_as_their_data_sheets_say(name: str, kmh: float, secon
 # -- actuators
 
 
-@pytest.mark.parametrize(("figures", "lag"), [({"throttle": 1.0}, THROTTLE_LAG), ({"brake": 0.5}, BRAKE_LAG)])
+@pytest.mark.parametrize(("figures", "lag"), [({"throttle": 1.0}, 0.2), ({"brake": 0.5}, 0.15)])
 def test_pedal_reaches_63_per_cent_after_its_time_constant(figures: dict[str, float], lag: float) -> None:
     world = ego(FREE, speed=20.0)
     command(world, 0, mode=Mode.PEDALS, steer=0.0, **figures)
@@ -360,7 +359,7 @@ def test_speed_mode_keeps_its_jerk_limit_and_does_not_overshoot(before: float, a
     assert after > 0.0 or trace[-1] == 0.0
 
 
-@pytest.mark.parametrize(("wanted", "lag"), [(-6.0, BRAKE_LAG), (1.5, THROTTLE_LAG)])
+@pytest.mark.parametrize(("wanted", "lag"), [(-6.0, 0.15), (1.5, 0.2)])
 def test_acceleration_mode_reaches_its_command_with_the_lag_of_the_pedal(wanted: float, lag: float) -> None:
     world = ego(speed=15.0)
     to_speed(world, 15.0)
