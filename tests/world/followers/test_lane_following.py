@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rosbridge_sim.world.drivers.driver_model import FIRM, GAP, STOP_GAP, Perception, firm_stop
+from rosbridge_sim.world.drivers.driver_model import Perception, firm_stop
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.driver_perception import perceive
 from rosbridge_sim.world.drivers.lane_position import keep_lane
@@ -65,7 +65,7 @@ def test_vehicle_stops_at_the_end_of_the_road() -> None:
     row = car(world, "a", 10.0, speed=15.0)
     run(world, 60.0)
     assert world.speed[row] < 0.01
-    assert to_line(world, row) == pytest.approx(STOP_GAP, abs=0.3)
+    assert to_line(world, row) == pytest.approx(1.0, abs=0.3)
 
 
 def test_vehicle_too_fast_for_the_end_of_the_road_stops_on_it() -> None:
@@ -135,7 +135,7 @@ def test_slower_lead_vehicle_is_followed_at_a_time_gap() -> None:
     run(world, 50.0)
     gap = world.arc[slow] - CAR.rear_overhang - world.arc[fast] - NOSE
     assert world.speed[fast] == pytest.approx(10.0, abs=0.1)
-    assert gap == pytest.approx(GAP + parameters(world).headway[fast] * 10.0, rel=0.05)
+    assert gap == pytest.approx(2.5 + parameters(world).headway[fast] * 10.0, rel=0.05)
 
 
 def test_queue_stops_and_starts_in_order() -> None:
@@ -145,7 +145,7 @@ def test_queue_stops_and_starts_in_order() -> None:
     run(world, 30.0)
     assert (world.speed[rows] < 0.05).all()
     gaps = -np.diff(world.arc[rows]) - CAR.length
-    assert gaps == pytest.approx(GAP, abs=0.6)
+    assert gaps == pytest.approx(2.5, abs=0.6)
     run(world, 10.0)  # 3 s of yellow for the others, then it is theirs
     assert lane_of(world, rows[0]) != "s"
     assert (np.diff(world.y[rows]) < 0.0).all()
@@ -235,7 +235,7 @@ def test_vehicle_two_lanes_ahead_is_seen_in_time() -> None:
     back = car(world, "l20", 1.0, speed=15.0)
     speeds = run(world, 30.0)
     assert speeds[-1, back] < 0.02
-    assert world.x[front] - CAR.rear_overhang - world.x[back] - NOSE == pytest.approx(GAP, abs=0.3)
+    assert world.x[front] - CAR.rear_overhang - world.x[back] - NOSE == pytest.approx(2.5, abs=0.3)
 
 
 def test_vehicle_at_a_fork_blocks_both_lanes() -> None:
@@ -271,7 +271,7 @@ def test_vehicle_stops_one_metre_before_a_red_stop_line() -> None:
     row = car(world, "s", 100.0, speed=14.0)
     run(world, 12.0)
     assert world.speed[row] < 0.02
-    assert to_line(world, row) == pytest.approx(STOP_GAP, abs=0.2)
+    assert to_line(world, row) == pytest.approx(1.0, abs=0.2)
     assert enters(world, row, 20.0) == pytest.approx(1.0 + 1.5, abs=1.0), "green comes a second later"
 
 
@@ -292,7 +292,7 @@ def test_vehicle_stops_at_yellow_if_it_can(distance: float) -> None:
     can_stop = distance - 14.0 * DECISION * DT > firm_stop(np.array([14.0]), np.zeros(1), driver.reaction[[row]])
     assert (when is None) == can_stop
     assert when is None or when <= 3.1, "he is over the line while it is yellow"
-    assert world.accel.min() > -FIRM - 1.0
+    assert world.accel.min() > -5.0
 
 
 def test_vehicle_waits_for_a_left_arrow() -> None:
@@ -329,7 +329,7 @@ def test_vehicles_follow_and_wait_for_an_ego() -> None:
     row = car(world, "a", 10.0, speed=15.0)
     run(world, 20.0)
     assert world.speed[row] < 0.02
-    assert world.x[other] - CAR.rear_overhang - world.x[row] - NOSE == pytest.approx(GAP, abs=0.3)
+    assert world.x[other] - CAR.rear_overhang - world.x[row] - NOSE == pytest.approx(2.5, abs=0.3)
 
 
 def test_entity_beside_the_lane_does_not_block_it() -> None:

@@ -16,7 +16,6 @@ import pytest
 
 from rosbridge_sim.scenarios.catalogue import CATALOGUE
 from rosbridge_sim.world.state.commands import command, release, shift
-from rosbridge_sim.world.state.control_columns import JERK_LIMIT
 from rosbridge_sim.world.state.entity_types import GRAVITY, ROAD_FRICTION
 from rosbridge_sim.world.state.placement import set_speed, teleport
 from rosbridge_sim.world.state.world import DT, Body, Dynamics, Gear, Kind, Mode, World
@@ -353,7 +352,7 @@ def test_speed_mode_keeps_its_jerk_limit_and_does_not_overshoot(before: float, a
         step(world)
         accels.append(world.accel.item(0))
         trace.append(world.speed.item(0))
-    assert max(abs(b - a) for a, b in pairwise(accels)) / DT < 1.001 * JERK_LIMIT
+    assert max(abs(b - a) for a, b in pairwise(accels)) / DT < 10.01
     assert min(before, after) - 0.005 < min(trace) <= max(trace) < max(before, after) + 0.005
     assert trace[-1] == pytest.approx(after, abs=1e-6)
     assert after > 0.0 or trace[-1] == 0.0
