@@ -448,6 +448,17 @@ def test_hard_brake_in_a_bend_spins_the_car_and_tips_nothing_over(speed: float, 
     assert turned > 1.5 * bend, (turned, bend)
 
 
+def test_lean_follows_the_acceleration_with_a_lag_of_150_milliseconds() -> None:
+    world = ego(speed=15.0)
+    pedals(world, brake=0.5)
+    for _ in range(20):
+        before = world.pitch.item(0)
+        step(world)
+        goal = -CAR.pitch_gain * world.accel.item(0)
+        left = (goal - world.pitch.item(0)) / (goal - before)
+        assert left == pytest.approx(math.exp(-DT / 0.15), rel=1e-6)
+
+
 def test_rates_of_the_lean_are_those_of_pitch_and_roll() -> None:
     world = ego(speed=15.0)
     pedals(world, brake=0.3, steer=0.05)
