@@ -1,6 +1,6 @@
 """The asyncio client. The blocking client is built on it.
 
-One task reads the socket as long as the connection is open. It gives answers to their calls and messages to their
+The connection hands over each frame as it comes, with no task in between: answers go to their calls, messages to their
 subscriptions. So pings are answered while the program does something else, and several tasks may share one client.
 """
 
@@ -17,7 +17,7 @@ from types import TracebackType
 from typing import Any, ClassVar, Literal, Self
 
 import orjson
-from websockets.asyncio.client import ClientConnection, connect
+from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
 
 from rosbridge_sim.client.async_subscription import AsyncSubscription, Predicate
@@ -33,7 +33,7 @@ from rosbridge_sim.errors import (
     OpRefusedError,
     ServiceRefusedError,
 )
-from rosbridge_sim.link.client_connection import why_gone, why_not
+from rosbridge_sim.link.client_connection import DialedConnection, why_gone, why_not
 from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.link.urls import DEFAULT_PORT, full_url, shown_url
@@ -51,6 +51,10 @@ DEFAULT_KEEP = 1_000
 
 CLOSE_TIMEOUT = 1.0
 """Longest wait for the other side to confirm that the connection closes [s]."""
+
+SHORT = 2**15
+"""A frame up to this length is given to the transport at once while that has room; a longer one waits until the
+transport has room again [bytes]."""
 
 _FINAL_STATUSES = (401, 403)
 """HTTP statuses after which a new attempt is useless: the token is wrong, or the server rejects this client."""
@@ -110,8 +114,8 @@ class AsyncClient(SimulatorRequests):
         self._token = token
         self._tls = tls
         self._status_level = status_level
-        self._connection: ClientConnection | None = None
-        self._reading: asyncio.Task[None] | None = None
+        self._connection: DialedConnection | None = None
+        self._reader = FrameReader()
         self._lost: ConnectionLostError | None = None
         self._numbers = itertools.count(1)
         self._calls: dict[str, asyncio.Future[Frame]] = {}
@@ -157,8 +161,9 @@ class AsyncClient(SimulatorRequests):
             raise ConnectError(f"tls: expected a URL with wss://; got {shown_url(self.url)!r}", is_final=True)
         more: dict[str, Any] = {} if self._tls is None else {"ssl": self._tls}  # Any: arguments of the library
         try:
-            self._connection = await connect(
+            connection = await connect(
                 self.url,
+                create_connection=DialedConnection,
                 additional_headers=headers,
                 compression=None,
                 open_timeout=self._limit(None),
@@ -171,7 +176,10 @@ class AsyncClient(SimulatorRequests):
             )
         except (OSError, ValueError, WebSocketException) as error:
             raise self._why_not(error) from error
-        self._reading = asyncio.create_task(self._read(self._connection))
+        assert isinstance(connection, DialedConnection)
+        self._connection = connection
+        connection.lost.add_done_callback(self._note_loss)
+        connection.listen(self._receive)
         if self._status_level is not None:
             await self.send("set_level", level=self._status_level)
         return self
@@ -193,16 +201,17 @@ class AsyncClient(SimulatorRequests):
 
     async def close(self) -> None:
         """Disconnect; the server then releases what it held for this client. A second call does nothing."""
-        if self._connection is None or self._reading is None:
+        connection = self._connection
+        if connection is None:
             return
         self._end(ConnectionLostError(f"{shown_url(self.url)}: this client was closed"))
-        if not self._reading.done():  # else it is lost, and the library's `close` fails
+        if not connection.lost.done():  # else the library's `close` fails
             try:
                 async with asyncio.timeout(2 * CLOSE_TIMEOUT):  # the library waits for room without limit
-                    await self._connection.close()
+                    await connection.close()
             except TimeoutError:
-                self._connection.transport.abort()
-            await asyncio.wait({self._reading})
+                connection.transport.abort()
+            await asyncio.wait({connection.lost})
 
     def _end(self, error: ConnectionLostError) -> None:
         """End all waits: no more frames come."""
@@ -238,14 +247,17 @@ class AsyncClient(SimulatorRequests):
         return op_id
 
     async def _send(self, op_id: str, op: str, fields: Mapping[str, object]) -> None:
-        text = orjson.dumps({"op": op, "id": op_id, **fields}, option=orjson.OPT_SERIALIZE_NUMPY).decode()
+        text = orjson.dumps({"op": op, "id": op_id, **fields}, option=orjson.OPT_SERIALIZE_NUMPY)
         connection = self._connection
         if connection is None:
             raise ConnectionLostError(f"{shown_url(self.url)}: not connected yet; use `with`, or call open() first")
         if self._lost is not None:
             raise self._lost
+        if connection.has_room and len(text) <= SHORT:
+            connection.send_messages([text])
+            return
         try:
-            await connection.send(text)
+            await connection.send(text.decode())
         except ConnectionClosed as closed:
             raise ConnectionLostError(why_gone(self.url, closed, self._secrets)) from None
 
@@ -262,23 +274,18 @@ class AsyncClient(SimulatorRequests):
         """
         _log.warning("%s: %s", shown_url(self.url), text)
 
-    async def _read(self, connection: ClientConnection) -> None:
-        reader = FrameReader()
-        now = asyncio.get_running_loop().time
+    def _receive(self, data: bytes) -> None:
         try:
-            while True:
-                data = await connection.recv()
-                try:
-                    frame = reader.read(data, now())
-                except FrameError as error:
-                    self.note(f"a fragment that cannot be used: {error}")
-                else:
-                    if frame is not None:
-                        self._take(frame)
-        except ConnectionClosed as closed:
-            self._end(ConnectionLostError(why_gone(self.url, closed, self._secrets)))
-        finally:  # after an internal error, too: no caller may wait for ever
-            self._end(ConnectionLostError(f"{shown_url(self.url)}: the client has stopped reading"))
+            frame = self._reader.read(data, asyncio.get_running_loop().time())
+        except FrameError as error:
+            self.note(f"a fragment that cannot be used: {error}")
+        else:
+            if frame is not None:
+                self._take(frame)
+
+    def _note_loss(self, _lost: asyncio.Future[None]) -> None:
+        if self._connection is not None:
+            self._end(ConnectionLostError(why_gone(self.url, self._connection.end, self._secrets)))
 
     def _take(self, frame: Frame) -> None:
         """Give a frame to the call or the subscription that waits for it."""

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from rosbridge_sim.link.loop_thread import LoopStoppedError, LoopThread
+from rosbridge_sim.link.loop_thread import LoopCall, LoopStoppedError, LoopThread
 from tests.support import PATIENCE, ROOT
 
 
@@ -61,6 +61,19 @@ def test_stop_cancels_what_still_runs_and_twice_is_no_error(thread: LoopThread) 
 
 
 @pytest.mark.slow
+def test_call_that_is_cancelled_before_its_first_step_ends_too() -> None:
+    async def cancel(call: LoopCall[object]) -> None:
+        call.start()
+        call.cancel()
+        await asyncio.wait(asyncio.all_tasks() - {asyncio.current_task()})
+
+    call = LoopCall(echo(3))
+    asyncio.run(cancel(call))
+    assert call.is_done
+    with pytest.raises(asyncio.CancelledError):
+        call.result()
+
+
 def test_program_that_forgets_to_stop_ends_all_the_same() -> None:
     program = (
         "from rosbridge_sim.link.loop_thread import LoopThread\n"
