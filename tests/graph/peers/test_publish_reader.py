@@ -117,6 +117,15 @@ def test_ordinary_frames_are_read_in_one_pass(name: str, monkeypatch: pytest.Mon
     assert len(seen) == 2 * LEARN_EACH
 
 
+@pytest.mark.parametrize("number", ["1e308", "1E308"])
+def test_slow_numbers_are_not_decoded_twice(number: str) -> None:
+    reader = reader_of(make_store().message("std_msgs/Float64MultiArray"))
+    head, many = '{"op":"publish","topic":"/t","msg":{"data":[', LONG // 7
+    assert reader.read(f"{head}{number}{',0.5' * many}]}}}}".encode()) is not None
+    assert reader.read(f"{head}{number}{f',{number}' * many}]}}}}".encode()) is None
+    assert reader.read(f"{head}{number}{f',{number}' * (many // 8)}]}}}}".encode()) is not None
+
+
 def make_reader(publications: dict[str, Topic]) -> tuple[PublishReader, Session]:
     """A reader that has learnt nothing, and its session."""
     bus = make_bus()
