@@ -19,6 +19,7 @@ from typing import Any, ClassVar, Literal, Self
 import orjson
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
+from websockets.frames import CloseCode
 
 from rosbridge_sim.client.async_subscription import AsyncSubscription, Predicate
 from rosbridge_sim.client.frames import MAX_SIZE, Frame, FrameReader, Inbox, absolute
@@ -63,6 +64,32 @@ _log = logging.getLogger("rosbridge_sim.client")
 
 StatusLevel = Literal["info", "warning", "error", "none"]
 """Lowest level of the status messages that the server sends."""
+
+
+class _Connection(DialedConnection):
+    """A connection that ends if a text is not valid UTF-8.
+
+    Attributes:
+        why_given_up: the reason, if it was this side that ended the connection.
+    """
+
+    why_given_up = ""
+
+    def take_message(self, message: bytes, *, is_text: bool, last: object) -> None:
+        """Hand over a message that the library has read.
+
+        Args:
+            is_text: its bytes must be UTF-8.
+            last: not used.
+        """
+        if is_text and not message.isascii():
+            try:
+                message.decode()
+            except UnicodeDecodeError as error:
+                self.why_given_up = f"{error.reason} at position {error.start}"
+                self.fail(CloseCode.INVALID_DATA, self.why_given_up)
+                return
+        super().take_message(message, is_text=is_text, last=last)
 
 
 class AsyncClient(SimulatorRequests):
@@ -114,7 +141,7 @@ class AsyncClient(SimulatorRequests):
         self._token = token
         self._tls = tls
         self._status_level = status_level
-        self._connection: DialedConnection | None = None
+        self._connection: _Connection | None = None
         self._reader = FrameReader()
         self._lost: ConnectionLostError | None = None
         self._numbers = itertools.count(1)
@@ -163,7 +190,7 @@ class AsyncClient(SimulatorRequests):
         try:
             connection = await connect(
                 self.url,
-                create_connection=DialedConnection,
+                create_connection=_Connection,
                 additional_headers=headers,
                 compression=None,
                 open_timeout=self._limit(None),
@@ -176,7 +203,7 @@ class AsyncClient(SimulatorRequests):
             )
         except (OSError, ValueError, WebSocketException) as error:
             raise self._why_not(error) from error
-        assert isinstance(connection, DialedConnection)
+        assert isinstance(connection, _Connection)
         self._connection = connection
         connection.lost.add_done_callback(self._note_loss)
         connection.listen(self._receive)
@@ -284,8 +311,12 @@ class AsyncClient(SimulatorRequests):
                 self._take(frame)
 
     def _note_loss(self, _lost: asyncio.Future[None]) -> None:
-        if self._connection is not None:
-            self._end(ConnectionLostError(why_gone(self.url, self._connection.end, self._secrets)))
+        connection = self._connection
+        if connection is not None:
+            why = why_gone(self.url, connection.end, self._secrets)
+            if connection.why_given_up:
+                why = f"{shown_url(self.url)}: the connection was given up: {connection.why_given_up}"
+            self._end(ConnectionLostError(why))
 
     def _take(self, frame: Frame) -> None:
         """Give a frame to the call or the subscription that waits for it."""

@@ -342,8 +342,12 @@ async def test_token_lets_in_and_stands_in_no_text() -> None:
     [
         (lambda socket: socket.close(1008, "too much"), r"the server has closed the connection \(1008\): too much"),
         (lambda socket: asyncio.sleep(0, socket.transport.abort()), "the connection was lost"),
+        (
+            lambda socket: socket.send(b'{"op": "\xff"}', text=True),
+            "the connection was given up: invalid start byte at",
+        ),
     ],
-    ids=["closed", "broken"],
+    ids=["closed", "broken", "not UTF-8"],
 )
 async def test_connection_that_ends_is_told_to_all_who_wait(
     end: Callable[[ServerConnection], Awaitable[object]], said: str
