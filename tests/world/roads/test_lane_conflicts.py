@@ -10,7 +10,6 @@ from rosbridge_sim.world.roads.lane_conflicts import (
     CLEAR,
     COMFORT,
     DEFAULT_SPEED_LIMIT,
-    MAX_LATERAL,
     LaneConflicts,
     Links,
 )
@@ -38,14 +37,14 @@ def test_the_limit_is_the_safe_speed_of_a_straight() -> None:
 
 def test_bend_speed_follows_from_its_radius() -> None:
     network = LaneConflicts(make(a=(arc(0, 0, 20.0, 0, 180), "", 30.0)))
-    assert network.safe_speed == pytest.approx(math.sqrt(MAX_LATERAL * 20.0), rel=0.02)
+    assert network.safe_speed == pytest.approx(math.sqrt(2.5 * 20.0), rel=0.02)
 
 
 def test_bend_with_points_far_apart_is_as_fast_as_its_circle() -> None:
     turn = 8.0 / 350.0 * np.arange(40)
     points = line(*[(350.0 * math.sin(a), 350.0 * (1.0 - math.cos(a))) for a in turn])
     network = LaneConflicts(make(a=(points, "", 60.0)))
-    assert network.safe_speed == pytest.approx(math.sqrt(MAX_LATERAL * 350.0), rel=0.02)
+    assert network.safe_speed == pytest.approx(math.sqrt(2.5 * 350.0), rel=0.02)
 
 
 def test_rounded_map_points_make_no_bend() -> None:
@@ -60,7 +59,7 @@ def test_slowing_is_before_a_bend_and_not_after() -> None:
     way = np.concatenate([way, line(*[(15.0, 15.0 + y) for y in range(2, 200, 2)])])
     roads = make(a=(way, "", 20.0))
     pace = LaneConflicts(roads).safe_speed
-    slow = math.sqrt(MAX_LATERAL * 15.0)
+    slow = math.sqrt(2.5 * 15.0)
     bend = int(np.argmin(pace))
     assert pace[bend] == pytest.approx(slow, rel=0.05)
     before = roads.s < roads.s[bend] - 10.0
