@@ -378,9 +378,9 @@ class Client:
                     self._count(num_bytes)
                 self.num_bytes_sent += num_bytes
                 left -= num_bytes
-            if not frames or socket.unsent:  # a slice of a late frame was made, or a slice was compressed
-                turns.num_bytes_left -= max(SLICE_BYTES, outbox.num_bytes_late)
             if not frames or left <= 0 or socket.unsent:
+                if not frames or socket.unsent:  # a slice of a late frame was made, or a slice was compressed
+                    turns.num_bytes_left -= max(SLICE_BYTES, outbox.num_bytes_late)
                 self._has_output = True
                 self._get_in_line(had_turn=True)
                 break
