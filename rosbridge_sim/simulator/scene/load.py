@@ -148,6 +148,11 @@ class Load:
         """Name and digest of its map in snapshots."""
         return MapKey(self.map_name, self.road_map.digest)
 
+    def is_on(self, road_map: RoadMap) -> bool:
+        """Return True if its places on lanes are places of this map, too: it has the same lanes."""
+        own = self.road_map.roads
+        return own is road_map.roads or own.digest == road_map.roads.digest
+
     @cached_property
     def packed(self) -> PackedLoad:
         """All of it as bytes, but the map: `saved_loads.unpack_load` reads them."""

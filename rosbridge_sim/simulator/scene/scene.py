@@ -204,6 +204,9 @@ class Scene:
         self._next_uid = next_uid
         if load.is_clearing:
             self.loaded = load
+        elif self.loaded.spawn_points and not self.loaded.is_on(load.road_map):
+            _log.info("scenario %s: its spawn points end, because the map is another one", self.loaded.name)
+            self.loaded = replace(self.loaded, spawn_points=())
         self.road_map, self._map_name = load.road_map, load.map_name
         _log.info("scenario %s: %d egos, %d others loaded", load.name, len(load.egos), len(load.others))
 

@@ -238,10 +238,13 @@ class NodeState:
         names = [type(one).__name__ for one in self._components]
         if list(components) != names:
             raise DocumentError(f"components: expected {', '.join(names)}")
+        loaded = unpack_load(fields.get("loaded"), maps, known)
+        if loaded.spawn_points and not loaded.is_on(road_map):
+            raise DocumentError("loaded: expected spawn points on the map in use")
         return SavedState(
             world=world,
             found=FoundMap(key.name, road_map),
-            loaded=unpack_load(fields.get("loaded"), maps, known),
+            loaded=loaded,
             next_uid=next_uid,
             egos=_read_egos(fields.get("egos"), world, self._context.egos.sensor_frames),
             waiting=tuple([(frame, source, unpack_action(action, maps, known)) for frame, source, action in entries]),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any, cast
 
@@ -313,6 +314,34 @@ def test_spawn_points_and_their_state_survive_as_bytes() -> None:
     (traffic,) = (one for one in node.components if isinstance(one, Traffic))
     traffic.load_state(decode(encode(traffic.save_state()), max_values=1000), 0.0)
     assert len(vehicles(node)) == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("traffic", [0, 3])
+def test_spawn_points_end_with_their_map_though_a_load_removes_nothing(traffic: int) -> None:
+    node = simulate(read(POINT), traffic=traffic)
+    scene = node.context.scene
+    keeping = replace(WHOLE, delete_all=False)
+    for map_name, num_points in (("roundabout", 1), ("loop", 0), ("roundabout", 0)):
+        run(node, 1.0)
+        load = scene.prepare(read(map_name=map_name), keeping)
+        node.context.scene_changes.carry_out(load, is_pausing=False, now=0.0)
+        assert len(scene.loaded.spawn_points) == num_points
+        for _ in range(150):
+            node.context.stepper.compute(0.0, is_tick=True, is_last=True)
+        (traffic_of_node,) = (one for one in node.components if isinstance(one, Traffic))
+        traffic_of_node.load_state(traffic_of_node.save_state(), 0.0)
+
+
+def test_snapshot_with_spawn_points_of_another_map_is_refused() -> None:
+    there, here = simulate(read(POINT)), simulate(read(map_name="loop"))
+    state = NodeState(there.context, there.components)
+    maps = {load.map_key: load.road_map for load in (there.context.scene.loaded, here.context.scene.loaded)}
+    plain = NodeState(here.context, here.components).save().to_plain()
+    assert isinstance(plain, dict)
+    plain["loaded"] = tuple(there.context.scene.loaded.packed)
+    with pytest.raises(DocumentError, match="expected spawn points on the map in use"):
+        state.parse(plain, maps.__getitem__, state.plans())
 
 
 # Many vehicles in a file
