@@ -88,6 +88,15 @@ def test_room_behind_a_crossing_is_reserved_for_entering_vehicles_with_their_gap
     assert (world.claim[rows] == entered).tolist() == [True, may_enter]
 
 
+@pytest.mark.parametrize(("spare", "may_enter"), [(-0.5, False), (0.5, True)])
+def test_vehicle_that_drives_behind_a_crossing_leaves_the_room_of_two_seconds(spare: float, *, may_enter: bool) -> None:
+    world = world_of(crossing())
+    car(world, "e", CAR.rear_overhang + CAR.length + GAP - 2.0 * 3.0 + spare, speed=3.0, desired_speed=3.0)
+    row = car(world, "w", 176.0, speed=8.0)
+    run(world, DT)
+    assert (world.claim[row] >= 0) == may_enter
+
+
 def test_vehicle_avoids_a_full_street() -> None:
     roads = make(
         a=(line((0, 0), (100, 0)), "b c"),
