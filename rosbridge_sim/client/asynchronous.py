@@ -19,9 +19,9 @@ from typing import Any, ClassVar, Literal, Self
 import orjson
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
-from websockets.frames import CloseCode
 
 from rosbridge_sim.client.async_subscription import AsyncSubscription, Predicate
+from rosbridge_sim.client.checked_connection import CheckedConnection
 from rosbridge_sim.client.frames import MAX_SIZE, Frame, FrameReader, Inbox, absolute
 from rosbridge_sim.client.simulator_requests import SimulatorRequests
 from rosbridge_sim.client.statuses import Statuses
@@ -34,7 +34,7 @@ from rosbridge_sim.errors import (
     OpRefusedError,
     ServiceRefusedError,
 )
-from rosbridge_sim.link.client_connection import DialedConnection, why_gone, why_not
+from rosbridge_sim.link.client_connection import why_gone, why_not
 from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.link.urls import DEFAULT_PORT, full_url, shown_url
@@ -64,32 +64,6 @@ _log = logging.getLogger("rosbridge_sim.client")
 
 StatusLevel = Literal["info", "warning", "error", "none"]
 """Lowest level of the status messages that the server sends."""
-
-
-class _Connection(DialedConnection):
-    """A connection that ends if a text is not valid UTF-8.
-
-    Attributes:
-        why_given_up: the reason, if it was this side that ended the connection.
-    """
-
-    why_given_up = ""
-
-    def take_message(self, message: bytes, *, is_text: bool, last: object) -> None:
-        """Hand over a message that the library has read.
-
-        Args:
-            is_text: its bytes must be UTF-8.
-            last: not used.
-        """
-        if is_text and not message.isascii():
-            try:
-                message.decode()
-            except UnicodeDecodeError as error:
-                self.why_given_up = f"{error.reason} at position {error.start}"
-                self.fail(CloseCode.INVALID_DATA, self.why_given_up)
-                return
-        super().take_message(message, is_text=is_text, last=last)
 
 
 class AsyncClient(SimulatorRequests):
@@ -141,7 +115,7 @@ class AsyncClient(SimulatorRequests):
         self._token = token
         self._tls = tls
         self._status_level = status_level
-        self._connection: _Connection | None = None
+        self._connection: CheckedConnection | None = None
         self._reader = FrameReader()
         self._lost: ConnectionLostError | None = None
         self._numbers = itertools.count(1)
@@ -190,7 +164,7 @@ class AsyncClient(SimulatorRequests):
         try:
             connection = await connect(
                 self.url,
-                create_connection=_Connection,
+                create_connection=CheckedConnection,
                 additional_headers=headers,
                 compression=None,
                 open_timeout=self._limit(None),
@@ -203,7 +177,7 @@ class AsyncClient(SimulatorRequests):
             )
         except (OSError, ValueError, WebSocketException) as error:
             raise self._why_not(error) from error
-        assert isinstance(connection, _Connection)
+        assert isinstance(connection, CheckedConnection)
         self._connection = connection
         connection.lost.add_done_callback(self._note_loss)
         connection.listen(self._receive)
