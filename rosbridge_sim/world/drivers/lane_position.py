@@ -30,6 +30,7 @@ __all__ = [
     "check_route",
     "enter_next_legs",
     "find_ahead",
+    "find_straights",
     "headings",
     "headings_ahead",
     "join_lane",
@@ -323,7 +324,7 @@ def headings_ahead(
     Returns:
         (k,) [rad]; of no meaning for vehicles that stand.
     """
-    end, yaw = roads.derived(_find_straights)
+    end, yaw = roads.derived(find_straights)
     heading: FloatArray = yaw[point]
     at = ((arc + wheelbase > end[point]) & moves).nonzero()[0]
     if not len(at):
@@ -332,7 +333,7 @@ def headings_ahead(
     return heading
 
 
-def _find_straights(roads: Roads) -> tuple[FloatArray, FloatArray]:
+def find_straights(roads: Roads) -> tuple[FloatArray, FloatArray]:
     """Return for each point the arc length up to which the lane goes straight on [m], and the direction [rad], (n,)."""
     num = len(roads.points)
     point = np.delete(np.arange(num), roads.first[1:] - 1)  # the last point of a lane has no segment

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from rosbridge_sim.world.drivers.driver_parameters import HEAVY_LENGTH
-from rosbridge_sim.world.drivers.lane_position import find_ahead, rear_axles
+from rosbridge_sim.world.drivers.lane_position import find_ahead, find_straights, rear_axles
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import MAX_LATERAL, LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
@@ -39,6 +39,9 @@ NEGLIGIBLE: Final = 1e-9
 
 MAX_RADIUS: Final = 60.0
 """In a wider bend nobody needs to swing [m]: a bus of 12 m is within lanes of 3 m there."""
+
+CERTAIN: Final = 0.01
+"""By this much a vehicle is within a straight, and its lane is wide enough, if its offset is not worked out [m]."""
 
 NUM_PARTS: Final = 3
 NUM_SIDES: Final = 2
@@ -79,7 +82,11 @@ def plan_swings(world: World, rows: IntArray, distance: FloatArray, interval: fl
         interval: until then [s].
     """
     now, most = world.lateral[rows], SLOPE * distance
-    target = np.fmin(np.fmax(_offsets(world, rows, distance), now - most), now + most)
+    wanted = np.zeros(len(rows))
+    at = _find_bent(world, rows, distance)
+    if len(at):
+        wanted[at] = _offsets(world, rows[at], distance[at])
+    target = np.fmin(np.fmax(wanted, now - most), now + most)
     is_there = (np.abs(target) < NEGLIGIBLE) & (np.abs(now) < NEGLIGIBLE)
     world.lateral[rows] = np.where(is_there, 0.0, now)
     world.lateral_from[rows] = world.lateral_to[rows] = 0.0
@@ -87,6 +94,37 @@ def plan_swings(world: World, rows: IntArray, distance: FloatArray, interval: fl
     drift = np.where(np.abs(world.drift[rows]) < NEGLIGIBLE, 0.0, world.drift[rows])
     world.drift[rows] = drift
     world.drift_rate[rows] = np.where(distance > 0.0, -drift / interval, 0.0)
+
+
+def _find_bent(world: World, rows: IntArray, distance: FloatArray) -> IntArray:
+    """Return which vehicles will not be on a straight from tail to nose, or not within its borders, (m,) int64 indices.
+
+    The others want no offset.
+    """
+    begin, end, room = world.roads.derived(_find_rooms).take(world.point[rows], axis=1)
+    middle, half_length = world.arc[rows] + distance + world.centre[rows], world.half_length[rows] + CERTAIN
+    is_straight = (middle - half_length >= begin) & (middle + half_length <= end)
+    is_straight &= room >= world.half_width[rows] + (MARGIN + CERTAIN)
+    bent: IntArray = (~is_straight).nonzero()[0]
+    return bent
+
+
+def _find_rooms(roads: Roads) -> FloatArray:
+    """Return for each point the arc lengths where its straight begins and ends, and its room, (3, n) [m].
+
+    The room is the least distance from the line to a border. In a bend the end is before the beginning.
+    """
+    end, _ = roads.derived(find_straights)
+    rooms = np.zeros((3, len(end)))
+    is_first = np.ones(len(end), dtype=bool)
+    is_first[1:] = (end[1:] != end[:-1]) | (roads.s[1:] == 0.0)
+    first = is_first.nonzero()[0]
+    of_straight = is_first.cumsum() - 1
+    border = roads.border.min(axis=1)
+    border[:-1] = np.minimum(border[:-1], border[1:])  # from a point to the next one
+    rooms[0], rooms[1] = roads.s[first][of_straight], end
+    rooms[2] = np.minimum.reduceat(border, first)[of_straight]
+    return rooms
 
 
 def _offsets(world: World, rows: IntArray, distance: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rosbridge_sim.world.drivers import lane_swing
 from rosbridge_sim.world.drivers.lane_position import keep_lane
 from rosbridge_sim.world.drivers.lane_swing import find_long, find_swinging, plan_swings
 from rosbridge_sim.world.followers.lane_following import DECISION
@@ -195,3 +196,17 @@ def test_long_vehicle_swings_in_the_first_lane_of_a_map_if_that_is_the_bend() ->
     rows = np.array([car(world, name, s, body=BUS) for name, s in (("a", 5.0), ("b", 3.0), ("b", 50.0))])
     world.behind[rows] = [-1, 0, -1]
     assert find_swinging(world, rows).tolist() == [0, 1]
+
+
+def test_vehicle_whose_offset_is_not_worked_out_wants_none_on_either_side_of_a_bend() -> None:
+    world = world_of(corner())
+    wide = Body(BUS.length, 3.4, BUS.wheelbase)
+    places = [(lane, s, body) for lane in "ac" for s in np.arange(0.5, 49.0, 1.5) for body in (BUS, wide)]
+    rows = np.array([car(world, lane, s, speed=5.0, body=body) for lane, s, body in places])
+    distance = np.full(len(rows), 0.5)
+    wants = lane_swing._offsets(world, rows, distance) != 0.0
+    is_bent = np.isin(np.arange(len(rows)), lane_swing._find_bent(world, rows, distance))
+    assert not (wants & ~is_bent).any()
+    assert is_bent[1::2].all()  # wider than the lane
+    assert wants.any()
+    assert np.count_nonzero(~is_bent) > 20
