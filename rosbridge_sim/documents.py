@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cache, cached_property, partial
 from math import inf
 from types import UnionType
@@ -33,6 +32,7 @@ import msgspec
 from msgspec import Meta
 
 from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.records import Record
 
 __all__ = [
     "FLAG",
@@ -188,8 +188,7 @@ class DocumentType(Generic[T]):
         return _reader_of(self.form)
 
 
-@dataclass(frozen=True, slots=True)
-class Mistake:
+class Mistake(Record):
     """A mistake in a document.
 
     Attributes:

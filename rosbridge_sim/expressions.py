@@ -24,6 +24,7 @@ from typing import Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
+from rosbridge_sim.records import Record
 from rosbridge_sim.suggestions import hint
 
 __all__ = [
@@ -116,8 +117,7 @@ RUNNING: Final[dict[str, str]] = {
 before the first one that has, they have no value either."""
 
 
-@dataclass(frozen=True, slots=True)
-class TopicField:
+class TopicField(Record):
     """A field of a topic's messages.
 
     Attributes:

@@ -16,6 +16,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from rosbridge_sim.records import Record
+
 __all__ = ["FULL", "LIGHT", "Bounds", "Weight", "claim", "real_quotes", "weigh", "weigh_exactly", "weigh_in_slices"]
 
 _SLICE = 256 * 1024
@@ -57,8 +59,7 @@ class Weight:
     extremes: int = field(default=0, compare=False)
 
 
-@dataclass(frozen=True, slots=True)
-class Bounds:
+class Bounds(Record):
     """The largest weight for one call of a decoder. Texts and numbers are cheap; structs and extremes are not."""
 
     containers: int

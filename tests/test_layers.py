@@ -22,17 +22,18 @@ import pytest
 PACKAGE = "rosbridge_sim"
 ROOT = Path(__file__).parent.parent / PACKAGE
 
-_BASE = {"errors", "loose_types", "printable", "suggestions"}
+_BASE = {"errors", "loose_types", "printable", "records", "suggestions"}
 
 _TABLE = """
 # pure, and used by all
 errors:
 printable:
+records:
 suggestions: printable
-expressions: errors printable suggestions
+expressions: errors printable records suggestions
 loose_types:
 long_text:
-weight:
+weight: records
 units:
 version:
 not_json:
@@ -46,16 +47,16 @@ graph.tf: * graph schema
 graph.attach: * graph protocol schema schema.definitions
 graph.ros2: * graph schema schema.definitions
 # the world
-world.geometry:
-world.roads: world.geometry
-world.state: world.geometry world.roads
-world.vehicle: world.geometry world.roads world.state
-world.contacts: world.geometry world.roads world.state
-world.people: world.geometry world.roads world.state
-world.drivers: world.geometry world.roads world.state
-world.lane_changes: world.drivers world.geometry world.roads world.state
-world.followers: world.drivers world.geometry world.lane_changes world.people world.roads world.state
-world: world.contacts world.drivers world.followers world.geometry world.lane_changes world.people world.roads
+world.geometry: records
+world.roads: records world.geometry
+world.state: records world.geometry world.roads
+world.vehicle: records world.geometry world.roads world.state
+world.contacts: records world.geometry world.roads world.state
+world.people: records world.geometry world.roads world.state
+world.drivers: records world.geometry world.roads world.state
+world.lane_changes: records world.drivers world.geometry world.roads world.state
+world.followers: records world.drivers world.geometry world.lane_changes world.people world.roads world.state
+world: records world.contacts world.drivers world.followers world.geometry world.lane_changes world.people world.roads
     world.state world.vehicle
 world.many_worlds: world world.contacts world.drivers world.geometry world.roads world.state
 # files of the user
@@ -65,11 +66,11 @@ document_reading: * document_mistakes documents
 maps: * document_reading documents units world.geometry world.roads world.state
 scenarios: * document_reading documents maps units world.drivers world.geometry world.roads world.state
 # what sensors see
-scenery: world.followers world.geometry world.roads world.state
+scenery: records world.followers world.geometry world.roads world.state
 scenery.static: maps scenery world.geometry world.roads
-scenery.moving: scenery scenery.static world.followers world.geometry world.state
+scenery.moving: records scenery scenery.static world.followers world.geometry world.state
 # MORAI's names
-morai: schema.definitions
+morai: records schema.definitions
 morai.messages: * maps morai scenarios schema units world.followers world.geometry world.roads world.state
     world.vehicle
 # the simulator
@@ -107,7 +108,7 @@ shell.config: * graph.ros2 link simulator.bus
 shell.clocks: * graph
 shell.files: * maps morai scenarios schema schema.definitions shell.config simulator.bus simulator.sensors world.state
 shell.bags: * graph schema schema.definitions shell.files simulator.replays
-shell.rendering: scenery scenery.moving world.geometry
+shell.rendering: records scenery scenery.moving world.geometry
 shell.drawing: * maps scenarios scenery scenery.static shell.rendering simulator.sensors world.geometry world.roads
     world.state
 shell.page: * schema simulator.markers simulator.plain simulator.sim_services version
@@ -123,7 +124,7 @@ shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery 
 worlds: * client maps morai.messages scenarios shell.files simulator.kernel simulator.plain simulator.scene
     simulator.sim_services units world world.drivers world.followers world.geometry world.many_worlds world.roads
     world.state world.vehicle
-environments: scenery scenery.static shell shell.rendering simulator.snapshots world.geometry world.state worlds
+environments: records scenery scenery.static shell shell.rendering simulator.snapshots world.geometry world.state worlds
 campaign_runs: * campaigns environments expressions graph scenarios schema shell shell.config shell.files
     simulator version world.followers world.geometry world.many_worlds world.roads world.state worlds
 cli: * cli.campaigns cli.files cli.tools cli.watch link
@@ -185,6 +186,7 @@ PURE_LIBRARIES: dict[str, set[str]] = {
     "errors": set(),
     "loose_types": set(),
     "printable": set(),
+    "records": {"msgspec"},
     "suggestions": set(),
     "expressions": set(),
     "campaigns": {"numpy", "pydantic", "pydantic_core"},

@@ -55,4 +55,6 @@ def test_help_imports_neither_the_world_nor_numpy(words: list[str]) -> None:
         code.replace("\\n", "\n")
         + "\nwith contextlib.suppress(SystemExit), contextlib.redirect_stdout(open(os.devnull, 'w')): m.main()"
     )
-    assert modules_after(code) & {"numpy", "pydantic", "rosbridge_sim.world", "rosbridge_sim.schema"} == set()
+    assert (
+        modules_after(code) & {"numpy", "pydantic", "msgspec", "rosbridge_sim.world", "rosbridge_sim.schema"} == set()
+    )

@@ -11,7 +11,6 @@ import json
 import sys
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from types import ModuleType
@@ -21,6 +20,7 @@ from rosbridge_sim.campaigns.assignments import Change, change_document
 from rosbridge_sim.campaigns.campaign import Campaign, read_campaign
 from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
 from rosbridge_sim.shell.config.settings import Settings
@@ -35,8 +35,7 @@ MAX_LIBRARIES: Final = 16
 """Most libraries of own maps and catalogues that are kept."""
 
 
-@dataclass(frozen=True, slots=True)
-class Job:
+class Job(Record):
     """A campaign, to be sent.
 
     Attributes:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Final
 
 from rosbridge_sim.campaign_runs.pools import Pool
@@ -17,6 +17,7 @@ from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
 from rosbridge_sim.campaigns.campaign import Campaign
 from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.campaigns.run_results import BAD, Result, Run
+from rosbridge_sim.records import replace
 
 __all__ = ["CampaignRunner", "Tell", "cut_into_tasks"]
 

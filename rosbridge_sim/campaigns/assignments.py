@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 from rosbridge_sim.campaigns.campaign_model import ParameterValue
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, Value, parse_expression
 from rosbridge_sim.printable import printable
+from rosbridge_sim.records import Record
 
 __all__ = ["Assignment", "Change", "change_document", "read_assignments"]
 
@@ -29,8 +29,7 @@ Change = tuple[tuple[str | int, ...], Value]
 """Path in a document, and the new value there."""
 
 
-@dataclass(frozen=True, slots=True)
-class Assignment:
+class Assignment(Record):
     """One target and its value.
 
     Attributes:

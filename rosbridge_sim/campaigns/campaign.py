@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from rosbridge_sim.campaigns.assignments import Assignment, Change, read_assignments
@@ -14,12 +13,12 @@ from rosbridge_sim.campaigns.run_results import Point, Run
 from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, TopicField, Value, is_name, parse_expression
+from rosbridge_sim.records import Record
 
 __all__ = ["Campaign", "Group", "RunValues", "check_search", "is_skipped", "names_of", "plan_runs", "read_campaign"]
 
 
-@dataclass(frozen=True, slots=True)
-class Group:
+class Group(Record):
     """A scenario with a driver and a seed: what a search varies the parameters of."""
 
     scenario: str
@@ -27,8 +26,7 @@ class Group:
     seed: int
 
 
-@dataclass(frozen=True, slots=True)
-class RunValues:
+class RunValues(Record):
     """Values that a run sets.
 
     Attributes:
@@ -42,8 +40,7 @@ class RunValues:
     vehicle: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Campaign:
+class Campaign(Record):
     """A campaign as it was read: its runs, and how each is judged.
 
     Attributes:

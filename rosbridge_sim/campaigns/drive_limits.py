@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.campaigns.campaign_model import LimitsItem, Place
@@ -18,6 +17,7 @@ from rosbridge_sim.campaigns.trace import FIGURES, Trace
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, TopicField, parse_expression
 from rosbridge_sim.printable import printable
+from rosbridge_sim.records import Record
 
 __all__ = ["Limits", "OwnCheck", "judge_trace", "read_limits"]
 
@@ -37,8 +37,7 @@ _MOST: Final = {
 """Limit -> figure that must not be greater, and its unit."""
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
+class Limits(Record):
     """The limits of a campaign, parsed.
 
     Attributes:

@@ -8,12 +8,12 @@ import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 from rosbridge_sim.campaigns.report_pictures import draw_curve, draw_scene
 from rosbridge_sim.campaigns.run_results import BAD, SCORES, VERDICTS, Result
 from rosbridge_sim.campaigns.tables import Cell, columns_of
+from rosbridge_sim.records import Record
 
 __all__ = ["MAX_DETAILS", "Details", "PageParts", "write_report"]
 
@@ -27,8 +27,7 @@ MAX_PATHS: Final = 10_000
 """Most small pictures of paths; 0.3 kB each."""
 
 
-@dataclass(frozen=True, slots=True)
-class PageParts:
+class PageParts(Record):
     """The fixed parts of the page.
 
     Attributes:
@@ -41,8 +40,7 @@ class PageParts:
     script: str
 
 
-@dataclass(frozen=True, slots=True)
-class Details:
+class Details(Record):
     """Files of a run that did not pass.
 
     Attributes:

@@ -13,6 +13,7 @@ from rosbridge_sim.campaigns.run_results import SCORES
 from rosbridge_sim.campaigns.topic_values import TopicValues
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, Following, Value
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.state.world import DT, Kind, World
 
 __all__ = ["FIGURES", "Judge", "Neighbours", "Trace", "TraceRecorder"]
@@ -51,8 +52,7 @@ _PATH_POINTS: Final = 40
 """Most points of the small picture of a path."""
 
 
-@dataclass(frozen=True, slots=True)
-class Neighbours:
+class Neighbours(Record):
     """Entities near the ego in one frame.
 
     Attributes:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from rosbridge_sim.client.frames import Frame
+from rosbridge_sim.records import Record
 
 __all__ = ["RealTimeFactor", "Snapshot", "Steps", "Tick"]
 
 
-@dataclass(frozen=True, slots=True)
-class Tick:
+class Tick(Record):
     """The simulation after a tick of synchronous mode.
 
     Attributes:
@@ -24,8 +24,7 @@ class Tick:
     ego: Frame
 
 
-@dataclass(frozen=True, slots=True)
-class Steps:
+class Steps(Record):
     """The simulation after a call of `step`.
 
     Attributes:
@@ -49,8 +48,7 @@ class Steps:
         return self.egos[0] if self.egos else {}
 
 
-@dataclass(frozen=True, slots=True)
-class RealTimeFactor:
+class RealTimeFactor(Record):
     """Speed of the world while real time moves it, as set and as measured.
 
     Attributes:

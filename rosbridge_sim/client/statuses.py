@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 
 from rosbridge_sim.client.frames import Frame
+from rosbridge_sim.records import Record
 
 __all__ = ["Status", "Statuses"]
 
@@ -13,8 +13,7 @@ MAX_STATUSES = 100
 """Number of status messages that are kept; the oldest are dropped first. A person reads fewer."""
 
 
-@dataclass(frozen=True, slots=True)
-class Status:
+class Status(Record):
     """A status message of the server, from a `status` frame.
 
     Attributes:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from typing import Final
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.shell.app import Simulator
 from rosbridge_sim.simulator.snapshots.node_state import NodeState
 from rosbridge_sim.worlds.worlds import Worlds

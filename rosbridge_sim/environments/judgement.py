@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
+
+from rosbridge_sim.records import Record
 
 __all__ = ["BoolArray", "FloatArray", "Index", "Judgement"]
 
@@ -16,8 +16,7 @@ Index = tuple[slice | int, slice | int]
 """Which egos count: the first one of each world, or all of one world; the arrays are one-dimensional then."""
 
 
-@dataclass(frozen=True, slots=True)
-class Judgement:
+class Judgement(Record):
     """Reward and end of one step; (num_worlds,) each.
 
     Attributes:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy.typing as npt
 from rosbridge_sim.environments.driving_task import DrivingTask
 from rosbridge_sim.environments.judgement import BoolArray, FloatArray, Index, Judgement
 from rosbridge_sim.environments.observations import achieved_goals, desired_goals
+from rosbridge_sim.records import replace
 from rosbridge_sim.world.geometry.planar import wrap_angle
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 

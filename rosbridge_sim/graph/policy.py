@@ -32,6 +32,7 @@ from typing import Final
 from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.participant import resolve
 from rosbridge_sim.graph.ways import ACTIONLIB_TOPICS, SHOWN_TOPICS, PolicyEffect, Use, Way, Ways, topics_shown_by
+from rosbridge_sim.records import Record
 
 __all__ = ["OPEN", "Policy", "Rule"]
 
@@ -47,8 +48,7 @@ _WILDCARDS: Final = "*?/"
 """A pattern of only these characters, such as `*`, names no particular thing: it means everything in its direction."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
+class Rule(Record):
     """The names that may be used in one direction.
 
     Attributes:
@@ -111,10 +111,10 @@ class Policy:
         is_open: there are no patterns for topics, services and actions.
     """
 
-    publish: Rule = Rule()
-    subscribe: Rule = Rule()
-    service: Rule = Rule()
-    parameter: Rule = Rule()
+    publish: Rule = _NO_PATTERNS
+    subscribe: Rule = _NO_PATTERNS
+    service: Rule = _NO_PATTERNS
+    parameter: Rule = _NO_PATTERNS
     max_held: int = 10_000
     ways: Ways = field(default_factory=Ways, compare=False)
     is_open: bool = field(init=False, compare=False)

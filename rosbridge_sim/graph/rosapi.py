@@ -11,7 +11,6 @@ Parameters live in memory as long as the process, see `graph/parameters.py`; val
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import asdict
 from typing import Any, TypeAlias
 
 import orjson
@@ -22,6 +21,7 @@ from rosbridge_sim.graph.parameters import MAX_PARAMETERS
 from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.topics_services import Call, Service, Topic
+from rosbridge_sim.records import asdict
 from rosbridge_sim.schema.definitions.names import DefinitionKind
 from rosbridge_sim.schema.definitions.typedefs import full_text, typedefs
 from rosbridge_sim.schema.message_type import MessageType

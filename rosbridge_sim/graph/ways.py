@@ -17,11 +17,11 @@ subscribe to transforms may not have them republished, whatever the patterns for
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from enum import Enum
 from typing import Final, NamedTuple, TypeAlias
 
 from rosbridge_sim.graph.actions import CANCEL
+from rosbridge_sim.records import Record
 
 __all__ = [
     "ACTIONLIB_TOPICS",
@@ -79,8 +79,7 @@ WayLookup: TypeAlias = Callable[[Way], Iterable[Way]]
 """Returns the other names by which a way is judged; the way itself may be among them."""
 
 
-@dataclass(frozen=True, slots=True)
-class PolicyEffect:
+class PolicyEffect(Record):
     """An effect that can be reached in several ways, which are not names of one thing.
 
     Attributes:

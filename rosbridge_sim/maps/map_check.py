@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -20,6 +19,7 @@ from rosbridge_sim.maps.extent import find_far_lanes
 from rosbridge_sim.maps.mgeo import BORDER_FILES, FILES, INFO_FILE, MAP_FILES
 from rosbridge_sim.maps.mgeo_lights import CROSSWALK_FILES, light_type, sort_files
 from rosbridge_sim.maps.road_map import Projection, RoadMap
+from rosbridge_sim.records import Record
 from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
@@ -49,8 +49,7 @@ Entry = dict[str, Any]
 """An entry of a file: a JSON object, checked as far as it is read."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Sets:
+class _Sets(Record):
     """The entries of a map's files, by kind."""
 
     info: Entry

@@ -6,17 +6,16 @@ A new format is a module beside this one and a row in `FORMATS`.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.maps import mgeo
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.records import Record
 
 __all__ = ["FORMATS", "MAP_FILES", "MapFormat", "choose_format", "find_map_mistakes", "is_map", "read_map"]
 
 
-@dataclass(frozen=True, slots=True)
-class MapFormat:
+class MapFormat(Record):
     """A format of maps.
 
     Attributes:

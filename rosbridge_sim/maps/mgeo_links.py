@@ -7,7 +7,6 @@ Lanes are the links with their own geometry that vehicles may use. The two-point
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Annotated, Final
 
@@ -19,6 +18,7 @@ from rosbridge_sim.documents import Document, DocumentType, KeptAsWritten, Lenie
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.road_map import Border
+from rosbridge_sim.records import Record, field
 from rosbridge_sim.units import KMH_TO_MPS
 from rosbridge_sim.world.geometry.planar import FloatArray, nearest_on_polyline
 from rosbridge_sim.world.roads.road_places import MAX_EDGE
@@ -96,8 +96,7 @@ _LINKS: Final = DocumentType[list[_Link]](Annotated[list[_Link], Meta(max_length
 _BORDERS: Final = DocumentType[list[_Border]](Annotated[list[_Border], Meta(max_length=MAX_LINKS)])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Lanes:
+class Lanes(Record, eq=False):
     """The lanes of a map, with data that the world's `Roads` does not hold.
 
     Attributes:

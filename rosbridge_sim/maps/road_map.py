@@ -12,6 +12,7 @@ from hashlib import blake2b
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
@@ -19,8 +20,7 @@ from rosbridge_sim.world.roads.signal_plan import SignalPlan
 __all__ = ["Border", "Crosswalk", "Marking", "Projection", "RoadMap", "Sign"]
 
 
-@dataclass(frozen=True, slots=True)
-class Projection:
+class Projection(Record):
     """Position of the map's coordinates on the globe, as in `MapSpec`.
 
     Attributes:
@@ -51,8 +51,7 @@ class Projection:
         return self.is_tm or self.zone > 0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Border:
+class Border(Record, eq=False):
     """A line that is painted on the road, or a kerb: for drawings.
 
     Attributes:
@@ -70,8 +69,7 @@ class Border:
     colour: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Crosswalk:
+class Crosswalk(Record, eq=False):
     """A crosswalk.
 
     Attributes:
@@ -85,8 +83,7 @@ class Crosswalk:
     lights: tuple[int, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Marking:
+class Marking(Record, eq=False):
     """An area that is painted on the road, such as an arrow: for drawings.
 
     Attributes:
@@ -98,8 +95,7 @@ class Marking:
     outline: FloatArray
 
 
-@dataclass(frozen=True, slots=True)
-class Sign:
+class Sign(Record):
     """A traffic sign: for drawings.
 
     Attributes:

@@ -8,9 +8,9 @@ release, uses instead of the wire's. They are accepted from clients and never se
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.schema.definitions.dialect import Leniency
 
 __all__ = [
@@ -139,8 +139,7 @@ def advise_release(name: str) -> str:
 # Units
 
 
-@dataclass(frozen=True, slots=True)
-class Profile:
+class Profile(Record):
     """Choices for outgoing values where the manual and published client code disagree.
 
     Attributes:

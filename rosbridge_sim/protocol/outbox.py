@@ -12,9 +12,10 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any, Protocol
+
+from rosbridge_sim.records import Record
 
 __all__ = ["BinaryFrame", "LateFrames", "Outbox", "OutboxLimits"]
 
@@ -58,8 +59,7 @@ def _ignore(topic: str, error: Exception) -> None:
     """Ignore messages whose frames could not be made."""
 
 
-@dataclass(frozen=True, slots=True)
-class OutboxLimits:
+class OutboxLimits(Record):
     """Limits on the frames that a peer leaves unread.
 
     Attributes:

@@ -18,7 +18,6 @@ A feed encodes each message as its options say. A heavy message is encoded only 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from rosbridge_sim.errors import EncodingError, FrameError, PeerError
@@ -31,6 +30,7 @@ from rosbridge_sim.protocol.ops import Id, Subscribe
 from rosbridge_sim.protocol.outbox import BinaryFrame, LateFrames, Outbox
 from rosbridge_sim.protocol.png import PictureFrames, PngFrame
 from rosbridge_sim.protocol.smallest import Smallest
+from rosbridge_sim.records import Record
 
 __all__ = [
     "COMPRESSIONS",
@@ -52,8 +52,7 @@ MAX_QUEUE = 10_000
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
-class SubscriptionOptions:
+class SubscriptionOptions(Record):
     """The options of one subscription.
 
     Attributes:
@@ -85,8 +84,7 @@ def read_options(op: Subscribe) -> SubscriptionOptions:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Qos:
+class Qos(Record):
     """The quality-of-service settings that have a meaning in one process.
 
     Attributes:

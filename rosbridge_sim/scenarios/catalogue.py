@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.state.entity_types import CG_SHARE
 from rosbridge_sim.world.state.world import Body, Kind
@@ -72,8 +72,7 @@ _ENGINES: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Model:
+class Model(Record):
     """A model that can be placed.
 
     Attributes:

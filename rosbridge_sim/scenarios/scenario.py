@@ -6,9 +6,9 @@ Each reader of a format makes one of these, and the scene loads it. All places a
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
+from rosbridge_sim.records import Record, field
 from rosbridge_sim.scenarios.catalogue import (
     Model,
 )
@@ -19,8 +19,7 @@ from rosbridge_sim.world.state.world import Gear, Kind
 __all__ = ["Driver", "PhaseStart", "Scenario", "Spawn"]
 
 
-@dataclass(frozen=True, slots=True)
-class Driver:
+class Driver(Record):
     """A driver that follows the lanes.
 
     Attributes:
@@ -41,8 +40,7 @@ class Driver:
     lateral: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class PhaseStart:
+class PhaseStart(Record):
     """Phase of an intersection at the start.
 
     Attributes:
@@ -56,8 +54,7 @@ class PhaseStart:
     elapsed: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Spawn:
+class Spawn(Record, eq=False):
     """One agent to be added to the world.
 
     Attributes:
@@ -103,8 +100,7 @@ class Spawn:
     where: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Scenario:
+class Scenario(Record, eq=False):
     """A whole scenario, in the order of its document.
 
     Attributes:

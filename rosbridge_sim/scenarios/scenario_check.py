@@ -10,7 +10,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import islice
 from typing import Any, Final
 
@@ -20,6 +19,7 @@ from rosbridge_sim.documents import Mistake, SortedKeys, keys_beside, sort_keys
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.extent import find_far_lanes
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, Catalogue
 from rosbridge_sim.scenarios.scenario import Scenario, Spawn
 from rosbridge_sim.scenarios.scenario_model import MAX_SCENARIO_BYTES, ScenarioDocument, find_scenario_mistakes
@@ -57,8 +57,7 @@ _STAND_INS: Final[Mapping[str, Any]] = {
 """Replacement of an item that cannot be read, so that the items after it keep their numbers."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Draft:
+class Draft(Record, eq=False):
     """A scenario as far as it can be read.
 
     Attributes:

@@ -11,7 +11,6 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any, Final, Literal, TypeVar
 
@@ -20,6 +19,7 @@ import numpy as np
 from rosbridge_sim.documents import Document, fields_of
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import (
     BUILT_IN,
     Catalogue,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import Final
 
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario_model import LinkInfo, SpawnPointItem
 from rosbridge_sim.units import KMH_TO_MPS
@@ -33,8 +33,7 @@ OWN_SPEED: Final = 2
 """SpawnVelocityType and DesiredVelocityType: a range of the file's own; any other number means the link's speed."""
 
 
-@dataclass(frozen=True, slots=True)
-class SpawnPoint:
+class SpawnPoint(Record):
     """A place where vehicles appear.
 
     Attributes:

@@ -7,13 +7,13 @@ extent divided by 65,000, some 4 mm in a square of 256 m.
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.world.geometry.planar import FloatArray
 
@@ -32,8 +32,7 @@ HALF_RANGE: Final = 32_500
 """Greatest number of steps from the middle."""
 
 
-@dataclass(frozen=True, slots=True)
-class MeshPage:
+class MeshPage(Record):
     """The triangles of a square, as a page of `/sim/scene/mesh` has them.
 
     Attributes:
@@ -52,8 +51,7 @@ class MeshPage:
     data: bytes
 
 
-@dataclass(frozen=True, slots=True)
-class MeshPages:
+class MeshPages(Record):
     """All pages of a mesh.
 
     Attributes:

@@ -6,13 +6,13 @@ what moves.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntFlag, StrEnum
 from typing import Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.scene_frame import SceneFrame
@@ -54,8 +54,7 @@ class Channel(IntFlag):
     ALL = 15
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Picture:
+class Picture(Record, eq=False):
     """A picture of h rows and w columns, the upper left pixel first. A part that was not asked for is None.
 
     Attributes:
@@ -71,8 +70,7 @@ class Picture:
     instance: NDArray[np.int32] | None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Hits:
+class Hits(Record, eq=False):
     """The first thing that each ray meets; arrays are (k,) unless told otherwise.
 
     Attributes:

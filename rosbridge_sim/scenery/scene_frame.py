@@ -7,13 +7,13 @@ kept from frame to frame and shared by the copies, which never change it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.followers.lamps import find_lamps
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
@@ -55,8 +55,7 @@ class EgoLook(NamedTuple):
     lamps: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SceneFrame:
+class SceneFrame(Record, eq=False):
     """All entities and lights of a frame; `n` entities in order of spawning, (n,) each unless told otherwise.
 
     Attributes:

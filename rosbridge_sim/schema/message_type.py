@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
 import msgspec
@@ -13,6 +12,7 @@ import pybase64
 
 from rosbridge_sim.long_text import MARK, LongBody, put_back
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.records import Record
 from rosbridge_sim.schema.cbor import CborWriters
 from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 from rosbridge_sim.schema.definitions.names import Generation
@@ -280,8 +280,7 @@ class Encoders:
         self.ros = RosWriters(ros)
 
 
-@dataclass(frozen=True, slots=True)
-class ServiceType:
+class ServiceType(Record):
     """A service type: two message types, `<name>Request` and `<name>Response`."""
 
     name: str
@@ -289,8 +288,7 @@ class ServiceType:
     response: MessageType
 
 
-@dataclass(frozen=True, slots=True)
-class ActionType:
+class ActionType(Record):
     """An action type: three message types, `<name>Goal`, `<name>Result` and `<name>Feedback`."""
 
     name: str

@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
@@ -24,6 +23,7 @@ import numpy as np
 from rosbridge_sim.errors import FieldError, Reason
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.printable import MAX_QUOTED, printable
+from rosbridge_sim.records import Record
 from rosbridge_sim.schema.definitions.dialect import Dialect
 from rosbridge_sim.schema.definitions.message_spec import FieldSpec, MessageSpec
 from rosbridge_sim.schema.definitions.parse import INT_RANGES, MAX_FLOAT32, Field
@@ -135,8 +135,7 @@ _LOOKED_AT = 100
 """Keys of a message that are looked at for advice: more than the fields of any message of ours."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Check:
+class _Check(Record):
     """One check of a body; a method for each kind of value. Each returns the value, or raises _Misfit."""
 
     dialect: Dialect

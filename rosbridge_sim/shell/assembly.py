@@ -7,7 +7,6 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +18,7 @@ from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.graph.tf.web_republisher import WebRepublisher
 from rosbridge_sim.morai.releases import LENIENCY, SPEED_LIMITS, choose_profile
 from rosbridge_sim.protocol.outbox import OutboxLimits
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenery.pictures import Weather
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.clocks.wall_clock import WallClock

@@ -17,7 +17,6 @@ import logging
 import math
 import socket
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
 from websockets.asyncio.client import connect
@@ -31,6 +30,7 @@ from rosbridge_sim.link.client_connection import DialedConnection, why_gone, why
 from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.link.urls import port_of, shown_url
 from rosbridge_sim.protocol.outbox import OutboxLimits
+from rosbridge_sim.records import Record, field
 from rosbridge_sim.shell.websocket.dns import HostLookup
 
 __all__ = ["AttachLimits", "Attachment", "is_own_address"]
@@ -56,8 +56,7 @@ ATTACH_WRITE_SIZE = 8 * 1024
 _log = logging.getLogger("rosbridge_sim.attach")
 
 
-@dataclass(frozen=True, slots=True)
-class AttachLimits:
+class AttachLimits(Record):
     """Limits of each connection to a remote bridge.
 
     Attributes:

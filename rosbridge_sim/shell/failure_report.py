@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +14,7 @@ from rosbridge_sim.errors import DocumentError, RosbridgeSimError
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.schema.message import Message
@@ -39,8 +39,7 @@ _LEFT_OUT: Final = frozenset({"host", "port", "data-dir"})
 """Settings of the test, not of the run: a free port, and a temporary folder."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Scene:
+class _Scene(Record):
     """The contents of a picture."""
 
     frame: int

@@ -6,7 +6,6 @@ The world is that of a server with the same settings. It moves in simulated time
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -15,6 +14,7 @@ import numpy as np
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.releases import LENIENCY
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.pictures import NOBODY
 from rosbridge_sim.schema.store import Store

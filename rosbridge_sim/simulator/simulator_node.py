@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Literal, TypeVar
 
 from rosbridge_sim.graph.topics_services import Topic
 from rosbridge_sim.morai.releases import MANUAL, Profile, SpeedLimits, advise_release
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, Catalogue
 from rosbridge_sim.scenery.pictures import Weather
 from rosbridge_sim.schema.message import Message
@@ -46,8 +46,7 @@ _log = logging.getLogger("rosbridge_sim.morai")
 C = TypeVar("C", bound=Component)
 
 
-@dataclass(frozen=True, slots=True)
-class NodeSettings:
+class NodeSettings(Record):
     """Options of the simulator; the fields are named after the program's flags.
 
     Attributes:

@@ -5,11 +5,11 @@ Other modules decide when a vehicle appears; see `simulator.sim_services.traffic
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import COMFORT, LaneConflicts
 from rosbridge_sim.world.roads.roads import Roads
@@ -47,8 +47,7 @@ CHUNK: Final = 256
 """Entities compared with all slots at once: it bounds the memory."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LaneSlots:
+class LaneSlots(Record, eq=False):
     """Places for vehicles along all lanes on which traffic can drive; get them by `roads.derived(LaneSlots.of)`.
 
     Attributes:

@@ -29,11 +29,11 @@ Nothing depends on rows or on the other egos: many egos together get the bits th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.contacts.collisions import POSE_SPEED, POSE_X, POSE_Y, POSE_YAW, CollisionDetector
 from rosbridge_sim.world.contacts.time_to_collision import find_times_to_collision
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, is_among
@@ -62,8 +62,7 @@ BESIDE: Final = 0.5
 """A place farther than this beyond the end of a lane is not on it [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Before:
+class Before(Record):
     """State of the world before the step, which `judge` compares with the state after it.
 
     Attributes:
@@ -77,8 +76,7 @@ class Before:
     contacts: IntArray
 
 
-@dataclass(frozen=True, slots=True)
-class Score:
+class Score(Record):
     """The score of one ego; see the head of this file.
 
     Attributes:

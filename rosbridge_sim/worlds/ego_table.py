@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from operator import attrgetter
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, IntArray
 from rosbridge_sim.world.many_worlds.batch import Batch, OneOfMany
 from rosbridge_sim.world.state.world import Kind, World
@@ -20,8 +20,7 @@ __all__ = ["EgoTable", "Part"]
 _NUM_CHANGES: Final = attrgetter("num_changes")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Part:
+class Part(Record, eq=False):
     """The egos whose rows are in one set of columns.
 
     Attributes:

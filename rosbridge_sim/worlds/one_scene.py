@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 from rosbridge_sim.morai.messages.command_parsing import GhostPose
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.simulator.kernel.hooks import Hooks
@@ -29,8 +28,7 @@ class _NoStatuses:
         """Do nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class SavedScene:
+class SavedScene(Record):
     """A copy of a world with its scene; opaque.
 
     Attributes:

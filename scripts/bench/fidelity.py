@@ -24,12 +24,14 @@ import math
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from rosbridge_sim.records import replace
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 

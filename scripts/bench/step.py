@@ -22,10 +22,11 @@ import math
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+
+from rosbridge_sim.records import replace
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 

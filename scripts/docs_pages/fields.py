@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final, Literal
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.releases import LENIENCY
+from rosbridge_sim.records import replace
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import Texts, read_definitions
 from rosbridge_sim.shell.files.library import DiskLibrary

@@ -6,11 +6,11 @@ stretches it to the box of an entity. People stand still there.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenery.moving.moving_mesh import stretch
 from rosbridge_sim.scenery.moving.template import Template, Tint
 from rosbridge_sim.scenery.scene_frame import SceneFrame, Shape, take_frame

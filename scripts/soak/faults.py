@@ -20,13 +20,15 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import orjson
 from websockets.asyncio.client import connect
 from websockets.exceptions import WebSocketException
+
+from rosbridge_sim.records import replace
 
 ROOT = Path(__file__).resolve().parents[2]
 if __name__ == "__main__":

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, default_model
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.simulator.scene.scene import Scene

@@ -6,12 +6,12 @@ import os
 import subprocess
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import IO
 
 import pytest
 
+from rosbridge_sim.records import replace
 from scripts.soak import hostile, snapshots
 from scripts.soak.faults import CASES, SHORT, Case, run_case
 from scripts.soak.harness import Programs

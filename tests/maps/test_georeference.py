@@ -65,7 +65,7 @@ def test_southern_hemisphere_has_a_false_northing_of_ten_million() -> None:
 def test_custom_transverse_mercator_is_supported(text: str, *, is_by_figures: bool) -> None:
     road_map = make_map(text, (100.0, 200.0, 0.0))
     if is_by_figures:
-        figures = {name: getattr(road_map.projection, name) for name in Projection.__slots__}
+        figures = {name: getattr(road_map.projection, name) for name in Projection.__struct_fields__}
         road_map = make_map(Projection(**(figures | {"text": ""})), road_map.origin)
     assert there_and_back(road_map, Proj(text), 321.0, 654.0) == pytest.approx((321.0, 654.0), abs=1e-4)
 

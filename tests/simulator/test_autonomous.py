@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from rosbridge_sim.records import replace
 from rosbridge_sim.simulator.kernel.ego import CtrlMode
 from rosbridge_sim.world.state.world import Gear
 from tests.simulator.sim_harness import ALL, SimHarness

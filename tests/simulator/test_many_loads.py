@@ -16,6 +16,7 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import read_scenario
 from rosbridge_sim.simulator.node_factory import make_node
@@ -143,7 +144,9 @@ def test_agent_refused_by_the_world_undoes_the_whole_load(name: str) -> None:
     run = Run()
     before, roads, plan = fingerprint(run), run.world.roads, run.world.signals.plan
     load = run.node.scene.prepare(run.node.context.library.scenario(name), WHOLE)
-    object.__setattr__((*load.egos, *load.others)[-1], "x", np.inf)
+    spawns = "others" if load.others else "egos"
+    *placed, last = getattr(load, spawns)
+    object.__setattr__(load, spawns, (*placed, replace(last, x=np.inf)))
     with pytest.raises(DocumentError, match=f"{name}: "):
         run.node.scene.carry_out(load)
     assert fingerprint(run) == before

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.world.state.commands import command, shift, turn_wheels
 from rosbridge_sim.world.state.placement import place_ghost, teleport
 from rosbridge_sim.world.state.world import Body, Gear, Kind, Mode, World

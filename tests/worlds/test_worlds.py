@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,6 +10,7 @@ import pytest
 import rosbridge_sim
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.records import replace
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.simulator.node_factory import make_node
 from rosbridge_sim.simulator.simulator_node import NodeSettings

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 from rosbridge_sim.graph.ros2.cdr_types import CdrType
 from rosbridge_sim.graph.ros2.quality import Quality
+from rosbridge_sim.records import Record
 
 __all__ = ["Endpoint", "FarNode"]
 
 
-@dataclass(frozen=True, slots=True)
-class Endpoint:
+class Endpoint(Record):
     """A publisher or subscription of another program on the graph.
 
     Attributes:

@@ -6,10 +6,10 @@ The order is that in which the causes hide each other: domain, range, interface,
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Final, Literal, NamedTuple
 
 from rosbridge_sim.graph.ros2.quality import Quality, why_unheard
+from rosbridge_sim.records import Record
 
 __all__ = ["Discovery", "Finding", "SeenEndpoint", "SeenGraph", "check_graph", "domain_of"]
 
@@ -31,8 +31,7 @@ _OVERRIDES: Final = (
 _RANGE: Final = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 
 
-@dataclass(frozen=True, slots=True)
-class SeenEndpoint:
+class SeenEndpoint(Record):
     """A publisher or subscription in the domain.
 
     Attributes:
@@ -52,8 +51,7 @@ class SeenEndpoint:
     node: str
 
 
-@dataclass(frozen=True, slots=True)
-class SeenGraph:
+class SeenGraph(Record):
     """A domain as a program in it sees it.
 
     Attributes:

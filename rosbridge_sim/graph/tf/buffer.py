@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import msgspec
@@ -18,6 +17,7 @@ import msgspec
 from rosbridge_sim.errors import GraphError
 from rosbridge_sim.graph.participant import Participant, is_guest
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.records import Record
 
 __all__ = [
     "IDENTITY",
@@ -66,8 +66,7 @@ class Transform(NamedTuple):
 IDENTITY = Transform(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class Placed:
+class Placed(Record):
     """The result of a search for a pose.
 
     Attributes:
@@ -79,8 +78,7 @@ class Placed:
     stamp: msgspec.Struct | None
 
 
-@dataclass(frozen=True, slots=True)
-class _Edge:
+class _Edge(Record):
     """One transform, from a frame to its parent; `stamp` is None for a static one."""
 
     parent: str

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import chain
 from operator import attrgetter
 from typing import Final
@@ -17,6 +16,7 @@ import numpy as np
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.control import gear_of
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.units import MPS_TO_KMH
 from rosbridge_sim.world.geometry.planar import FloatArray
@@ -34,8 +34,7 @@ _NPC_POSE: Final = ("position.x", "position.y", "position.z", "rpy.x", "rpy.y", 
 _HAZARD: Final = 3  # 26.R1 has one number for both lamps
 
 
-@dataclass(frozen=True, slots=True)
-class GhostPose:
+class GhostPose(Record):
     """A pose at which to place a vehicle, in the world's units.
 
     Attributes:
@@ -55,8 +54,7 @@ class GhostPose:
     steer: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class EgoSetting:
+class EgoSetting(Record):
     """One entry of a MultiEgoSetting.
 
     Attributes:
@@ -75,8 +73,7 @@ class EgoSetting:
     model: Model | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NpcGhosts:
+class NpcGhosts(Record, eq=False):
     """The entries of a NpcGhostCmd, in their order.
 
     Attributes:

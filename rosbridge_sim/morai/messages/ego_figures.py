@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Final, Literal
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.state.world import World
 from rosbridge_sim.world.vehicle.tyre_readings import read_tyres
@@ -24,8 +24,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class LateralPlace:
+class LateralPlace(Record):
     """The ego's place across its lane, left positive, and the distances to the lane's edges [m]; zeros off any road."""
 
     lateral: float = 0.0

@@ -6,12 +6,12 @@ angle.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenery.moving.template import Template, TemplateBuilder, Tint
 from rosbridge_sim.scenery.solids import Solid, column, prism
 from rosbridge_sim.world.geometry.planar import FloatArray
@@ -31,8 +31,7 @@ SWING: Final = 0.50
 """Angle of a thigh at the ends of a step [rad], at an ordinary pace."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Limb:
+class Limb(Record, eq=False):
     """A part of a limb: hangs down from a joint.
 
     Attributes:

@@ -6,12 +6,12 @@ A triangle has no colour of its own but a `Tint`, which a table for each entity 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenery.solids import Solid, box, column
 from rosbridge_sim.world.geometry.planar import FloatArray
 
@@ -37,8 +37,7 @@ class Tint(IntEnum):
     REVERSE_LAMP = 13
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Template:
+class Template(Record, eq=False):
     """Triangles of one shape.
 
     Attributes:

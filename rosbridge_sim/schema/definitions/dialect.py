@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Annotated
 
 import msgspec
 
+from rosbridge_sim.records import Record, field
 from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.definitions.parse import INT_RANGES
 
@@ -39,8 +39,7 @@ class Time2(msgspec.Struct, frozen=True, forbid_unknown_fields=True, gc=False):
     nanosec: _UInt32 = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Dialect:
+class Dialect(Record):
     """Types and ranges that differ between the two ROS generations.
 
     Attributes:
@@ -81,8 +80,7 @@ ROS2 = Dialect(
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Leniency:
+class Leniency(Record):
     """Names and forms that documents use in place of those on the wire; they are accepted, and never sent.
 
     Attributes:

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import msgspec
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.schema.definitions.dialect import Dialect
 from rosbridge_sim.schema.definitions.parse import Definition, Field
 
 __all__ = ["FieldSpec", "MessageSpec", "layout_of"]
 
 
-@dataclass(frozen=True, slots=True)
-class FieldSpec:
+class FieldSpec(Record):
     """A field of a message type.
 
     Attributes:
@@ -37,8 +36,7 @@ class FieldSpec:
     is_numeral: bool
 
 
-@dataclass(frozen=True, slots=True)
-class MessageSpec:
+class MessageSpec(Record):
     """A message type: its fields and rules.
 
     Attributes:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 from typing import NoReturn
 
 from rosbridge_sim.errors import DefinitionError
+from rosbridge_sim.records import Record
 from rosbridge_sim.schema.definitions.names import Generation
 
 __all__ = [
@@ -236,8 +237,7 @@ def _parse(name: str, text: str, source: str, first_line: int, ros: Generation) 
     return Definition(name, tuple(fields), tuple(constants), text, source, first_line)
 
 
-@dataclass(frozen=True, slots=True)
-class _Line:
+class _Line(Record):
     """One line of a definition, with its place for error texts."""
 
     source: str

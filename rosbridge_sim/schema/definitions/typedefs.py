@@ -10,8 +10,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 from rosbridge_sim.schema.definitions.names import Generation, ros2_names, snake_case
 from rosbridge_sim.schema.definitions.parse import TYPE_TOKEN, Constant, Definition, Field
@@ -27,8 +27,7 @@ _TIMES = {
 _BORDER = "=" * 80
 
 
-@dataclass(frozen=True, slots=True)
-class TypeDef:
+class TypeDef(Record):
     """One type in the form of rosapi/TypeDef, with parallel lists.
 
     Attributes:

@@ -10,13 +10,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.records import replace
 from rosbridge_sim.schema.plain_values import plain_message
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import Texts

@@ -7,11 +7,11 @@ types differ in more than the byte layout: for these, the message's JSON text is
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from rosbridge_sim.errors import DocumentError, EncodingError, GraphError, PeerError
+from rosbridge_sim.records import Record
 from rosbridge_sim.schema.definitions.message_spec import layout_of
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
@@ -21,8 +21,7 @@ from rosbridge_sim.shell.bags.bag import Bag, Channel
 __all__ = ["BagMessageWriter"]
 
 
-@dataclass(frozen=True, slots=True)
-class _Track:
+class _Track(Record):
     """A topic in a bag.
 
     Attributes:

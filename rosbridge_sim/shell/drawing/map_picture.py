@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
@@ -20,6 +19,7 @@ from PIL import Image, ImageDraw, ImageFont
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.extent import find_bulk, find_far_lanes
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.suggestions import listing
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray
@@ -92,8 +92,7 @@ _Kinds = np.ndarray[tuple[int], np.dtype[np.str_]]
 """(l,) colour of each lane."""
 
 
-@dataclass(frozen=True, slots=True)
-class _View:
+class _View(Record):
     """The transformation from the map to the picture; north is up."""
 
     west: float

@@ -17,11 +17,11 @@ import math
 import re
 import tomllib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model, class_of_data_id, default_model, key_of_name
 from rosbridge_sim.shell.config.value_types import show_size
 from rosbridge_sim.suggestions import hint
@@ -70,8 +70,7 @@ _CLASSES: Final = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class _Entry:
+class _Entry(Record):
     """One model as the file has it.
 
     Attributes:

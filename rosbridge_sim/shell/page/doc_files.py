@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.records import Record
 
 __all__ = ["FOLDERS", "DocPage", "find_doc_pages", "find_docs_folder"]
 
@@ -16,8 +16,7 @@ FOLDERS: Final = (_PACKAGE / "docs", _PACKAGE.parent / "docs")
 """Folders of the pages: inside the wheel, or beside the package in a checkout."""
 
 
-@dataclass(frozen=True, slots=True)
-class DocPage:
+class DocPage(Record):
     """One page.
 
     Attributes:

@@ -7,10 +7,10 @@ it already shows its ETag, and is told so without the text.
 from __future__ import annotations
 
 import asyncio
-from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.markers.map_drawing import MapDrawing
 from rosbridge_sim.simulator.plain.reading import Reader
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
@@ -22,8 +22,7 @@ MAX_TEXT: Final = 64 * 2**20
 """Longest text [bytes]: a million points. The socket of each program that reads it slowly holds a copy."""
 
 
-@dataclass(frozen=True, slots=True)
-class MapText:
+class MapText(Record):
     """A map as JSON.
 
     Attributes:

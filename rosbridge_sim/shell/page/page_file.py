@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+
+from rosbridge_sim.records import Record
 
 __all__ = ["PageFile", "make_page_file"]
 
 
-@dataclass(frozen=True, slots=True)
-class PageFile:
+class PageFile(Record):
     """A file of the page.
 
     Attributes:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenery.pictures import Weather
 
 __all__ = ["LOOKS", "WeatherLook"]
@@ -12,8 +12,7 @@ __all__ = ["LOOKS", "WeatherLook"]
 Rgb = tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class WeatherLook:
+class WeatherLook(Record):
     """Light and air; colours are 0..1.
 
     Attributes:

@@ -12,7 +12,6 @@ import platform
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
 from typing import Any, Final
@@ -20,6 +19,7 @@ from typing import Any, Final
 from rosbridge_sim.errors import DocumentError, GraphError
 from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_type
+from rosbridge_sim.records import Record
 
 __all__ = [
     "FITTING",
@@ -128,8 +128,7 @@ _BASE, _NAME, _ARRAY = 1, 2, 3
 # Entities
 
 
-@dataclass(frozen=True, slots=True)
-class DdsEndpoint:
+class DdsEndpoint(Record):
     """An endpoint on the network.
 
     Attributes:

@@ -9,7 +9,6 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
 from typing import Final
 
 from rosbridge_sim.errors import GraphError
@@ -26,6 +25,7 @@ from rosbridge_sim.graph.ros2.gateway import Ros2Gateway
 from rosbridge_sim.graph.ros2.network_check import Discovery
 from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_topic, topic_of
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.shell.ros2.dds_library import DdsDomain, DdsEndpoint, DdsReader, DdsTypes, DdsWriter, check_library
 
 __all__ = ["NAMES", "NAME_PATIENCE", "NODE_NAME", "Ros2Choices", "Ros2Node", "config_of"]
@@ -86,8 +86,7 @@ def config_of(discovery: Discovery, max_message_size: int) -> str:
     return f'<CycloneDDS><Domain Id="any">{config}</Domain></CycloneDDS>'
 
 
-@dataclass(frozen=True, slots=True)
-class Ros2Choices:
+class Ros2Choices(Record):
     """The settings of the node.
 
     Attributes:

@@ -22,6 +22,7 @@ from websockets.http11 import Request
 from rosbridge_sim.errors import DocumentError, Reason
 from rosbridge_sim.graph.peers.peer import FrameWork, Peer, Work
 from rosbridge_sim.protocol.ops import ActionResult, Id, Op, ServiceResponse
+from rosbridge_sim.records import Record
 from rosbridge_sim.shell.websocket.origins import OriginRules
 
 __all__ = ["Access", "HandshakeRefusal", "RateGate", "TokenBucket", "load_certificate"]
@@ -42,8 +43,7 @@ _LOOKED_AT = 256
 """Bytes of a frame that are searched for its op without decoding."""
 
 
-@dataclass(frozen=True, slots=True)
-class HandshakeRefusal:
+class HandshakeRefusal(Record):
     """Refusal of a handshake.
 
     Attributes:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol.outbox import OutboxLimits
+from rosbridge_sim.records import Record, field
 from rosbridge_sim.shell.websocket.access import Access
 
 __all__ = ["CLOSE_TIMEOUT", "MAX_OPENING", "ServerLimits"]
@@ -25,8 +24,7 @@ The system delivers about a hundred at once (the backlog), and the request of ea
 Together with connections without a token they leave most of the usual 1,024 file descriptors to clients."""
 
 
-@dataclass(frozen=True, slots=True)
-class ServerLimits:
+class ServerLimits(Record):
     """Limits of one connection.
 
     Attributes:

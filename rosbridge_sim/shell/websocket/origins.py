@@ -31,10 +31,11 @@ from __future__ import annotations
 import logging
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from ipaddress import ip_address
 from shlex import quote
+
+from rosbridge_sim.records import Record
 
 __all__ = ["MAX_REFUSED_ORIGINS", "OriginRules", "RefusedOrigins", "own_names"]
 
@@ -66,8 +67,7 @@ _ORIGIN = re.compile(r"(?P<scheme>[a-z][a-z0-9+.-]*)://(?P<netloc>[!-+\-.-~]*)",
 """An origin in lower case (RFC 6454 section 6.2). Two origins in one header, with a blank or a comma, do not match."""
 
 
-@dataclass(frozen=True, slots=True)
-class OriginRules:
+class OriginRules(Record):
     """Web pages that may connect.
 
     Attributes:
@@ -208,8 +208,7 @@ class RefusedOrigins:
             )
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
+class _Place(Record):
     """Host and port of a header.
 
     Attributes:
@@ -223,8 +222,7 @@ class _Place:
     is_address: bool
 
 
-@dataclass(frozen=True, slots=True)
-class _Page:
+class _Page(Record):
     """An origin.
 
     Attributes:

@@ -11,12 +11,12 @@ from __future__ import annotations
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import ClassVar, Final
 
 from rosbridge_sim.errors import DocumentError, GraphError, TypeNameError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant, is_guest
+from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.bus.network_settings import (
     DEFAULTS,
     InterfaceChoice,
@@ -117,8 +117,7 @@ def why_no_topic(owner: Participant, bus: Bus, name: str, type_name: str) -> str
     return bus.type_conflict(name, type_name, owner)
 
 
-@dataclass(frozen=True, slots=True)
-class ListedInterface:
+class ListedInterface(Record):
     """An item of the world or the first ego, with the settings in force.
 
     Attributes:

@@ -17,12 +17,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final, NoReturn, Protocol
 
 from rosbridge_sim.errors import DocumentError, GraphError
 from rosbridge_sim.graph.participant import resolve
+from rosbridge_sim.records import replace
 from rosbridge_sim.suggestions import hint
 
 __all__ = [

@@ -7,10 +7,9 @@ yet. State that lasts from one frame to the next is in `world`, `scene`, `egos`,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.morai.messages.convert import Converter
+from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.bus.interface_registry import InterfaceRegistry
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.simulator_participant import SimulatorParticipant
@@ -39,8 +38,7 @@ from rosbridge_sim.world.state.world import World
 __all__ = ["SimulatorContext"]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SimulatorContext:
+class SimulatorContext(Record, eq=False):
     """Objects that the components share.
 
     Attributes:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
@@ -18,6 +17,7 @@ from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.morai.messages.control import Control
 from rosbridge_sim.morai.messages.convert import Converter
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.lane_position import leave_lane
 from rosbridge_sim.world.followers.self_driving import start_self_driving
 from rosbridge_sim.world.roads.roads import Roads
@@ -40,8 +40,7 @@ class CtrlMode(IntEnum):
     AUTONOMOUS = 6  # self-driving: it follows the lanes as other vehicles do
 
 
-@dataclass(frozen=True, slots=True)
-class EgoState:
+class EgoState(Record):
     """State of an ego beside its row in the world.
 
     Attributes:

@@ -7,17 +7,16 @@ of every frame needs no call for each component.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 from rosbridge_sim.graph.participant import Participant
+from rosbridge_sim.records import Record, field
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.ego import Ego
 
 __all__ = ["Hooks"]
 
 
-@dataclass(frozen=True, slots=True)
-class Hooks:
+class Hooks(Record):
     """Functions to call at each moment. `now` is monotonic time [s].
 
     Attributes:

@@ -20,11 +20,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import Converter, maker
+from rosbridge_sim.records import Record
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.ego import Ego
@@ -47,8 +47,7 @@ _OPTICAL: Final = Mounting(roll=-0.5 * math.pi, yaw=-0.5 * math.pi)
 """From x forward, y left, z up to x right, y down, z ahead."""
 
 
-@dataclass(frozen=True, slots=True)
-class Mount:
+class Mount(Record):
     """A frame that is fixed to a vehicle.
 
     Attributes:

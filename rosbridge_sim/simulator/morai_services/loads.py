@@ -17,7 +17,6 @@ frame, the map at the time of its arrival. So the result does not depend on the 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError
@@ -25,6 +24,7 @@ from rosbridge_sim.graph.participant import Participant, explain, notifier
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.convert import late_maker
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.simulator.bus.network_settings import Networks, NetworkSettings
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -42,8 +42,7 @@ _WAS_RESET = "the simulation was reset or restored before the scenario was read;
 _FAILED = "the server failed to load the scenario; see the server's log"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Documents:
+class _Documents(Record, eq=False):
     """All documents of a load.
 
     Attributes:

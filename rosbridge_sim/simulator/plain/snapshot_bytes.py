@@ -13,11 +13,11 @@ All numbers are little-endian. The head is compared with the simulator before th
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Final, NamedTuple
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode, encode
 from rosbridge_sim.simulator.plain.typed_plain import as_plain, read_as
 
@@ -41,8 +41,7 @@ _START: Final = struct.Struct("<HI")
 _HEAD_AT: Final = len(MAGIC) + _START.size
 
 
-@dataclass(frozen=True, slots=True)
-class SnapshotHead:
+class SnapshotHead(Record):
     """Conditions for a restore of a snapshot, and the state that it gives.
 
     Attributes:

@@ -16,11 +16,11 @@ counted from the end of the four bytes. The caller must check that the definitio
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Final
 
 from rosbridge_sim.morai.messages.object_lists import EGO_TYPE
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.state.world import Kind
 
 __all__ = ["LAYOUT", "DecodedObjectLists", "decode_object_lists"]
@@ -36,8 +36,7 @@ _STAMP, _COUNT, _ENTRY, _PEDALS = (struct.Struct(form) for form in ("<II", "<I",
 _FIGURES: Final = 13 * 8
 
 
-@dataclass(frozen=True, slots=True)
-class DecodedObjectLists:
+class DecodedObjectLists(Record):
     """Content of a message.
 
     Attributes:

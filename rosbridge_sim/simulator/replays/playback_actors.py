@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterable
-from dataclasses import replace
 from functools import lru_cache
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import Catalogue, default_model
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode, encode

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.replays.recorded_plans import RecordedPlan
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
@@ -62,8 +63,7 @@ _EGO_ANGLES: Final = np.array([name in _ANGLES for name in EGO_COLUMNS])
 _OBJECT_ANGLES: Final = np.array([name in _ANGLES for name in OBJECT_COLUMNS])
 
 
-@dataclass(frozen=True, slots=True)
-class Actor:
+class Actor(Record):
     """An object of a recording; not an ego.
 
     Attributes:
@@ -79,8 +79,7 @@ class Actor:
     size: tuple[float, float, float]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class EgoTrack:
+class EgoTrack(Record, eq=False):
     """States of one ego over time.
 
     Attributes:
@@ -112,8 +111,7 @@ class EgoTrack:
         return _interpolate(self.values[:, i : i + 1], self.values[:, i + 1 : i + 2], part, reach, _EGO_ANGLES)[:, 0]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ObjectTrack:
+class ObjectTrack(Record, eq=False):
     """States of all objects but the egos over time.
 
     Attributes:
@@ -155,8 +153,7 @@ class ObjectTrack:
         return self.actor_indices[entries], self.values[:, entries]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RecordedMoment:
+class RecordedMoment(Record, eq=False):
     """State of all replayed entities at a moment.
 
     Attributes:

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
+
+from rosbridge_sim.records import Record
 
 __all__ = ["MAX_PLAN_BYTES", "PLAN_TYPES", "RecordedPlan"]
 
@@ -23,8 +24,7 @@ MAX_PLAN_BYTES: Final = 64_000_000
 """Bytes of all plans of a recording; later ones are left out. A path of 5 kB, ten times a second, is 3 MB a minute."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class RecordedPlan:
+class RecordedPlan(Record, eq=False):
     """Messages of one topic.
 
     Attributes:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.replays.playback_actors import ALL_TARGETS
 from rosbridge_sim.simulator.replays.state_machine import ReplayEvent
 
@@ -36,8 +36,7 @@ _HEX_SPELLING: Final = {0x10: 2, 0x100: 4, 0x1000: 8}
 0x1000, but means binary digits. These numbers have no other meaning, so they are accepted as well."""
 
 
-@dataclass(frozen=True, slots=True)
-class ReplayCommand:
+class ReplayCommand(Record):
     """A MoraiSimProcHandle that has been read; None for an option that was not chosen.
 
     Attributes:

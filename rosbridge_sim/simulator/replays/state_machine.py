@@ -31,9 +31,10 @@ The decisions, and why:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum, IntEnum
 from typing import Final
+
+from rosbridge_sim.records import Record
 
 __all__ = ["BAG_EVENTS", "REPLAY_TABLE", "SOURCE_EVENTS", "ReplayEffect", "ReplayEvent", "ReplayOutcome", "ReplayState"]
 
@@ -88,8 +89,7 @@ class ReplayEffect(Enum):
     IGNORE = "ignore"
 
 
-@dataclass(frozen=True, slots=True)
-class ReplayOutcome:
+class ReplayOutcome(Record):
     """One row of the table.
 
     Attributes:

@@ -5,12 +5,13 @@ A load is prepared outside of the world, where all mistakes of a document are fo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from hashlib import blake2b
 from typing import Final, NamedTuple, Protocol
 
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenarios.scenario import PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.spawn_points import SpawnPoint
 from rosbridge_sim.simulator.plain.plain_bytes import encode
@@ -46,8 +47,7 @@ class Library(Protocol):
         """
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FoundMap:
+class FoundMap(Record, eq=False):
     """A map with the name that a scenario gives it.
 
     Attributes:
@@ -76,8 +76,7 @@ def find_map(library: Library, name: str) -> FoundMap:
     return FoundMap(name, library.map(name))
 
 
-@dataclass(frozen=True, slots=True)
-class LoadOptions:
+class LoadOptions(Record):
     """Parts of a scenario to load, and entities to remove first.
 
     Attributes:

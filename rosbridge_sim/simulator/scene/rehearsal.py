@@ -10,11 +10,11 @@ copy can be used.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import replace
 from typing import Final
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import DEFAULT_EGO
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_reader import place_on_roads

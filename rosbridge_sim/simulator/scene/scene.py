@@ -15,7 +15,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from itertools import count
 from typing import Final
 
@@ -26,6 +25,7 @@ from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.morai.messages.command_parsing import GhostPose
 from rosbridge_sim.morai.releases import SpeedLimits
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import BUILT_IN, DEFAULT_EGO, Catalogue, Model
 from rosbridge_sim.scenarios.scenario import Driver, PhaseStart, Scenario, Spawn
 from rosbridge_sim.scenarios.scenario_reader import place_on_roads, sort_phases

@@ -13,6 +13,7 @@ import msgspec
 
 from rosbridge_sim.graph.participant import Notify
 from rosbridge_sim.morai.messages.control import Control
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.simulator.bus.network_settings import NetworkSettings
 from rosbridge_sim.simulator.scene.load import Load
@@ -45,8 +46,7 @@ class ControlEgo(msgspec.Struct, frozen=True):
     has_capture: bool
 
 
-@dataclass(frozen=True, slots=True)
-class ShiftEgo:
+class ShiftEgo(Record):
     """Change the gear of an ego.
 
     Attributes:
@@ -59,8 +59,7 @@ class ShiftEgo:
     gear: Gear | None
 
 
-@dataclass(frozen=True, slots=True)
-class AddObject:
+class AddObject(Record):
     """Add an object at rest.
 
     Attributes:
@@ -76,8 +75,7 @@ class AddObject:
     yaw: float
 
 
-@dataclass(frozen=True, slots=True)
-class RemoveObject:
+class RemoveObject(Record):
     """Remove an object.
 
     Attributes:
@@ -87,8 +85,7 @@ class RemoveObject:
     unique_id: int
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LoadScenario:
+class LoadScenario(Record, eq=False):
     """Load a scenario that has been read.
 
     Attributes:

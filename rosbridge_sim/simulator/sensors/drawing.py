@@ -7,7 +7,6 @@ same job gives the same bytes.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Final, Protocol, TypeAlias
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, boxes_in_view, mount
 from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
 from rosbridge_sim.scenery.mesh import Mesh
@@ -57,8 +57,7 @@ BOX_RANGE: Final = 150.0
 """Farthest boxes in a picture [m]: a car there is 4 pixels wide at 640 pixels and 90 deg."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sight:
+class Sight(Record):
     """One sensor of a job.
 
     Attributes:
@@ -78,8 +77,7 @@ class Sight:
     errors: NoiseSource | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class DrawingJob:
+class DrawingJob(Record, eq=False):
     """All that can be seen at one frame.
 
     Attributes:
@@ -100,8 +98,7 @@ class DrawingJob:
     is_dressed: bool = True
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class VisibleBoxes:
+class VisibleBoxes(Record, eq=False):
     """Boxes of the entities of which a picture shows something; (k,) each unless told otherwise.
 
     Attributes:
@@ -123,8 +120,7 @@ class VisibleBoxes:
     axes: list[list[list[float]]]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shot:
+class Shot(Record, eq=False):
     """A picture.
 
     Attributes:
@@ -138,8 +134,7 @@ class Shot:
     file: bytes = b""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cloud:
+class Cloud(Record, eq=False):
     """Points of a 3D lidar.
 
     Attributes:
@@ -153,8 +148,7 @@ class Cloud:
     file: bytes = b""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Scan:
+class Scan(Record, eq=False):
     """Ranges of a 2D lidar; inf where nothing is in range [m], and intensities."""
 
     ranges: list[float]
@@ -164,8 +158,7 @@ class Scan:
 Result: TypeAlias = Shot | Cloud | Scan
 
 
-@dataclass(frozen=True, slots=True)
-class Makers:
+class Makers(Record):
     """A renderer; it is made and used in one thread.
 
     Attributes:

@@ -124,13 +124,13 @@ def disturb_radar(
     is_kept &= amplitude >= 0.0
     exact = RadarEchoes(echoes.rows, position, distance, echoes.azimuth + turn, rate, amplitude)
     parts = _pick(exact, is_kept), _clutter(carrier, spec, int(chance.poisson(noise.clutter)), chance)
-    columns = [np.concatenate([getattr(part, name) for part in parts]) for name in RadarEchoes.__slots__]
+    columns = [np.concatenate([getattr(part, name) for part in parts]) for name in RadarEchoes.__struct_fields__]
     every = RadarEchoes(*columns)
     return _pick(every, np.argsort(every.distance, kind="stable")[: spec.max_echoes])
 
 
 def _pick(echoes: RadarEchoes, which: NDArray[np.bool_] | NDArray[np.int64]) -> RadarEchoes:
-    return RadarEchoes(*(getattr(echoes, name)[which] for name in RadarEchoes.__slots__))
+    return RadarEchoes(*(getattr(echoes, name)[which] for name in RadarEchoes.__struct_fields__))
 
 
 def _clutter(

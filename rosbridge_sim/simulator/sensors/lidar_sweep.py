@@ -13,12 +13,12 @@ have glass beads, which reflect at any angle; what is diffuse gets darker where 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenery.camera_geometry import Pose, rotation
 from rosbridge_sim.scenery.mesh import Label
 from rosbridge_sim.scenery.pictures import Hits, Weather
@@ -98,8 +98,7 @@ _INTENSITY: Final = _table(_DIFFUSE, _REFLECTING)
 _IS_REFLECTING: Final = _table(dict.fromkeys(_REFLECTING, 1)) > 0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Beams:
+class Beams(Record, eq=False):
     """Beams of a turn; (k,) each unless told otherwise, in the order in which they look.
 
     Attributes:
@@ -148,8 +147,7 @@ def beams_2d(num_values: int, ahead: int, period: float) -> Beams:
     return Beams(directions, times, np.zeros(num_values, dtype=np.uint16), 1)
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(Record):
     """Motion of the vehicle that carries a sensor.
 
     Attributes:
@@ -201,8 +199,7 @@ def sweep(motion: Motion, beams: Beams, origin: FloatArray) -> tuple[NDArray[np.
     return np.repeat(place.T.astype(np.float32), rings, axis=0), directions
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Echoes:
+class Echoes(Record, eq=False):
     """Echoes of the rays of a turn; (k,) float32 each.
 
     Attributes:

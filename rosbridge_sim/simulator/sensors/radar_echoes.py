@@ -21,11 +21,11 @@ vehicles. It is positive when the distance grows.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.sensors.sensor_specs import RadarSpec
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, Quaternion, Vector, chain, quaternion, rotate
 from rosbridge_sim.world.state.world import Kind, World
@@ -60,8 +60,7 @@ MAX_COMPARED: Final = 300
 _UNITS: Final = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
-@dataclass(frozen=True, slots=True)
-class RadarEchoes:
+class RadarEchoes(Record):
     """Echoes of one scan, the nearest first; (k,) float64 each unless noted.
 
     Attributes:

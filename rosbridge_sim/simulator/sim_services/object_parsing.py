@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 from typing import Final
 
@@ -16,6 +15,7 @@ import numpy as np
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.control import gear_of
+from rosbridge_sim.records import Record
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model
 from rosbridge_sim.simulator.kernel.ego import CtrlMode
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, FIRST_FREE_EGO, MAX_FILE_UID
@@ -72,8 +72,7 @@ class Behaviour(Enum):
     LANE = "lane"
 
 
-@dataclass(frozen=True, slots=True)
-class Spot:
+class Spot(Record):
     """Place for an object, in the world's units.
 
     Attributes:
@@ -93,8 +92,7 @@ class Spot:
     lateral: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ObjectMotion:
+class ObjectMotion(Record, eq=False):
     """Motion of an object.
 
     Attributes:
@@ -112,8 +110,7 @@ class ObjectMotion:
     is_loop: bool = False
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class NewObject:
+class NewObject(Record, eq=False):
     """One object of `/sim/spawn`.
 
     Attributes:
@@ -137,8 +134,7 @@ class NewObject:
     start_within: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Change:
+class Change(Record, eq=False):
     """One object of `/sim/set`; None leaves a thing as it is.
 
     Attributes:

@@ -12,7 +12,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from functools import partial
 from typing import Any, Final, TypeVar
 
@@ -22,6 +21,7 @@ from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import EgoSetting, GhostPose
 from rosbridge_sim.morai.messages.convert import late_maker
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import Model
 from rosbridge_sim.scenarios.scenario import Spawn
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices

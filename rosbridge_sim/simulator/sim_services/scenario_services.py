@@ -7,13 +7,13 @@ MORAI's own services.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any, Final, Protocol, TypeVar
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import explain
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.morai.messages.convert import late_maker
+from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
@@ -40,8 +40,7 @@ MAX_NAME: Final = 400
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
-class ListedScenario:
+class ListedScenario(Record):
     """A scenario; the fields are those of a ScenarioInfo."""
 
     name: str
@@ -53,8 +52,7 @@ class ListedScenario:
     problem: str
 
 
-@dataclass(frozen=True, slots=True)
-class ListedRecording:
+class ListedRecording(Record):
     """A recording.
 
     Attributes:
@@ -68,8 +66,7 @@ class ListedRecording:
     modified_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class Listing:
+class Listing(Record):
     """A page of scenarios and recordings, and how many there are in all."""
 
     scenarios: Sequence[ListedScenario]

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.loose_types import Struct
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.contacts.collisions import POSE_SPEED, CollisionDetector
 from rosbridge_sim.world.state.world import DT, MAX_COORDINATE, World
 
@@ -29,8 +29,7 @@ MAX_DISTANCE: Final = 1e9
 """Greatest distance that a request may name [m]."""
 
 
-@dataclass(frozen=True, slots=True)
-class StopConditions:
+class StopConditions(Record):
     """Conditions that end a call early.
 
     Attributes:

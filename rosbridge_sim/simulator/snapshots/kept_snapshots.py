@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 from rosbridge_sim.errors import Reason
 from rosbridge_sim.protocol.account import Account
+from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.plain.snapshot_bytes import SnapshotHead
 from rosbridge_sim.simulator.snapshots.node_state import SavedState
 
@@ -22,8 +22,7 @@ MAX_ID: Final = 200
 """Characters of a snapshot's name: as much as a name of a topic."""
 
 
-@dataclass(frozen=True, slots=True)
-class Kept:
+class Kept(Record):
     """A snapshot that is kept.
 
     Attributes:

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Any, Final, TypeAlias
 
@@ -25,6 +24,7 @@ import numpy as np
 
 from rosbridge_sim.errors import DocumentError, PeerError
 from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego, EgoState
@@ -65,8 +65,7 @@ BASE_SIZE: Final = 4_000
 _log = logging.getLogger("rosbridge_sim.morai")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SavedState:
+class SavedState(Record, eq=False):
     """A state of the simulator; nothing in it changes any longer, and it can be restored any number of times.
 
     Attributes:

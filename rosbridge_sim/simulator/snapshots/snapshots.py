@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from hashlib import blake2b
 from typing import Any, Final, TypeVar
@@ -27,6 +26,7 @@ from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.morai.messages.convert import late_maker
+from rosbridge_sim.records import Record
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
@@ -56,8 +56,7 @@ _log = logging.getLogger("rosbridge_sim.morai")
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True)
-class _Taken:
+class _Taken(Record):
     """A snapshot that has been made.
 
     Attributes:

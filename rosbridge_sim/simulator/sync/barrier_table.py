@@ -17,11 +17,11 @@ and go at once; otherwise they come and go at the next one.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from typing import Final
 
 from rosbridge_sim.errors import Reason
+from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.sync.sync_table import FRAME_MS, MAX_STEP_MS, MAX_USER_ID
 
 __all__ = [
@@ -150,8 +150,7 @@ class BarrierEffect(StrEnum):
     ANNOUNCE = "announce"
 
 
-@dataclass(frozen=True, slots=True)
-class BarrierOutcome:
+class BarrierOutcome(Record):
     """One row of the table.
 
     Attributes:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, TypeVar
 
+from rosbridge_sim.records import Record, field
 from rosbridge_sim.simulator.sync.sync_table import (
     FRAME_MS,
     SyncEvent,
@@ -17,8 +17,7 @@ C = TypeVar("C")
 """Type of a command; the caller chooses it."""
 
 
-@dataclass(frozen=True, slots=True)
-class SyncHooks:
+class SyncHooks(Record):
     """Functions for the effects beyond the mode; `now` is monotonic time [s].
 
     Attributes:

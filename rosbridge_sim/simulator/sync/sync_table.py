@@ -21,11 +21,11 @@ carries out the effects of its row.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import IntEnum, StrEnum
 from typing import Final
 
 from rosbridge_sim.errors import Reason
+from rosbridge_sim.records import Record
 
 __all__ = [
     "FRAME_MS",
@@ -142,8 +142,7 @@ class SyncEffect(StrEnum):
     ANNOUNCE = "announce"
 
 
-@dataclass(frozen=True, slots=True)
-class SyncOutcome:
+class SyncOutcome(Record):
     """One row of the table.
 
     Attributes:

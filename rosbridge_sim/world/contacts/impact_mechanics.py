@@ -28,6 +28,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+from rosbridge_sim.records import Record
+
 __all__ = ["FRICTION", "RESTITUTION", "Contact", "Rigid", "find_contact", "find_impact", "play", "strike"]
 
 RESTITUTION: Final = 0.1
@@ -120,8 +122,7 @@ class Rigid:
         return math.hypot(self.half_length + abs(self.centre), self.half_width)
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
+class Contact(Record):
     """Two boxes beside each other.
 
     Attributes:

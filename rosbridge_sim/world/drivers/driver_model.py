@@ -35,6 +35,7 @@ from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.lane_entries import EntryQueue
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
@@ -86,8 +87,7 @@ CREEP: Final = 0.1
 """A lower speed counts as standing [m/s]. The bound also keeps quotients finite."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SlowVehicles:
+class SlowVehicles(Record, eq=False):
     """Vehicles ahead of the lead vehicle: much slower than the driver, as the end of a jam, or uncovered soon.
 
     A driver minds them as if the lead vehicle were not there, which may leave the lane in the last moment. All arrays

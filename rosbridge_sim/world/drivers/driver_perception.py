@@ -7,13 +7,13 @@ lanes are seen as entries (`lane_entries`). Where lanes cross or join, `right_of
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import Enum
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.driver_model import (
     BRAKE_FROM,
     CREEP,
@@ -73,8 +73,7 @@ class Stop(Enum):
     END = "end"  # of the road
 
 
-@dataclass(frozen=True, slots=True)
-class DriverSight:
+class DriverSight(Record):
     """Perception of one driver. An index counts the drivers first, then the entries of the others; -1 is none.
 
     Attributes:

@@ -9,11 +9,12 @@ drivers at once.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
@@ -89,8 +90,7 @@ class Drivers:
     leaving: Entries | None = None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Entries:
+class Entries(Record, eq=False):
     """Places of entities on lanes; (m,) each.
 
     Attributes:

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.route_choice import RouteChoice
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among
 from rosbridge_sim.world.roads.lane_conflicts import LaneConflicts
@@ -55,8 +55,7 @@ _LEGS: Final = ("leg_start", "leg_dz")
 """First and last of the columns that hold a straight leg."""
 
 
-@dataclass(frozen=True, slots=True)
-class LaneStart:
+class LaneStart(Record):
     """A vehicle that begins to follow lanes; see the arguments of `keep_lane`."""
 
     row: int

@@ -26,11 +26,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.driver_model import CREEP, accelerate
 from rosbridge_sim.world.drivers.driver_parameters import DriverParameters
 from rosbridge_sim.world.drivers.driver_perception import Stop, observe, perceive
@@ -142,8 +142,7 @@ def view_driver(world: World, row: int) -> DriverView | None:
     )
 
 
-@dataclass(frozen=True, slots=True)
-class DriverView:
+class DriverView(Record):
     """Action of a driver on lanes, with its reasons. A row is -1 if there is none.
 
     Attributes:

@@ -8,11 +8,11 @@ with the area of the map and finds nothing away from the roads.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.block_grid import REACH, BlockGrid
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
 
@@ -52,8 +52,7 @@ MAX_BLOCK_PAIRS: Final = 1 << 18
 """Pairs (place, block) compared at once: 2 MB for each temporary array, which stays inside the cache."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LaneSegments:
+class LaneSegments(Record, eq=False):
     """The straight segments of all lanes, in the order of the lanes.
 
     Attributes:

@@ -9,11 +9,11 @@ what is there later is for the drivers in the new lane.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.drivers.driver_model import CREEP
 from rosbridge_sim.world.drivers.lane_entries import CORRIDOR
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, ranges
@@ -53,8 +53,7 @@ MAX_PAIRS: Final = 1 << 16
 other drivers take what is ahead for a usual car."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Shifts:
+class Shifts(Record, eq=False):
     """Vehicles that change lanes, or that may begin to; (k,) each.
 
     Attributes:

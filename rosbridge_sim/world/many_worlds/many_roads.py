@@ -87,7 +87,7 @@ class ManyRoads(Roads):
         if len(found) == 1:
             return found[0]
         owners = [part.start + owner for part, (owner, _) in zip(parts, found, strict=True)]
-        columns = ([getattr(places, name) for _, places in found] for name in LanePlaces.__slots__)
+        columns = ([getattr(places, name) for _, places in found] for name in LanePlaces.__struct_fields__)
         return np.concatenate(owners), LanePlaces(*map(np.concatenate, columns))
 
     def derived(self, make: Callable[[Roads], T]) -> T:

@@ -7,11 +7,11 @@ to each other than a traffic island is long are one crossing. Lights for pedestr
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, distinct
 from rosbridge_sim.world.roads.paths import DX, DY, END, START, Segments, X, Y
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
@@ -43,8 +43,7 @@ LIGHT_RANGE: Final = 4.0
 a usual crosswalk, and less than the distance to that of the next street."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Crossings:
+class Crossings(Record, eq=False):
     """The crossings of one path, in its order; (c,) each.
 
     Attributes:

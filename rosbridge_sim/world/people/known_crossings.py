@@ -10,11 +10,11 @@ worst one of the two looks at a path again.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import IntArray, ranges
 from rosbridge_sim.world.people.crossings import Crossings, find_crossings
 from rosbridge_sim.world.roads.roads import Roads
@@ -33,8 +33,7 @@ _Key = tuple[bytes, bytes]
 """Digests of the plan of the lights and of the path."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Table:
+class _Table(Record, eq=False):
     """The crossings of all known paths, end to end.
 
     Attributes:

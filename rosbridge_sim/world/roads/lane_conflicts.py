@@ -13,11 +13,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, is_among, ranges, wrap_angle
 from rosbridge_sim.world.roads.lane_joins import find_joins
 from rosbridge_sim.world.roads.roads import Roads
@@ -75,8 +75,7 @@ MAX_LANE_PAIRS: Final = 1 << 20
 """Pairs of places compared at once: it bounds the memory."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Links:
+class Links(Record, eq=False):
     """For each lane some other lanes, with a number for each; those of lane `i` are at `first[i]:first[i + 1]`.
 
     Attributes:
@@ -291,8 +290,7 @@ def _spread(roads: Roads, leads_on: BoolArray) -> BoolArray:
 # Conflicts
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Pairs:
+class _Pairs(Record, eq=False):
     """Lanes that come near each other, each pair in both orders; (k,) each.
 
     Attributes:

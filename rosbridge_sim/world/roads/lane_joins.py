@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, wrap_angle
 from rosbridge_sim.world.roads.roads import Roads
 
@@ -22,8 +22,7 @@ AT_END: Final = 5.0
 """Two lanes are together at their ends if the stretch where they are near ends so far before them at most [m]."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Joins:
+class Joins(Record, eq=False):
     """The joins of a map.
 
     Attributes:

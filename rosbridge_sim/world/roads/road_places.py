@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.roads.roads import LanePlaces, Roads
 
 __all__ = ["MAX_EDGE", "LanePlace", "find_lane", "is_on_road", "place_on_lane"]
@@ -18,8 +18,7 @@ MAX_BEYOND_END: Final = 0.5
 """A place at most this far beyond the end of a lane is still on it [m]: lines of maps end a little early."""
 
 
-@dataclass(frozen=True, slots=True)
-class LanePlace:
+class LanePlace(Record):
     """The place of one point on a lane.
 
     Attributes:

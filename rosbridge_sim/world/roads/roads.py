@@ -11,13 +11,13 @@ the difference to the driven distance is 0.5 %.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from hashlib import blake2b
 from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry import bends
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray, in_columns, wrap_angle
 from rosbridge_sim.world.geometry.segment_search import LaneSegments, SegmentSearch
@@ -31,8 +31,7 @@ LEVEL: Final = 2.5
 and more, and the ground within a few metres of a lane is not steeper than this."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class LanePlaces:
+class LanePlaces(Record, eq=False):
     """Places of points relative to a lane near each; (n,) each, one entry for each point.
 
     Attributes:

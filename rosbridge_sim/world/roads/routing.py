@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import heapq
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 
@@ -29,8 +29,7 @@ MAX_KNOWN_LANES: Final = 500_000
 """Lanes of all routes that are kept for a map: about 20 MB, a thousand ways across a large city."""
 
 
-@dataclass(frozen=True, slots=True)
-class Route:
+class Route(Record):
     """A way along lanes.
 
     Attributes:

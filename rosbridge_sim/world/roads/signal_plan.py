@@ -15,13 +15,13 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from enum import IntFlag
 from hashlib import blake2b
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.roads.roads import Roads
 
@@ -54,8 +54,7 @@ FLASH: Final = 25
 _RED, _YELLOW, _GREEN = int(Lamp.RED), int(Lamp.YELLOW), int(Lamp.GREEN)
 
 
-@dataclass(frozen=True, slots=True)
-class Light:
+class Light(Record):
     """One traffic light.
 
     Attributes:
@@ -82,8 +81,7 @@ class Light:
         return self.lamps == _YELLOW
 
 
-@dataclass(frozen=True, slots=True)
-class Phase:
+class Phase(Record):
     """One phase of a controller.
 
     Attributes:
@@ -95,8 +93,7 @@ class Phase:
     colours: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Walk:
+class Walk(Record):
     """The green time of the pedestrian lights of a group in a phase.
 
     Attributes:
@@ -114,8 +111,7 @@ class Walk:
     flashing: int
 
 
-@dataclass(frozen=True, slots=True)
-class Controller:
+class Controller(Record):
     """The controller of an intersection.
 
     Attributes:
@@ -136,8 +132,7 @@ class Controller:
     walks: tuple[Walk, ...] = ()
 
 
-@dataclass(frozen=True, slots=True)
-class _Group:
+class _Group(Record):
     """Lights that show one value: those of a controller's group, pedestrian lights apart from the others."""
 
     controller: int

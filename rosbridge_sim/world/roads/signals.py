@@ -10,11 +10,11 @@ ever. Setting the phase of an intersection counts as its beginning.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, IntArray
 from rosbridge_sim.world.roads.roads import Roads
 from rosbridge_sim.world.roads.signal_plan import UNSET, Lamp, SignalPlan
@@ -29,8 +29,7 @@ FREE: Final = -1
 """Frame at which the forcing of a light ends, of a light that is not forced."""
 
 
-@dataclass(frozen=True, slots=True)
-class SignalsSnapshot:
+class SignalsSnapshot(Record):
     """A copy of the state of all lights; the plan, which never changes, is shared."""
 
     plan: SignalPlan

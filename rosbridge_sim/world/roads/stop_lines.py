@@ -9,11 +9,11 @@ others.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.block_grid import BlockGrid
 from rosbridge_sim.world.geometry.planar import BoolArray, ComplexArray, FloatArray, IntArray, in_columns, ranges
 from rosbridge_sim.world.roads.roads import LEVEL, Roads
@@ -36,8 +36,7 @@ MAX_BEHIND: Final = 62
 """Lanes behind a line whose lights are told apart: bits of a positive int64. No map has ten."""
 
 
-@dataclass(frozen=True, slots=True)
-class Passed:
+class Passed(Record):
     """Stop lines that points have come over, at most one for each point; (m,) each.
 
     Attributes:

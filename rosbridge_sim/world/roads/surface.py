@@ -17,11 +17,11 @@ would get alone.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.block_grid import BlockGrid
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, in_columns
 from rosbridge_sim.world.geometry.segment_search import SAME_HEIGHT, first_least, height_cost
@@ -46,8 +46,7 @@ LOWEST: Final = -1e5
 """Height that stands for none given [m]: below all roads, so the lowest one is the nearest."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Ground:
+class Ground(Record, eq=False):
     """The ground at some places; (n,) each.
 
     Attributes:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.roads.paths import PathsSnapshot
 from rosbridge_sim.world.roads.roads import Roads
@@ -14,8 +13,7 @@ from rosbridge_sim.world.state.entity_types import Body, Dynamics
 __all__ = ["Snapshot"]
 
 
-@dataclass(frozen=True, slots=True)
-class Snapshot:
+class Snapshot(Record):
     """A copy of a whole world. It can be restored any number of times, into any world."""
 
     frame: int

@@ -26,11 +26,11 @@ On hills P accelerates upwards by `climb_accel`, which adds to gravity. The kine
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.geometry.planar import (
     FloatArray,
     IntArray,
@@ -51,8 +51,7 @@ STEER_ROUNDING: Final = 1e-9
 """The most that rounding can add to the turn of the wheels in one step [rad]."""
 
 
-@dataclass(frozen=True, slots=True)
-class Mounting:
+class Mounting(Record):
     """Place and orientation of a sensor on its vehicle; the default is the reference point, looking forward.
 
     Attributes:
@@ -78,8 +77,7 @@ class Mounting:
         return quaternion(self.roll, self.pitch, self.yaw)
 
 
-@dataclass(frozen=True, slots=True)
-class Inertia:
+class Inertia(Record):
     """Reading of an inertial unit.
 
     Attributes:
@@ -93,8 +91,7 @@ class Inertia:
     acceleration: Vector
 
 
-@dataclass(frozen=True, slots=True)
-class Boxes:
+class Boxes(Record):
     """Bounding boxes of other entities as a vehicle sees them, the nearest first; (k,) float64 each unless noted.
 
     Attributes:

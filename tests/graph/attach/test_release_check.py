@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
 import pytest
 
 from rosbridge_sim.graph.attach.release_check import _differing, _fields_in
+from rosbridge_sim.records import asdict
 from rosbridge_sim.schema.definitions.typedefs import typedefs
 from rosbridge_sim.schema.store import Store
 from tests.graph.bus_fixture import make_store

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -18,6 +17,7 @@ from rosbridge_sim.graph.ros2.far_graph import Endpoint
 from rosbridge_sim.graph.ros2.gateway import ADVERTISED_PER_TURN, MAX_TOPICS, PERIOD, Ros2Gateway
 from rosbridge_sim.graph.ros2.quality import PROFILES, Quality
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.records import replace
 from rosbridge_sim.schema.message import Message
 from tests.graph.bus_fixture import Wire, make_store
 from tests.graph.participants import STRING, Somebody, text

@@ -7,13 +7,13 @@ import json
 import logging
 import resource
 import shutil
-from dataclasses import replace
 from pathlib import Path
 from typing import Literal, NoReturn
 
 import pytest
 
 from rosbridge_sim import DocumentError, Simulator
+from rosbridge_sim.records import replace
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.shell.bags import bag_recorder as recording
 from rosbridge_sim.shell.bags.bag import open_bag

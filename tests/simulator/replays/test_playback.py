@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace as changed
 from typing import Any
 
 import pytest
 
 from rosbridge_sim.morai.releases import FIELD
+from rosbridge_sim.records import replace as changed
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model, find_model
 from rosbridge_sim.world.state.world import Body, Kind
 from tests.simulator.memory_recordings import MemoryRecordings

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any, cast
 
 import pytest
 
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.scene.ghost_trails import SPEED_WINDOW

@@ -2,12 +2,12 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.simulator.sensors.drawn_errors import disturb_echoes, disturb_picture, disturb_radar
 from rosbridge_sim.simulator.sensors.lidar_sweep import Echoes
 from rosbridge_sim.simulator.sensors.radar_echoes import find_echoes

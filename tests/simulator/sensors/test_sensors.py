@@ -10,6 +10,7 @@ from pyproj import Proj
 
 from rosbridge_sim.errors import FieldError
 from rosbridge_sim.maps.mgeo import NO_PROJECTION
+from rosbridge_sim.records import replace
 from rosbridge_sim.world.state import placement
 from rosbridge_sim.world.state.entity_types import GRAVITY
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting, feel
@@ -77,7 +78,8 @@ def test_map_without_georeference_gives_no_fix(caplog: pytest.LogCaptureFixture)
 
 def test_map_without_a_usable_projection_gives_no_fix(caplog: pytest.LogCaptureFixture) -> None:
     harness, client = in_sync()
-    object.__setattr__(harness.node.scene.road_map.projection, "ellipse", "bogus")
+    road_map = harness.node.scene.road_map
+    object.__setattr__(road_map, "projection", replace(road_map.projection, ellipse="bogus"))
     client.listen("/gps")
     for _ in range(3):
         client.tick()

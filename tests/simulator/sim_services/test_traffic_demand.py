@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any, cast
 
@@ -14,6 +13,7 @@ import pytest
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.scenario import Scenario
 from rosbridge_sim.scenarios.scenario_check import place_draft
 from rosbridge_sim.scenarios.scenario_reader import place_on_roads, read_scenario

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps.road_map import Projection, RoadMap
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import BUILT_IN
 from rosbridge_sim.scenarios.scenario import Driver, PhaseStart, Spawn
 from rosbridge_sim.scenarios.spawn_points import MAX_AT_ONCE, SpawnPoint

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from hashlib import blake2b
 from typing import Any
 
@@ -13,6 +12,7 @@ import pytest
 
 from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.graph.topics_services import Answer, Topic
+from rosbridge_sim.records import replace
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.plain.snapshot_bytes import CHECKSUM_SIZE, MAGIC, SnapshotHead, unpack
 from rosbridge_sim.simulator.snapshots import kept_snapshots
@@ -349,7 +349,7 @@ def test_any_changed_byte_is_noticed(target: tuple[SimHarness, Client], saved: b
 
 
 def change_head(**fields: object) -> Callable[[SnapshotHead, Any], SnapshotHead]:
-    return lambda head, _state: replace(head, **fields)  # type: ignore[arg-type] # fields of it
+    return lambda head, _state: replace(head, **fields)
 
 
 def put(*path: Any) -> Callable[[SnapshotHead, Any], None]:  # noqa: ANN401 - keys, places and a value

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -10,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.world.contacts import collisions
 from rosbridge_sim.world.contacts.collisions import LIFE, MARGIN, MAX_PAIRWISE, TURN_MARGIN
 from rosbridge_sim.world.geometry import near_pairs

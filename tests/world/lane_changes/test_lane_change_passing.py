@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import cmath
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.world.lane_changes import lane_change_passing
 from rosbridge_sim.world.lane_changes.lane_change_passing import Shifts, find_blocked, is_clear
 from rosbridge_sim.world.roads.lane_change_map import LEFT, RIGHT

@@ -279,7 +279,7 @@ def test_lanes_near_places_equal_a_full_search(size: float) -> None:
         assert list(zip(who.tolist(), places.lane.tolist(), strict=True)) == slow_within(roads, x, y, radius)
         num_found += len(who)
         few = [roads.within(x[[i]], y[[i]], radius[[i]])[1] for i in range(len(x))]  # without a grid
-        for name in LanePlaces.__slots__:
+        for name in LanePlaces.__struct_fields__:
             alone = np.concatenate([getattr(each, name) for each in few])
             assert alone.tobytes() == getattr(places, name).tobytes()
     assert num_found > 60

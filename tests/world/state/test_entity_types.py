@@ -1,10 +1,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import pytest
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.world.state.entity_types import Body
 
 

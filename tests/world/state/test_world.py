@@ -3,12 +3,12 @@ from __future__ import annotations
 import math
 import pickle
 import tracemalloc
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.shell.files.library import DiskLibrary
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, LARGE, EntityArrays

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.world.geometry.planar import arc_lengths, nearest_on_polyline
 from rosbridge_sim.world.state.commands import command, shift
 from rosbridge_sim.world.state.control_columns import STICTION

@@ -1,12 +1,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.world.geometry.planar import FloatArray, quaternion, rotate
 from rosbridge_sim.world.state import commands, placement
 from rosbridge_sim.world.state.entity_types import GRAVITY

@@ -6,7 +6,6 @@ import math
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from itertools import pairwise
 from threading import Barrier
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rosbridge_sim.records import replace
 from rosbridge_sim.scenarios.catalogue import CATALOGUE
 from rosbridge_sim.world.state.commands import command, release, shift
 from rosbridge_sim.world.state.entity_types import GRAVITY, ROAD_FRICTION
