@@ -284,6 +284,32 @@ async def test_call_shows_its_answer_and_the_reason_of_a_refusal(serve: Serve, o
     await expect(view.get_by_role("alert")).to_contain_text("Expected a JSON object")
 
 
+async def test_button_comes_with_the_form_that_it_sends(serve: Serve, open_page: OpenPage) -> None:
+    server = serve("--start", "sync")
+    page = await open_page("about:blank", state=None)
+    held: list[str] = []
+    is_holding = True
+
+    def hold_back(frame: Frame) -> None:
+        if is_holding and frame.get("service") == "/rosapi/definition":
+            held.append(json.dumps(frame))
+            frame["op"] = "later"  # which the page ignores
+
+    route = await spoil_frames(page, server, hold_back)
+    await page.goto(page_url(server))
+    await page.get_by_role("tab", name="Graph").click()
+    topic = await choose_topic(page, "/clock")
+    await topic.get_by_text("Publish a message").click()
+    await expect(topic.get_by_role("button", name="Publish", exact=True)).to_be_hidden()
+    service = await choose_service(page, "/sim/nearest_lane")
+    await expect(service.get_by_text("rosbridge_sim_msgs/NearestLane")).to_be_visible()
+    await expect(service.get_by_role("button", name="Call")).to_be_hidden()
+    is_holding = False
+    for answer in held:
+        route[0].send(answer)
+    await expect(service.get_by_role("button", name="Call")).to_be_visible()
+
+
 # Texts from the wire
 
 

@@ -53,7 +53,8 @@ export function makePublishForm(context) {
     notice.show(texts.publish.done);
   };
   const button = new ActionButton({ label: texts.publish.label, title: texts.publish.hint, className: "primary", notice, act: publish });
-  const content = element("div", { className: "form" }, place, element("div", { className: "button-row" }, button.element), notice.element);
+  const row = element("div", { className: "button-row", hidden: true }, button.element); // until there is a form to publish
+  const content = element("div", { className: "form" }, place, row, notice.element);
   const box = element("details", { className: "publish" }, element("summary", {}, texts.publish.title), content);
   const load = async () => {
     if (topic !== null && box.open && form === null) {
@@ -62,6 +63,7 @@ export function makePublishForm(context) {
       if (topic === asked) {
         form = made;
         replaceChildren(place, made.element);
+        row.hidden = false;
       }
     }
   };
@@ -75,6 +77,7 @@ export function makePublishForm(context) {
       topic = chosen;
       form = null;
       hasPublished = false;
+      row.hidden = true;
       notice.show("");
       replaceChildren(place);
       void load();

@@ -107,7 +107,8 @@ function makeServiceView(context) {
     }
   };
   const button = new ActionButton({ label: texts.services.call, className: "primary", notice, act: call });
-  const content = element("div", { className: "form" }, place, element("div", { className: "button-row" }, button.element), notice.element, answerBox);
+  const buttonRow = element("div", { className: "button-row", hidden: true }, button.element); // until there is a form to send
+  const content = element("div", { className: "form" }, place, buttonRow, notice.element, answerBox);
   const view = element("section", { className: "subsection topic-view", hidden: true, "aria-label": texts.services.label }, title, about, content);
 
   /** @param {ServiceRow | null} row */
@@ -117,6 +118,7 @@ function makeServiceView(context) {
     type = "";
     notice.show("");
     replaceChildren(place);
+    buttonRow.hidden = true;
     answerBox.hidden = true;
     view.hidden = row === null;
     content.hidden = row?.kind === "action";
@@ -141,6 +143,7 @@ function makeServiceView(context) {
         if (chosen === row) {
           form = made;
           replaceChildren(place, form.element);
+          buttonRow.hidden = false;
         }
       }
     } catch (error) {
