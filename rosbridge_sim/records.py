@@ -3,7 +3,7 @@
 A class of them is `class Point(Record):` with annotated fields, as in a frozen dataclass: fields are given by position
 or name, compared and hashed by their values, and written as `Point(x=1.0)`. `eq=False` compares by identity, where
 fields are arrays. Python compiles six functions for a frozen dataclass, which takes forty times as long as this: with
-two hundred classes that was a sixth of the CPU time of a server's start. What changes is a dataclass, and so is what
+two hundred classes that was an eighth of the CPU time of a server's start. What changes is a dataclass, and so is what
 leaves a field out of its comparison or its text, or checks its fields, and what help and lists of the command line
 import, which start faster without this module.
 """

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-import msgspec
-
 from rosbridge_sim.errors import FieldError
+from rosbridge_sim.records import Record
 from rosbridge_sim.world.state.world import Gear, Mode
 
 __all__ = ["MODES", "Control", "gear_of"]
@@ -15,8 +14,8 @@ MODES: Final = {0: Mode.PEDALS, 1: Mode.PEDALS, 2: Mode.SPEED, 3: Mode.ACCEL}
 """`longlCmdType` -> control mode. 0 comes from clients that never set the field; they drive by pedals."""
 
 
-class Control(msgspec.Struct, frozen=True):
-    """A CtrlCmd in the world's units; the arguments of `commands.command`. One is made for each command.
+class Control(Record):
+    """A CtrlCmd in the world's units; the arguments of `commands.command`.
 
     Attributes:
         mode: pedals, speed or acceleration; it selects the fields that count.

@@ -1,15 +1,13 @@
 """Commands of synchronous mode as data: what waits for its frame can be saved, compared and restored.
 
-Each kind is one frozen struct, checked and in the world's units before it waits. `command_executor` is the one place
-that carries them out. A control comes with each frame, so it is a struct of `msgspec`, which is cheaper to make.
+Each kind is one record, checked and in the world's units before it waits. `command_executor` is the one place that
+carries them out.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TypeAlias
-
-import msgspec
 
 from rosbridge_sim.graph.participant import Notify
 from rosbridge_sim.morai.messages.control import Control
@@ -31,7 +29,7 @@ __all__ = [
 ]
 
 
-class ControlEgo(msgspec.Struct, frozen=True):
+class ControlEgo(Record):
     """Apply a control to an ego.
 
     Attributes:

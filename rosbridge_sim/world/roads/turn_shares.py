@@ -56,7 +56,7 @@ class TurnShares:
 
 
 class TurnKinds:
-    """The kinds of all turns of one map; get them by `roads.derived(Turns)`.
+    """The kinds of all turns of one map; get them by `roads.derived(TurnKinds)`.
 
     Attributes:
         lane: (k,) int64, for each successor in `LaneConflicts.onward` the lane before it.
