@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["NO_INSTANCE", "Colour", "Label", "Lit", "Mesh", "join_meshes"]
+__all__ = ["NO_INSTANCE", "PAINTED", "Colour", "Label", "Lit", "Mesh", "join_meshes"]
 
 Colour = tuple[int, int, int]
 """Red, green and blue, 0..255, as a camera sees it at noon."""
@@ -47,6 +47,11 @@ class Label(IntEnum):
     BICYCLE = 17
     PEDESTRIAN = 18
     OBSTACLE = 19
+
+
+PAINTED: Final = (Label.PAINT_WHITE, Label.PAINT_YELLOW, Label.PAINT_BLUE, Label.CROSSWALK, Label.STOP_LINE)
+"""Classes of paint on roads. It lies some millimetres above the asphalt, so that pictures do not mix both; for rays it
+has no height."""
 
 
 class Lit(IntEnum):

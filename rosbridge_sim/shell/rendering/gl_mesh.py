@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rosbridge_sim.scenery.camera_geometry import rotation
-from rosbridge_sim.scenery.mesh import Label, Mesh
+from rosbridge_sim.scenery.mesh import PAINTED, Label, Mesh
 from rosbridge_sim.scenery.scene_frame import SceneFrame
 from rosbridge_sim.shell.rendering.shaders import ASPHALT_FADES, GRASS_FADES, Coat
 from rosbridge_sim.world.geometry.planar import FloatArray
@@ -47,10 +47,7 @@ _GROUPS: Final = (
     _Group((Label.BUILDING,), Coat.WALL, 500.0, 0.0),
     _Group((Label.KERB,), Coat.PLAIN, 150.0, 0.0),
     _Group((Label.PAVEMENT,), Coat.SLABS, 260.0, 0.0),
-    _Group(
-        (Label.PAINT_WHITE, Label.PAINT_YELLOW, Label.PAINT_BLUE, Label.CROSSWALK, Label.STOP_LINE),
-        *(Coat.PLAIN, 400.0, 0.0),
-    ),
+    _Group(PAINTED, Coat.PLAIN, 400.0, 0.0),
     _Group((Label.ASPHALT,), Coat.ASPHALT, 2_000.0, 20.0, fades=ASPHALT_FADES),
     _Group((Label.GROUND,), Coat.GRASS, 2_000.0, 80.0, fades=GRASS_FADES),
 )

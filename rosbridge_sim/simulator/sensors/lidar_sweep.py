@@ -48,6 +48,10 @@ POINT_TYPE: Final = np.dtype(
 )
 """A point as the velodyne driver publishes it."""
 
+DIGITS: Final = 5
+"""Places of points are rounded to so many digits of a metre. Then a level lidar at 1.25 m has a level road at -1.25 m,
+to the bit. Otherwise rounding would lift a quarter of its points above that, and programs would keep these."""
+
 _DIFFUSE: Final = {
     Label.ASPHALT: 14,
     Label.KERB: 35,
@@ -259,7 +263,7 @@ def pack_points(echoes: Echoes, beams: Beams, min_range: float, max_range: float
     ranges = echoes.ranges[found].astype(np.float64)
     points = np.zeros(len(found), dtype=POINT_TYPE)
     for i, axis in enumerate("xyz"):
-        points[axis] = beams.directions[found, i] * ranges
+        points[axis] = np.round(beams.directions[found, i] * ranges, DIGITS)
     points["intensity"] = echoes.intensities[found]
     points["ring"] = beams.rings[found]
     points["time"] = beams.times[found]

@@ -10,7 +10,7 @@ import pytest
 
 from rosbridge_sim.scenery.camera_geometry import CameraModel, Pose, rotation
 from rosbridge_sim.scenery.lidar_models import LIDAR_MODELS
-from rosbridge_sim.scenery.mesh import Label, Mesh, join_meshes
+from rosbridge_sim.scenery.mesh import PAINTED, Label, Mesh, join_meshes
 from rosbridge_sim.scenery.pictures import Channel
 from rosbridge_sim.scenery.scene_frame import SceneFrame, take_frame
 from rosbridge_sim.shell.rendering.ray_caster import RayCaster
@@ -92,6 +92,31 @@ def test_moving_thing_before_a_static_one_is_met_first_and_the_carrier_never() -
     assert hits.normals[0, 0] < -0.9
 
 
+def test_moving_thing_behind_a_static_one_is_hidden() -> None:
+    world = World()
+    car = put(world, "Van", 30, 0)
+    wall = box_mesh((20.0, -20.0, 0.0), (24.0, 20.0, 3.0))
+    eyes = np.array([[0, 0, 1.2], [0, 0, 1.2], [60, 0, 1.2]], np.float32)
+    rays = np.array([[1, 0, 0], [0, 0, -1], [-1, 0, 0]], np.float32)
+    hits = open_caster().cast(join_meshes([ground_mesh(), wall]), take_frame(world), eyes, rays, 100.0)
+    assert hits.labels.tolist() == [Label.OBSTACLE, Label.ASPHALT, Label.VEHICLE]
+    assert hits.instances.tolist() == [0, 0, car + 1]
+    assert hits.ranges[:2] == pytest.approx([20.0, 1.2])
+
+
+def test_paint_has_no_height_for_rays() -> None:
+    ground, height = ground_mesh(), 0.006
+    corners = np.array([(5, -1, height), (7, -1, height), (7, 1, height), (5, 1, height)], np.float32)
+    paint = Mesh.of(corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32), (236, 233, 229), Label.CROSSWALK)
+    x = np.array([4.99, 5.01, 6.99, 7.01])
+    rays = np.column_stack([x, np.zeros(4), np.full(4, -1.25)])
+    length = np.linalg.norm(rays, axis=1)
+    eye, rays = np.array([[0, 0, 1.25]], np.float32), (rays / length[:, None]).astype(np.float32)
+    hits = open_caster().cast(join_meshes([ground, paint]), nothing(), eye, rays, 100.0)
+    assert hits.ranges == pytest.approx(length, abs=1e-5)
+    assert hits.labels.tolist() == [Label.ASPHALT, Label.CROSSWALK, Label.CROSSWALK, Label.ASPHALT]
+
+
 def test_nothing_is_met_beyond_the_range_or_in_an_empty_scene() -> None:
     ray = np.array([[1, 0, 0]], np.float32)
     eye = np.zeros((1, 3), np.float32)
@@ -150,8 +175,8 @@ def test_paint_of_town_is_bright_and_asphalt_is_dark_to_a_lidar() -> None:
     assert paint.sum() > 200
     assert turn.intensity[paint].min() > 90.0
     assert turn.intensity[turn.labels == Label.ASPHALT].max() < 50.0
-    ground = np.isin(turn.labels, [Label.ASPHALT, Label.PAINT_WHITE, Label.PAINT_YELLOW])
-    assert np.abs(turn.places[ground, 2] + 1.25).max() < 0.02
+    ground = np.isin(turn.labels, [Label.ASPHALT, *PAINTED])
+    assert (turn.places[ground, 2] == -1.25).all()  # to the bit: programs keep what is above that
 
 
 def test_missing_library_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
