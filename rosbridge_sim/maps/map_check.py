@@ -17,7 +17,7 @@ from pydantic_core import from_json, to_json
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.maps.extent import find_far_lanes
 from rosbridge_sim.maps.mgeo import BORDER_FILES, FILES, INFO_FILE, MAP_FILES
-from rosbridge_sim.maps.mgeo_lights import CROSSWALK_FILES, light_type, sort_files
+from rosbridge_sim.maps.mgeo_lights import CROSSWALK_FILES, LIGHT_FILES, light_type, sort_files
 from rosbridge_sim.maps.road_map import Projection, RoadMap
 from rosbridge_sim.records import Record
 from rosbridge_sim.units import MPS_TO_KMH
@@ -114,7 +114,7 @@ def list_files(files: Mapping[str, bytes], names: Iterable[str]) -> list[Entry]:
     roles = {name: kind for kind, (_, name) in sort_files({name: (text, name) for name, text in files.items()}).items()}
     border_file = next((name for name in BORDER_FILES if name in files), None)
     held = {
-        **dict.fromkeys((INFO_FILE, *FILES, *CROSSWALK_FILES), ""),
+        **{name: "" for name in MAP_FILES if name not in (*BORDER_FILES, *LIGHT_FILES)},
         **({border_file: ""} if border_file else {}),
         **roles,
     }

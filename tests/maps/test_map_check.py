@@ -58,6 +58,12 @@ def test_old_file_names_and_other_contents_are_recognised() -> None:
     assert told({**KOREAN, "lane_boundary_set.json": []})["lane_boundary_set.json"] == (True, False, None)
 
 
+@pytest.mark.parametrize("name", ["surface_marking_set.json", "traffic_sign_set.json"])
+def test_files_that_are_only_drawn_are_read_too(name: str) -> None:
+    assert told({**ROADRUNNER, name: []})[name] == (True, True, None)
+    assert told(ROADRUNNER)[name] == (False, False, None)
+
+
 # -- figures
 
 
