@@ -4,8 +4,8 @@
     ./scripts/serve --scenario loop --sensors camera --rate /image_jpeg/compressed=10    # in one terminal
     python scripts/examples/lane_camera.py --metres 500                                  # in another
 
-The camera is that of MORAI-EDU's lane programs: 640 x 480, 90 deg, 2 m above the ground, 7 deg down. Its trapezoid is
-a rectangle on the road: 7.1 m wide, from 3.3 to 13 m before the camera.
+The camera stands where MORAI-EDU's lane programs have it, 2 m above the ground, 7 deg down; it is 640 x 480, 90 deg
+wide. Its trapezoid is a rectangle on the road: 7.1 m wide, from 3.3 to 13 m before the camera.
 
 Each round of the loop takes the newest picture and gives the next command:
 

@@ -7,6 +7,7 @@ and a table each for the places of `[gps]` and `[imu]`. The sensors are numbered
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from typing import Annotated, Any, Final
 
@@ -49,17 +50,27 @@ MAX_SENSORS_BYTES: Final = 1 << 20
 """Longest file [bytes]; MORAI writes about 2 kB for a sensor."""
 
 _CAMERA: Final = CameraSpec(x=1.8, z=2.0, pitch=7.0)
-"""Camera of MORAI-EDU's lane programs: 640 x 480, 90 deg, at (1.8, 0, 2.0), 7 deg down (sensor_params.json)."""
+"""640 x 480, 90 deg, at the place of the camera of MORAI-EDU's lane programs (sensor_params.json): (1.8, 0, 2.0), 7 deg
+down. Most public programs take 90 deg as horizontal; those lane programs see more, see `_LANE_CAMERA`."""
 
 _LIDAR: Final = Lidar3dSpec(x=2.0, z=1.28)
 """Lidar of MORAI-EDU's programs: (2, 0, 1.25), level (ex_calib_velodyne.py), and 3 cm higher: some of them keep what is
 above -1.25 m, others what is above -1.3 m, and mean all but the road, or the road as well."""
+
+_LANE_CAMERA: Final = CameraSpec(x=1.8, z=2.0, pitch=7.0, fov=math.degrees(2.0 * math.atan(640 / 480)))
+"""Camera of MORAI-EDU's lane programs: their 90 deg (`ENGINE: UNITY`) are vertical, so the focal length is 240 pixels
+(lane_fitting.py), and the picture is 106.26 deg wide."""
+
+_CALIBRATION: Final = (CameraSpec(x=1.8, z=2.0), Lidar3dSpec(x=2.0, z=1.25))
+"""Camera and lidar of MORAI-EDU's example of calibration (ex_calib_velodyne.py): both level, 90 deg horizontal."""
 
 PRESETS: Final[Mapping[str, Rig]] = {
     "none": (),
     "camera": (_CAMERA,),
     "lidar": (_LIDAR,),
     "teaching": (_CAMERA, _LIDAR),
+    "lane-detection": (_LANE_CAMERA,),
+    "calibration": _CALIBRATION,
     "all": (
         _CAMERA,
         CameraSpec(frame_id="Camera-depth", picture="depth", topic="/image", x=1.8, z=2.0, pitch=7.0),

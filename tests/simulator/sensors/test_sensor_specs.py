@@ -7,6 +7,7 @@ import pytest
 
 from rosbridge_sim.errors import DocumentError, FieldError
 from rosbridge_sim.simulator.bus.publisher_kinds import PeriodicPublisher
+from rosbridge_sim.simulator.sensors.drawing import model_of
 from rosbridge_sim.simulator.sensors.lidar_sweep import POINT_TYPE
 from rosbridge_sim.simulator.sensors.sensor_presets import PRESETS, read_rig
 from rosbridge_sim.simulator.sensors.sensor_specs import (
@@ -25,6 +26,24 @@ from rosbridge_sim.simulator.sensors.sensor_specs import (
 @pytest.mark.parametrize("name", PRESETS)
 def test_an_ego_can_have_each_preset(name: str) -> None:
     check_rig(PRESETS[name])
+
+
+def test_lane_detection_preset_is_ninety_degrees_high() -> None:
+    (camera,) = PRESETS["lane-detection"]
+    assert isinstance(camera, CameraSpec)
+    assert (camera.width, camera.height) == (640, 480)
+    assert camera.fov == pytest.approx(106.26, abs=0.005)
+    assert model_of(camera).focal == pytest.approx(240.0)
+    assert camera.mounting.place == (1.8, 0.0, 2.0)
+    assert math.degrees(camera.mounting.pitch) == pytest.approx(7.0)
+
+
+def test_calibration_preset_is_level() -> None:
+    camera, lidar = PRESETS["calibration"]
+    assert isinstance(camera, CameraSpec)
+    assert model_of(camera).focal == pytest.approx(320.0)
+    assert (camera.mounting.place, camera.mounting.pitch) == ((1.8, 0.0, 2.0), 0.0)
+    assert (lidar.mounting.place, lidar.mounting.pitch) == ((2.0, 0.0, 1.25), 0.0)
 
 
 def test_teaching_preset_has_the_mounting_of_the_lane_programs() -> None:
