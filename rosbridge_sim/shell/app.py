@@ -331,6 +331,11 @@ class Simulator:
             self._attach(bus, node, scheduler, stamps)
         scheduler.look()
 
+    async def prepare_page(self) -> None:
+        """Make the files of the web page, so that the first request does not wait for them."""
+        if self._server is not None and self._server.page is not None:
+            await self._server.page.prepare()
+
     def _make_node(
         self, bus: Bus, recordings: DiskRecordings, reader: ThreadReader, loop: asyncio.AbstractEventLoop
     ) -> SimulatorNode:

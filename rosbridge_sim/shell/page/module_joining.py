@@ -90,8 +90,7 @@ class _Joiner:
         imports = list(_imports_of(path, text, code))
         for one in imports:
             self._follow(one, path, importers, _place(path, text, one.start))
-        body = _without_imports(text, imports)
-        code = _blank(body)
+        body, code = _without_imports(text, imports), _without_imports(code, imports)
         for pattern, expected in _REFUSED:
             match = pattern.search(code)
             if match is not None:
@@ -153,13 +152,14 @@ _REFUSED: Final = (
         re.compile(r"^export\s+(?!(?:async\s+)?function\b|class\b|const\b).*", re.MULTILINE),
         "`export` before a function, a class or a const",
     ),
-    (re.compile(r"\bimport\s*\..*"), "an import at the start of the file"),
+    (re.compile(r"import(?<!\w.{6})\s*\..*"), "an import at the start of the file"),
     (re.compile(r"^(?:const|let|var)\s*[\[{].*", re.MULTILINE), "one name for each declaration of the top level"),
     (re.compile(r"^(?:for\s+)?await\b.*", re.MULTILINE), "no `await` outside of functions"),
 )
-"""Forms that would not work in the joined file, and what is expected in their place."""
+"""Forms that would not work in the joined file, and what is expected in their place. `import` is looked for as a plain
+text, and the letter before it is judged then: that takes a tenth of the time of a search for its boundary."""
 
-_LATE_IMPORT: Final = re.compile(r"\bimport\s*\(")
+_LATE_IMPORT: Final = re.compile(r"import(?<!\w.{6})\s*\(")
 _LATE_SOURCE: Final = re.compile(r"import\(\"\./\w+\.js\"\)")
 
 _NOT_CODE: Final = re.compile(
@@ -170,7 +170,12 @@ _NOT_CODE: Final = re.compile(
 
 def _blank(text: str) -> str:
     """Return a module with blanks in place of its comments and texts; each line and column stays where it is."""
-    return _NOT_CODE.sub(lambda match: _NOT_NEWLINE.sub(" ", match[0]), text)
+    return _NOT_CODE.sub(_blank_of, text)
+
+
+def _blank_of(match: re.Match[str]) -> str:
+    found = match[0]
+    return _NOT_NEWLINE.sub(" ", found) if "\n" in found else " " * len(found)
 
 
 _NOT_NEWLINE: Final = re.compile(r"[^\n]")

@@ -9,6 +9,10 @@ from rosbridge_sim.records import Record
 __all__ = ["PageFile", "make_page_file"]
 
 
+LEVEL = 6
+"""Of the compression: the usual one; the highest takes twice the time for half a per cent less."""
+
+
 class PageFile(Record):
     """A file of the page.
 
@@ -33,4 +37,4 @@ def make_page_file(kind: str, body: bytes) -> PageFile:
     etag = f'"{hashlib.sha256(body).hexdigest()[:32]}"'
     import gzip  # noqa: PLC0415 - for the first reader of a page
 
-    return PageFile(kind, body, gzip.compress(body, mtime=0), etag)
+    return PageFile(kind, body, gzip.compress(body, LEVEL, mtime=0), etag)

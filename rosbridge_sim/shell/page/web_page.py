@@ -1,7 +1,7 @@
 """The web page at `/`: its files with their headers. They are static, hold no secret and need no token.
 
-The modules are joined and all texts compressed at the first request, in a thread, and kept: the files of an installed
-package do not change.
+The modules are joined and all texts compressed in a thread, at the first request or before (`prepare`), and kept: the
+files of an installed package do not change.
 """
 
 from __future__ import annotations
@@ -76,6 +76,12 @@ class WebPage:
     def ask(self) -> asyncio.Future[Mapping[str, PageFile]]:
         """Return all files by path, once they are read; after a failure the next request tries again."""
         return self._files.ask("", page_files)
+
+    async def prepare(self) -> None:
+        """Wait until all files are read, or reading has failed; the first request tells of the failure."""
+        asked = self.ask()
+        await asyncio.wait([asked])
+        asked.exception()  # so that the loop does not report it
 
 
 _NOBODY: Final = "'none'"

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import gzip
+import io
 import json
+import sys
 from collections.abc import AsyncIterator
+from contextlib import suppress
 from typing import Any, NamedTuple
 
 import pytest
 
 from rosbridge_sim import Simulator, __version__
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.serving import _run
 from rosbridge_sim.shell.page import web_page
 from rosbridge_sim.shell.page.module_joining import JoinError
 from rosbridge_sim.shell.page.web_page import PATHS, page_source
@@ -190,6 +194,40 @@ async def test_failure_to_read_the_page_is_logged_and_tried_again(
     assert (answer.status, sim.num_bugs) == (500, 1)
     assert "js/main.js:1: no" in caplog.text
     assert (await get(sim, "/page.js")).status == 200
+
+
+async def test_failure_to_prepare_the_page_is_told_at_the_first_request(
+    sim: Simulator, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail() -> None:
+        raise JoinError("js/main.js:1: no")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(web_page, "page_files", fail)
+        await sim.prepare_page()
+        assert sim.num_bugs == 0
+        assert (await get(sim, "/page.js")).status == 500
+    assert (await get(sim, "/page.js")).status == 200
+    assert "never retrieved" not in caplog.text
+
+
+async def test_page_is_ready_when_the_server_says_that_it_listens(monkeypatch: pytest.MonkeyPatch) -> None:
+    web_page.page_files.cache_clear()
+    num_made = []
+
+    class Output(io.StringIO):
+        def write(self, text: str) -> int:
+            num_made.append(web_page.page_files.cache_info().currsize)
+            serving.cancel()
+            return super().write(text)
+
+    output = Output()
+    monkeypatch.setattr(sys, "stdout", output)
+    serving = asyncio.ensure_future(_run(Simulator(port=0)))
+    with suppress(asyncio.CancelledError):
+        await serving
+    assert output.getvalue().startswith("rosbridge-sim listening on ws://")
+    assert num_made[0] == 1
 
 
 async def test_open_needs_a_page() -> None:
