@@ -49,7 +49,7 @@ from rosbridge_sim.shell.websocket.server import Server
 from tests.conftest import Connect, Serve
 from tests.graph.bus_fixture import make_store
 from tests.shell.event_loops import EACH_LOOP, MakeLoop
-from tests.support import PATIENCE, Client
+from tests.support import PATIENCE, ROOT, Client
 
 TOKEN = "s3cret/+="  # noqa: S105 - a test's own
 
@@ -346,6 +346,19 @@ async def test_data_over_http_are_told_to_a_host_of_the_flag_and_to_those_with_t
         for path in DATA:
             assert (await get(sim.port, path, host, f"Authorization: Bearer {TOKEN}"))[0] == 200
             assert (await get(sim.port, path, "Host: localhost"))[0] == 401
+
+
+async def test_page_about_access_names_each_path_that_needs_the_token() -> None:
+    text = (ROOT / "docs/reference/access.md").read_text("utf-8")
+    async with Simulator(port=0, token=TOKEN) as sim:
+        links = json.loads((await get(sim.port, "/"))[1])["links"].values()
+        closed = [path for path in links if (await get(sim.port, f"/{path}"))[0] == 401]
+    assert len(closed) == 4
+    [row_of_token] = [line for line in text.splitlines() if line.startswith("| `--token")]
+    [row_of_host] = [line for line in text.splitlines() if line.startswith("| `--allow-host")]
+    for path in closed:
+        assert f"`/{path}`" in row_of_token
+        assert f"`/{path}`" in row_of_host
 
 
 async def test_healthz_and_links_answer_under_any_host_and_keep_details_from_unknown_ones() -> None:
