@@ -243,6 +243,14 @@ class MessageConnection(Connection):
         """Abort the transport of a peer that has ended its side, after some time to read long answers."""
         self._cut_off_in(LAST_ANSWERS)
 
+    def begin_last_answer(self) -> None:
+        """Give the other side time to read an answer over HTTP, after which the connection ends.
+
+        The library would give it `close_timeout` from before the answer is sent, too little for a page and a slow link.
+        """
+        self.close_timeout = LAST_ANSWERS
+        self.cut_off_unread()
+
     def _cut_off_in(self, delay: float) -> None:
         if self._cut_off is None:
             self._cut_off = self.loop.call_later(delay, self.transport.abort)

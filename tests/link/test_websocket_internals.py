@@ -40,7 +40,8 @@ DOCUMENTED = {
     "websockets.asyncio.server": {"Server", "ServerConnection", "serve"},
     "websockets.datastructures": {"Headers"},
     "websockets.exceptions": {
-        *("ConnectionClosed", "InvalidMessage", "InvalidStatus", "InvalidURI", "ProtocolError", "WebSocketException"),
+        *("ConnectionClosed", "InvalidMessage", "InvalidStatus", "InvalidURI", "ProtocolError", "SecurityError"),
+        "WebSocketException",
     },
     "websockets.extensions": {"Extension"},
     "websockets.extensions.base": {"ServerExtensionFactory"},

@@ -18,6 +18,7 @@ from rosbridge_sim.link.websocket_internals import MessageConnection
 from rosbridge_sim.long_text import LongText, find_long_text
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.protocol.outbox import BinaryFrame
+from rosbridge_sim.shell.transport.request_faults import TOO_LONG, find_fault, find_first_fault
 
 __all__ = ["Receiver", "ReceivingConnection"]
 
@@ -28,12 +29,11 @@ COMPRESSED_AT_ONCE = 32 * 2**10
 """Bytes compressed in one slice: 2 ms for text without repetition. A longer message is sent in fragments (RFC 6455
 section 5.4), and other clients have their turn in between."""
 
-_BLANK_LINE = b"\r\n\r\n"
+MAX_DISCARDED = 16 * 2**20
+"""Bytes that are read and dropped behind a request that was turned away. A program that sends a body reads the answer
+when it has sent all of it; if the socket were closed before, the system would drop the answer, too."""
 
-_TOO_LONG = (
-    b"HTTP/1.1 431 Request Header Fields Too Large\r\nConnection: close\r\nContent-Type: text/plain; charset=utf-8\r\n"
-    b"Content-Length: 48\r\n\r\nA request may have at most 16,384 bytes of head\n"
-)
+_BLANK_LINE = b"\r\n\r\n"
 
 
 def _ignore(_size: int) -> None:
@@ -71,6 +71,7 @@ class ReceivingConnection(MessageConnection, ServerConnection):
     Attributes:
         on_too_long: called with the size of a frame [bytes] before it is refused because it is too long; less than 0 if
             it is not masked. Without another end of the connection, the library closes it.
+        has_request: the head of its request is complete, or was turned away.
         is_trusted: set before `listen`, and never reset. While it is False, fewer received bytes are kept.
         num_early: bytes received after the HTTP request while the connection was not trusted.
         num_bytes_received: all bytes received, the HTTP request included.
@@ -83,6 +84,7 @@ class ReceivingConnection(MessageConnection, ServerConnection):
     def __init__(self, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(*args, **kwargs)
         self.on_too_long: Callable[[int], None] = _ignore
+        self.has_request = False
         self.is_trusted = False
         self.num_early = 0
         self.num_bytes_received = 0
@@ -91,8 +93,7 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         self.unsent: deque[bytes] = deque()
         self.is_text = True
         self._receiver: Receiver | None = None
-        self._num_head = 0  # bytes of the HTTP request so far
-        self._head = b""  # its last bytes so far, which may be the start of the end mark
+        self._head = bytearray()  # the HTTP request so far
         self._num_compressed = 0  # bytes already sent of the first message in `unsent`
 
     @property
@@ -214,9 +215,13 @@ class ReceivingConnection(MessageConnection, ServerConnection):
 
     def _read_early(self, data: bytes) -> bytes:
         """Count received bytes; return those behind the HTTP request."""
-        if self.request is None:
+        if not self.has_request:
             data = self._read_head(data)
         self.num_early += len(data)
+        if self.has_request and self.request is None:  # it was turned away
+            if self.num_early > MAX_DISCARDED:
+                self.transport.abort()
+            return b""
         if self.num_early > MAX_EARLY and self.core.state is State.CONNECTING:
             # RFC 6455 section 4.1: a client waits for the answer to its request before it sends any data
             self.transport.abort()
@@ -224,34 +229,59 @@ class ReceivingConnection(MessageConnection, ServerConnection):
         return data
 
     def _read_head(self, data: bytes) -> bytes:
-        """Give the HTTP request to the library, if it is not too long; return the bytes behind it."""
-        seen = self._head + data
-        end = seen.find(_BLANK_LINE)
-        self._num_head += len(data) if end < 0 else end + len(_BLANK_LINE) - len(self._head)
-        if self._num_head > MAX_EARLY:
-            if not self.transport.is_closing():
-                if not self.core.close_expected():  # else the library has refused it, and ended this side
-                    self.transport.write(_TOO_LONG)
-                self.transport.close()
+        """Keep the HTTP request until it is complete, and give it to the library; return the bytes behind it.
+
+        The library closes what it cannot read without an answer, so such a request is answered here.
+        """
+        head = self._head
+        searched = max(0, len(head) - len(_BLANK_LINE) + 1)
+        head += data
+        end = head.find(_BLANK_LINE, searched)
+        size = len(head) if end < 0 else end + len(_BLANK_LINE)
+        if size > MAX_EARLY:
+            self._turn_away(TOO_LONG)
             return b""
         if end < 0:
-            self._head = seen[1 - len(_BLANK_LINE) :]
-            self.feed_head(data)
+            fault = find_first_fault(head)
+            if fault is None:
+                self.await_head()
+            else:
+                self._turn_away(fault)
             return b""
-        cut = end + len(_BLANK_LINE) - len(self._head)
-        if self._num_head != cut or not self.answer(data[:cut], len(data) - cut):
-            self.feed_head(data[:cut])
-        return data[cut:]
+        self._head = bytearray()
+        self.has_request = True
+        whole, rest = bytes(head[:size]), bytes(head[size:])
+        if not self.answer(whole, len(rest)):
+            fault = find_fault(whole)
+            if fault is None:
+                self.feed_head(whole)
+            else:
+                self._turn_away(fault)
+        return rest
+
+    def _turn_away(self, answer: bytes) -> None:
+        """Answer a request that the library cannot read; then drop all that comes, and close."""
+        self.has_request = True
+        self._head = bytearray()
+        if self.transport.is_closing():
+            return
+        self.transport.write(answer)
+        if self.transport.can_write_eof():  # with TLS, the other side knows the end by the length of the answer
+            self.transport.write_eof()
+        self.cut_off_unread()
+
+    def await_head(self) -> None:
+        """Note that a part of a request has come, and more of it must come."""
 
     def answer(self, _head: bytes, _num_behind: int) -> bool:
-        """Answer a request that has come in one piece, without the library; return False to leave it to the library.
+        """Answer a whole request without the library; return False to leave it to the library.
 
         Args:
-            _head: the whole request.
+            _head: the request.
             _num_behind: bytes that came behind it.
         """
         return False
 
-    def feed_head(self, data: bytes) -> None:
-        """Give a part of a request to the library."""
-        self.feed(data)
+    def feed_head(self, head: bytes) -> None:
+        """Give a whole request to the library."""
+        self.feed(head)

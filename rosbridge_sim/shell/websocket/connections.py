@@ -31,6 +31,9 @@ _log = logging.getLogger("rosbridge_sim.server")
 
 _SILENT = "it had not sent its request when too many other connections came"
 
+LATE = 0.5
+"""Delay of a timer from which on the loop has not read what has come [s]: a hundred times a usual turn."""
+
 CROWDED = "there were more connections without the token than --max-strangers allows"
 
 
@@ -56,7 +59,7 @@ class ConnectionTables:
 
         Args:
             max_strangers: most connections without the token.
-            open_timeout: longest time until a connection is open [s].
+            open_timeout: longest time until a request is complete [s].
             take: called with a whole request; returns True if it has answered it, and serves the connection.
         """
         self.sockets: dict[ServedConnection, None] = {}
@@ -94,12 +97,37 @@ class ServedConnection(ReceivingConnection):
         super().__init__(*args, **kwargs)
         self._tables = tables
         self.on_lost: Callable[[], None] = _ignore
+        self._open_timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take a place among the connections without a request."""
         self._begin(transport)
         self._tables.sockets[self] = None
         self._tables.opening.take(self)
+        self._start_open_timer()
+
+    def _start_open_timer(self) -> None:
+        patience = self._tables.open_timeout
+        self._open_timer = self.loop.call_later(patience, self._give_up, self.loop.time() + patience)
+
+    def _give_up(self, due: float) -> None:
+        """Cut off a connection whose request is not complete in time.
+
+        Args:
+            due: when this was to happen [s]. If the loop comes later, it has not read for as long, because the machine
+                slept or was busy; the request may wait in the system's buffer.
+        """
+        if self.has_request:
+            return
+        if self.loop.time() - due > LATE:
+            self._start_open_timer()
+        else:
+            self.transport.abort()
+
+    def _stop_open_timer(self) -> None:
+        if self._open_timer is not None:
+            self._open_timer.cancel()
+            self._open_timer = None
 
     def _begin(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
@@ -110,6 +138,7 @@ class ServedConnection(ReceivingConnection):
         Args:
             exc: the error of the transport, or None.
         """
+        self._stop_open_timer()
         if self in self._tables.sockets:
             del self._tables.sockets[self]
             self._tables.num_bytes_received += self.num_bytes_received
@@ -145,56 +174,35 @@ class DirectServedConnection(ServedConnection, DirectConnection):
     def __init__(self, tables: ConnectionTables, *args: LibraryArgument, **kwargs: LibraryArgument) -> None:
         super().__init__(tables, *args, **kwargs)
         self.has_task = False
-        self._open_timer: asyncio.TimerHandle | None = None
 
     def _begin(self, transport: asyncio.BaseTransport) -> None:
         self.begin_without_task(transport)
-        self._open_timer = self.loop.call_later(self._tables.open_timeout, self._give_up)
-
-    def _give_up(self) -> None:
-        """Cut off a connection that is not open in time; the library measures it from the first byte."""
-        if self.is_opening:
-            self.transport.abort()
 
     def answer(self, head: bytes, num_behind: int) -> bool:
         """Let the server answer; see `ReceivingConnection.answer`.
 
         Args:
-            head: the whole request.
+            head: the request.
             num_behind: bytes that came behind it.
         """
-        return num_behind <= MAX_EARLY and self._tables.take(self, head)
+        return not self.has_task and num_behind <= MAX_EARLY and self._tables.take(self, head)
 
-    def feed_head(self, data: bytes) -> None:
-        """Give a part of a request to the library, and begin its task with the first one.
-
-        Args:
-            data: the part.
-        """
+    def await_head(self) -> None:
+        """Begin the library's task, with which a server that stops waits for the rest of the request."""
         if not self.has_task:
             self.has_task = True
             super()._begin(self.transport)
-        super().feed_head(data)
+
+    def feed_head(self, head: bytes) -> None:
+        """Give a whole request to the library, whose task answers it."""
+        self.await_head()
+        super().feed_head(head)
 
     def open(self, answer: bytes) -> None:
         """Answer a request, without the library."""
         self._stop_open_timer()
         self.transport.write(answer)
         self.open_without_task()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Leave all places.
-
-        Args:
-            exc: the error of the transport, or None.
-        """
-        self._stop_open_timer()
-        super().connection_lost(exc)
-
-    def _stop_open_timer(self) -> None:
-        if self._open_timer is not None:
-            self._open_timer.cancel()
-            self._open_timer = None
 
 
 class LibraryServedConnection(ServedConnection, LibraryConnection):

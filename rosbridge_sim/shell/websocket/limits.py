@@ -18,6 +18,10 @@ TLS_TIMEOUT = 5.0
 OPEN_TIMEOUT = 5.0
 """Longest time from the TLS handshake to the complete request [s]: a real client needs one packet."""
 
+ANSWER_TIMEOUT = 30.0
+"""Longest time from a complete request over HTTP to its answer [s]; then the answer is 503. Many times what the page
+takes on a busy machine, and as long as browsers and proxies wait at least."""
+
 MAX_OPENING = 256
 """Most connections without a complete request, with those in a TLS handshake; the oldest one is cut off for a new one.
 The system delivers about a hundred at once (the backlog), and the request of each is read in the next turn of the loop.
@@ -38,7 +42,8 @@ class ServerLimits(Record):
         memory_budget: memory of all clients together, with their outboxes [bytes]; None means no limit.
         access: rules for new connections, and the rate of a client.
         policy: rights of clients.
-        tls_timeout, open_timeout: time-outs of the TLS handshake, and of the request after it [s].
+        tls_timeout, open_timeout, answer_timeout: time-outs of the TLS handshake, of the request after it, and of the
+            answer over HTTP [s].
     """
 
     max_frame_size: int = 16 * 2**20
@@ -54,3 +59,4 @@ class ServerLimits(Record):
     policy: Policy = OPEN
     tls_timeout: float = TLS_TIMEOUT
     open_timeout: float = OPEN_TIMEOUT
+    answer_timeout: float = ANSWER_TIMEOUT

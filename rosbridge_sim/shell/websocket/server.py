@@ -34,6 +34,7 @@ from rosbridge_sim.errors import Reason
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.refusals import RefusedRequest
 from rosbridge_sim.link.library_log import quiet
+from rosbridge_sim.printable import MAX_QUOTED, printable
 from rosbridge_sim.shell.page.map_page import MapText
 from rosbridge_sim.shell.page.web_page import PATHS, WebPage
 from rosbridge_sim.shell.transport.inflate import (
@@ -192,7 +193,7 @@ class Server:
             self._serve,
             host,
             port,
-            open_timeout=limits.open_timeout,
+            open_timeout=None,  # it would cut off a complete request, too; see `ServedConnection` and `_answer_in_time`
             create_connection=partial(make_connection, kind, self._tables, rules),  # type: ignore[arg-type] # it is only called
             process_request=self._process_request,
             compression=None,
@@ -384,10 +385,35 @@ class Server:
         self, connection: ServerConnection, request: Request
     ) -> Response | Awaitable[Response | None] | None:
         """Answer a plain HTTP request; return None to continue the WebSocket handshake."""
+        assert isinstance(connection, ServedConnection)
         try:
-            return self._judge_request(connection, request)
+            answer = self._judge_request(connection, request)
         except Exception:  # noqa: BLE001 - an internal error; the library would give the same answer, but not log it
-            return self._regret_request(connection)
+            answer = self._regret_request(connection)
+        if answer is None or isinstance(answer, Response):
+            if answer is not None:
+                connection.begin_last_answer()
+            return answer
+        return self._answer_in_time(connection, request, answer)
+
+    async def _answer_in_time(
+        self, connection: ServedConnection, request: Request, answer: Awaitable[Response | None]
+    ) -> Response | None:
+        """Wait for an answer; after some time, answer that the server is busy."""
+        timeout = self._limits.answer_timeout
+        try:
+            async with asyncio.timeout(timeout):
+                response = await answer
+        except TimeoutError:
+            path = printable(request.path.partition("?")[0], MAX_QUOTED)
+            where = address_of(connection)
+            _log.warning("%s got no answer to %s in %g s and was sent 503; the server is busy", where, path, timeout)
+            response = connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "The server is busy; try again\n")
+        except Exception:  # noqa: BLE001 - as above
+            response = self._regret_request(connection)
+        if response is not None:
+            connection.begin_last_answer()
+        return response
 
     def _regret_request(self, connection: ServerConnection) -> Response:
         """Count and log the current exception; answer that the server has failed."""
@@ -431,10 +457,7 @@ class Server:
 
     async def _answer_page(self, connection: ServerConnection, request: Request, page: WebPage, path: str) -> Response:
         """Answer with a file of the web page, for which nothing needs to be shown."""
-        try:
-            file = (await asyncio.shield(page.ask()))[path]
-        except Exception:  # noqa: BLE001 - an internal error; see `_process_request`
-            return self._regret_request(connection)
+        file = (await asyncio.shield(page.ask()))[path]
         return answer_file(connection, request, file, page.headers)
 
     async def _answer_below(
@@ -442,10 +465,7 @@ class Server:
     ) -> Response:
         """Answer with a file of a folder beside the page, for which nothing needs to be shown."""
         path = request.path.partition("?")[0]
-        try:
-            file = await page.folders[folder].read(path)
-        except Exception:  # noqa: BLE001 - an internal error; see `_process_request`
-            return self._regret_request(connection)
+        file = await page.folders[folder].read(path)
         if file is None:
             return connection.respond(HTTPStatus.NOT_FOUND, f"There is nothing at {path}; {folder} lists all\n")
         return answer_file(connection, request, file, page.headers)
@@ -533,10 +553,7 @@ class Server:
         return refusal or self._answer_metrics(connection, render(", ".join(request.headers.get_all("Accept"))))
 
     async def _answer_metrics(self, connection: ServerConnection, rendered: Awaitable[tuple[bytes, str]]) -> Response:
-        try:
-            body, content_type = await rendered
-        except Exception:  # noqa: BLE001 - an internal error; see `_process_request`
-            return self._regret_request(connection)
+        body, content_type = await rendered
         return answer_with(connection, HTTPStatus.OK, body, content_type)
 
     def _tell_log(

@@ -295,12 +295,13 @@ async def test_client_that_stays_after_the_closing_handshake_is_cut_off(name: st
         writer.close()
 
 
-async def test_malformed_request_is_cut_off() -> None:
-    async with listening([], kind=DirectConnection, close_timeout=0.01) as port:
+async def test_malformed_request_is_answered_and_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(websocket_internals, "LAST_ANSWERS", 0.01)
+    async with listening([], kind=DirectConnection) as port:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         writer.write(b"no HTTP\r\n")
         with suppress(ConnectionError):
-            assert await reader.read() == b""
+            assert (await reader.read()).startswith(b"HTTP/1.1 400 Bad Request\r\n")
         with pytest.raises(ConnectionError):  # noqa: PT012 - which of the writes finds out is the kernel's business
             while True:
                 writer.write(b"x")

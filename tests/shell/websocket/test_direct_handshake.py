@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
-from contextlib import AsyncExitStack, suppress
+from contextlib import AsyncExitStack, closing, suppress
+from http.client import HTTPConnection
 
 import pytest
 import pytest_asyncio
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.rosapi import Rosapi
+from rosbridge_sim.link.websocket_internals import LAST_ANSWERS
+from rosbridge_sim.shell.transport import receiving_connection
 from rosbridge_sim.shell.transport.receiving_connection import MAX_EARLY
 from rosbridge_sim.shell.websocket.limits import ServerLimits
 from rosbridge_sim.shell.websocket.server import Server
@@ -145,16 +149,161 @@ async def test_connection_without_a_whole_request_leaves_nothing(listen: Listen,
     writer.close()
 
 
-async def test_refused_request_that_goes_on_is_cut_off_in_silence(
-    listen: Listen, caplog: pytest.LogCaptureFixture
+NOT_ASCII = b"GET /?token=\xff HTTP/1.1\r\nHost: x\r\n\r\n"
+POST = b'POST %s HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\n{"op": 1}'
+
+UNREADABLE = [
+    pytest.param(b"no request\r\n", 400, b"HTTP/1.1", id="no HTTP"),
+    pytest.param(b"GET / HTTP/2.0\r\n", 400, b"HTTP/1.1", id="another version"),
+    pytest.param(b"GET / HTTP/1.1\n", 400, b"HTTP/1.1", id="a bare line feed"),
+    pytest.param(NOT_ASCII, 400, b"ASCII", id="not ASCII"),
+    pytest.param(b"GET / HTTP/1.1\r\nHost\r\n\r\n", 400, b"headers", id="no header"),
+    pytest.param(POST % b"/", 405, b"GET or HEAD", id="a body"),
+    pytest.param(POST % b"/healthz", 405, b"GET or HEAD", id="a body for a page"),
+    pytest.param(b"PUT / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n", 405, b"GET", id="chunks"),
+    pytest.param(b"GET / HTTP/1.1\r\nContent-Length: 3\r\n\r\nabc", 400, b"body", id="GET with a body"),
+    pytest.param(b"GET /" + b"x" * 9_000 + b" HTTP/1.1\r\n\r\n", 431, b"8,192", id="a long line"),
+    pytest.param(b"GET / HTTP/1.1\r\n" + b"a: b\r\n" * 200 + b"\r\n", 431, b"128 headers", id="many headers"),
+]
+
+
+@pytest.mark.parametrize("is_direct", [True, False], ids=["direct", "library"])
+@pytest.mark.parametrize(("request_", "status", "text"), UNREADABLE)
+async def test_request_that_cannot_be_read_is_answered(
+    listen: Listen, request_: bytes, status: int, text: bytes, *, is_direct: bool
 ) -> None:
+    server = await listen(is_direct=is_direct, open_timeout=FOR_EVER)
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    writer.write(request_)
+    head, _, body = (await rest_of(reader)).partition(b"\r\n\r\n")
+    first, *headers = head.split(b"\r\n")
+    assert first.startswith(b"HTTP/1.1 %d " % status)
+    assert text in body
+    assert b"Content-Length: %d" % len(body) in headers
+    assert b"Connection: close" in headers
+    assert (b"Allow: GET, HEAD" in headers) == (status == 405)
+    writer.close()
+    await until(lambda: not server._tables.sockets)
+
+
+async def test_program_that_sends_a_long_body_first_reads_the_answer(listen: Listen) -> None:
+    server = await listen()
+    body = bytes(4 * 2**20)
+
+    def post() -> tuple[int, bytes]:
+        connection = HTTPConnection("127.0.0.1", server.port, timeout=PATIENCE)
+        with closing(connection):
+            connection.request("POST", "/", body)
+            answer = connection.getresponse()
+            return answer.status, answer.read()
+
+    status, text = await asyncio.to_thread(post)
+    assert (status, b"GET or HEAD" in text) == (405, True)
+
+
+async def test_refused_request_that_never_ends_is_cut_off(
+    listen: Listen, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(receiving_connection, "MAX_DISCARDED", 100_000)
     server = await listen(open_timeout=FOR_EVER)
     reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
     writer.write(b"no request\r\n")
-    assert await rest_of(reader) == b""  # the library has ended its side
-    writer.write(b"x" * (MAX_EARLY + 1))
+    assert (await rest_of(reader)).startswith(b"HTTP/1.1 400")
+    writer.write(bytes(MAX_EARLY + 1))
+    await until(lambda: any(each.num_early > MAX_EARLY for each in server._tables.sockets))  # still reading
+    writer.write(bytes(100_000))
     await until(lambda: not server._tables.sockets)
     assert [record for record in caplog.records if record.exc_info] == []
+    writer.close()
+
+
+class _Clock:
+    """The time of a loop, which a test moves on."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.slept = 0.0
+        time = loop.time
+        monkeypatch.setattr(loop, "time", lambda: time() + self.slept)
+
+
+async def test_machine_that_slept_still_reads_the_request_that_waits(
+    listen: Listen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    server = await listen()
+    clock = _Clock(asyncio.get_running_loop(), monkeypatch)
+    with socket.create_connection(("127.0.0.1", server.port)) as far:
+        await until(lambda: bool(server._tables.sockets))
+        clock.slept = 3_600.0  # the timer is due before the loop reads
+        for _ in range(3):
+            await asyncio.sleep(0)
+        assert server._tables.sockets
+        far.sendall(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n")
+        reader, writer = await asyncio.open_connection(sock=far)
+        assert (await head_of(reader)).startswith(b"HTTP/1.1 200")
+        writer.close()
+
+
+@pytest.mark.parametrize("is_direct", [True, False], ids=["direct", "library"])
+async def test_complete_request_outlives_the_time_for_the_request(
+    listen: Listen, *, is_direct: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = await listen(is_direct=is_direct, open_timeout=0.02)
+    may_answer = asyncio.Event()
+
+    async def render(_accepted: str) -> tuple[bytes, str]:
+        await may_answer.wait()
+        return b"late", "text/plain"
+
+    server.render_metrics = render
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    writer.write(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    await until(lambda: any(each.has_request for each in server._tables.sockets))
+    silent, silent_writer = await asyncio.open_connection("127.0.0.1", server.port)
+    assert await rest_of(silent) == b""  # it came later, and its time is over
+    may_answer.set()
+    assert (await rest_of(reader)).endswith(b"late")
+    assert not caplog.records
+    writer.close()
+    silent_writer.close()
+
+
+@pytest.mark.parametrize("is_direct", [True, False], ids=["direct", "library"])
+async def test_answer_that_takes_too_long_is_503_and_a_log_line(
+    listen: Listen, *, is_direct: bool, caplog: pytest.LogCaptureFixture
+) -> None:
+    server = await listen(is_direct=is_direct, answer_timeout=0.02)
+
+    async def render(_accepted: str) -> tuple[bytes, str]:
+        await asyncio.get_running_loop().create_future()
+        raise AssertionError
+
+    server.render_metrics = render
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port)
+    writer.write(b"GET /metrics?token=secret HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    answer = await rest_of(reader)
+    assert answer.startswith(b"HTTP/1.1 503 ")
+    assert answer.endswith(b"The server is busy; try again\n")
+    port = writer.get_extra_info("sockname")[1]
+    writer.close()
+    [line] = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert line == f"127.0.0.1:{port} got no answer to /metrics in 0.02 s and was sent 503; the server is busy"
+    assert server.num_bugs == 0
+
+
+async def test_slow_reader_gets_all_of_a_long_answer(listen: Listen) -> None:
+    server = await listen()
+    body = bytes(8 * 2**20)
+
+    async def render(_accepted: str) -> tuple[bytes, str]:
+        return body, "text/plain"
+
+    server.render_metrics = render
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port, limit=1_000)
+    writer.write(b"GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n")
+    await until(lambda: any(each.num_bytes_unsent for each in server._tables.sockets))
+    [socket_] = server._tables.sockets
+    assert socket_.close_timeout == LAST_ANSWERS  # the library's own second would cut it off
+    assert len((await rest_of(reader)).partition(b"\r\n\r\n")[2]) == len(body)
     writer.close()
 
 
