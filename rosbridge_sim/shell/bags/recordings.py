@@ -70,27 +70,23 @@ class DiskRecordings:
             reading: a new builder.
             then: called with the result.
         """
-        try:
-            path = find_recording(self._folder, name)
-        except DocumentError as error:
-            then(error, self._loop.time())
-            return
-        threading.Thread(target=self._read, args=(path, reading, then), name="replay", daemon=True).start()
+        threading.Thread(target=self._read, args=(name, reading, then), name="replay", daemon=True).start()
 
     def stop(self) -> None:
         """Deliver no more results, and end the threads soon."""
         self._is_stopped.set()
 
-    def _read(self, path: Path, reading: RecordingBuilder, then: Then) -> None:
-        """Read in a thread, and deliver the result."""
+    def _read(self, name: str, reading: RecordingBuilder, then: Then) -> None:
+        """Find and read a recording in a thread, and deliver the result."""
         outcome: Recording | DocumentError
         is_bug = False
         try:
+            path = find_recording(self._folder, name)
             outcome = read_recording(path, reading, self._texts, self._breathe)
         except DocumentError as error:
             outcome = error
-        except Exception:  # noqa: BLE001 - the caller needs an answer even after an internal error
-            _log.exception("internal error: recording %s could not be read", path)
+        except BaseException:  # noqa: BLE001 - the caller needs an answer, whatever fails
+            _log.exception("internal error: recording %s could not be read", name[:80])
             outcome, is_bug = DocumentError(f"{reading.name}: cannot be read; the server's log says why"), True
         with suppress(RuntimeError):  # the loop is closed
             self._loop.call_soon_threadsafe(self._deliver, then, outcome, is_bug)

@@ -133,7 +133,9 @@ class ThreadReader:
             outcome = job.work()
         except DocumentError as error:
             outcome = error
-        except Exception:  # noqa: BLE001 - the caller needs an answer even after an internal error
+        except BaseException:  # noqa: BLE001 - the caller needs an answer, and the next job a thread, whatever fails
+            if self._is_stopped:  # `stop` has interrupted it
+                return
             _log.exception("internal error: a document could not be read")
             outcome, is_bug = DocumentError("it cannot be read: the server failed, and its log says why"), True
         with suppress(RuntimeError):  # the loop is closed

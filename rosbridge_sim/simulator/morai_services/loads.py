@@ -31,7 +31,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.morai_services.morai_answers import complain, request_of, respond
-from rosbridge_sim.simulator.plain.reading import Reader, read_while_held
+from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
 from rosbridge_sim.simulator.scene.load import FoundMap, Library, Load, LoadOptions, find_map
 from rosbridge_sim.simulator.scene.rehearsal import Rehearsal
 from rosbridge_sim.simulator.scene.scene_commands import LoadScenario, SceneCommand
@@ -117,7 +117,7 @@ class Loads(Component):
                 respond(call, self._make_result(is_usable))
                 context.sync_driver.take_turns(now)
 
-        self._read(request, call.caller, base, finish, now)
+        self._read(request, call.caller, base, answering(call.refuse, finish), now)
 
     # Now
 

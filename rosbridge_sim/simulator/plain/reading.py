@@ -11,7 +11,7 @@ from typing import Protocol, TypeVar
 
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["AtOnce", "Reader", "read_while_held"]
+__all__ = ["AtOnce", "Reader", "answering", "read_while_held"]
 
 T = TypeVar("T")
 
@@ -62,6 +62,26 @@ def read_while_held(
     reader.read(work, finish, now)
     if not is_done:
         release = hold()
+
+
+def answering(
+    refuse: Callable[[str], object], then: Callable[[T | DocumentError, float], None]
+) -> Callable[[T | DocumentError, float], None]:
+    """Return a function that does the same, and that answers a call even if it fails: a caller must not wait for ever.
+
+    Args:
+        refuse: refuses the call; does nothing if it has been answered.
+        then: uses what has been read. It may raise anything, which goes on to the reader, and into its log.
+    """
+
+    def answer(outcome: T | DocumentError, now: float) -> None:
+        try:
+            then(outcome, now)
+        except BaseException:
+            refuse("the server failed to use what it has read; the server's log says why")
+            raise
+
+    return answer
 
 
 class AtOnce:

@@ -11,6 +11,7 @@ from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.morai.messages.convert import late_maker
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
+from rosbridge_sim.simulator.plain.reading import answering
 from rosbridge_sim.simulator.replays.playback import Playback
 from rosbridge_sim.simulator.replays.playback_actors import ALL_TARGETS
 from rosbridge_sim.simulator.replays.process import ReplayProcess
@@ -85,7 +86,7 @@ class ProcessService:
         else:
             self._loading = call
             reading = RecordingBuilder(command.name, self._context.convert)
-            self._recordings.read(command.name, reading, partial(self._take, call, command))
+            self._recordings.read(command.name, reading, answering(call.refuse, partial(self._take, call, command)))
 
     def _take(self, call: Call, command: ReplayCommand, outcome: Recording | DocumentError, now: float) -> None:
         """Take a recording that has been read, or the error that prevented it."""

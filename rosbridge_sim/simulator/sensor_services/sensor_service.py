@@ -20,7 +20,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
-from rosbridge_sim.simulator.plain.reading import Reader, read_while_held
+from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
 from rosbridge_sim.simulator.sensors.ego_rig import MEASURED_FRAMES, EgoRig
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_presets import (
@@ -68,7 +68,8 @@ class SensorService(Component):
         except MistakeNotReadyError:  # nothing has changed
             hold = partial(self._context.sync_driver.hold, call.caller)
             again = partial(self._answer, call, is_quick=False)
-            read_while_held(self._reader, learn_rig_mistakes, lambda _, now: again(now), hold, now)
+            then = answering(call.refuse, lambda _, now: again(now))
+            read_while_held(self._reader, learn_rig_mistakes, then, hold, now)
 
     def _answer(self, call: Call, now: float, *, is_quick: bool) -> None:
         request: Any = call.request

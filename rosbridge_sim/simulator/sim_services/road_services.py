@@ -20,7 +20,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.markers.map_drawing import MapDrawing
-from rosbridge_sim.simulator.plain.reading import Reader
+from rosbridge_sim.simulator.plain.reading import Reader, answering
 from rosbridge_sim.simulator.sim_services.object_parsing import find_link
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.road_places import find_lane, is_on_road
@@ -143,7 +143,7 @@ class RoadServices(Component):
                 answer(found)
 
         self._num_waiting += 1
-        self._reader.read(find, then, now)
+        self._reader.read(find, answering(call.refuse, then), now)
 
     # Lanes
 

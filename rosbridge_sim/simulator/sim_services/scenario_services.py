@@ -17,7 +17,7 @@ from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.plain.reading import Reader
+from rosbridge_sim.simulator.plain.reading import Reader, answering
 
 __all__ = ["ListedRecording", "ListedScenario", "Listing", "ScenarioShelf", "Scenarios"]
 
@@ -204,7 +204,7 @@ class Scenarios(Component):
                 call.answer(call.service.type.response.struct_type(result=True, **answer(outcome)))
 
         self._num_waiting += 1
-        self._reader.read(work, then, now)
+        self._reader.read(work, answering(call.refuse, then), now)
 
     def _refuse(self, call: Call, error: PeerError) -> None:
         explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)

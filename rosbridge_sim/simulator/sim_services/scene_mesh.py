@@ -5,6 +5,7 @@ It is made in a thread when it is first asked for, and kept as long as map and s
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, Final
 
 from rosbridge_sim.errors import DocumentError, FieldError, GraphError, PeerError, Reason
@@ -15,7 +16,7 @@ from rosbridge_sim.scenery.mesh_pages import MeshPages, mesh_pages
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
-from rosbridge_sim.simulator.plain.reading import Reader
+from rosbridge_sim.simulator.plain.reading import Reader, answering
 from rosbridge_sim.simulator.sim_services.road_services import RoadServices
 
 __all__ = ["SceneMesh"]
@@ -77,7 +78,7 @@ class SceneMesh(Component):
 
             return mesh_pages(static_mesh(road_map, name, seed, is_dressed=self._is_dressed))
 
-        def then(outcome: MeshPages | DocumentError, _now: float) -> None:
+        def then(outcome: MeshPages | DocumentError, now: float) -> None:
             if self._key is not key:
                 return  # the map has changed meanwhile: the calls wait for the mesh of the new one
             waiting, self._waiting = self._waiting, []
@@ -86,14 +87,18 @@ class SceneMesh(Component):
             else:
                 self._made = outcome
             for call in waiting:
-                if call.is_done:
-                    continue
-                if isinstance(outcome, DocumentError):
-                    self._refuse(call, GraphError(str(outcome)))
-                else:
-                    self._answer(call, outcome)
+                end = answering(call.refuse, partial(self._end, call))
+                self._context.bus.guard.attempt("an answer with the mesh", end, outcome, now)
 
         self._reader.read(work, then, now)
+
+    def _end(self, call: Call, outcome: MeshPages | DocumentError, _now: float) -> None:
+        if call.is_done:
+            return
+        if isinstance(outcome, DocumentError):
+            self._refuse(call, GraphError(str(outcome)))
+        else:
+            self._answer(call, outcome)
 
     def _answer(self, call: Call, mesh: MeshPages) -> None:
         request: Any = call.request

@@ -33,7 +33,7 @@ from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData, decode
-from rosbridge_sim.simulator.plain.reading import Reader, read_while_held
+from rosbridge_sim.simulator.plain.reading import Reader, answering, read_while_held
 from rosbridge_sim.simulator.plain.snapshot_bytes import OwnBytes, OwnKey, SnapshotHead, pack, unpack
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Recordings
@@ -135,7 +135,7 @@ class Snapshots(Component):
                 call.answer(make(frame, outcome))
 
         size = state.size
-        self._work(size, self._hash_maker(state, size), finish, call.caller, now)
+        self._work(size, self._hash_maker(state, size), finish, call, now)
 
     def _hash_message(self) -> Struct:
         """Return the hash; None within a frame, because it goes out behind all that a frame does."""
@@ -199,21 +199,22 @@ class Snapshots(Component):
                 self._own.note(taken.own, name, taken.kept.head)
             call.answer_with(taken.answer)
 
-        self._work(size, make, finish, call.caller, now)
+        self._work(size, make, finish, call, now)
 
     def _work(
         self,
         size: int,
         make: Callable[[], T],
         finish: Callable[[T | DocumentError, float], None],
-        caller: Participant,
+        call: Call,
         now: float,
     ) -> None:
         """Make something of a state of this size [bytes], in a thread if it is large; the caller is held meanwhile."""
         if size < LARGE:
             finish(make(), now)
             return
-        read_while_held(self._reader, make, finish, partial(self._context.sync_driver.hold, caller), now)
+        hold = partial(self._context.sync_driver.hold, call.caller)
+        read_while_held(self._reader, make, answering(call.refuse, finish), hold, now)
 
     def _hash_maker(self, state: SavedState, size: int) -> Callable[[], str]:
         """Return a function that `_work` may call with this size, and that makes the hash of the state of now.
@@ -382,7 +383,8 @@ class Snapshots(Component):
                 raise Refusal("recording: no recordings are kept here", Reason.WRONG_VALUE)
             self._begin_reading(restoration)
             reading = RecordingBuilder(key.name, self._context.convert)
-            self._recordings.read(key.name, reading, partial(self._take_recording, restoration, key))
+            then = partial(self._take_recording, restoration, key)
+            self._recordings.read(key.name, reading, answering(restoration.call.refuse, then))
         elif restoration.state is None:
             self._read(
                 restoration, partial(_parse, self._state, restoration, self._state.plans()), restoration.take_state, now
@@ -418,7 +420,7 @@ class Snapshots(Component):
             self._go_on(restoration, add, now)
 
         self._begin_reading(restoration)
-        self._reader.read(work, then, now)
+        self._reader.read(work, answering(restoration.call.refuse, then), now)
 
     def _take_recording(
         self, restoration: _Restoration, key: RecordingKey, outcome: Recording | DocumentError, now: float
