@@ -29,6 +29,7 @@ __all__ = [
     "Remarkable",
     "Restricted",
     "address_of",
+    "check_publishing",
     "check_reading",
     "decode_body",
     "explain",
@@ -180,6 +181,19 @@ class Restricted(Protocol):
 
     def check_subscribe(self, topic: str, type_name: str) -> None:
         """Raise GraphError if this owner must not subscribe to a topic."""
+
+    def check_publish(self, topic: str, type_name: str) -> None:
+        """Raise GraphError if this owner must not publish to a topic."""
+
+
+def check_publishing(owner: Participant, topic: str, type_name: str) -> None:
+    """Check that an owner may have messages published on a topic, as if it did so itself.
+
+    Raises:
+        GraphError: it must not publish there.
+    """
+    if isinstance(owner, Restricted):
+        owner.check_publish(topic, type_name)
 
 
 def check_reading(owner: Participant, topic: str, type_name: str) -> None:

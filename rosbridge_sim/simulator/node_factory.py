@@ -114,7 +114,7 @@ def make_node(
     sensors = Sensors(context, archive, chosen.sensor_noise, mounted=mounted)
     CommandExecutor(context, sensors)
     reader = reader or AtOnce()
-    replay = Replay(context, recordings, is_showing_drives=chosen.replay_info)
+    replay = Replay(context, recordings, reader, is_showing_drives=chosen.replay_info)
     road_services = RoadServices(context, reader)
     traffic = Traffic(context, chosen.traffic, wanders=chosen.traffic_wander)
     commands = CommandTopics(context)

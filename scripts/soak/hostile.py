@@ -37,7 +37,7 @@ from websockets.exceptions import ConnectionClosed
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from scripts.soak import crowds
+from scripts.soak import bags, crowds
 from scripts.soak.harness import Bystander, GoneError, SoakError, WatchedServer
 from scripts.soak.soak_client import masked, open_raw
 
@@ -184,6 +184,7 @@ class Row:
         is_compressing: messages of the attacker and of the listeners are compressed.
         allowed_ms: longest wait of the bystander above idle.
         kept_mb: memory that the server keeps for good reason [MB].
+        fill: puts files into the server's data folder before it starts.
     """
 
     name: str
@@ -194,6 +195,7 @@ class Row:
     is_compressing: bool = False
     allowed_ms: float = PAUSE_MS
     kept_mb: float = 0.0
+    fill: Callable[[Path], None] = lambda _folder: None
 
 
 def glued(op: bytes, size: int = LARGEST) -> bytes:
@@ -312,6 +314,19 @@ def calls(service: str, num: int, args: dict[str, Any] | None = None) -> bytes:
         A frame.
     """
     return masked(op(op="call_service", service=service, args=args or {}) * num)
+
+
+def replay(name: str) -> bytes:
+    """Return a call that replays a recording.
+
+    Args:
+        name: of the recording.
+
+    Returns:
+        A frame.
+    """
+    fields = {"sim_process_status": 1, "replay_option": 1, "rosbag_file_name": name}
+    return calls("/Morai_SimProc", 1, {"request": fields})
 
 
 def parameters() -> list[bytes]:
@@ -559,6 +574,19 @@ ROWS: tuple[Row, ...] = (
         flags=("--sensors", "teaching"),
         kept_mb=40.0,  # their topics, and a cloud of 0.4 MB of each
     ),
+    Row(
+        "replay of a bag with 5,000 topics of plans",
+        lambda: [replay("topics")],
+        fill=lambda folder: bags.put_topics(folder / "topics.bag"),
+        kept_mb=30.0,  # the library that reads bags
+    ),
+    Row(
+        "replay of plans with long messages, all heard",
+        lambda: [replay("messages")],
+        listeners=[{"op": "subscribe", "topic": f"/plan/{name}"} for name in bags.LONG],
+        fill=lambda folder: bags.put_messages(folder / "messages.bag"),
+        kept_mb=110.0,  # the same, the recording, and a message of 10 MB as text and frame to each of three listeners
+    ),
     Row("an honest image of 16 MB to a listener", lambda: [image()],
         before=[{"op": "advertise", "topic": "/s", "type": "sensor_msgs/Image"}],
         listeners=[{"op": "subscribe", "topic": "/s"}], allowed_ms=PAUSE_MS + HONEST_MS),
@@ -588,6 +616,7 @@ async def scene(row: Row, folder: Path) -> AsyncIterator[Scene]:
     """
     log = folder / "server.log"
     log.unlink(missing_ok=True)
+    row.fill(folder / "data")
     with WatchedServer(log, "--data-dir", str(folder / "data"), *row.flags) as server:
         bystander = Bystander(server.url)
         attackers: list[Attacker] = []

@@ -119,6 +119,14 @@ class PeerBase:
         """
         self.policy.check_subscribe(topic, type_name)
 
+    def check_publish(self, topic: str, type_name: str) -> None:
+        """See `Restricted`.
+
+        Raises:
+            GraphError: this client must not publish there.
+        """
+        self.policy.check_publish(topic, type_name)
+
     def may_see(self, name: str) -> bool:
         """Return True if this client may see an existing topic.
 

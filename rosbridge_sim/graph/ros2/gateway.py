@@ -151,6 +151,14 @@ class Ros2Gateway:
         """
         self._policy.check_subscribe(topic, type_name)
 
+    def check_publish(self, topic: str, type_name: str) -> None:
+        """See `Restricted`.
+
+        Raises:
+            GraphError: programs on the graph must not publish there.
+        """
+        self._policy.check_publish(topic, type_name)
+
     def fail(self, error: Exception) -> None:
         """See `Guarded`: all ends, and nothing passes any more."""
         _log.error("internal error; nothing passes to or from ROS 2 any more", exc_info=error)

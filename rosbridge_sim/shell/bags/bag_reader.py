@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from rosbridge_sim.errors import DocumentError, PeerError
+from rosbridge_sim.graph.participant import resolve
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.records import replace
 from rosbridge_sim.schema.plain_values import plain_message
@@ -22,7 +23,14 @@ from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.files.definitions import Texts
 from rosbridge_sim.simulator.replays.object_list_decoder import LAYOUT, decode_object_lists
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
-from rosbridge_sim.simulator.replays.recorded_plans import MAX_PLAN_BYTES, PLAN_TYPES, RecordedPlan
+from rosbridge_sim.simulator.replays.recorded_plans import (
+    MAX_CLOUD_BYTES,
+    MAX_PLAN_BYTES,
+    MAX_PLAN_MESSAGE,
+    MAX_PLAN_TOPICS,
+    PLAN_TYPES,
+    RecordedPlan,
+)
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
 
 if TYPE_CHECKING:  # an import of a tenth of a second that only a replay needs
@@ -36,6 +44,8 @@ __all__ = ["read_recording"]
 _EGO, _OBJECTS, _INFO = (f"morai_msgs/msg/{name}" for name in ("EgoVehicleStatus", "ObjectStatusList", "ReplayInfo"))
 _FURTHER_EGO: Final = re.compile(r"/Ego-(\d{1,9})/", re.ASCII)  # more digits are a name, not an ego's number
 _USUAL: Final = {_EGO: "/Ego_topic", _OBJECTS: "/Object_topic", _INFO: "/ReplayInfo_topic"}
+
+_CLOUD: Final = "sensor_msgs/PointCloud2"
 
 _BREATH: Final = 100
 """Messages after which the reading thread lets other threads run."""
@@ -135,6 +145,8 @@ def _read_plans(
 ) -> tuple[RecordedPlan, ...]:
     """Return what programs published that viewers draw; topics that cannot be read, and what is too much, are noted.
 
+    Names are checked and readers of bytes are compiled here, because this is a thread that nobody waits for.
+
     Args:
         bag: the open bag.
         path: of the bag.
@@ -148,23 +160,38 @@ def _read_plans(
     """
     found: dict[tuple[str, str], list[tuple[int, bytes]]] = {}
     decoders: dict[tuple[str, str], Callable[[bytes], object]] = {}
-    num_bytes = 0
+    known: dict[tuple[str, str], Typestore] = {}
+    num_bytes = num_beyond = num_long = 0
     for connection in bag.connections:
         key = connection.topic, connection.msgtype.replace("/msg/", "/")
+        most_bytes = MAX_CLOUD_BYTES if key[1] == _CLOUD else MAX_PLAN_MESSAGE
         if key[1] not in PLAN_TYPES or not connection.msgcount:
             continue
+        if key not in decoders and len(decoders) >= MAX_PLAN_TOPICS:
+            num_beyond += 1
+            continue
+        breathe()
         try:
-            decoders[key] = _plain_decoder(connection, texts, is_ros1=path.suffix == ".bag")
-        except DocumentError as error:
+            resolve(connection.topic)
+            decoders[key] = _plain_decoder(connection, texts, known, is_ros1=path.suffix == ".bag")
+        except (DocumentError, PeerError) as error:
             reading.note(f"{error}: it is left out")
             continue
         messages = found.setdefault(key, [])
         for stamp_ns, raw in _messages(bag, connection, path, breathe):
+            if len(raw) > most_bytes:
+                num_long += 1
+                continue
             num_bytes += len(raw)
             if num_bytes > MAX_PLAN_BYTES:
                 reading.note(f"{connection.topic}: only the first {MAX_PLAN_BYTES // 1_000_000} MB of plans are kept")
                 break
             messages.append((stamp_ns - start_ns, raw))
+    if num_beyond:
+        reading.note(f"{num_beyond} topics with plans are left out: at most {MAX_PLAN_TOPICS} are replayed")
+    if num_long:
+        mb, cloud_mb = MAX_PLAN_MESSAGE / 1e6, MAX_CLOUD_BYTES / 1e6
+        reading.note(f"{num_long} messages with plans are left out: above {mb:g} MB, or {cloud_mb:g} MB of a cloud")
     return tuple(
         [
             RecordedPlan(*key, [stamp_ns for stamp_ns, _ in ordered], [raw for _, raw in ordered], decoders[key])
@@ -174,21 +201,41 @@ def _read_plans(
     )
 
 
-def _plain_decoder(connection: Connection, texts: Texts, *, is_ros1: bool) -> Callable[[bytes], object]:
+def _plain_decoder(
+    connection: Connection, texts: Texts, known: dict[tuple[str, str], Typestore], *, is_ros1: bool
+) -> Callable[[bytes], object]:
     """Return a function from the bytes of a topic's messages to plain objects.
 
+    Args:
+        connection: of the topic.
+        texts: definitions for a bag without its own.
+        known: the types of this bag, by name and definition; a new one is added.
+
     Raises:
-        DocumentError: the type is unknown.
+        DocumentError: the type is unknown, or its definition cannot be used.
     """
-    types = _types_of(connection, texts, is_ros1=is_ros1)
+    key = connection.msgtype, connection.msgdef.data
+    types = known.get(key)
+    if types is None:
+        types = known[key] = _types_of(connection, texts, is_ros1=is_ros1)
+        try:
+            types.get_msgdef(connection.msgtype)  # compiles the readers of its bytes: 10 to 50 ms
+        except Exception as error:  # noqa: BLE001 - a definition from outside
+            raise DocumentError(f"{connection.topic}: its definition cannot be read: {_first_line(error)}") from None
     read = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
     fields = {name: found for name, (_, found) in types.fielddefs.items()}
 
     def decode(raw: bytes) -> object:
         try:
-            return plain_message(read(raw, connection.msgtype), fields)
+            message = read(raw, connection.msgtype)
+            num_bytes = len(raw) - getattr(getattr(message, "data", None), "nbytes", 0)
+            if num_bytes <= MAX_PLAN_MESSAGE:
+                return plain_message(message, fields)
         except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
             raise DocumentError(f"it does not fit its type: {_first_line(error)}") from None
+        raise DocumentError(
+            f"expected at most {MAX_PLAN_MESSAGE:,} bytes beside those of its points, got {num_bytes:,}"
+        )
 
     return decode
 

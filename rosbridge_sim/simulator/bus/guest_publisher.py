@@ -49,11 +49,11 @@ class GuestPublisher:
         Returns:
             The topic; None where it has a publisher already, or cannot have the type. The log says so.
         """
-        known = self._bus.find_topic(name)
-        if known is not None and known.publishers:
-            _log.info("%s: %s is left out: it has a publisher here", self.name, name)
-            return None
         try:
+            known = self._bus.find_topic(name)
+            if known is not None and known.publishers:
+                _log.info("%s: %s is left out: it has a publisher here", self.name, name)
+                return None
             topic = self._bus.advertise(self, name, type_name, depth=1)  # a viewer may come while a replay is held
         except PeerError as error:
             _log.warning("%s: %s is left out: %s", self.name, name, error)
@@ -61,19 +61,27 @@ class GuestPublisher:
         self.has_topics = True
         return topic
 
-    def publish(self, topic: Topic, type_name: str, value: object, now: float) -> None:
-        """Publish a message; one that does not fit its type is left out, and the log says so.
+    def make(self, type_name: str, value: object) -> Message:
+        """Return a message; this may be called in any thread.
+
+        Args:
+            type_name: of the topic.
+            value: plain objects; fields that the type does not have are left out.
+
+        Raises:
+            PeerError: it does not fit the type.
+        """
+        message_type = self._bus.store.message(type_name)
+        return Message(message_type, message_type.check(without_unknown(value, message_type.spec), 0))
+
+    def publish(self, topic: Topic, message: Message, now: float) -> None:
+        """Publish a message; a listener that refuses it, or fails, is in the log.
 
         Args:
             topic: from `offer`.
-            value: plain objects; fields that the type does not have are left out.
+            message: from `make`.
         """
-        try:
-            message_type = self._bus.store.message(type_name)
-            checked = message_type.check(without_unknown(value, message_type.spec), 0)
-            self._bus.publish(self, topic, Message(message_type, checked), now)
-        except PeerError as error:
-            _log.warning("%s: a message of %s is left out: %s", self.name, topic.name, error)
+        self._bus.announce(self, topic, message, now)
 
     def leave(self, now: float) -> None:
         """Publish none of the topics any more."""

@@ -19,6 +19,7 @@ from rosbridge_sim.simulator.replays.process_status import ProcessStatus
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Recordings
 from rosbridge_sim.simulator.replays.replay_command import ReplayCommand, ReplayResult, read_command
+from rosbridge_sim.simulator.replays.replayed_plans import without_denied_plans
 from rosbridge_sim.simulator.replays.state_machine import ReplayState
 
 __all__ = ["ProcessService"]
@@ -103,6 +104,7 @@ class ProcessService:
 
     def _load(self, call: Call, command: ReplayCommand, recording: Recording, now: float) -> None:
         playback = self._playback
+        recording = without_denied_plans(recording, call.caller)
         targets = ALL_TARGETS if command.targets is None else command.targets
         why = playback.why_unusable(recording, targets)
         if why:

@@ -7,7 +7,7 @@ two stamps is interpolated, unless the two are too far apart in time or space to
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import blake2b
@@ -15,7 +15,7 @@ from typing import Final
 
 import numpy as np
 
-from rosbridge_sim.records import Record
+from rosbridge_sim.records import Record, replace
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.replays.recorded_plans import RecordedPlan
 from rosbridge_sim.world.geometry.planar import FloatArray, IntArray, wrap_angle
@@ -184,6 +184,13 @@ class Recording:
     objects: ObjectTrack | None = None
     notes: tuple[str, ...] = ()
     plans: tuple[RecordedPlan, ...] = ()
+
+    def without_plans(self, denied: Collection[RecordedPlan], note: str) -> Recording:
+        """Return the same without some of the plans, and with a remark why."""
+        plans = tuple([plan for plan in self.plans if plan not in denied])
+        other = replace(self, plans=plans, notes=(*self.notes, note))
+        other.__dict__["digest"] = self.digest  # it has taken a while
+        return other
 
     @property
     def is_empty(self) -> bool:

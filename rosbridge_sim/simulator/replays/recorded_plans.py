@@ -1,6 +1,6 @@
 """Plans of programs in a recording: paths, markers and other messages that viewers draw.
 
-Messages stay as the bytes of the bag until they are shown, because most of a recording is never looked at.
+Messages stay as the bytes of the bag until somebody listens, because most of a recording is never looked at.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Final
 
 from rosbridge_sim.records import Record
 
-__all__ = ["MAX_PLAN_BYTES", "PLAN_TYPES", "RecordedPlan"]
+__all__ = ["MAX_CLOUD_BYTES", "MAX_PLAN_BYTES", "MAX_PLAN_MESSAGE", "MAX_PLAN_TOPICS", "PLAN_TYPES", "RecordedPlan"]
 
 PLAN_TYPES: Final = frozenset({
     *("nav_msgs/Path", "nav_msgs/Odometry", "geometry_msgs/PoseStamped"),
@@ -24,13 +24,25 @@ MAX_PLAN_BYTES: Final = 64_000_000
 """Bytes of all plans of a recording; later ones are left out. A path of 5 kB, ten times a second, is 3 MB a minute."""
 
 
+MAX_PLAN_TOPICS: Final = 100
+"""Topics with plans of a recording; later ones are left out. Each is put on the bus when the replay begins."""
+
+MAX_PLAN_MESSAGE: Final = 1_500_000
+"""Bytes of a message, beside those of a cloud's points; a longer one is left out. 3,700 markers of ten points each are
+as many. To write them as CBOR takes 45 ms, which all clients wait for."""
+
+MAX_CLOUD_BYTES: Final = 8_000_000
+"""Bytes of a PointCloud2 with its points: half a million of them, more than the sensors of an ego give in a frame."""
+
+
 class RecordedPlan(Record, eq=False):
     """Messages of one topic.
 
     Attributes:
         times: since the first stamp of the recording, rising [ns].
         raws: the bytes of each message.
-        decode: makes plain objects of them, as `MessageType.check` takes them; raises any error where they are broken.
+        decode: makes plain objects of them, as `MessageType.check` takes them; may be called in any thread, compiles
+            nothing, and raises DocumentError where they are broken or too long.
     """
 
     topic: str

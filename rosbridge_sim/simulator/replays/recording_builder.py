@@ -19,6 +19,7 @@ import numpy as np
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.morai.messages.convert import Converter
 from rosbridge_sim.morai.messages.object_lists import DEGREES, EGO_TYPE, exact_quotient
+from rosbridge_sim.printable import printable
 from rosbridge_sim.simulator.replays.recorded_drive import (
     EGO_COLUMNS,
     OBJECT_COLUMNS,
@@ -36,6 +37,12 @@ __all__ = ["MAX_RECORDED_ENTRIES", "RecordingBuilder", "Recordings", "Then"]
 MAX_RECORDED_ENTRIES: Final = 2_000_000
 """Largest number of states of objects, and of each ego, in a recording: 20 objects at 50 Hz for half an hour are 1.8
 million states, and 0.4 GB while they are read."""
+
+MAX_NOTES: Final = 20
+"""Remarks about a recording: each is a line of the log and a status for the caller."""
+
+MAX_NOTE: Final = 300
+"""Longest remark [characters]."""
 
 EARLIEST_WALL_TIME: Final = 10**18
 """Smallest stamp that is wall-clock time: September 2001 [ns]. No simulated time grows so large."""
@@ -105,6 +112,7 @@ class RecordingBuilder:
         self._figures = array("d")
         self._actors: dict[tuple[int, Kind, str], int] = {}
         self._notes: list[str] = []
+        self._num_notes = 0
 
     # In
 
@@ -198,12 +206,14 @@ class RecordingBuilder:
         self._check_size(len(self._actor_indices) + len(self._counts))
 
     def note(self, text: str) -> None:
-        """Add a remark for the user.
+        """Add a remark for the user; of many, the first ones are kept.
 
         Args:
-            text: one line.
+            text: one line; names in it may be any text, of any length.
         """
-        self._notes.append(text)
+        self._num_notes += 1
+        if len(self._notes) < MAX_NOTES:
+            self._notes.append(" ".join(printable(text, MAX_NOTE).split()))
 
     def _add_ego(
         self,
@@ -242,9 +252,9 @@ class RecordingBuilder:
             by_header &= any(_is_wall_time(rows.stamps(by_header=False)) for rows in all_rows)
         egos = {index: self._ego_track(index, rows, by_header=by_header) for index, rows in sorted(self._egos.items())}
         objects = self._object_track(by_header=by_header) if self._samples.header_stamps else None
-        return Recording(
-            self.name, {index: track for index, track in egos.items() if track}, objects, tuple(self._notes)
-        )
+        more = self._num_notes - len(self._notes)
+        notes = (*self._notes, *([f"and {more} more remarks like these"] if more else []))
+        return Recording(self.name, {index: track for index, track in egos.items() if track}, objects, notes)
 
     def _ego_track(self, index: int, rows: _Rows, *, by_header: bool) -> EgoTrack | None:
         values, stamps = rows.table().copy(), rows.stamps(by_header=by_header)

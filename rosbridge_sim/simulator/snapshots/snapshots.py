@@ -38,6 +38,7 @@ from rosbridge_sim.simulator.plain.snapshot_bytes import OwnBytes, OwnKey, Snaps
 from rosbridge_sim.simulator.replays.recorded_drive import Recording
 from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder, Recordings
 from rosbridge_sim.simulator.replays.replay import RecordingKey, Replay
+from rosbridge_sim.simulator.replays.replayed_plans import without_denied_plans
 from rosbridge_sim.simulator.scene.load import Library, MapKey
 from rosbridge_sim.simulator.snapshots.kept_snapshots import MAX_ID, Kept, KeptSnapshots, Refusal
 from rosbridge_sim.simulator.snapshots.node_state import NodeState, Plans, SavedState
@@ -430,7 +431,7 @@ class Snapshots(Component):
                 raise outcome
             if outcome.digest != key.digest:
                 raise DocumentError(f"recording: {key.name} is another one than that of the snapshot")
-            restoration.recording = outcome
+            restoration.recording = without_denied_plans(outcome, restoration.call.caller)
 
         self._go_on(restoration, add, now)
 

@@ -23,7 +23,8 @@ from rosbridge_sim.shell.bags.bag_reader import read_recording
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.simulator.replays.recorded_drive import EGO_COLUMNS, Recording
-from rosbridge_sim.simulator.replays.recording_builder import RecordingBuilder
+from rosbridge_sim.simulator.replays.recorded_plans import MAX_CLOUD_BYTES, MAX_PLAN_MESSAGE, MAX_PLAN_TOPICS
+from rosbridge_sim.simulator.replays.recording_builder import MAX_NOTES, RecordingBuilder
 
 FRAME_NS = 20_000_000
 STATUS = "/sim/process/state/msg/MoraiSimProcStatus"
@@ -125,6 +126,66 @@ def test_bag_of_the_other_release_is_read_by_its_own_definitions(tmp_path: Path,
     assert shown(recording) == [3.0]
     steer = recording.egos[0].values[EGO_COLUMNS.index("steer"), 0]
     assert steer == pytest.approx(0.5 if written == "22.R2" else 0.5 * 3.14159265 / 180)
+
+
+# Plans of programs
+
+PATH = "nav_msgs/Path"
+Topics = dict[str, tuple[str, list[dict[str, Any]]]]
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
+def test_plans_with_bad_names_are_left_out_with_a_note(tmp_path: Path, name: str) -> None:
+    names = ("/bad name", "/" + "x" * 9_001, "/a\0b")
+    recording = read(write(tmp_path / name, {"/Ego_topic": (EGO, ways(1.0)), **{one: (PATH, [{}]) for one in names}}))
+    assert recording.plans == ()
+    assert [note.endswith("is not a valid graph name: it is left out") for note in recording.notes] == [True] * 3
+    assert max(map(len, recording.notes)) < 200
+
+
+@pytest.mark.slow
+def test_number_of_plan_topics_and_of_remarks_is_bounded(tmp_path: Path) -> None:
+    paths: Topics = {f"/plan/{i}": (PATH, [{}]) for i in range(MAX_PLAN_TOPICS + 3)}
+    recording = read(write(tmp_path / "a.bag", {"/Ego_topic": (EGO, ways(1.0)), **paths}))
+    assert len(recording.plans) == MAX_PLAN_TOPICS
+    assert recording.notes == (f"3 topics with plans are left out: at most {MAX_PLAN_TOPICS} are replayed",)
+    egos = {f"/Ego_topic_{i}": (EGO, ways(1.0)) for i in range(50)}
+    notes = read(write(tmp_path / "b.bag", {"/Ego_topic": (EGO, ways(1.0)), **egos})).notes
+    assert len(notes) == MAX_NOTES + 1
+    assert notes[-1] == f"and {50 - MAX_NOTES} more remarks like these"
+
+
+@pytest.mark.parametrize("name", ["a.bag", "a.mcap"])
+def test_plans_are_read_without_compiling_anything_later(tmp_path: Path, name: str) -> None:
+    marks = {"markers": [{"points": [{"x": 1.0}]}]}
+    topics = {f"/plan/{i}": ("visualization_msgs/MarkerArray", [marks]) for i in range(3)}
+    recording = read(write(tmp_path / name, {"/Ego_topic": (EGO, ways(1.0)), **topics}))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("builtins.compile", _refuse)
+        patch.setattr("builtins.exec", _refuse)
+        decoded: list[Any] = [plan.decode(plan.raws[0]) for plan in recording.plans]
+    assert [one["markers"][0]["points"][0]["x"] for one in decoded] == [1.0] * 3
+
+
+def _refuse(*_args: object) -> None:
+    raise AssertionError("compiled too late")
+
+
+@pytest.mark.slow
+def test_long_messages_of_plans_are_left_out(tmp_path: Path) -> None:
+    cloud = "sensor_msgs/PointCloud2"
+    points = {"data": "A" * (MAX_CLOUD_BYTES // 2)}  # base64
+    too_many = {"fields": [{"name": "x" * 100}] * (MAX_PLAN_MESSAGE // 100)}
+    path = {"poses": [{"header": {"frame_id": "x" * 1_000_000}}] * 2}
+    topics: Topics = {"/cloud": (cloud, [points, too_many]), "/path": (PATH, [path, {}])}
+    recording = read(write(tmp_path / "a.bag", {"/Ego_topic": (EGO, ways(1.0)), **topics}))
+    clouds, paths = recording.plans
+    assert (len(clouds.raws), len(paths.raws)) == (2, 1)
+    assert recording.notes == ("1 messages with plans are left out: above 1.5 MB, or 8 MB of a cloud",)
+    first: Any = clouds.decode(clouds.raws[0])
+    assert len(first["data"]) == MAX_CLOUD_BYTES // 2 * 3 // 4
+    with pytest.raises(DocumentError, match="expected at most 1,500,000 bytes beside those of its points"):
+        clouds.decode(clouds.raws[1])
 
 
 # Strangers' bags
