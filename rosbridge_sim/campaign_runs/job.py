@@ -139,8 +139,12 @@ class LoadedJob:
         """Return the user's function or class of a driver.
 
         Raises:
-            DocumentError: it cannot be loaded.
+            DocumentError: it cannot be loaded, or it is a policy and Gymnasium is missing.
         """
+        if driver.policy is not None and importlib.util.find_spec("gymnasium") is None:
+            raise DocumentError(
+                "policy: it needs the extra rosbridge-sim[gym], too: pip install 'rosbridge-sim[campaign,gym]'"
+            )
         name = driver.python or driver.policy
         assert name is not None
         return load_callable(name, self.job.base)

@@ -29,9 +29,6 @@ from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.campaign import RunValues, names_of
 from rosbridge_sim.campaigns.campaign_model import DriverItem
 from rosbridge_sim.campaigns.run_results import Run
-from rosbridge_sim.environments.action_kinds import MAX_ACCEL, MAX_STEER
-from rosbridge_sim.environments.driving_task import DrivingTask
-from rosbridge_sim.environments.observations import observe
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.shell.config.loading import check_options
 from rosbridge_sim.world.followers.self_driving import start_self_driving
@@ -171,15 +168,7 @@ def _decider(loaded: LoadedJob, driver: DriverItem, worlds: Worlds | NodeWorlds,
     if isinstance(function, type):
         function = function()  # an own one for each drive, or for each batch: it may keep a state
     if driver.policy is not None:
-        task = DrivingTask(runs[0].scenario)
-
-        def decide_policy(worlds: DrivableWorlds) -> Command:
-            action = np.clip(np.asarray(function(observe(worlds, task)[0, 0]), dtype=np.float64), -1.0, 1.0)
-            if action.shape != (2,):
-                raise ValueError(f"expected an action of shape (2,), got {action.shape}")
-            return {"steering": action[0] * MAX_STEER, "accel": action[1] * MAX_ACCEL}
-
-        return decide_policy
+        return _policy_decider(function, runs[0].scenario)
     parameters = [names_of(run) for run in runs]
 
     def decide(worlds: DrivableWorlds) -> Command:
@@ -187,6 +176,29 @@ def _decider(loaded: LoadedJob, driver: DriverItem, worlds: Worlds | NodeWorlds,
         if not isinstance(command, Mapping):
             raise TypeError(f"expected a command such as {{'steering': 0.0, 'accel': 1.0}}, got {command!r:.60}")
         return {name: np.reshape(np.asarray(value, dtype=np.float64), (-1, 1)) for name, value in command.items()}
+
+    return decide
+
+
+def _policy_decider(function: Callable[..., Any], scenario: str) -> Decide:
+    """Return what gives the commands of a policy in one world.
+
+    Args:
+        function: from the observation of `rosbridge_sim/Drive-v0`, (n,) float32, to its action, (2,) within -1..1.
+        scenario: its name, or the path of its file.
+    """
+    # Here, since these need the extra `gym`, which campaigns without a policy do without.
+    from rosbridge_sim.environments.action_kinds import MAX_ACCEL, MAX_STEER  # noqa: PLC0415
+    from rosbridge_sim.environments.driving_task import DrivingTask  # noqa: PLC0415
+    from rosbridge_sim.environments.observations import observe  # noqa: PLC0415
+
+    task = DrivingTask(scenario)
+
+    def decide(worlds: DrivableWorlds) -> Command:
+        action = np.clip(np.asarray(function(observe(worlds, task)[0, 0]), dtype=np.float64), -1.0, 1.0)
+        if action.shape != (2,):
+            raise ValueError(f"expected an action of shape (2,), got {action.shape}")
+        return {"steering": action[0] * MAX_STEER, "accel": action[1] * MAX_ACCEL}
 
     return decide
 

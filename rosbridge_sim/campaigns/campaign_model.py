@@ -152,7 +152,10 @@ class DriverItem(_Item):
     ] = None
     policy: Annotated[
         _Text | None,
-        Field(description="the same: a function from the observation of `rosbridge_sim/Driving-v0` to its action"),
+        Field(
+            description="the same: a function from the observation of `rosbridge_sim/LaneKeeping-v0` to its action;"
+            " needs the extra `gym`, too"
+        ),
     ] = None
     command: Annotated[
         list[_Text] | None,

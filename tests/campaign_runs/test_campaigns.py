@@ -6,6 +6,7 @@ import csv
 import json
 import os
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -122,6 +123,15 @@ def test_each_kind_of_driver_in_python_drives(base: Path) -> None:
     for seed in (0, 1):
         alone, together = by_driver["function", seed], by_driver["batch", seed]
         assert (alone.state_hash, alone.scores) == (together.state_hash, together.scores)
+
+
+def test_policy_without_gymnasium_is_refused_before_anything_runs(base: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+    text = SHORT + '[drivers]\nlearned = { policy = "drivers.py:policy" }\n'
+    with pytest.raises(DocumentError, match=re.escape("pip install 'rosbridge-sim[campaign,gym]'")):
+        check_job(job_of(base, text))
+    (result, _) = drive(base, SHORT + '[drivers]\nfunction = "drivers.py:keep_lane"\n')
+    assert result.verdict == "pass"
 
 
 def test_state_of_our_own_driver_is_that_of_a_server(base: Path) -> None:
