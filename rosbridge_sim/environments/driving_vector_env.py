@@ -44,6 +44,8 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
         ValueError: an option is out of range.
     """
 
+    _view: HumanView | None = None  # here, since gymnasium closes an environment whose options were refused, too
+
     def __init__(
         self,
         num_envs: int = 1,
@@ -65,7 +67,6 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._is_done = np.zeros(num_envs, dtype=bool)
-        self._view: HumanView | None = None
 
     def _make_worlds(self, num: int) -> SteppedWorlds:
         return Worlds(self.task.scenario, num, seed=[0] * num, traffic=self.task.traffic)

@@ -55,6 +55,8 @@ class RemoteDrivingEnv(DrivingEnv):
 class _RemoteVectorEnv(DrivingVectorEnv):
     """The one environment of a server."""
 
+    _remote: RemoteWorlds | None = None  # as `_view`
+
     def __init__(self, url: str, token: str | None, **options: Any) -> None:  # noqa: ANN401 - as above
         self._url, self._token = url, token
         super().__init__(1, **options)
@@ -66,4 +68,5 @@ class _RemoteVectorEnv(DrivingVectorEnv):
 
     def close_extras(self, **_: Any) -> None:  # noqa: ANN401 - Gymnasium's own form
         """End the connection."""
-        self._remote.close()
+        if self._remote is not None:
+            self._remote.close()
