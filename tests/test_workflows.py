@@ -16,6 +16,7 @@ from ruamel.yaml import YAML
 
 from rosbridge_sim.shell.config.loading import read_settings
 from rosbridge_sim.shell.websocket.origins import OriginRules
+from scripts.try_extras import FIRST_USES
 from tests.support import PATIENCE, ROOT, miss
 
 WORKFLOWS = sorted((ROOT / ".github" / "workflows").glob("*.yml"))
@@ -65,6 +66,15 @@ def test_tests_run_on_three_systems_and_every_python_that_is_promised() -> None:
     promised = re.findall(r":: (3\.\d+)$", "\n".join(project["classifiers"]), re.MULTILINE)
     assert matrix["python"] == promised
     assert f">={promised[0]}" == project["requires-python"]
+
+
+def test_lowest_declared_versions_and_each_extra_alone_have_a_job() -> None:
+    jobs = load(ROOT / ".github" / "workflows" / "tests.yml")["jobs"]
+    assert set(jobs["extras"]["strategy"]["matrix"]["extra"]) == set(FIRST_USES)
+    install = jobs["lowest"]["steps"][2]["run"]
+    assert "--resolution lowest-direct" in install
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert jobs["lowest"]["steps"][1]["with"]["python-version"] == project["requires-python"].removeprefix(">=")
 
 
 @pytest.mark.parametrize("path", WORKFLOWS, ids=lambda path: path.stem)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from typing import Any
 
@@ -14,6 +15,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector import AutoresetMode  # noqa: E402
 
 from rosbridge_sim.environments.registration import TASKS, register_all  # noqa: E402
+from tests.support import PATIENCE  # noqa: E402
 
 LANE = "rosbridge_sim/LaneKeeping-v0"
 
@@ -341,3 +343,16 @@ def test_wrong_actions_are_refused() -> None:
     many.reset(seed=0)
     with pytest.raises(ValueError, match=r"actions: expected shape \(2, 2\), got \(3, 2\)"):
         many.unwrapped.step(np.zeros((3, 2)))
+
+
+@pytest.mark.slow
+def test_name_alone_imports_the_environments() -> None:
+    """For programs of others that take a name and import nothing of ours."""
+    program = (
+        "import gymnasium\n"
+        "assert not any('rosbridge_sim' in name for name in gymnasium.registry)\n"
+        "env = gymnasium.make('rosbridge_sim.environments:rosbridge_sim/LaneKeeping-v0')\n"
+        "print(env.reset(seed=1)[0].shape)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE, check=True)
+    assert done.stdout == "(15,)\n"

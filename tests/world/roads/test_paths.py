@@ -28,7 +28,10 @@ def test_segments_have_arc_start_direction_and_heading() -> None:
     assert np.hypot(segments[:, 5], segments[:, 6]) == pytest.approx(1.0)
 
 
-POINTS = st.lists(st.tuples(*[st.floats(-100.0, 100.0, width=32)] * 3), min_size=2, max_size=10, unique=True)
+COORDINATES = st.integers(-6_400, 6_400).map(lambda steps: steps / 64.0)
+"""[m]; two that differ are farther apart than the least segment."""
+
+POINTS = st.lists(st.tuples(*[COORDINATES] * 3), min_size=2, max_size=10, unique=True)
 
 
 @given(points=POINTS, is_loop=st.booleans(), reach=st.floats(0.05, 50.0))
