@@ -99,8 +99,7 @@ class Publishers:
             name: default name.
             type_name: package and type.
             make: returns the struct of the world's current state, or None if there is nothing to publish; called at
-                most
-                once a frame.
+                most once a frame.
             is_exclusive: no other participant may publish there.
             rate: default publications a second of simulated time [Hz]; the network settings may change it.
             is_sampled: in synchronous mode it keeps its rate in simulated time, and is not published with every frame.
@@ -396,8 +395,11 @@ class Publishers:
                 continue
             listeners = _viewers_to_show(publisher, topic)
             if listeners:
-                message = Message(topic.type, publisher.make())
+                value = publisher.make()
                 publisher.note_shown(topic)
+                if value is None:
+                    continue
+                message = Message(topic.type, value)
                 if publisher.is_latched:
                     topic.keep(self._owner, message, None)
                 self._bus.show(self._owner, topic, message, listeners, now)

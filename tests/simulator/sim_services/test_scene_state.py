@@ -297,7 +297,9 @@ def test_view_is_made_only_for_those_who_ask_for_it() -> None:
         heard.append(topic.name)
 
     harness.bus.subscribe(harness.client(), VIEW, hear, is_general=True)
+    harness.run(0.0)  # shows the scene as it stands to new viewers
     client.tick()
+    harness.run(0.0)
     assert heard == [], "a recording has the same in /sim/scene/state"
     client.listen(VIEW)
     harness.run(0.0)
