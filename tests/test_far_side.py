@@ -26,6 +26,7 @@ STRING = "std_msgs/String"
 async def far_side() -> AsyncIterator[FarSide]:
     async with FarSide() as one:
         yield one
+        one.log.clear()  # tests send what does not fit
 
 
 @pytest_asyncio.fixture
@@ -108,6 +109,16 @@ async def test_text_that_is_not_json_waits_for_the_next_frame(far_side: FarSide,
             "std_msgs/String message requires a string for field data, but got a <class 'NoneType'>",
         ),
         ("std_msgs/Float64", {"data": None}, "requires a float64 for field data, but got a <class 'NoneType'>"),
+        (
+            "sensor_msgs/LaserScan",
+            {"ranges": [1.0, None]},
+            "sensor_msgs/LaserScan message requires a float32 for field ranges, but got a <class 'NoneType'>",
+        ),
+        (
+            "geometry_msgs/PoseArray",
+            {"poses": [{"position": {"x": None}}]},
+            "requires a float64 for field poses.position.x, but got a <class 'NoneType'>",
+        ),
         ("std_msgs/Int8", {"data": 1.0}, "requires a int8 for field data, but got a <class 'float'>"),
         ("std_msgs/Int8", {"data": 128}, "field data: integer out of range for 'b' format code"),
         ("std_msgs/Bool", {"data": 1}, "requires a bool for field data, but got a <class 'int'>"),
@@ -123,6 +134,18 @@ async def test_message_that_does_not_fit_its_type_is_dropped(
     await client.send("publish", topic="/t", msg=msg)
     await hears_nothing(client)
     assert logged in far_side.log[-1]
+
+
+async def test_words_that_python_reads_are_numbers(far_side: FarSide, connect: Connect) -> None:
+    client = await connect(far_side.url)
+    await client.send("advertise", topic="/scan", type="sensor_msgs/LaserScan")
+    await client.subscribe("/scan")
+    for text in ("Infinity", "-Infinity", "NaN"):
+        frame = f'{{"op": "publish", "topic": "/scan", "msg": {{"ranges": [1.0, {text}], "range_max": {text}}}}}'
+        await client.send_raw(frame)
+        heard = await client.message("/scan")
+        assert (heard["ranges"], heard["range_max"]) == ([1.0, None], None), "its own way out has no words"
+    assert not far_side.log
 
 
 async def test_relayed_messages_have_all_fields_as_ros_1_serializes_them(far_side: FarSide, connect: Connect) -> None:

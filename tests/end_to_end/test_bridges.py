@@ -18,6 +18,7 @@ import pytest
 from tests.broken_proxy import BrokenProxy, draw_fates
 from tests.conftest import Connect
 from tests.deployment import Kind
+from tests.far_side.messages import UNFIT
 from tests.far_side.server import FarSide
 from tests.support import PATIENCE, AttachProcess, Client, FarSideProcess, Frame, ServerProcess
 
@@ -53,6 +54,8 @@ def build(tmp_path: Path) -> Iterator[Build]:
     yield build_one
     for bridge in bridges:
         bridge.kill()
+        if isinstance(bridge, FarSideProcess):
+            assert not UNFIT.search(bridge.log), "a message or an answer that ROS 1 refuses"
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import binascii
 import math
+import re
 import struct
 import time
 from collections.abc import Collection, Iterator
@@ -20,7 +21,10 @@ from rosbridge_sim.schema.definitions.parse import INT_RANGES, Definition, Field
 from rosbridge_sim.schema.definitions.standard import standard_text
 from rosbridge_sim.shell.files.definitions import read_definitions
 
-__all__ = ["Json", "RosError", "Types", "now"]
+__all__ = ["UNFIT", "Json", "RosError", "Types", "now"]
+
+UNFIT = re.compile(r"message requires a|does not have a field|Expected a JSON object|out of range for|for packing")
+"""Part of each log line about a message or an answer that does not fit its type."""
 
 Json = dict[str, Any]
 """An object of the wire, or a message with all of its fields: values are whatever was sent."""
@@ -135,7 +139,7 @@ class Types:
         if field.is_bytes:
             return _bytes(field, given, root, stack)
         if not isinstance(given, list):
-            raise _mismatch(field, given, root, stack)
+            raise _mismatch(field.full_type, given, root, stack)
         if field.array and len(given) != field.array:  # ROS 1 finds it when it packs the message
             raise RosError(f"field {'.'.join(stack)}: pack expected {field.array} items for packing (got {len(given)})")
         return [self._element(field, item, root, stack) for item in given]
@@ -146,12 +150,12 @@ class Types:
             return _time(field, given, root, stack)
         if "/" in kind:
             if not isinstance(given, dict):
-                raise _mismatch(field, given, root, stack)
+                raise _mismatch(kind, given, root, stack)
             return self._fill(self.message(kind), given, root, stack)
         fits = {"bool": type(given) is bool, "string": isinstance(given, str)}
         is_int = type(given) is int
         if not fits.get(kind, is_int or (kind.startswith("float") and isinstance(given, float))):
-            raise _mismatch(field, given, root, stack)
+            raise _mismatch(kind, given, root, stack)
         if kind in _RANGES:
             lowest, highest = _RANGES[kind]
             assert isinstance(given, int)
@@ -216,7 +220,7 @@ def _bytes(field: Field, given: object, root: str, stack: tuple[str, ...]) -> by
             return bytes(given)
     except (ValueError, TypeError, binascii.Error):
         pass
-    raise _mismatch(field, given, root, stack)
+    raise _mismatch(field.full_type, given, root, stack)
 
 
 def _time(field: Field, given: object, root: str, stack: tuple[str, ...]) -> Json:
@@ -224,12 +228,11 @@ def _time(field: Field, given: object, root: str, stack: tuple[str, ...]) -> Jso
     if given == "now" and field.type == "time":
         return now()
     if not isinstance(given, dict):
-        raise _mismatch(field, given, root, stack)
+        raise _mismatch(field.type, given, root, stack)
     return {name: given.get(name, 0) for name in ("secs", "nsecs")}
 
 
-def _mismatch(field: Field, given: object, root: str, stack: tuple[str, ...]) -> RosError:
-    wanted = field.full_type
+def _mismatch(wanted: str, given: object, root: str, stack: tuple[str, ...]) -> RosError:
     return RosError(f"{root} message requires a {wanted} for field {'.'.join(stack)}, but got a {type(given)}")
 
 

@@ -3,6 +3,7 @@
     async with FarSide() as far_side:
         await connect(far_side.url)
 
+A client must send it nothing that does not fit its type: the block then ends with an error, unless its log was cleared.
 It stands for a ROS machine: a master, rosbridge_websocket and, if wished, rosapi. Its manners are told where they are
 shown: `client.py` has those of the wire, `graph.py` those of topics and services, `messages.py` those of types. Beyond
 them it can be slow (`work`), stand still (`may_work`), die (`kill`) and come back on the same port.
@@ -26,7 +27,7 @@ from websockets.http11 import Request, Response
 
 from tests.far_side.client import Client
 from tests.far_side.graph import Graph, Service
-from tests.far_side.messages import Json, Types
+from tests.far_side.messages import UNFIT, Json, Types
 from tests.far_side.rosapi import add_rosapi
 
 __all__ = ["FarSide"]
@@ -95,6 +96,9 @@ class FarSide:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         await self.stop()
+        if kind is None:
+            unfit = [line for line in self.log if UNFIT.search(line)]
+            assert not unfit, f"messages that ROS 1 refuses: {unfit[:5]}"
 
     async def listen(self) -> None:
         """Serve clients from now on; a second time after `stop` or `kill`, and nothing is remembered then."""
