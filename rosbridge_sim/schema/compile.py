@@ -94,7 +94,8 @@ def compile_message(
     for other, own in ros2_names([*fields, *aliases]).items():
         aliases.setdefault(other, aliases.get(own, own))
     finalize = _make_finalize(name, fields, dialect, is_header=is_header, finalizers=finalizers)
-    return MessageSpec(name, definition, dialect, struct_type, fields, aliases, is_header, finalize)
+    has_floats = any(each.has_floats for each in fields.values())
+    return MessageSpec(name, definition, dialect, struct_type, fields, aliases, is_header, has_floats, finalize)
 
 
 def _same(value: object) -> object:

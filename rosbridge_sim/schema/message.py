@@ -64,6 +64,16 @@ class Message(msgspec.Struct, eq=False):
         return self._json
 
     @property
+    def json_with_words(self) -> bytes:
+        """The JSON text with `NaN`, `Infinity` and `-Infinity` in place of `null`; `json` if all numbers are finite.
+
+        Raises:
+            EncodingError: the value cannot be written.
+        """
+        text = self.json
+        return self.shared("words", lambda: self.type.encode_with_words(self.value, text))
+
+    @property
     def cbor(self) -> bytes:
         """The value as a CBOR map.
 

@@ -18,6 +18,7 @@ from rosbridge_sim.schema.definitions.message_spec import MessageSpec
 from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.schema.json_text import parse_json
 from rosbridge_sim.schema.late_list import LateList
+from rosbridge_sim.schema.number_words import with_words
 from rosbridge_sim.schema.ros_serialization import RosWriters
 from rosbridge_sim.schema.skeleton import Skeleton
 from rosbridge_sim.schema.validate import check
@@ -218,6 +219,17 @@ class MessageType:
             if parts is not None:
                 return parts
         return (_encode(value),)
+
+    def encode_with_words(self, value: Struct, text: bytes) -> bytes:
+        """Return the JSON text of a value with `NaN`, `Infinity` and `-Infinity` in place of `null`; see `with_words`.
+
+        Args:
+            text: its JSON text, which is returned if all numbers are finite.
+        """
+        if not self.spec.has_floats or b"null" not in text:
+            return text
+        changed = with_words(self.spec, value)
+        return text if changed is value else _encode(changed)
 
     def encode_cbor(self, value: Struct) -> bytes:
         """Return the CBOR map of a value: NaN and infinity are kept, numeric arrays are typed arrays."""

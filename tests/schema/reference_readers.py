@@ -52,15 +52,15 @@ def _element(field_spec: FieldSpec, value: Any, spec: MessageSpec) -> Any:  # no
     return msgspec.structs.asdict(value) if field_spec.definition.type in spec.dialect.times else value
 
 
-def as_json(value: Any) -> Any:  # noqa: ANN401 - any value
-    """What is left of Python objects in JSON."""
+def as_json(value: Any, *, has_words: bool = False) -> Any:  # noqa: ANN401 - any value
+    """What is left of Python objects in JSON; NaN and infinity stay if it has words for them."""
     if isinstance(value, dict):
-        return {key: as_json(item) for key, item in value.items()}
+        return {key: as_json(item, has_words=has_words) for key, item in value.items()}
     if isinstance(value, list):
-        return [as_json(item) for item in value]
+        return [as_json(item, has_words=has_words) for item in value]
     if isinstance(value, bytes):
         return base64.b64encode(value).decode()
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return None if isinstance(value, float) and not math.isfinite(value) and not has_words else value
 
 
 def read_cbor(data: bytes) -> Any:  # noqa: ANN401 - any value

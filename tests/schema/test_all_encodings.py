@@ -1,4 +1,4 @@
-"""JSON, CBOR, ROS 1 bytes and CDR agree for every value of every type."""
+"""JSON, JSON with words, CBOR, ROS 1 bytes and CDR agree for every value of every type."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ def has_wide(spec: MessageSpec) -> bool:
 def check_encodings(message_type: MessageType, value: object) -> None:
     spec = message_type.spec
     expected = plain(spec, value)
-    assert json.loads(message_type.encode_json(value)) == as_json(expected)
+    text = message_type.encode_json(value)
+    assert json.loads(text) == as_json(expected)
+    words = message_type.encode_with_words(value, text)
+    assert alike(json.loads(words), as_json(expected, has_words=True))
     assert alike(read_cbor(message_type.encode_cbor(value)), expected)
     if spec.dialect.ros != 1 and has_wide(spec):
         with pytest.raises(FieldError, match="wstring"):

@@ -10,6 +10,7 @@ import time
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal, NoReturn, Unpack
 
 import pytest
@@ -563,6 +564,22 @@ async def test_other_release_at_the_bridge_ends_a_strict_simulator_with_an_exit_
                 assert await serving._run(sim) == 2
         finally:
             gc.unfreeze()
+        far_side.log.clear()  # what was sent until then does not fit
+
+
+@pytest.mark.slow
+async def test_scan_with_infinity_reaches_programs_behind_ros_1(connect: Connect, tmp_path: Path) -> None:
+    pytest.importorskip("embreex")
+    sensors = tmp_path / "scan.toml"
+    sensors.write_text("[[lidar2d]]\nx = 3.8\nz = 0.5\n")
+    async with FarSide() as far_side, attached(far_side.url, sensors=sensors, scene=True, standard_topics=True):
+        client = await connect(far_side.url)
+        await client.subscribe("/lidar2D")
+        frame = await lead(client)
+        for i in range(1, 6):
+            await client.ask("/SyncModeWaitForTick", user_id="me", frame=frame + i)
+        ranges = (await client.message("/lidar2D"))["ranges"]
+        assert 0 < ranges.count(None) < len(ranges), "rosbridge_suite itself sends null in place of infinity"
 
 
 @pytest.mark.slow

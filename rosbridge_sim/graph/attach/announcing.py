@@ -39,6 +39,7 @@ class Announcer:
     Attributes:
         is_attached: everything is announced, and handled there.
         is_time_known: the far side has told which clock its programs use.
+        is_reading_known: a far side of ROS 2 has shown if it takes `null`.
         return_at: when the unadvertised topics are announced again [s]; None if there are none.
         on_ready: called with monotonic time [s] when a connection has announced everything and the far side has handled
             it.
@@ -56,6 +57,7 @@ class Announcer:
         self._known_types: set[str] = set()  # of the topics that the far side has had since it was attached
         self.is_attached = False
         self.is_time_known = False
+        self.is_reading_known = False
         self.return_at: float | None = None
         self.on_ready: Callable[[float], None] = lambda _now: None
         self.on_attached: Callable[[float], None] = lambda _now: None
@@ -114,7 +116,8 @@ class Announcer:
         held = item.topic.kept.get(self._far_side.source)
         for message in held.messages() if held is not None else ():
             try:
-                item.connection.offer(item.name, message.framed(head), self._far_side.now, is_ordered=True)
+                frame = self._far_side.framed(message, head)
+                item.connection.offer(item.name, frame, self._far_side.now, is_ordered=True)
             except EncodingError as error:  # only that message is lost; all others are announced
                 self._far_side.bus.guard.note_encoding(item.name, error)
 
@@ -169,6 +172,8 @@ class Announcer:
             return
         if stamps is not None:
             stamps.settle(now, is_simulated=False)  # in ROS 2 each program has its own parameter
+        if not connection.name:
+            self.ask_reading(connection, now)
         self._announce_all(connection, now)
         if not connection.name:
             self.ask_time(connection, now)
@@ -177,6 +182,9 @@ class Announcer:
         """Stop publishing over a connection that has lost its socket."""
         self.is_attached = False
         self._known_types.clear()
+        if not connection.name:
+            self.is_reading_known = False
+            self._far_side.forget_reading()
         for item in self._registry.items_of(connection):
             item.is_silent = item.is_confirmed = False
             if item.subscription is not None:
@@ -209,6 +217,26 @@ class Announcer:
             then(now)
 
         connection.ask("/rosapi/get_param", on_answer, now, name=PARAMETER, default="")
+
+    def ask_reading(self, connection: BridgeConnection, now: float) -> None:
+        """Ask a far side of ROS 2 with `null` in place of a text: if it refuses that, it refuses it for a number, too.
+
+        Args:
+            connection: the connection for the question.
+        """
+        if self._far_side.bus.store.ros == 1:
+            return
+
+        def on_refusal(why: str) -> None:
+            self._far_side.note_refusal(why)
+            self.is_reading_known = self._far_side.reads_words
+
+        def on_answer(values: Values | None, _now: float) -> None:
+            self.is_reading_known |= values is not None
+
+        connection.ask(
+            "/rosapi/get_param", on_answer, now, on_refusal=on_refusal, name="/rosdistro", default_value=None
+        )
 
     def _announce_all(self, connection: BridgeConnection, now: float) -> None:
         """Announce all items of a connection; services only when the far side has told which ones it has."""

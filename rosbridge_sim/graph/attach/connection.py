@@ -74,6 +74,7 @@ class _Question:
     """
 
     on_answer: OnReply
+    on_refusal: Callable[[str], None]
     service: str
     asked_at: float
     until: float
@@ -236,18 +237,27 @@ class BridgeConnection:
         probe = f"{_PROBE}{self.flow_control.probe(now)}"
         return orjson.dumps({"op": "call_service", "service": PROBE, "id": probe, "args": {}})
 
-    def ask(self, service: str, on_answer: OnReply, now: float, **args: object) -> None:
+    def ask(
+        self,
+        service: str,
+        on_answer: OnReply,
+        now: float,
+        *,
+        on_refusal: Callable[[str], None] = lambda _why: None,
+        **args: object,
+    ) -> None:
         """Call a service there. If the socket is lost first, `on_answer` is never called.
 
         Args:
             on_answer: gets the answer; None for a refusal, an invalid answer, or a time-out.
+            on_refusal: gets the reason of a refusal, before `on_answer` is called.
             args: fields of the request.
         """
         self._num_asked += 1
         question = f"{_QUESTION}{self._num_asked}"
         num_frames = self.flow_control.num_in_flight + len(self.outbox) + 1
         wait = max(self.flow_control.patience, self.patience.wait(num_frames))
-        self._questions[question] = _Question(on_answer, service, now, now + wait, num_frames)
+        self._questions[question] = _Question(on_answer, on_refusal, service, now, now + wait, num_frames)
         self.say("call_service", id=question, service=service, args=args)
 
     # In
@@ -317,7 +327,10 @@ class BridgeConnection:
             self._measure(question, op, now)
             if question.service == PROBE:
                 self.on_probe(bool(op.result), now)
-            question.on_answer(_values_of(op), now)
+            values = _decoded(op.values)
+            if not op.result:
+                question.on_refusal(values if isinstance(values, str) else "")
+            question.on_answer(values if op.result and isinstance(values, dict) else None, now)
         elif (overdue := self._overdue.pop(op.id, None)) is not None:
             self._measure(overdue, op, now)
         return question is not None or op.id.startswith(_QUESTION)  # perhaps an answer after the time-out
@@ -361,13 +374,11 @@ class BridgeConnection:
         return now - question.asked_at < ROUND_TRIPS * self.flow_control.age(now)
 
 
-def _values_of(op: ops.ServiceResponse) -> Values | None:
-    if not op.result:
-        return None
-    if not isinstance(op.values, (bytes, msgspec.Raw)):
-        return op.values if isinstance(op.values, dict) else None
+def _decoded(values: object) -> object:
+    """Return the values of an answer, which may be JSON text; None if it is not valid."""
+    if not isinstance(values, (bytes, msgspec.Raw)):
+        return values
     try:
-        values = msgspec.json.decode(op.values)
+        return msgspec.json.decode(values)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
         return None
-    return values if isinstance(values, dict) else None

@@ -24,6 +24,7 @@ __all__ = [
     "is_list_of_topics",
     "names_of",
     "plain_type",
+    "refuses_null",
     "types_of",
 ]
 
@@ -39,11 +40,17 @@ MAX_DIAGNOSTIC: Final = 500
 MAX_DIAGNOSTICS: Final = 100
 """Largest number of lines that are logged once: more than there are packages, unless the bridge invents names."""
 
+MAX_REASON: Final = 2_000
+"""Characters of an error text that are searched; it may quote a message of any length after that."""
+
 _UNKNOWN = re.compile(r"Unable to import ([\w-]+)\.\w+ from package")
 """Error text of a server for a package that it does not know."""
 
 _OWNED = re.compile(r"(?:Topic|Service) \S+ is (?:published|provided) by (\S+) alone")
 """Error text of a rosbridge_sim server with its own simulator."""
+
+_NO_NULL = re.compile(r"\bNoneType\b")
+"""Word in the error text of a Python program that needs a value and gets `null`."""
 
 _log = logging.getLogger("rosbridge_sim.attach")
 
@@ -140,6 +147,10 @@ class Diagnostics:
             about = f" of {op.id}" if op.id else ""
             self.log_limited(logging.WARNING, f"it says{about}: [{op.level}] {text}", now)
         return ""
+
+    def report_words(self) -> None:
+        """Log that the bridge refuses null for a number."""
+        self.log(logging.INFO, "it refuses null: NaN and infinity are sent to it as the words NaN and Infinity")
 
     def report_no_rosapi(self, seconds: float, *, is_refused: bool) -> None:
         """Log that rosapi there does not answer, though it had time to start.
@@ -248,6 +259,15 @@ class Diagnostics:
             f"it does not know the package {package}, so it lacks {names}: build the package on its machine, and"
             " restart it"
         )
+
+
+def refuses_null(text: str | None) -> bool:
+    """Return True if an error text of the bridge is about a `null` that it does not take.
+
+    Args:
+        text: the text, of any length.
+    """
+    return _NO_NULL.search(text or "", 0, MAX_REASON) is not None
 
 
 def names_of(values: Values | None, key: str) -> list[str]:

@@ -13,12 +13,13 @@ from collections.abc import Callable
 from typing import Final, NoReturn
 
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.graph.attach.diagnostics import Diagnostics
+from rosbridge_sim.graph.attach.diagnostics import Diagnostics, refuses_null
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Notify, Participant
 from rosbridge_sim.graph.refusals import refusal_of
 from rosbridge_sim.graph.stamps import Stamps
 from rosbridge_sim.protocol import ops
+from rosbridge_sim.schema.message import Message
 
 __all__ = ["FAR_SIDE_NAME", "FarSide"]
 
@@ -41,6 +42,8 @@ class FarSide:
             empty text.
         is_synchronous: returns True if only calls move the world now: then the topics of a call are sent before its
             answer, all of them.
+        reads_words: it is sent NaN and infinity as words that JSON does not have, because it refuses `null` in a float
+            field, as rosbridge_suite does. A bridge of ROS 1 is believed to; one of ROS 2 must show it.
         now: monotonic time of the current event [s].
         op: the current op; None between two ops.
         is_gone: it has left the bus for ever.
@@ -65,9 +68,46 @@ class FarSide:
         self.stamps: Stamps | None = None
         self.why_gone: Callable[[str], str] = lambda _name: ""
         self.is_synchronous: Callable[[], bool] = lambda: True
+        self.reads_words = False
+        self.forget_reading()
         self.now = 0.0
         self.op: ops.Op | None = None
         self.is_gone = False
+
+    def forget_reading(self) -> None:
+        """Forget how the bridge reads, because the next one there may be another."""
+        self.reads_words = self.bus.store.ros == 1
+
+    def note_refusal(self, text: str | None) -> None:
+        """Send words from now on if an error text of the bridge is about `null`.
+
+        Args:
+            text: the text.
+        """
+        if not self.reads_words and refuses_null(text):
+            self.reads_words = True
+            self.diagnostics.report_words()
+
+    def body(self, message: Message) -> bytes:
+        """Return the JSON text of a message as this bridge reads it.
+
+        Raises:
+            EncodingError: the message cannot be written.
+        """
+        return message.json_with_words if self.reads_words else message.json
+
+    def framed(self, message: Message, head: bytes) -> bytes:
+        """Return the frame of a topic message as this bridge reads it.
+
+        Args:
+            head: from `publish_head`.
+
+        Raises:
+            EncodingError: the message cannot be written.
+        """
+        if self.reads_words and (body := message.json_with_words) is not message.json:
+            return b"".join((head, body, b"}"))
+        return message.framed(head)
 
     def notify(self, level: str, text: str) -> None:
         """Log a text that a client would be sent; no program there can receive it."""

@@ -29,6 +29,7 @@ from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant, decode_body, resolve
 from rosbridge_sim.graph.topics_services import Answer
 from rosbridge_sim.protocol import ops
+from rosbridge_sim.protocol.json_encoding import response_frame
 from rosbridge_sim.protocol.outbox import OutboxLimits
 from rosbridge_sim.schema.message import Message
 
@@ -220,6 +221,7 @@ class Mirror(FarSide):
         elif isinstance(op, ops.CallService):
             self._call(connection, op, now)
         elif isinstance(op, ops.Status):
+            self.note_refusal(op.msg)
             package = self.diagnostics.note_status(op, self._registry.items, now)
             if package:
                 self._announcer.note_missing_package(package)
@@ -245,7 +247,9 @@ class Mirror(FarSide):
             if connection.session is not session:  # a new socket, on which ids start again
                 return
             if answer.is_ok:
-                session.answer(op.service, op.id, answer.values, is_ok=True)
+                assert isinstance(answer.values, Message)
+                body = self.body(answer.values)
+                session.outbox.send(response_frame(op.service, body, is_ok=True, op_id=op.id))
                 return
             # rosbridge_suite needs an object in `values` and ignores `result`: the caller gets an empty
             # response, which means "no" in MORAI's types; a bridge that supports `reason` can tell why
@@ -330,4 +334,6 @@ class Mirror(FarSide):
         if self._survey.due is not None and now >= self._survey.due:
             if not self._announcer.is_time_known:  # rosapi may have started meanwhile
                 self._announcer.ask_time(self._registry.first, now)
+            if not self._announcer.is_reading_known:
+                self._announcer.ask_reading(self._registry.first, now)
             self._survey.ask(now)

@@ -193,14 +193,15 @@ class MirrorRegistry:
         self.on_added(item)
 
     def _listen(self, item: MirroredItem) -> Subscription:
-        source, connection, name, head = self._far_side.source, item.connection, item.name, publish_head(item.name)
+        far_side, connection, name, head = self._far_side, item.connection, item.name, publish_head(item.name)
+        source = far_side.source
 
         def deliver(topic: Topic, message: Message, sender: Participant, now: float) -> None:
             # A latched message may come just once, and perhaps between the announcements of topics and of services.
             is_open = connection.has_services or topic.is_latching
             if sender is source and is_open and item.is_confirmed and not item.is_silent:
                 is_ordered = self.is_in_call or depth_of(topic, source) > 1
-                connection.offer(name, message.framed(head), now, is_ordered=is_ordered)
+                connection.offer(name, far_side.framed(message, head), now, is_ordered=is_ordered)
 
         is_general = name not in self._extras()
         return self._bus.subscribe(

@@ -35,6 +35,11 @@ class FieldSpec(Record):
     is_single: bool
     is_numeral: bool
 
+    @property
+    def has_floats(self) -> bool:
+        """True if its value may hold floating-point numbers."""
+        return self.definition.type in {"float32", "float64"} if self.nested is None else self.nested.has_floats
+
 
 class MessageSpec(Record):
     """A message type: its fields and rules.
@@ -47,6 +52,7 @@ class MessageSpec(Record):
         fields: by wire name, in wire order.
         aliases: accepted name -> wire name.
         is_header: a missing stamp becomes the present time.
+        has_floats: a field may hold floating-point numbers, nested messages included.
         finalize: `(value, stamp_ns)`: completes in place a struct that was made with its defaults; None where nothing
             is left to do.
     """
@@ -58,6 +64,7 @@ class MessageSpec(Record):
     fields: Mapping[str, FieldSpec]
     aliases: Mapping[str, str]
     is_header: bool
+    has_floats: bool
     finalize: Callable[[Any, int], None] | None = None
 
 

@@ -17,7 +17,7 @@ from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.graph.topics_services import Call, Topic
 from rosbridge_sim.protocol.outbox import Outbox
 from rosbridge_sim.schema.message import Message
-from tests.graph.bus_fixture import make_bus, make_peer
+from tests.graph.bus_fixture import make_bus, make_peer, make_store
 
 __all__ = ["Car", "FarBridge", "Frame", "Program", "SimHarness", "make_deaf"]
 
@@ -134,8 +134,8 @@ class SimHarness:
         noted: mistakes of programs there.
     """
 
-    def __init__(self, *, has_connection_each: bool = False, has_rosapi: bool = True) -> None:
-        self.bus = make_bus()
+    def __init__(self, *, has_connection_each: bool = False, has_rosapi: bool = True, is_ros_2: bool = False) -> None:
+        self.bus = Bus(make_store(2)) if is_ros_2 else make_bus()
         self.noted: list[RefusedRequest] = []
         self.bus.on_refusal = self.noted.append
         self.car = Car(self.bus)

@@ -276,7 +276,7 @@ def test_ros_2_uses_wall_clock_stamps_without_asking() -> None:
     far.connect(mirror, mirror.connections[""])
     far.pump(mirror)
     assert mirror.stamps.is_wall
-    assert not [frame for frame in far.ops("call_service") if frame["service"] == "/rosapi/get_param"]
+    assert "/use_sim_time" not in [frame["args"].get("name") for frame in far.ops("call_service")]
 
 
 # What has gone and may come back
