@@ -49,6 +49,9 @@ _UNKNOWN = re.compile(r"Unable to import ([\w-]+)\.\w+ from package")
 _OWNED = re.compile(r"(?:Topic|Service) \S+ is (?:published|provided) by (\S+) alone")
 """Error text of a rosbridge_sim server with its own simulator."""
 
+_NUMBER = re.compile(r"(?<![\w/.])-?\d[\w.+-]*")
+"""A number in an error text, but none in a name such as `/Ego_topic_1`: messages of one kind differ in these."""
+
 _NO_NULL = re.compile(r"\bNoneType\b")
 """Word in the error text of a Python program that needs a value and gets `null`."""
 
@@ -79,6 +82,7 @@ class Diagnostics:
         self._address = address
         self._ros = ros
         self._logged: set[str] = set()
+        self._statuses: set[str] = set()  # status messages that were logged, without their numbers
         self._num_lines = self._num_suppressed = 0
         self._lines_until = 0.0
 
@@ -104,11 +108,14 @@ class Diagnostics:
             self._logged.add(text)
             self.log(logging.WARNING, text)
 
-    def log_limited(self, level: int, text: str, now: float) -> None:
+    def log_limited(self, level: int, text: str, now: float) -> bool:
         """Log a line about an event that may repeat; too many lines in a short time are only counted.
 
         Args:
             level: level of `logging`.
+
+        Returns:
+            True if it was logged.
         """
         if now >= self._lines_until:
             if self._num_suppressed:
@@ -118,13 +125,14 @@ class Diagnostics:
         if self._num_lines < MAX_LINES:
             self._num_lines += 1
             self.log(level, text)
-        else:
-            self._num_suppressed += 1
+            return True
+        self._num_suppressed += 1
+        return False
 
     # Findings
 
     def note_status(self, op: Status, ours: Collection[ItemKey], now: float) -> str:
-        """Log a status message of the bridge.
+        """Log a status message of the bridge; one that differs only in its numbers from an earlier one is left out.
 
         Args:
             ours: the announced items.
@@ -145,7 +153,11 @@ class Diagnostics:
             )
         else:
             about = f" of {op.id}" if op.id else ""
-            self.log_limited(logging.WARNING, f"it says{about}: [{op.level}] {text}", now)
+            line = f"it says{about}: [{op.level}] {text}"
+            kind = _NUMBER.sub("#", line[:MAX_DIAGNOSTIC])
+            is_new = kind not in self._statuses
+            if is_new and self.log_limited(logging.WARNING, line, now) and len(self._statuses) < MAX_DIAGNOSTICS:
+                self._statuses.add(kind)
         return ""
 
     def report_words(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 from collections.abc import Callable
 from typing import Any
@@ -174,3 +175,30 @@ def test_other_refusals_and_statuses_leave_null() -> None:
     for text in ("Service /rosapi/get_param does not exist", "x" * 10**6 + " NoneType", None):
         harness.receive({"op": "status", "level": "error", "msg": text})
     assert not reads_words(harness)
+
+
+# The log
+
+
+def test_status_about_messages_of_a_kind_is_logged_once(lines: Callable[[], list[str]]) -> None:
+    harness = make_scanner()
+    harness.attach()
+    lines()
+    for i in range(100):
+        for topic in ("/Ego_topic_1", "/Ego_topic_2"):
+            text = f"publish: {topic}: field x: {i}.5 is too large, at byte {i}"
+            harness.receive({"op": "status", "level": "error", "msg": text}, now=20.0 * i)
+    assert lines() == [
+        f"ws://far:9090: it says: [error] publish: {topic}: field x: 0.5 is too large, at byte 0"
+        for topic in ("/Ego_topic_1", "/Ego_topic_2")
+    ]
+
+
+def test_status_that_was_left_out_of_a_full_log_is_logged_later(lines: Callable[[], list[str]]) -> None:
+    harness = make_scanner()
+    harness.attach()
+    for i in range(30):
+        harness.mirror.note(logging.WARNING, f"line {i}", 0.0)
+    for now in (0.0, 20.0, 40.0):
+        harness.receive({"op": "status", "level": "error", "msg": "disk full"}, now=now)
+    assert len([line for line in lines() if "disk full" in line]) == 1
