@@ -20,6 +20,7 @@ from rosbridge_sim.errors import DocumentError, GraphError
 from rosbridge_sim.graph.ros2.quality import Quality
 from rosbridge_sim.graph.ros2.ros2_names import dds_type
 from rosbridge_sim.records import Record
+from rosbridge_sim.shell.ros2.loopback import close_to_network
 
 __all__ = [
     "FITTING",
@@ -156,12 +157,13 @@ class DdsDomain:
         key: the 16 bytes of identity of our program.
     """
 
-    def __init__(self, domain: int, config: str, user_data: bytes) -> None:
+    def __init__(self, domain: int, config: str, user_data: bytes, *, is_local: bool) -> None:
         """Open the domain.
 
         Args:
             config: configuration of the library, XML.
             user_data: what other programs are told about ours.
+            is_local: take nothing from other machines.
 
         Raises:
             DocumentError: the library refuses it.
@@ -176,6 +178,8 @@ class DdsDomain:
         except DDSException as error:
             text = "another simulator of this process is in it" if error.code == _PRECONDITION else _why(error)
             raise DocumentError(f"ros2-domain: cannot use domain {domain}: {text}") from None
+        if is_local:
+            close_to_network(domain)
         self.key: bytes = self._participant.get_guid().bytes
         self._topics: dict[str, Any] = {}
         self._entities: dict[int, Any] = {}

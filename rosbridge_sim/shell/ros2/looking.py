@@ -57,7 +57,7 @@ def look_at_domain(domain: int, distro: Distro, patience: float) -> SeenGraph:
 
 def _look(domain: int, place: Discovery, distro: Distro, patience: float) -> tuple[str, list[SeenEndpoint]]:
     """Return the full name of the server's node, and all endpoints; an empty name if it was not found."""
-    opened = DdsDomain(domain, config_of(place, MAX_MESSAGE), b"enclave=/;")
+    opened = DdsDomain(domain, config_of(place, MAX_MESSAGE), b"enclave=/;", is_local=place == "localhost")
     try:
         data_type = DdsTypes().make(*discovery_type(distro))
         info = opened.open_reader(DISCOVERY_TOPIC, data_type, NAMES, b"", _do_nothing)

@@ -72,7 +72,8 @@ _CONFIGS: Final = {
     ),
     "multicast": f"<General><AllowMulticast>spdp</AllowMulticast>{_COMMON}</General>",
 }
-"""Configurations of Cyclone DDS. With `localhost` no packet leaves loopback."""
+"""Configurations of Cyclone DDS. With `localhost` no packet leaves loopback, and none
+comes from elsewhere (`loopback.py`)."""
 
 
 def config_of(discovery: Discovery, max_message_size: int) -> str:
@@ -123,7 +124,8 @@ class Ros2Node:
         self._choices = choices
         self._loop = loop
         config = config_of(choices.discovery, choices.max_message_size)
-        self._domain = DdsDomain(choices.domain, config, b"enclave=/;")
+        is_local = choices.discovery == "localhost"
+        self._domain = DdsDomain(choices.domain, config, b"enclave=/;", is_local=is_local)
         self._types = DdsTypes()
         self._writers: dict[str, DdsWriter] = {}
         self._readers: dict[str, DdsReader] = {}

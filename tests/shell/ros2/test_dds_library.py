@@ -28,7 +28,7 @@ ON_LOOPBACK = (
 
 @pytest.fixture
 def domain() -> Iterator[DdsDomain]:
-    opened = DdsDomain(domain_of(3), ON_LOOPBACK, b"enclave=/;")
+    opened = DdsDomain(domain_of(3), ON_LOOPBACK, b"enclave=/;", is_local=True)
     yield opened
     opened.close()
 
