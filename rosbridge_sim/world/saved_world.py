@@ -14,7 +14,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from rosbridge_sim.world.drivers.lane_position import MAX_WANDER
-from rosbridge_sim.world.geometry.planar import FloatArray, IntArray
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, IntArray
 from rosbridge_sim.world.lane_changes.lane_change_model import MAX_REASON
 from rosbridge_sim.world.roads.paths import END, NUM_COLUMNS, PathsSnapshot
 from rosbridge_sim.world.roads.roads import Roads
@@ -86,6 +86,7 @@ def to_plain(saved: Snapshot) -> Plain:
         "until": signals.until,
         "routes": dict(saved.routes),
         "is_scoring": int(saved.is_scoring),
+        "score_digest": _digest_scores(saved.floats, saved.ints, saved.bools, is_scoring=saved.is_scoring),
         "dynamics": int(saved.dynamics),
         "is_creeping": int(saved.is_creeping),
         "has_stability_control": int(saved.has_stability_control),
@@ -94,6 +95,12 @@ def to_plain(saved: Snapshot) -> Plain:
         "placed_uids": np.array(saved.placed_uids, dtype=np.int64),
         "turn_shares": np.array([] if saved.turn_shares is None else astuple(saved.turn_shares), dtype=np.float64),
     }
+
+
+def _digest_scores(floats: FloatArray, ints: IntArray, bools: BoolArray, *, is_scoring: bool) -> bytes:
+    """Return a digest of the scores: those of bytes from outside are checked by it, because no state hash has them."""
+    blocks = [block[num:].tobytes() for block, num in zip((floats, ints, bools), NUM_CORE, strict=True)]
+    return blake2b(b"".join([bytes([is_scoring]), *blocks]), digest_size=16).digest()
 
 
 def from_plain(data: object, roads: Roads, plan: SignalPlan) -> Snapshot:
@@ -154,6 +161,8 @@ class _Reader:
         if not is_scoring:
             scores = [block[num:].any() for block, num in zip((floats, ints, bools), NUM_CORE, strict=True)]
             _expect(not any(scores), "is_scoring", "zeros in the columns of scores while none are kept")
+        digest = _digest_scores(floats, ints, bools, is_scoring=is_scoring)
+        _expect(self._data.get("score_digest") == digest, "score_digest", "that of the scores")
         contacts = self._array("contacts", np.int64, (None, 2))
         _expect(bool(np.isin(contacts, uids[:, 0]).all()), "contacts", "ids of entities")
         passing, placed = self._array("passing", np.int64, (None, 2)), self._array("placed_uids", np.int64, (None,))

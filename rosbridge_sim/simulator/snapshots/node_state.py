@@ -152,7 +152,10 @@ class NodeState:
         )
 
     def hash(self) -> str:
-        """Return 32 hexadecimal digits: equal states have equal ones, in any process."""
+        """Return 32 hexadecimal digits: equal states have equal ones, in any process.
+
+        Scores are not in it: a subscription or a question begins them, and they move nothing.
+        """
         context, scene = self._context, self._context.scene
         waiting = [(frame, command.source, command.action) for frame, command in context.sync.waiting()]
         egos = [ego.save_state() for ego in context.egos]
@@ -330,7 +333,7 @@ _Rest: TypeAlias = tuple[int, Sequence[EgoState], Sequence[tuple[int, str, Scene
 
 def _hash(world: World, found: FoundMap, loaded: Load, rest: _Rest) -> str:
     next_uid, egos, waiting, components = rest
-    state = blake2b(world.digest().encode(), digest_size=16)
+    state = blake2b(world.digest(has_scores=False).encode(), digest_size=16)
     state.update(world.model_figures())
     state.update(found.road_map.digest + loaded.packed.digest)
     packed = [(frame, source, None if action is None else pack_action(action)) for frame, source, action in waiting]

@@ -481,8 +481,8 @@ class World(RowWorlds):
         self.touch()
 
     def model_figures(self) -> bytes:
-        """Return the figures of bodies and models that `digest` leaves out, because older digests do not have them."""
-        columns = self._floats[:, : self.n].tobytes() if self.dynamics == Dynamics.KINEMATIC else b""
+        """Return the figures of bodies and models that `digest` leaves out, as older ones did; no scores."""
+        columns = self._floats[: NUM_CORE[0], : self.n].tobytes() if self.dynamics == Dynamics.KINEMATIC else b""
         return columns + labels.figures_of_all(self.bodies)
 
     def restore_driven(self, uid: int, saved: Snapshot) -> None:
@@ -496,12 +496,17 @@ class World(RowWorlds):
         self._bools[:, row] = saved.bools[:, before]
         self.touch()
 
-    def digest(self) -> str:
-        """Return a hash of the whole state, 32 hexadecimal digits: equal worlds have equal digests."""
+    def digest(self, *, has_scores: bool = True) -> str:
+        """Return a hash of the whole state, 32 hexadecimal digits: equal worlds have equal digests.
+
+        Args:
+            has_scores: with the scores of the egos while they are kept; they move nothing.
+        """
         state = blake2b(digest_size=16)
         counts = (self.frame, self.seed, self._next_uid, self.n)
         state.update(repr((counts, list(self._rows.items()))).encode())
-        num_floats, num_ints, num_bools = (None, None, None) if self.is_scoring else NUM_CORE
+        has_scores = has_scores and self.is_scoring
+        num_floats, num_ints, num_bools = (None, None, None) if has_scores else NUM_CORE
         if self.has_impacts:
             state.update(b"impacts" + repr(sorted(self.placed_uids)).encode() + self.passing.tobytes())
         if self.turn_shares is not None:
@@ -510,7 +515,7 @@ class World(RowWorlds):
         codes = self.int_block(LANE_CHANGE_CODES[0], LANE_CHANGE_CODES[-1])
         has_changes = bool(changes.any() or codes.any() or self.keeps_lane.any())
         if self.dynamics == Dynamics.KINEMATIC and not self.has_impacts:
-            state.update(self._floats[KINEMATIC_ALL if self.is_scoring else KINEMATIC_CORE, : self.n].tobytes())
+            state.update(self._floats[KINEMATIC_ALL if has_scores else KINEMATIC_CORE, : self.n].tobytes())
             if has_changes:
                 state.update(b"lane changes" + changes.tobytes())
         else:
