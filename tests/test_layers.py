@@ -92,8 +92,8 @@ simulator.markers: * graph maps morai.messages schema simulator.bus simulator.ke
 simulator.sim_services: * graph maps morai.messages scenarios scenery scenery.moving scenery.static schema
     simulator.bus simulator.kernel simulator.markers simulator.plain simulator.scene simulator.sync units world
     world.contacts world.drivers world.followers world.geometry world.lane_changes world.roads world.state
-simulator.replays: * graph morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain simulator.scene
-    units world world.geometry world.state
+simulator.replays: * graph morai.messages scenarios schema simulator.bus simulator.kernel simulator.plain
+    simulator.scene units world world.geometry world.state
 simulator.snapshots: * graph maps morai.messages protocol scenarios schema simulator.bus simulator.kernel
     simulator.plain simulator.replays simulator.scene simulator.sync world world.drivers world.roads world.state
 simulator: * graph morai morai.messages scenarios scenery schema simulator.bus simulator.kernel simulator.markers

@@ -134,7 +134,7 @@ class _Part(NamedTuple):
 
 def _find_paint(paint: _Part, places: NDArray[np.floating]) -> NDArray[np.int64]:
     """Return the triangle of paint at each place (n, 3), (n,); -1 for none."""
-    above = np.asarray(places + (0.0, 0.0, FILM), dtype=np.float32)
+    above = np.asarray(places + np.array((0.0, 0.0, FILM)), dtype=np.float32)
     down = np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(places), 1))
     _, rows = _run(paint.scene, above, down, np.full(len(places), 2.0 * FILM, dtype=np.float32))
     found = np.full(len(places), -1, dtype=np.int64)
