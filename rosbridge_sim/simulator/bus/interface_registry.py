@@ -122,6 +122,7 @@ class ListedInterface(Record):
 
     Attributes:
         kind: publisher, subscriber or service.
+        type_name: package and type.
         name: its name on the bus.
         is_on: true if it is on the bus.
         rate: publications a second [Hz]; None for an item without a rate.
@@ -129,6 +130,7 @@ class ListedInterface(Record):
 
     kind: InterfaceKind
     default: str
+    type_name: str
     name: str
     is_on: bool
     rate: float | None
@@ -297,7 +299,9 @@ class InterfaceRegistry:
                 if item.kind is kind and item.prefix == "/":
                     choice = self.settings.choice(kind, item.default)
                     rate = None if item.rate is None else choice.rate or item.rate
-                    yield ListedInterface(kind, item.default, choice.name or "", bool(choice.is_on), rate)
+                    yield ListedInterface(
+                        kind, item.default, item.type_name, choice.name or "", bool(choice.is_on), rate
+                    )
 
     def _place(self, item: Interface, settings: NetworkSettings, now: float) -> None:
         """Give an item the name, switch and rate of the settings."""

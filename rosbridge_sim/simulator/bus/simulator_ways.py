@@ -55,6 +55,15 @@ _SEEN: Final = _hearing(
     *("/lidar3D", "/lidar2D", "/radar"),
 )
 
+_SENSOR_TYPES: Final = frozenset(
+    {
+        *("sensor_msgs/CompressedImage", "sensor_msgs/Image", "sensor_msgs/PointCloud2", "sensor_msgs/LaserScan"),
+        *("morai_msgs/RadarDetections", "rosbridge_sim_msgs/BoundingBoxes"),
+        *("vision_msgs/Detection2DArray", "vision_msgs/Detection3DArray"),
+    }
+)
+"""Types that say what cameras, lidars and radars see."""
+
 _SAME: Final = (
     _publishing("/ctrl_cmd", "/ctrl_cmd_0"),
     _hearing("/ctrl_cmd", "/ctrl_cmd_0"),
@@ -116,6 +125,8 @@ _EFFECTS: Final = (
     PolicyEffect(
         "add, move or remove an ego's sensors", (*_publishing("/SensorPosControl"), *_calling("/sim/sensors"))
     ),
+    # A sensor can be added on another topic, and a snapshot may bring one.
+    PolicyEffect("see what cameras, lidars and radars see", _SEEN, (*_calling("/sim/sensors"), *_RESTORE)),
     PolicyEffect("set the weather", _calling("/sim/weather"), (*_RESET, *_RESTORE)),
     PolicyEffect("save sensor data", _publishing("/SaveSensorData"), _calling("/SyncModeCtrlCmd")),
     PolicyEffect(
@@ -208,14 +219,20 @@ class SimulatorWays:
         """
         if self._items is None:
             return
-        names = {(item.kind, item.default): item.name for item in self._items.listing() if item.is_on}
+        items = [item for item in self._items.listing() if item.is_on]
+        names = {(item.kind, item.default): item.name for item in items}
+        seen = _hearing(*[item.name for item in items if item.type_name in _SENSOR_TYPES])
 
         def named(ways: tuple[Way, ...]) -> tuple[Way, ...]:
-            return tuple(
+            found = [
                 Way(use, names.get((_KINDS[use], default), default))
                 for use, default in ways
                 if (_KINDS[use], default) in names or default.startswith("/rosapi/")
-            )
+            ]
+            if ways == _SEEN:  # a sensor may be added on these
+                found = list(_SEEN)
+            sensors = seen if set(_SEEN) <= set(ways) else ()  # they may have topics of any names
+            return tuple(dict.fromkeys((*sensors, *found)))
 
         for effect in _EFFECTS:
             yield PolicyEffect(effect.what, named(effect.ways), named(effect.also))

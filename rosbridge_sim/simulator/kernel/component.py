@@ -7,6 +7,7 @@ simulator asks it once for its topics and services.
 
 from __future__ import annotations
 
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.ego import Ego
@@ -53,6 +54,18 @@ class Component:
         What follows from the world, the egos or the scene is not in it: they are saved by themselves.
         """
         return None
+
+    def check_state(self, data: PlainData, caller: Participant) -> None:
+        """Check that a client may have this state restored; nothing has changed yet.
+
+        Args:
+            data: from `save_state`, perhaps of another process, or made up.
+
+        Raises:
+            GraphError: it must not.
+            ValueError: it is no such data.
+            DocumentError: the same.
+        """
 
     def load_state(self, data: PlainData, now: float) -> None:  # noqa: ARG002 - those that publish use it
         """Become what `save_state` has returned; the world, the scene and the egos have been restored before.

@@ -10,13 +10,23 @@ from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.ego import Ego
 from rosbridge_sim.simulator.kernel.hooks import Hooks
+from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO
 
-__all__ = ["EgoInterfaces"]
+__all__ = ["EgoInterfaces", "ego_prefix"]
 
 MAX_GONE: Final = 1_000
 """Largest number of remembered services of removed egos, because a client may add egos under ever new numbers."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
+
+
+def ego_prefix(index: int) -> str:
+    """Return the prefix of the topics and services of an ego.
+
+    Args:
+        index: its number.
+    """
+    return "/" if index == FIRST_EGO else f"/Ego-{index}/"
 
 
 class EgoInterfaces:
@@ -42,7 +52,7 @@ class EgoInterfaces:
         Raises:
             GraphError: a client has given one of the topics another type. `drop` removes what was added.
         """
-        bindings = self._bindings[ego.index] = SubscribersServices(self._interfaces, f"/Ego-{ego.index}/")
+        bindings = self._bindings[ego.index] = SubscribersServices(self._interfaces, ego_prefix(ego.index))
         for give in self._hooks.on_new_ego:
             give(ego, bindings)
         # last, because `why_gone` must explain a missing service until all of them are back

@@ -83,20 +83,22 @@ class SensorService(Component):
         rig, message = self._mounted.rig_of(ego), ""
         try:
             if request.remove or request.add or request.move:
-                self._change(rig, request, now, is_quick=is_quick)
+                self._change(rig, call, now, is_quick=is_quick)
         except MistakeNotReadyError:
             raise
         except (PeerError, DocumentError) as error:
             message = str(error)
         call.answer(respond(result=not message, message=message, sensors=self._list(rig)))
 
-    def _change(self, rig: EgoRig, request: Any, now: float, *, is_quick: bool) -> None:  # noqa: ANN401 - a generated struct
+    def _change(self, rig: EgoRig, call: Call, now: float, *, is_quick: bool) -> None:
         """Remove, add and move sensors; `is_quick` as for `read_rig`.
 
         Raises:
             DocumentError: a text is no sensor, or no place.
-            PeerError: an ego cannot have these sensors together, or there is no such sensor. Nothing has changed.
+            PeerError: an ego cannot have these sensors together, there is no such sensor, or the client may not have
+                them publish there. Nothing has changed.
         """
+        request: Any = call.request
         ego = rig.ego
         specs = list(rig.specs)
         for name in request.remove:
@@ -108,6 +110,7 @@ class SensorService(Component):
                 raise FieldError(f"add: {spec.kind}: each ego has one; move {spec.frame_id} instead")
         specs += added
         check_rig(specs)
+        self._mounted.check_topics(ego.index, added, call.caller)
         why = self._mounted.why_no_worker(added)
         if why:
             raise FieldError(f"add: {why}")

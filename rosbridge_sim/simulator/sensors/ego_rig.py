@@ -88,6 +88,11 @@ class EgoRig:
         """Return whether a sensor publishes messages of a type."""
         return any(one.topic is not None and one.type_name == type_name for one in self._publishers.values())
 
+    @property
+    def topics(self) -> set[str]:
+        """The default names of its topics, without the prefix."""
+        return set(self._publishers)
+
     def mount(self, specs: Rig, now: float) -> None:
         """Have other sensors; one that stays keeps its place and its figures.
 

@@ -22,14 +22,17 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import Final
 
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.errors import DocumentError, GraphError, Reason
+from rosbridge_sim.graph.participant import Participant, check_publishing
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.scenery.camera_geometry import Pose
 from rosbridge_sim.scenery.scene_frame import EgoLook, SceneFrame, take_frame
+from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
+from rosbridge_sim.simulator.kernel.ego_interfaces import ego_prefix
 from rosbridge_sim.simulator.kernel.ego_lamps import lamps_of
 from rosbridge_sim.simulator.kernel.tf_publisher import frame_prefix
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
@@ -53,6 +56,7 @@ from rosbridge_sim.simulator.sensors.sensor_specs import (
     check_rig,
     complete,
     is_due,
+    topics_of,
 )
 from rosbridge_sim.simulator.sensors.sensor_table import SENSORS
 from rosbridge_sim.simulator.sensors.weather import WeatherControl
@@ -151,6 +155,36 @@ class MountedSensors(Component):
         if self._worker is None:
             return "this simulator draws nothing: radars alone are possible"
         return self._worker.why_not(drawn)
+
+    def check_topics(self, index: int, specs: Rig, caller: Participant) -> None:
+        """Check that a client may have sensors publish on the topics that an ego does not have yet.
+
+        They are the simulator's alone then. So nobody else may publish there, and the client needs the right to do so,
+        unless the start of the server has put a sensor there.
+
+        Args:
+            index: number of the ego, which need not be there: it comes with the rig of the start.
+            specs: sensors that the ego is to have.
+            caller: the client.
+
+        Raises:
+            GraphError: it may not have them.
+        """
+        context = self._context
+        at_start = {name for spec in self._start_rig for name, _ in topics_of(spec)}
+        had = at_start if context.egos.find(index) is None else self._rigs[index].topics
+        for spec in specs:
+            for default, type_name in topics_of(spec):
+                name = context.interfaces.name_of(InterfaceKind.PUBLISHER, default, ego_prefix(index))
+                if default in had or not name:  # an empty name: the network settings have it off
+                    continue
+                if default not in at_start:
+                    check_publishing(caller, name, type_name)
+                topic = context.bus.find_topic(name)
+                if topic is not None and topic.publishers:
+                    owner = next(iter(topic.publishers))
+                    text = f"{spec.frame_id}: topic {name} is published by {owner.name}; choose another one"
+                    raise GraphError(text, reason=Reason.NAME_TAKEN)
 
     def _read_in_frame(self, ego: Ego, spec: SensorSpec) -> Struct | None:
         """Return the message of a sensor that is published with its frame; None for another one, and for a lost one."""
@@ -416,13 +450,14 @@ class MountedSensors(Component):
         ]
         return rigs or None
 
+    def check_state(self, data: PlainData, caller: Participant) -> None:
+        """Check that the client may have the saved rigs mounted; see `Component.check_state`."""
+        for index, specs in _saved_rigs(data).items():
+            self.check_topics(index, specs, caller)
+
     def load_state(self, data: PlainData, now: float) -> None:
         """Have the saved rigs; see `Component.load_state`."""
-        saved_rigs = read_as(tuple[tuple[int, tuple[str, ...]], ...], () if data is None else data, "sensors")
-        rigs: dict[int, Rig] = {}
-        for index, texts in saved_rigs:
-            rigs[index] = tuple(spec for text in texts for spec in read_rig_text(text, "sensors", is_quick=True))
-            check_rig(rigs[index])
+        rigs = _saved_rigs(data)
         egos = {ego.index: ego for ego in self._context.egos}
         if not rigs.keys() <= egos.keys():
             raise ValueError("expected sensors of egos that are there")
@@ -433,6 +468,20 @@ class MountedSensors(Component):
                 raise ValueError(f"expected a place for each sensor of ego {index}")
             rig.mount(specs, now)
             ego.mountings = saved
+
+
+def _saved_rigs(data: PlainData) -> dict[int, Rig]:
+    """Return the saved cameras, lidars and radars by the numbers of the egos.
+
+    Raises:
+        DocumentError: it is no such data.
+        FieldError: an ego cannot have these sensors together.
+    """
+    rigs: dict[int, Rig] = {}
+    for index, texts in read_as(tuple[tuple[int, tuple[str, ...]], ...], () if data is None else data, "sensors"):
+        rigs[index] = tuple(spec for text in texts for spec in read_rig_text(text, "sensors", is_quick=True))
+        check_rig(rigs[index])
+    return rigs
 
 
 def _keep_file(files: dict[str, bytes], name: str, result: Result, _now: float) -> None:

@@ -17,6 +17,7 @@ from rosbridge_sim.simulator.bus.publishers import Publishers
 from rosbridge_sim.simulator.kernel.component import Component
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
+from rosbridge_sim.simulator.kernel.ego_interfaces import ego_prefix
 
 __all__ = ["DRIVERS", "Drivers"]
 
@@ -100,8 +101,8 @@ class Drivers(Component):
     def _publishers(self, ego: Ego) -> tuple[str, ...]:
         """Return the addresses of the clients that advertise an ego's control."""
         context = self._context
-        is_first = ego is context.egos.first
-        prefix, names = ("/", ("/ctrl_cmd", "/ctrl_cmd_0")) if is_first else (f"/Ego-{ego.index}/", ("/ctrl_cmd",))
+        prefix = ego_prefix(ego.index)
+        names = ("/ctrl_cmd", "/ctrl_cmd_0") if ego is context.egos.first else ("/ctrl_cmd",)
         found: dict[str, None] = {}
         for default in names:
             name = context.interfaces.name_of(InterfaceKind.SUBSCRIBER, default, prefix)

@@ -23,6 +23,7 @@ from typing import Any, Final, TypeAlias
 import numpy as np
 
 from rosbridge_sim.errors import DocumentError, PeerError
+from rosbridge_sim.graph.participant import Participant
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.records import Record
 from rosbridge_sim.simulator.kernel.component import Component
@@ -202,6 +203,19 @@ class NodeState:
                 raise
             if not isinstance(error, (ValueError, DocumentError, PeerError)):
                 _log.info("a snapshot was refused: a component fails on it", exc_info=error)
+            raise DocumentError(f"state: {error!s:.200}") from None
+
+    def check_allowed(self, saved: SavedState, caller: Participant) -> None:
+        """Check that a client may have this state restored; nothing changes.
+
+        Raises:
+            DocumentError: it is a state that this simulator cannot have.
+            GraphError: the client must not have it.
+        """
+        try:
+            for component in self._components:
+                component.check_state(saved.components[type(component).__name__], caller)
+        except ValueError as error:
             raise DocumentError(f"state: {error!s:.200}") from None
 
     def parse(self, state: PlainData, maps: Maps, plans: Plans) -> SavedState:

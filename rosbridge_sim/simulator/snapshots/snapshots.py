@@ -453,6 +453,7 @@ class Snapshots(Component):
     def _carry_out(self, restoration: _Restoration, state: SavedState, now: float) -> None:
         head, call = restoration.head, restoration.call
         assert head is not None
+        self._state.check_allowed(state, call.caller)
         replay, recording = self._replay, self._replay.recording
         if restoration.recording is not None:
             replay.hand_over(restoration.recording)

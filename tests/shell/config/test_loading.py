@@ -289,9 +289,13 @@ def test_printed_config_gives_the_settings_back(tmp_path: Path) -> None:
 
 def test_printed_config_lists_all_interfaces_then_other_entries(tmp_path: Path) -> None:
     items = [
-        ListedInterface(InterfaceKind.PUBLISHER, "/Ego_topic", "/car", is_on=True, rate=12.5),
-        ListedInterface(InterfaceKind.PUBLISHER, "/tf_static", "/tf_static", is_on=False, rate=None),
-        ListedInterface(InterfaceKind.SERVICE, "/sim/reset", "/sim/reset", is_on=True, rate=None),
+        ListedInterface(
+            InterfaceKind.PUBLISHER, "/Ego_topic", "morai_msgs/EgoVehicleStatus", "/car", is_on=True, rate=12.5
+        ),
+        ListedInterface(
+            InterfaceKind.PUBLISHER, "/tf_static", "tf2_msgs/TFMessage", "/tf_static", is_on=False, rate=None
+        ),
+        ListedInterface(InterfaceKind.SERVICE, "/sim/reset", "std_srvs/Trigger", "/sim/reset", is_on=True, rate=None),
     ]
     own = {"/Ego_topic": {"name": "/car"}, "/Ego-2/Ego_topic": {"rate": 5}}
     text = format_config(check_options({"publishers": own}), items)

@@ -295,3 +295,98 @@ def test_denying_one_of_many_broad_routes_logs_nothing_about_the_others(harness:
     (line,) = denying(harness, service="/Service_MoraiSL").left_open()
     assert "to put another scene in place: calling /sim/reset" in line
     assert "/ctrl_cmd" not in line
+
+
+# Sensors
+
+CLOSED = Rule(deny=("/closed/*", "/image_jpeg/*"))
+IMAGE = "sensor_msgs/CompressedImage"
+
+
+def with_camera(**settings: Any) -> SimHarness:  # noqa: ANN401 - NodeSettings' own fields
+    return SimHarness(sensors=PRESETS["camera"], worker=AtOnceWorker(), **settings)
+
+
+def camera(topic: str) -> str:
+    return f'{{"camera": [{{"frame_id": "mine", "topic": "{topic}"}}]}}'
+
+
+def publishers(harness: SimHarness, name: str) -> list[str]:
+    topic = harness.bus.find_topic(name)
+    return [] if topic is None else [owner.name for owner in topic.publishers]
+
+
+@pytest.mark.parametrize("rule", [CLOSED, Rule(allow=("/open/*",))])
+def test_client_adds_a_sensor_only_where_it_may_publish(rule: Rule) -> None:
+    harness = with_camera()
+    harness.client().send("/ego_setting", "morai_msgs/MultiEgoSetting", **put_egos(2))
+    client = Wire(harness.bus, completed(Policy(publish=rule), harness))
+    for ego in (0, 2):
+        answer = ask(client, "/sim/sensors", ego=ego, add=camera("/closed/compressed"))
+        assert (answer["result"], len(answer["sensors"])) == (False, 3)
+        assert answer["message"].startswith("Not allowed to publish to ")
+        assert ask(client, "/sim/sensors", ego=ego, add=camera("/open/compressed"))["result"] is True
+    assert publishers(harness, "/closed/compressed") == publishers(harness, "/Ego-2/closed/compressed") == []
+
+
+def test_client_takes_the_camera_of_the_start_away_and_puts_it_back_where_it_may_not_publish() -> None:
+    harness = with_camera()
+    client = Wire(harness.bus, completed(Policy(publish=CLOSED), harness))
+    topic = "/image_jpeg/compressed"
+    kept = ask(client, "/sim/snapshot")["id"]
+    assert ask(client, "/sim/sensors", remove=["Camera"])["result"] is True
+    assert publishers(harness, topic) == []
+    assert ask(client, "/sim/sensors", add='{"camera": [{}]}')["result"] is True
+    assert ask(client, "/sim/sensors", remove=["Camera"])["result"] is True
+    assert ask(client, "/sim/restore", id=kept)["result"] is True
+    assert publishers(harness, topic) == ["/morai_sim"]
+
+
+def test_sensor_that_a_client_adds_takes_no_topic_of_another_client() -> None:
+    harness = with_camera()
+    owner, client = harness.client(), Wire(harness.bus, completed(Policy(), harness))
+    harness.bus.advertise(owner, "/mine/compressed", IMAGE)
+    answer = ask(client, "/sim/sensors", add=camera("/mine/compressed"))
+    assert answer["message"] == "mine: topic /mine/compressed is published by /client_1; choose another one"
+    assert answer["result"] is False
+    assert publishers(harness, "/mine/compressed") == ["/client_1"]
+    assert owner.lost == []
+    assert ask(client, "/sim/sensors", add=camera("/other/compressed"))["result"] is True
+    assert ask(client, "/sim/sensors", remove=["mine"], add=camera("/other/compressed"))["result"] is True
+
+
+@pytest.mark.parametrize("is_by_name", [True, False])
+@pytest.mark.parametrize("is_taken", [True, False])
+def test_restored_sensors_need_the_right_and_a_free_topic_too(*, is_by_name: bool, is_taken: bool) -> None:
+    harness = with_camera()
+    user, owner = Wire(harness.bus, completed(Policy(), harness)), harness.client()
+    topic = "/closed/compressed"
+    assert ask(user, "/sim/sensors", add=camera(topic))["result"] is True
+    taken = ask(user, "/sim/snapshot", with_data=True)
+    assert ask(user, "/sim/sensors", remove=["mine"])["result"] is True
+    policy = Policy() if is_taken else Policy(publish=CLOSED)
+    client = Wire(harness.bus, completed(policy, harness))
+    if is_taken:
+        harness.bus.advertise(owner, topic, IMAGE)
+    which = {"id": taken["id"]} if is_by_name else {"data": taken["data"]}
+    answer = ask(client, "/sim/restore", **which)
+    why = f"mine: topic {topic} is published by /client_1" if is_taken else f"Not allowed to publish to {topic}"
+    assert answer["message"].startswith(why)
+    assert answer["result"] is False
+    assert publishers(harness, topic) == (["/client_1"] if is_taken else [])
+    if not is_taken:
+        assert ask(user, "/sim/restore", **which)["result"] is True
+        assert publishers(harness, topic) == ["/morai_sim"]
+
+
+def test_start_log_names_the_ways_to_see_what_a_denied_camera_sees() -> None:
+    ways = "to see what cameras, lidars and radars see: "
+    (line,) = denying(with_camera(), subscribe="/image_jpeg/*").left_open()
+    assert line.endswith(f"{ways}listening to /lidar3D, /lidar2D, /radar, calling /sim/sensors, /sim/restore")
+    (spec,) = PRESETS["camera"]
+    harness = SimHarness(sensors=(spec.changed(topic="/front/compressed"),), worker=AtOnceWorker())
+    (line,) = denying(harness, subscribe="/front/*").left_open()
+    assert f"{ways}listening to /image_jpeg/compressed, " in line
+    assert "calling /sim/sensors, " in line
+    (line,) = denying(harness, subscribe="/Object_topic").left_open()
+    assert "/front/compressed" in line
