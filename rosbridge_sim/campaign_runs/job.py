@@ -16,6 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
 
+from rosbridge_sim.campaign_runs.outcome import told_error
 from rosbridge_sim.campaigns.assignments import Change, change_document
 from rosbridge_sim.campaigns.campaign import Campaign, read_campaign
 from rosbridge_sim.campaigns.campaign_model import DriverItem
@@ -190,7 +191,7 @@ def load_callable(name: str, base: str) -> Callable[..., Any]:
     except DocumentError:
         raise
     except (Exception, SystemExit) as error:
-        raise DocumentError(f"{name}: the import failed: {type(error).__name__}: {error}") from error
+        raise DocumentError(f"{name}: the import failed: {told_error(error)}") from error
     found = getattr(module, member, None)
     if not callable(found):
         raise DocumentError(f"{name}: the module has no function or class {member!r}")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import io
+import traceback
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from rosbridge_sim.campaigns.own_limits import OwnLimits
 from rosbridge_sim.campaigns.trace import Trace
-from rosbridge_sim.printable import printable
+from rosbridge_sim.printable import MAX_QUOTED, printable
 
-__all__ = ["KeptOutput", "Outcome", "told_error"]
+__all__ = ["KeptOutput", "Outcome", "told_error", "told_trace"]
 
 HEAD = 32 * 1024
 TAIL = 96 * 1024
@@ -41,13 +42,21 @@ class Outcome:
 
 
 def told_error(error: BaseException) -> str:
-    """Return kind and first line of an error of the user's code."""
+    """Return kind and first line of an error of the user's code, without what no file can hold."""
+    kind = printable(type(error).__name__, MAX_QUOTED)
     try:
-        text = str(error).partition("\n")[0]
-    except Exception:  # noqa: BLE001 - the user's class
+        text = printable(str(error).partition("\n")[0], MAX_QUOTED)
+    except (Exception, SystemExit):  # noqa: BLE001 - the user's class
         text = ""
-    text = printable(text, 200)
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+    return f"{kind}: {text}" if text else kind
+
+
+def told_trace(error: BaseException) -> str:
+    """Return the traceback of an error of the user's code, as it may be kept."""
+    output = KeptOutput()
+    for line in traceback.format_exception(error):
+        output.write(line)
+    return output.text
 
 
 class KeptOutput(io.TextIOBase):

@@ -14,7 +14,6 @@ import errno
 import math
 import os
 import shutil
-import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -23,7 +22,7 @@ import numpy as np
 from rosbridge_sim.campaign_runs.job import LoadedJob
 from rosbridge_sim.campaign_runs.node_worlds import NodeWorlds
 from rosbridge_sim.campaign_runs.observation import Observation
-from rosbridge_sim.campaign_runs.outcome import KeptOutput, Outcome, told_error
+from rosbridge_sim.campaign_runs.outcome import KeptOutput, Outcome, told_error, told_trace
 from rosbridge_sim.campaign_runs.simulator_options import WORLD_SETTINGS, check_settings, make_work_folder
 from rosbridge_sim.campaign_runs.watched_drive import WatchedDrive
 from rosbridge_sim.campaigns.campaign import RunValues, names_of
@@ -83,7 +82,7 @@ def _drive(loaded: LoadedJob, driver: DriverItem, group: Sequence[tuple[Run, Run
     except (Exception, SystemExit) as error:  # noqa: BLE001 - the user's code, or the user's scenario
         outcome = _failed(drives, error)
         if outcome is not None:
-            outcome.log = output.text + ("" if isinstance(error, DocumentError) else _trace_of(error))
+            outcome.log = output.text + ("" if isinstance(error, DocumentError) else told_trace(error))
         return None if outcome is None else [outcome]
     active, frame = list(range(len(group))), 0
     while active:
@@ -97,7 +96,7 @@ def _drive(loaded: LoadedJob, driver: DriverItem, group: Sequence[tuple[Run, Run
             outcome = _failed(drives, error)
             if outcome is None:
                 return None
-            output.write(_trace_of(error))
+            output.write(told_trace(error))
             drives[0].finish(worlds.world(0))
             break
         frame += 1
@@ -225,10 +224,6 @@ def _why(error: BaseException) -> str:
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:
         return f"{error.filename or 'the disk'}: {error.strerror}"
     return f"the driver failed: {told_error(error)}"
-
-
-def _trace_of(error: BaseException) -> str:
-    return "".join(traceback.format_exception(error))
 
 
 @contextlib.contextmanager

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any, Final
 from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.campaigns.tables import Cell, columns_of, write_junit, write_table, write_times
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.printable import MAX_QUOTED, printable
 from rosbridge_sim.version import __version__
 
 if TYPE_CHECKING:  # to list results needs nothing that drives
@@ -114,8 +115,11 @@ class ResultsFolder:
         for number, line in enumerate(lines, 1):
             try:
                 result = Result.from_json(json.loads(line))
-            except (ValueError, KeyError, TypeError) as error:
-                raise DocumentError(f"{path}:{number}: expected a result of a run; {error!r}") from None
+            except KeyError as error:
+                raise DocumentError(f"{path}:{number}: expected a result of a run; {error} is missing") from None
+            except (ValueError, TypeError, AttributeError, RecursionError) as error:
+                why = printable(str(error), MAX_QUOTED)
+                raise DocumentError(f"{path}:{number}: expected a result of a run; {why}") from None
             found.setdefault(result.run.number, result)
         return [found[number] for number in sorted(found)]
 
@@ -222,8 +226,10 @@ class ResultsFolder:
 def _alike(cells: Sequence[Cell]) -> Sequence[Cell]:
     """Return the cells of a column with one type: numbers, switches, or else texts."""
     kinds = {type(cell) for cell in cells if cell is not None}
-    if kinds <= {int, float} or len(kinds) <= 1:
+    if len(kinds) <= 1:
         return cells
+    if kinds == {int, float}:  # a large whole number would not fit beside a fraction
+        return [None if cell is None else float(cell) for cell in cells]
     return [None if cell is None else str(cell) for cell in cells]
 
 
@@ -266,8 +272,10 @@ def _read_campaign(folder: Path) -> tuple[str, str, str]:
     try:
         text = (folder / CAMPAIGN).read_text("utf-8")
         about: Any = json.loads((folder / ABOUT).read_text("utf-8"))
-        return text, str(about["source"]), str(about["base"])
-    except (OSError, ValueError, KeyError, TypeError):
+        source, base = str(about["source"]), str(about["base"])
+        (source + base).encode()  # half of a surrogate pair is an error
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         raise DocumentError(
             f"{folder}: expected a folder of results; `rosbridge-sim campaign run FILE` makes one"
         ) from None
+    return text, source, base

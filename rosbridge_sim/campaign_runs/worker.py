@@ -9,13 +9,12 @@ import platform
 import shutil
 import signal
 import time
-import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 from rosbridge_sim.campaign_runs.job import Job, LoadedJob, open_job
-from rosbridge_sim.campaign_runs.outcome import Outcome, told_error
+from rosbridge_sim.campaign_runs.outcome import Outcome, told_error, told_trace
 from rosbridge_sim.campaign_runs.program_drives import drive_by_program
 from rosbridge_sim.campaign_runs.program_groups import adopt_orphans, note_group
 from rosbridge_sim.campaign_runs.python_drives import drive_in_python
@@ -27,6 +26,7 @@ from rosbridge_sim.campaigns.drive_limits import judge_trace
 from rosbridge_sim.campaigns.run_results import BAD, Breach, Result, Run, Verdict
 from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.printable import printable
 
 __all__ = ["RETIRED", "drive_in_worker", "drive_runs", "settle_worker"]
 
@@ -124,7 +124,7 @@ def _drive(loaded: LoadedJob, driver: DriverItem, runs: Sequence[Run], *, may_ke
                 Result(
                     run,
                     verdict,
-                    reason,
+                    printable(reason),
                     breaches,
                     outcome.trace.scores(),
                     len(outcome.trace.rows),
@@ -177,7 +177,7 @@ def _judge(loaded: LoadedJob, outcome: Outcome) -> tuple[Verdict, str, tuple[Bre
             outcome.error = outcome.error or str(error)
         except (Exception, SystemExit) as error:  # noqa: BLE001 - the user's function
             outcome.error = outcome.error or f"a limit's function failed: {told_error(error)}"
-            outcome.log += "".join(traceback.format_exception(error))
+            outcome.log += told_trace(error)
         outcome.error = outcome.error or outcome.own.trouble
     if outcome.error:
         return "error", outcome.error, breaches
@@ -212,7 +212,7 @@ def _keep(folder: str, run: Run, outcome: Outcome) -> tuple[tuple[str, ...], str
                 kept.append(name)
         for file in sorted(outcome.work.iterdir()) if outcome.work is not None else ():
             name = file.name
-            if file.suffix in {".mcap", ".json"}:
+            if file.suffix in {".mcap", ".json"} and file.name == printable(file.name):  # else no table can name it
                 shutil.move(file, place / name)
                 kept.append(name)
     except OSError as error:

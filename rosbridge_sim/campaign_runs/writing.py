@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder, run_folder
 from rosbridge_sim.campaigns.campaign import Campaign
 from rosbridge_sim.campaigns.report import MAX_DETAILS, Details, PageParts, write_report
-from rosbridge_sim.campaigns.run_results import BAD, Result
+from rosbridge_sim.campaigns.run_results import BAD, MOST, Result
+from rosbridge_sim.campaigns.trace import FIGURES
 
 __all__ = ["write_all"]
 
@@ -41,16 +43,16 @@ def write_all(folder: ResultsFolder, campaign: Campaign, results: Sequence[Resul
 def _details(folder: ResultsFolder, result: Result) -> Details:
     number = result.run.number
     place = run_folder(folder.path, number)
-    scene: Mapping[str, Any] = {}
-    text = _read(place / "scene.json")
-    if text:
-        try:
-            scene = json.loads(text)
-        except ValueError:  # a full disk has cut it
-            scene = {}
     files = {name: f"runs/{place.name}/{name}" for name in result.files}
     command = f"rosbridge-sim campaign repeat {folder.path} {number}"
-    return Details(result, _read_trace(place / "trace.csv"), scene, _read(place / "log.txt"), files, command)
+    return Details(
+        result,
+        _read_trace(place / "trace.csv"),
+        _read_scene(place / "scene.json"),
+        _read(place / "log.txt"),
+        files,
+        command,
+    )
 
 
 def _read(path: Path) -> str:
@@ -62,10 +64,44 @@ def _read(path: Path) -> str:
 
 
 def _read_trace(path: Path) -> dict[str, list[float]]:
-    """Return the figures of a kept trace; empty if there is none, or a full disk has cut it."""
-    rows = list(csv.reader(_read(path).splitlines()))
+    """Return the figures of a kept trace; empty if there is none, or it is no whole trace."""
     try:
-        numbers = [[float(cell) for cell in row] for row in rows[1:]]
-        return {name: list(column) for name, column in zip(rows[0], zip(*numbers, strict=True), strict=True)}
-    except (ValueError, IndexError):
+        header, *rows = csv.reader(_read(path).splitlines())
+        columns = zip(*([float(cell) for cell in row] for row in rows), strict=True)
+        trace = {name: list(column) for name, column in zip(header, columns, strict=True)}
+    except (ValueError, csv.Error):  # a full disk has cut it, or it was written by hand
         return {}
+    is_whole = trace.keys() >= set(FIGURES) and all(abs(value) <= MOST for name in _PLACE for value in trace[name])
+    return trace if is_whole else {}
+
+
+_PLACE: Final = ("time", "x", "y")
+
+
+def _read_scene(path: Path) -> dict[str, Any]:
+    """Return the lanes and neighbours of a kept run; empty if there are none, or it is no whole file."""
+    try:
+        scene = json.loads(_read(path) or "{}")
+        roads = [[(_finite(x), _finite(y)) for x, y in line] for line in scene.get("roads", ())]
+        neighbours = [(time, [_box(*box) for box in boxes]) for time, boxes in scene.get("neighbours", ())]
+    except (ValueError, TypeError, AttributeError, ArithmeticError, RecursionError):  # as above
+        return {}
+    return {"roads": roads, "neighbours": neighbours}
+
+
+def _box(*numbers: object) -> tuple[object, ...]:
+    *shape, kind = numbers
+    if len(shape) != _NUM_NUMBERS:
+        raise ValueError("expected a box")
+    return (*map(_finite, shape), kind)
+
+
+_NUM_NUMBERS: Final = 7
+"""Of a box, before its kind; see `draw_scene`."""
+
+
+def _finite(value: Any) -> float:  # noqa: ANN401 - it is looked at here
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError("expected a number")
+    return number

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal, TypeAlias
 
-__all__ = ["BAD", "SCORES", "VERDICTS", "Breach", "Point", "Result", "Run", "Verdict"]
+__all__ = ["BAD", "MOST", "SCORES", "VERDICTS", "Breach", "Point", "Result", "Run", "Verdict"]
 
 Point: TypeAlias = Mapping[str, bool | int | float | str]
 """Values of the parameters of a run, by name."""
@@ -140,26 +140,87 @@ class Result:
             KeyError, TypeError, ValueError: it is another thing.
         """
         run = Run(
-            int(values["run"]),
-            str(values["scenario"]),
-            str(values["driver"]),
-            int(values["seed"]),
-            dict(values["parameters"]),
+            _integer(values["run"]),
+            _text(values["scenario"]),
+            _text(values["driver"]),
+            _integer(values["seed"]),
+            {_text(name): _parameter(value) for name, value in _group(values["parameters"]).items()},
         )
-        scores = {name: math.inf if value is None else value for name, value in values["scores"].items()}
+        scores = _group(values["scores"])
         return cls(
             run,
-            values["verdict"],
-            str(values["reason"]),
-            tuple(Breach(*each) for each in values["breaches"]),
-            {name: scores[name] for name in SCORES if name in scores},
-            int(values["frames"]),
-            str(values["state_hash"]),
-            tuple((float(x), float(y)) for x, y in values["path"]),
-            tuple(values["verdicts"]),
-            tuple(values["files"]),
-            str(values.get("trouble", "")),
-            float(values["wall"]),
-            float(values["cpu"]),
-            str(values["worker"]),
+            _verdict(values["verdict"]),
+            _text(values["reason"]),
+            tuple(_breach(*each) for each in _list(values["breaches"])),
+            {name: math.inf if scores[name] is None else _number(scores[name]) for name in SCORES if name in scores},
+            _integer(values["frames"]),
+            _text(values["state_hash"]),
+            tuple((_number(x), _number(y)) for x, y in _list(values["path"])),
+            tuple(map(_verdict, _list(values["verdicts"]))),
+            tuple(map(_text, _list(values["files"]))),
+            _text(values.get("trouble", "")),
+            _number(values["wall"]),
+            _number(values["cpu"]),
+            _text(values["worker"]),
         )
+
+
+# Values of a line, which may have been written by hand
+
+
+MOST: Final = 1e12
+"""Largest number in a line; a drive has none that is nearly as large."""
+
+
+def _wrong(value: object, expected: str) -> ValueError:
+    return ValueError(f"expected {expected}, got {value!r:.60}")
+
+
+def _text(value: object) -> str:
+    if not isinstance(value, str):
+        raise _wrong(value, "a text")
+    value.encode()  # half of a surrogate pair is an error; nothing could print it
+    return value
+
+
+def _integer(value: object) -> int:
+    if not isinstance(value, int) or isinstance(value, bool) or not 0 <= value < 2**63:
+        raise _wrong(value, "a whole number from 0 on")
+    return value
+
+
+def _number(value: object) -> float:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not abs(value) <= MOST:
+        raise _wrong(value, f"a number of at most {MOST:g}")
+    return value
+
+
+def _parameter(value: object) -> bool | int | float | str:
+    if isinstance(value, str):
+        return _text(value)
+    if not isinstance(value, bool | int | float) or (isinstance(value, int) and abs(value) >= 2**63):
+        raise _wrong(value, "a switch, a number or a text")
+    return value
+
+
+def _group(value: object) -> Mapping[str, Any]:
+    if not isinstance(value, dict):
+        raise _wrong(value, "values by name")
+    return value
+
+
+def _list(value: object) -> Sequence[Any]:
+    if not isinstance(value, list):
+        raise _wrong(value, "a list")
+    return value
+
+
+def _verdict(value: object) -> Verdict:
+    found = next((each for each in VERDICTS if each == value), None)
+    if found is None:
+        raise _wrong(value, f"one of {', '.join(VERDICTS)}")
+    return found
+
+
+def _breach(limit: object, text: object, time: object, x: object, y: object) -> Breach:
+    return Breach(_text(limit), _text(text), _number(time), _number(x), _number(y))
