@@ -27,10 +27,11 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from rosbridge_sim.documents import Document, DocumentType, Mistake, Spelling, fields_of
+from rosbridge_sim.documents import MAX_KEY_SHOWN, Document, DocumentType, Mistake, Spelling, fields_of
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.loose_types import JsonValue
 from rosbridge_sim.not_json import explain_not_json
+from rosbridge_sim.printable import printable
 
 __all__ = ["CheckedModel", "adapter_of", "list_mistakes", "read_model", "read_slowly", "schema_of"]
 
@@ -235,7 +236,10 @@ def _one_line(error: ErrorDetails, source: str) -> str:
 
 def _path(loc: tuple[int | str, ...]) -> str:
     """`("vehicleList", 2, "pos")` -> `vehicleList[2].pos`; an empty text is the tag of a union's member."""
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc if part != "").removeprefix(".")
+    parts = (
+        f"[{part}]" if isinstance(part, int) else f".{printable(part, MAX_KEY_SHOWN)}" for part in loc if part != ""
+    )
+    return "".join(parts).removeprefix(".")
 
 
 _EXPECTED = {

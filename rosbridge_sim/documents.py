@@ -32,11 +32,13 @@ import msgspec
 from msgspec import Meta
 
 from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record
 
 __all__ = [
     "FLAG",
     "MAX_DOCUMENT_COORDINATE",
+    "MAX_KEY_SHOWN",
     "NUMBER",
     "WHOLE",
     "Coordinate",
@@ -57,6 +59,9 @@ __all__ = [
 ]
 
 T = TypeVar("T")
+
+MAX_KEY_SHOWN: Final = 100
+"""Longest part of a key that an error or a list shows [characters]; that of no document of ours is as long."""
 
 Model: TypeAlias = Any
 """A class: a `Document`, or a model of pydantic with the same class values."""
@@ -388,7 +393,7 @@ def _keys(kind: Model, value: object, path: str, keys: SortedKeys) -> Iterator[t
             yield from _keys(kind, one, f"{path}[]", keys)
     elif isinstance(value, dict):
         for key, one in value.items():
-            where = f"{path}.{key}".removeprefix(".")
+            where = f"{path}.{printable(key, MAX_KEY_SHOWN)}".removeprefix(".")
             field = fields_of(kind).get(key)
             if key in kind.idle_keys:
                 yield where, keys.idle

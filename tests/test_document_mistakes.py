@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rosbridge_sim.document_mistakes import list_mistakes, read_slowly
-from rosbridge_sim.documents import DocumentType
+from rosbridge_sim.documents import DocumentType, sort_keys
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.maps import mgeo, mgeo_lights, mgeo_links, mgeo_markings
 from rosbridge_sim.scenarios import scenario_model
@@ -116,3 +116,15 @@ def test_key_that_is_missing_or_twice_is_judged_alike() -> None:
     assert read_slowly(kind, twice, "x").mapInfo == scenario_model.read_scenario_document(twice, "x").mapInfo
     with pytest.raises(DocumentError, match=r"^x: egoVehicle\.initPosition: missing$"):
         scenario_model.read_scenario_document(b'{"egoVehicle": {}}', "x")
+
+
+def test_long_key_is_shortened_where_a_document_is_told_of() -> None:
+    """A client may send sensors with a key of megabytes, which the answer must not repeat."""
+    key = "k\u202e" * 3_000_000
+    kind: DocumentType[dict[str, int]] = DocumentType(dict[str, int])
+    with pytest.raises(DocumentError, match="should be a valid integer") as error:
+        read_slowly(kind, json.dumps({key: "x"}).encode(), "f.json")
+    assert len(str(error.value)) < 500
+    assert "\u202e" not in str(error.value)
+    [path] = sort_keys(scenario_model.ScenarioDocument, {key: 1}).passed_over
+    assert len(path) < 500

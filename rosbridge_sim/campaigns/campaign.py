@@ -13,6 +13,7 @@ from rosbridge_sim.campaigns.run_results import Point, Run
 from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.expressions import Expression, TopicField, Value, is_name, parse_expression
+from rosbridge_sim.printable import MAX_QUOTED, printable
 from rosbridge_sim.records import Record
 
 __all__ = ["Campaign", "Group", "RunValues", "check_search", "is_skipped", "names_of", "plan_runs", "read_campaign"]
@@ -127,6 +128,10 @@ def read_campaign(values: Mapping[str, Any], source: str) -> Campaign:
         DocumentError: something in it cannot be used. The text says where.
     """
     document = read_campaign_document(values, source)
+    for name in (*document.parameters, *document.drivers, *document.limits.own):
+        if len(name) > MAX_QUOTED:
+            shown = printable(name, 40)
+            raise DocumentError(f"{source}: {shown}: expected a name of at most {MAX_QUOTED} characters")
     names = tuple(document.parameters)
     for name in names:
         if not is_name(name) or name in {*FIGURES, "seed"}:

@@ -24,8 +24,9 @@ from pydantic_core import PydanticCustomError
 
 from rosbridge_sim.document_mistakes import CheckedModel, read_model
 from rosbridge_sim.document_reading import content_of
-from rosbridge_sim.documents import keys_beside, sort_keys
+from rosbridge_sim.documents import MAX_KEY_SHOWN, keys_beside, sort_keys
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.printable import printable
 from rosbridge_sim.suggestions import hint
 
 __all__ = [
@@ -402,7 +403,7 @@ def _check_named(document: Mapping[str, Any], source: str) -> None:
             for key in value if isinstance(value, Mapping) else ():
                 if key not in kind.model_fields:
                     known = list(kind.model_fields)
-                    where = ".".join([*path, str(name), str(key)])
+                    where = ".".join([*path, *(printable(str(part), MAX_KEY_SHOWN) for part in (name, key))])
                     raise DocumentError(f"{source}: {where}: expected one of {', '.join(known)}{hint(key, known)}")
 
 

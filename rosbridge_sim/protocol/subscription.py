@@ -21,6 +21,7 @@ from collections.abc import Callable
 from typing import Generic, Protocol, TypeVar
 
 from rosbridge_sim.errors import EncodingError, FrameError, PeerError
+from rosbridge_sim.printable import MAX_QUOTED, printable
 from rosbridge_sim.protocol.account import Account, HeldMessages
 from rosbridge_sim.protocol.cbor_frames import cbor_head, cbor_raw_frame
 from rosbridge_sim.protocol.fragments import Characters
@@ -122,17 +123,21 @@ def read_qos(qos: dict[str, object] | None) -> Qos:
         values = QOS_VALUES.get(policy)
         if values is None and policy not in {"depth", "deadline", "lifespan"}:
             known = [*QOS_VALUES, "depth", "deadline", "lifespan"]
-            raise FrameError(f"{policy!r} is not a valid policy name. Valid options are: {known}")
+            raise FrameError(f"{_shown(policy)} is not a valid policy name. Valid options are: {known}")
         if values is not None and (not isinstance(value, str) or value not in values):
-            raise FrameError(f"{value!r} is not a valid {policy}. Valid options are: {list(values)}")
+            raise FrameError(f"{_shown(value)} is not a valid {policy}. Valid options are: {list(values)}")
     depth = qos.get("depth", 1)
     if not isinstance(depth, int) or isinstance(depth, bool) or depth < 0:
-        raise FrameError(f"depth must be a whole number from 0 on, not {depth!r}")
+        raise FrameError(f"depth must be a whole number from 0 on, not {_shown(depth)}")
     keeps_all = qos.get("history") == "keep_all"
     return Qos(
         depth=MAX_QOS_DEPTH if keeps_all else max(1, min(depth, MAX_QOS_DEPTH)),
         is_latching={"transient_local": True, "volatile": False}.get(str(qos.get("durability"))),
     )
+
+
+def _shown(value: object) -> str:
+    return printable(repr(value), MAX_QUOTED)
 
 
 class MergedOptions:

@@ -168,3 +168,32 @@ def test_place_that_is_not_in_the_document_is_refused(path: tuple[str | int, ...
     with pytest.raises(DocumentError, match=r"^s: ") as caught:
         change_document({"a": [{"b": 1}, {}], "c": {}}, [(path, 1)], "s")
     assert what in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"NAME": 1},
+        {"parameters": {"NAME": [1]}},
+        {"parameters": {"gap": {"NAME": 1}}},
+        {"drivers": {"NAME": "lanes"}},
+        {"drivers": {"f": {"NAME": 1}}},
+        {"drivers": {"f": "NAME"}},
+        {"set": {"NAME": "1"}},
+        {"set": {"vehicle": "NAME"}},
+        {"limits": {"NAME": 1}},
+        {"limits": {"own": {"NAME": {"always": "speed < 1"}}}},
+        {"limits": {"own": {"f": {"NAME": 1}}}},
+        {"limits": {"own": {"f": {"always": "NAME"}}}},
+        {"end_when": "NAME"},
+        {"skip_when": "NAME +"},
+        {"seeds": "NAME"},
+        {"sampling": "NAME"},
+    ],
+)
+def test_error_about_a_long_name_shows_its_start(more: dict[str, Any]) -> None:
+    document = {"scenario": "loop", "drivers": {"f": "lanes"}} | more
+    long = eval(repr(document).replace("NAME", "k" * 100_000))  # noqa: S307 - what is written above
+    with pytest.raises(DocumentError, match=r"kkk|expected") as error:
+        plan_runs(read_campaign(long, "c.toml"))
+    assert len(str(error.value)) < 1_000

@@ -201,6 +201,13 @@ def test_each_option_may_be_given_alone(op: Subscribe, options: SubscriptionOpti
     assert read_options(op) == options
 
 
+@pytest.mark.parametrize("qos", [{"k" * 6_000_000: 1}, {"durability": "k" * 6_000_000}, {"depth": "k" * 6_000_000}])
+def test_error_about_a_long_policy_shows_its_start(qos: dict[str, object]) -> None:
+    with pytest.raises(FrameError, match="kkk") as error:
+        read_qos(qos)
+    assert len(str(error.value)) < 500
+
+
 def test_qos_of_a_subscribe_op_is_read() -> None:
     assert read_qos(None) == read_qos({}) == Qos()
     assert read_qos({"durability": "transient_local", "depth": 7}) == Qos(depth=7, is_latching=True)

@@ -212,6 +212,7 @@ class Barrier:
             and (deadline == 0.0 or MIN_DEADLINE <= deadline <= MAX_DEADLINE)
             and len(user_id) <= MAX_USER_ID
         )
+        user_id = user_id[:MAX_USER_ID]  # the answer repeats it
         if not is_fit:
             event = BarrierEvent.JOIN_MISFIT
         elif not self.is_on:

@@ -329,6 +329,11 @@ def test_terms_that_cannot_be_had_are_refused(step_ms: int, deadline: float, use
     assert model.mode == []
 
 
+def test_refusal_of_a_long_user_id_repeats_only_its_start() -> None:
+    _, repeated = Model().barrier.join("a" * 6_000_000, 20, 1.0, "peer", 0.0)
+    assert repeated == "a" * MAX_USER_ID
+
+
 # Members
 
 
