@@ -316,8 +316,14 @@ class _Reader:
         uid = 0 if item.UNIQUEID is None or item.UNIQUEID < 0 else item.UNIQUEID
         self._taken[uid] = where
         # Versions of MORAI write the gear into different places.
-        gears = [gear for gear in (item.initPosition.gear, item.gear) if gear in set(Gear)]
+        given = [gear for gear in (item.initPosition.gear, item.gear) if gear is not None]
+        gears = [gear for gear in given if gear in set(Gear)]
         gear = Gear(gears[0]) if gears else Gear.DRIVE
+        if given and not gears:
+            _note(self._notes, f"{where}.gear: expected 1 (P), 2 (R), 3 (N) or 4 (D), got {given[0]}; it counts as D")
+        if gear is Gear.DRIVE and (item.currentVelocity or 0.0) < 0.0:
+            text = f"expected 0 or more in gear 4 (D), got {item.currentVelocity:g}; it counts without its sign"
+            _note(self._notes, f"{where}.currentVelocity: {text}")
         spawn = self._on_wheels(where, Kind.EGO, item, item.initPosition, uid)
         return replace(spawn, speed=(item.currentVelocity or 0.0) * KMH_TO_MPS, gear=gear)
 

@@ -169,6 +169,15 @@ def test_names_of_scenario_and_map_are_read() -> None:
     assert read({"egoVehicle": None}).map_name is None
 
 
+def test_gear_that_there_is_not_and_a_speed_against_the_gear_are_noted() -> None:
+    ego = {"initPosition": {"pos": {"x": 0, "y": 0}, "gear": 7}, "gear": 0, "currentVelocity": -18}
+    assert read({"egoVehicle": ego}).notes == (
+        "egoVehicle.gear: expected 1 (P), 2 (R), 3 (N) or 4 (D), got 7; it counts as D",
+        "egoVehicle.currentVelocity: expected 0 or more in gear 4 (D), got -18; it counts without its sign",
+    )
+    assert read({"egoVehicle": ego | {"gear": 2}}).notes == ()
+
+
 def test_unknown_model_number_is_noted_once() -> None:
     notes = read(SAVED).notes
     assert [note for note in notes if "30200001" in note] == [

@@ -8,7 +8,10 @@ from rosbridge_sim.errors import FieldError
 from rosbridge_sim.records import Record
 from rosbridge_sim.world.state.world import Gear, Mode
 
-__all__ = ["MODES", "Control", "gear_of"]
+__all__ = ["GEARS", "MODES", "Control", "gear_of"]
+
+GEARS: Final = "1 (P), 2 (R), 3 (N), 4 (D)"
+"""The gears on the wire, for a person to read."""
 
 MODES: Final = {0: Mode.PEDALS, 1: Mode.PEDALS, 2: Mode.SPEED, 3: Mode.ACCEL}
 """`longlCmdType` -> control mode. 0 comes from clients that never set the field; they drive by pedals."""
@@ -51,4 +54,4 @@ def gear_of(number: int) -> Gear | None:
     try:
         return Gear(number)
     except ValueError:
-        raise FieldError(f"gear: expected 1 (P), 2 (R), 3 (N), 4 (D) or -1 to leave it, got {number}") from None
+        raise FieldError(f"gear: expected {GEARS} or -1 to leave it, got {number}") from None

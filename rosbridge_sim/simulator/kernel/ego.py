@@ -317,16 +317,22 @@ class Ego:
         Returns:
             None if the ego is in this gear now, else the reason why not, for a person to read.
         """
+        why = self.refuse_gear(gear)
+        if why is None:
+            commands.shift(self._world, self.row, gear)
+            self._refused_gear = self._idle_gear = None
+        return why
+
+    def refuse_gear(self, gear: Gear) -> str | None:
+        """Return why the ego cannot be in a gear now, for a person to read; None if it can."""
         if not self.is_there:
             return f"gear {gear.name} refused: ego {self.index} has been removed"
         if self.is_replayed:
             return f"gear {gear.name} refused: a recording moves ego {self.index}"
-        row = self.row
-        if commands.shift(self._world, row, gear):
-            self._refused_gear = self._idle_gear = None
+        speed = self._world.speed.item(self.row)
+        if gear is self.gear or abs(speed) < commands.STANDSTILL:
             return None
-        speed = self._world.speed.item(row)
-        why = f"gear {gear.name} refused: the ego moves at {speed:.2f} m/s, expected at most 0.1 m/s"
+        why = f"gear {gear.name} refused: the ego moves at {speed:.2f} m/s, expected less than 0.1 m/s"
         if self._refused_gear is not gear:  # clients repeat the request until it works, so it is logged once
             self._refused_gear = gear
             _log.info("%s", why)

@@ -27,7 +27,8 @@ from rosbridge_sim.morai.messages.command_parsing import (
     lamps_of,
     npc_ghosts,
 )
-from rosbridge_sim.morai.messages.control import Control
+from rosbridge_sim.morai.messages.control import GEARS, Control
+from rosbridge_sim.records import replace
 from rosbridge_sim.simulator.bus.network_settings import InterfaceKind
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -38,6 +39,8 @@ from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.scene.ghosts import Ghosts
 from rosbridge_sim.simulator.scene.scene_commands import moves
 from rosbridge_sim.simulator.scene.scene_limits import MAX_EGOS, MAX_ENTITIES
+from rosbridge_sim.world.state.commands import speed_in_gear
+from rosbridge_sim.world.state.world import Gear
 
 __all__ = ["CommandTopics"]
 
@@ -180,8 +183,11 @@ class CommandTopics(Component):
         """Place egos; an ego with an unknown number is added to the world."""
         if self._is_replaying(bindings, "ego_setting", sender):
             return
-        settings = [(setting, _ctrl_mode(setting)) for setting in ego_settings(message, MAX_EGOS)]
-        context = self._context
+        context, topic = self._context, bindings.topic("ego_setting")
+        settings = [
+            (self._with_speed_in_gear(setting), _ctrl_mode(setting)) for setting in ego_settings(message, MAX_EGOS)
+        ]
+        self._warn_of_settings(message, topic, sender)
         context.scene_changes.add_egos(
             [setting for setting, _ in settings if context.egos.find(setting.index) is None], now
         )
@@ -194,15 +200,40 @@ class CommandTopics(Component):
             ego.teleport(setting.pose, setting.gear)
             num_dropped = context.sync.drop(partial(moves, uid=ego.uid))
             if num_dropped:
-                topic = bindings.topic("ego_setting")
                 _log.info("%s: ego %d is reset, %d waiting commands dropped", topic, ego.index, num_dropped)
             if is_itself:
                 why = ego.set_ctrl_mode(CtrlMode.AUTONOMOUS)
                 if why is not None:
-                    sender.notify("warning", f"{bindings.topic('ego_setting')}: {why}")
+                    sender.notify("warning", f"{topic}: {why}")
             if setting.lamps is not None:
                 ego.turn_signal, ego.emergency_signal = setting.lamps
         context.egos.forget_statuses()
+
+    def _with_speed_in_gear(self, setting: EgoSetting) -> EgoSetting:
+        """Return a setting whose speed has the direction of its gear, or of the gear that it leaves.
+
+        Raises:
+            FieldError: it would drive backwards in D.
+        """
+        egos = self._context.egos
+        gear = setting.gear or (egos.find(setting.index) or egos.first).gear
+        try:
+            speed = speed_in_gear(setting.pose.speed, gear)
+        except ValueError as error:
+            raise FieldError(f"morai_msgs/MultiEgoSetting.velocity of ego {setting.index}: {error}") from None
+        return replace(setting, pose=replace(setting.pose, speed=speed))
+
+    def _warn_of_settings(self, message: Struct, topic: str, sender: Participant) -> None:
+        """Warn a client, once each, of values that do something else than they seem to."""
+        warn = partial(self._context.warnings.warn, sender)
+        if 0 in message.gear:
+            warn(f"{topic}: gear 0 leaves the gear as it is; expected {GEARS}, or -1 to leave it")
+        if 0 in message.ctrl_mode:
+            warn(f"{topic}: ctrl_mode 0 leaves the mode as it is; expected 1 (keyboard) or 16 (automatic)")
+        if any(
+            gear == Gear.REVERSE and speed > 0.0 for gear, speed in zip(message.gear, message.velocity, strict=True)
+        ):
+            warn(f"{topic}: in gear 2 (R) a velocity is driven backwards, whatever its sign")
 
 
 def _ctrl_mode(setting: EgoSetting) -> CtrlMode | None:

@@ -24,7 +24,7 @@ from rosbridge_sim.graph.participant import Participant, explain, notifier
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import AUTO_MODE, lamps_of
-from rosbridge_sim.morai.messages.control import gear_of
+from rosbridge_sim.morai.messages.control import GEARS, gear_of
 from rosbridge_sim.morai.messages.convert import late_maker, time_text
 from rosbridge_sim.simulator.bus.subscribers_services import SubscribersServices
 from rosbridge_sim.simulator.kernel.component import Component
@@ -33,7 +33,14 @@ from rosbridge_sim.simulator.kernel.ego import CtrlMode, Ego
 from rosbridge_sim.simulator.kernel.tick_calls import TickResult
 from rosbridge_sim.simulator.morai_services.control_units import warn_of_units
 from rosbridge_sim.simulator.morai_services.morai_answers import request_of, respond
-from rosbridge_sim.simulator.scene.scene_commands import AddObject, ControlEgo, RemoveObject, SceneCommand, ShiftEgo
+from rosbridge_sim.simulator.scene.scene_commands import (
+    AddObject,
+    ControlEgo,
+    LoadScenario,
+    RemoveObject,
+    SceneCommand,
+    ShiftEgo,
+)
 from rosbridge_sim.simulator.sync.sync_table import SyncOutcome
 from rosbridge_sim.world.state.world import MAX_COORDINATE, Gear
 
@@ -42,6 +49,7 @@ __all__ = ["Services"]
 # EventInfo.option. The message's own comment writes the bits as 0x1, 0x10, 0x100, 0x1000, but means binary digits. Read
 # literally, 0x10 fits into the field too and has no other meaning, so it is accepted for the gear.
 _MODE_BIT, _GEAR_BITS, _LAMP_BIT, _PAUSE_BIT = 1, 2 | 16, 4, 8
+_ALL_BITS: Final = _MODE_BIT | _GEAR_BITS | _LAMP_BIT | _PAUSE_BIT
 
 MAX_IDS_LISTED: Final = 20
 """Largest number of ids in one status."""
@@ -147,9 +155,24 @@ class Services(Component):
         notify = notifier(call.caller)
 
         def read() -> SceneCommand:
-            return SceneCommand(ShiftEgo(ego.index, ego.uid, gear_of(request.gear)), call.service.name, notify)
+            gear = gear_of(request.gear)
+            if request.gear == 0:
+                raise FieldError(f"gear: expected {GEARS} or -1 to leave it, got 0")
+            why = ego.refuse_gear(gear) if gear is not None and self._is_known_now(request.frame) else None
+            if why is not None:
+                raise GraphError(why, reason=Reason.NOT_NOW)
+            return SceneCommand(ShiftEgo(ego.index, ego.uid, gear), call.service.name, notify)
 
         self._queue(call, read, request.frame, now)
+
+    def _is_known_now(self, frame: int) -> bool:
+        """Return whether an ego moves now as it will when a command for a frame is carried out.
+
+        It does so for the next frame, unless a scenario is to be loaded before.
+        """
+        sync, stepper = self._context.sync, self._context.stepper
+        loads = (command.action is None or isinstance(command.action, LoadScenario) for _, command in sync.waiting())
+        return frame <= self._context.world.frame + 1 and not stepper.is_moving and not any(loads)
 
     def _queue(self, call: Call, read: Callable[[], SceneCommand], frame: int, now: float) -> bool:
         """Submit a command that waits for its frame, and answer. The command is read only if the mode is on.
@@ -162,7 +185,8 @@ class Services(Component):
             outcome = self._submit(read, frame, call.caller, now)
         except (PeerError, DocumentError) as error:
             reason = error.reason if isinstance(error, PeerError) else Reason.REFUSED
-            explain(call.caller, "error", f"{call.service.name}: {error}", reason)
+            level = "warning" if reason is Reason.NOT_NOW else "error"
+            explain(call.caller, level, f"{call.service.name}: {error}", reason)
         else:
             result = outcome.is_accepted
             if not result:
@@ -227,12 +251,17 @@ class Services(Component):
         request = request_of(call)
         option = request.option
         # Read everything before changing anything, so a wrong request has no effect.
+        if option & ~_ALL_BITS:
+            raise FieldError(f"option: expected a sum of 1 (mode), 2 (gear), 4 (lamps) and 8 (pause), got {option}")
         ctrl_mode = _ctrl_mode(request.ctrl_mode) if option & _MODE_BIT else None
         gear: Gear | None = gear_of(request.gear) if option & _GEAR_BITS else None
         lamps = lamps_of(request.lamps) if option & _LAMP_BIT else None
         if not option & _MODE_BIT and request.ctrl_mode == AUTO_MODE:  # other modes may be those of an answer
             text = f"ctrl_mode {AUTO_MODE} is ignored; option 1 sets a mode, and 3 is external here"
             self._context.warnings.warn(call.caller, f"{call.service.name}: {text}", about="ctrl_mode without its bit")
+        if option & _GEAR_BITS and request.gear == 0:  # programs leave it so while they set a mode
+            text = f"gear 0 leaves the gear as it is; expected {GEARS}, or -1 to leave it"
+            self._context.warnings.warn(call.caller, f"{call.service.name}: {text}")
         refusals = [ego.set_ctrl_mode(ctrl_mode) if ctrl_mode is not None else None]
         if gear is not None:
             refusals.append(ego.shift(gear))

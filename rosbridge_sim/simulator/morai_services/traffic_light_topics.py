@@ -157,6 +157,10 @@ class TrafficLightTopics(Component):
             signals.release(light)
         elif status & ~_LAMPS:
             raise FieldError(f"{where}.trafficLightStatus: expected a sum of lamps, or -1 to hand back, got {status}")
+        elif status & ~(known := signals.plan.lamps_of_group(light)):
+            lamps = " + ".join(str(int(lamp)) for lamp in Lamp if lamp & known)
+            text = f"traffic light {index[:80]!r} and those of its group have the lamps {lamps}"
+            raise FieldError(f"{where}.trafficLightStatus: {text}; expected a sum of some of them, got {status}")
         else:
             signals.force(light, status)
         _log.debug("traffic light %s: %d by %s", index, status, sender.name)

@@ -33,6 +33,7 @@ from rosbridge_sim.simulator.scene.load import WHOLE, FoundMap, Library, Load, L
 from rosbridge_sim.simulator.scene.scene_limits import FIRST_EGO, FIRST_FREE_EGO, FIRST_UID, MAX_ENTITIES, MAX_FILE_UID
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.roads.signal_plan import SignalPlan
+from rosbridge_sim.world.state.commands import speed_in_gear
 from rosbridge_sim.world.state.world import DT, Body, Gear, Kind, Snapshot, World
 
 __all__ = ["DEFAULT_MAP", "Scene", "populate"]
@@ -518,7 +519,7 @@ def _spawn_off_lanes(world: World, spawn: Spawn, uid: int, gear: Gear) -> None:
         y=spawn.y,
         z=spawn.z,
         yaw=spawn.yaw,
-        speed=spawn.speed,
+        speed=speed_in_gear(abs(spawn.speed), gear) if spawn.kind is Kind.EGO else spawn.speed,
         uid=uid,
         path=spawn.path,
         is_loop=spawn.is_loop,

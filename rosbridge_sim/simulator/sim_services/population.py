@@ -45,6 +45,7 @@ from rosbridge_sim.simulator.sim_services.object_parsing import (
 from rosbridge_sim.simulator.sync.sync_table import SyncState
 from rosbridge_sim.world.drivers.lane_position import LaneStart, keep_lanes
 from rosbridge_sim.world.state import placement
+from rosbridge_sim.world.state.commands import speed_in_gear
 from rosbridge_sim.world.state.world import Gear, Kind
 
 __all__ = ["Population"]
@@ -190,7 +191,7 @@ class Population(Component):
                     ego = self._add_ego(objects[i], now, is_last=i == new_egos[-1])
                     added.append(ego)
                     ids[i] = ego.index
-                    self._settle_ego(ego, objects[i])
+                    self._try(objects[i].where, partial(self._settle_ego, ego, objects[i]))
                 self._check_room()
             except BaseException:
                 if added:
@@ -239,9 +240,14 @@ class Population(Component):
         return ego
 
     def _settle_ego(self, ego: Ego, new: NewObject) -> None:
-        """Give a new ego its speed, and have it drive itself if it is to."""
+        """Give a new ego its speed, and have it drive itself if it is to.
+
+        Raises:
+            ValueError, FieldError: it cannot be so.
+        """
         is_driving = new.motion.behaviour is Behaviour.LANE
-        ego.teleport(_pose_of(new.spot, new.speed), Gear.DRIVE if is_driving else None)
+        gear = Gear.DRIVE if is_driving else ego.gear
+        ego.teleport(_pose_of(new.spot, speed_in_gear(new.speed, gear)), gear)
         if is_driving:
             self._drive_itself(ego, new.motion, new.where)
 
@@ -380,10 +386,12 @@ class Population(Component):
         world, motion = self._context.world, change.motion
         if change.spot is not None:
             speed = world.speed.item(ego.row) if change.speed is None else change.speed
+            if change.speed is not None or change.gear is not None:
+                speed = speed_in_gear(speed, change.gear or ego.gear)
             ego.teleport(_pose_of(change.spot, speed), change.gear)
         else:
             if change.speed is not None:
-                placement.set_speed(world, ego.row, change.speed)
+                placement.set_speed(world, ego.row, speed_in_gear(change.speed, change.gear or ego.gear))
             if change.gear is not None:
                 _insist(ego.shift(change.gear), f"{change.where}.gear")
         if motion is not None:

@@ -16,7 +16,9 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from enum import IntFlag
+from functools import reduce
 from hashlib import blake2b
+from operator import or_
 from typing import Final
 
 import numpy as np
@@ -256,6 +258,10 @@ class SignalPlan:
                 table[here] = np.where(self.colours[here] == self.colours[following], on, length[here])
             self._time_to_change = table
         return self._time_to_change
+
+    def lamps_of_group(self, light: int) -> int:
+        """Return the lamps that the lights of a light's group have together, a sum of `Lamp`."""
+        return reduce(or_, (self.lights[row].lamps for row in np.flatnonzero(self.group == self.group[light])))
 
     def _form_groups(self, together: Sequence[Sequence[int]]) -> list[_Group]:
         """Return all groups, and set `group`; each light is in the first group that names it."""

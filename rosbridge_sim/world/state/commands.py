@@ -15,7 +15,7 @@ from rosbridge_sim.world.state.control_columns import update_all_control_columns
 from rosbridge_sim.world.state.placement import set_ghost
 from rosbridge_sim.world.state.world import MAX_SPEED, Gear, Kind, Mode, World
 
-__all__ = ["command", "command_all", "release", "shift", "turn_wheels"]
+__all__ = ["STANDSTILL", "command", "command_all", "release", "shift", "speed_in_gear", "turn_wheels"]
 
 MAX_COMMAND_ACCEL: Final = 100.0
 """Commanded accelerations are clipped at this [m/s^2]: beyond any brake, and it keeps the controller's sums finite."""
@@ -163,6 +163,23 @@ def shift(world: World, row: int, gear: Gear) -> bool:
     update_control_columns(world, row, is_creeping=world.is_creeping)
     world.touch()
     return True
+
+
+def speed_in_gear(speed: float, gear: Gear) -> float:
+    """Return the speed along the heading of a car that is placed with a speed in a gear: in R it drives backwards.
+
+    Args:
+        speed: in R of either sign [m/s].
+        gear: P and N say no direction.
+
+    Raises:
+        ValueError: it would drive backwards in D.
+    """
+    if gear == Gear.REVERSE:
+        return -abs(speed)
+    if gear == Gear.DRIVE and speed < 0.0:
+        raise ValueError(f"speed: expected 0 or more in gear 4 (D), got {speed:g} m/s; gear 2 (R) drives backwards")
+    return speed
 
 
 def turn_wheels(world: World, row: int, steer: float) -> None:

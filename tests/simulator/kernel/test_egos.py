@@ -187,11 +187,41 @@ def test_ego_setting_changes_gear_at_any_speed_and_0_keeps_it() -> None:
     harness = SimHarness()
     client = harness.client()
     put(client, 0, velocity=[-18.0], gear=[2])
+    assert client.told == []
     ego = harness.node.egos[0]
     assert ego.gear.name == "REVERSE"
     assert harness.world.speed[ego.row] == pytest.approx(-5.0)
-    put(client, 0, gear=[0])
+    for _ in range(2):
+        put(client, 0, gear=[0], ctrl_mode=[0])
     assert ego.gear.name == "REVERSE"
+    assert [(level, text.split(";")[0]) for level, text in client.told] == [
+        ("warning", "/ego_setting: gear 0 leaves the gear as it is"),
+        ("warning", "/ego_setting: ctrl_mode 0 leaves the mode as it is"),
+    ]
+
+
+@pytest.mark.parametrize("index", [0, 2])
+def test_ego_is_placed_with_a_speed_in_the_direction_of_its_gear(index: int) -> None:
+    harness = SimHarness("parked", start="sync")
+    client = harness.client()
+    client.start()
+    for _ in range(2):
+        put(client, index, velocity=[18.0], gear=[2])
+    assert client.told == [("warning", "/ego_setting: in gear 2 (R) a velocity is driven backwards, whatever its sign")]
+    ego = harness.node.egos.find(index)
+    assert ego is not None
+    assert harness.world.speed[ego.row] == pytest.approx(-5.0)
+    for _ in range(50):
+        client.tick()
+    assert harness.world.x[ego.row] < -4.0
+    put(client, index, velocity=[18.0], gear=[-1])
+    assert harness.world.speed[ego.row] == pytest.approx(-5.0), "it is in R still"
+    before = harness.world.digest()
+    with pytest.raises(
+        FieldError, match=rf"velocity of ego {index}: speed: expected 0 or more in gear 4 \(D\), got -5"
+    ):
+        put(client, 5, index, velocity=[0.0, -18.0], gear=[4, 4])
+    assert harness.world.digest() == before
 
 
 def test_keyboard_mode_blocks_client_control_until_automatic_mode() -> None:

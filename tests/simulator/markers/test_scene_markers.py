@@ -187,7 +187,7 @@ def test_lights_have_the_colours_of_now() -> None:
     red = marker(last(client), "lights")
     assert len(red["points"]) == len(red["colors"]) == len(plan.lights)
     assert all(colour["r"] > 0.9 and colour["g"] < 0.2 for colour in red["colors"])
-    set_lights(harness, client, 1 + 32)
+    set_lights(harness, client, 1 + 4)
     client.tick()
     assert len(marker(last(client), "lights")["points"]) == 2 * len(plan.lights), "two lamps of each are lit"
 

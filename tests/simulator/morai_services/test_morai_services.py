@@ -167,7 +167,8 @@ def test_gear_of_synchronous_mode_at_speed_is_told_to_its_sender() -> None:
     for _ in range(30):
         client.control(0, longlCmdType=1, accel=1.0)
         client.tick()
-    client.ask("/SyncModeSetGear", frame=0, gear=2)
+    assert client.ask("/SyncModeSetGear", frame=0, gear=2) == {"result": False}
+    assert len(harness.node.sync.waiting()) == 0
     client.tick()
     ((level, text),) = client.told
     assert level == "warning"
@@ -280,20 +281,35 @@ def test_gear_change_at_speed_is_refused_at_its_frame_and_logged(caplog: pytest.
     client.control(0, longlCmdType=1, accel=1.0)
     for _ in range(10):
         client.tick()
-    for _ in range(3):
-        assert client.ask("/SyncModeSetGear", gear=2, frame=0)["result"] is True
+    for i in range(3):  # how it will move at a later frame is not known when it asks
+        assert client.ask("/SyncModeSetGear", gear=2, frame=12 + 2 * i)["result"] is True
+        client.tick()
         client.tick()
     assert client.ask("/Service_MoraiEventCmd", option=0)["gear"] == 4
     assert client.told[0][1].startswith("/SyncModeSetGear: gear REVERSE refused: the ego moves at 0.")
     assert sum("gear REVERSE refused" in record.message for record in caplog.records) == 1
 
 
-@pytest.mark.parametrize("gear", [-1, 0])
-def test_gear_minus_one_or_zero_keeps_the_gear(gear: int) -> None:
+def test_gear_minus_one_keeps_the_gear_and_zero_is_refused() -> None:
     _, client = in_sync()
-    assert client.ask("/SyncModeSetGear", gear=gear, frame=0)["result"] is True
+    assert client.ask("/SyncModeSetGear", gear=-1, frame=0)["result"] is True
     client.tick()
+    assert client.told == []
+    assert client.ask("/SyncModeSetGear", gear=0, frame=0)["result"] is False
+    text = "/SyncModeSetGear: gear: expected 1 (P), 2 (R), 3 (N), 4 (D) or -1 to leave it, got 0"
+    assert client.told == [("error", text)]
     assert client.ask("/Service_MoraiEventCmd", option=0)["gear"] == 4
+
+
+def test_gear_at_speed_is_accepted_behind_a_load_that_waits() -> None:
+    harness, client = in_sync()
+    for _ in range(30):
+        client.control(0, longlCmdType=1, accel=1.0)
+        client.tick()
+    assert client.ask("/SyncModeScenarioLoad", file_name="crowd", frame=0, **ALL)["result"]
+    assert client.ask("/SyncModeSetGear", gear=2, frame=0)["result"] is True
+    client.tick()
+    assert harness.world.gear[ego_row(harness)] == 2
 
 
 # /SyncModeAddObj, /SyncModeRemoveObj
@@ -492,7 +508,6 @@ def state_of(answer: dict[str, Any]) -> tuple[int, int, int, int, bool]:
         (4, (3, 4, 2, 1, False)),
         (8, (3, 4, 0, 0, True)),
         (15, (2, 2, 2, 1, True)),
-        (32 + 64, (3, 4, 0, 0, False)),
     ],
 )
 def test_each_event_bit_applies_its_fields_and_the_answer_is_the_new_state(
@@ -525,6 +540,9 @@ def test_gear_change_at_speed_is_refused_and_the_answer_shows_the_old_gear() -> 
         (2, {"gear": 5}, "gear: expected"),
         (4, {"lamps": {"turnSignal": 3}}, "turnSignal: expected"),
         (4, {"lamps": {"emergencySignal": 2}}, "emergencySignal: expected"),
+        (32, {}, "option: expected a sum of 1 (mode), 2 (gear), 4 (lamps) and 8 (pause), got 47"),
+        (64, {}, "got 79"),
+        (-128, {}, "got -113"),
     ],
 )
 def test_invalid_event_is_refused_and_changes_nothing(option: int, fields: dict[str, object], complaint: str) -> None:
@@ -532,6 +550,15 @@ def test_invalid_event_is_refused_and_changes_nothing(option: int, fields: dict[
     sound: dict[str, object] = {"ctrl_mode": 1, "gear": 1, "lamps": {"turnSignal": 1}, "set_pause": True}
     assert complaint in client.refused("/Service_MoraiEventCmd", option=15 | option, **{**sound, **fields})
     assert state_of(client.ask("/Service_MoraiEventCmd", option=0)) == (3, 4, 0, 0, False)
+
+
+def test_gear_zero_of_an_event_is_told_once_and_the_rest_takes_effect() -> None:
+    client = SimHarness().client()
+    for _ in range(2):
+        answer = client.ask("/Service_MoraiEventCmd", option=3, ctrl_mode=1, gear=0)
+        assert (answer["ctrl_mode"], answer["gear"]) == (1, 4)
+    text = "gear 0 leaves the gear as it is; expected 1 (P), 2 (R), 3 (N), 4 (D), or -1 to leave it"
+    assert client.told == [("warning", f"/Service_MoraiEventCmd: {text}")]
 
 
 # Figures

@@ -189,6 +189,8 @@ def test_repeated_setting_keeps_a_light() -> None:
         ("nobody", 1, "trafficLightIndex: the map has no traffic light 'nobody'"),
         ("C1", 2, "trafficLightStatus: expected a sum of lamps, or -1 to hand back, got 2"),
         ("C1", 8, "got 8"),
+        ("C1", 48, r"'C1' and those of its group have the lamps 1 \+ 4 \+ 16; expected a sum of some of them, got 48"),
+        ("P1", 32, "'P1' and those of its group have the lamps .* got 32"),
         ("C1", -2, "got -2"),
         ("C1", 4096, "got 4096"),
     ],

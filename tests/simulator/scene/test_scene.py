@@ -218,3 +218,11 @@ def test_vehicle_specifications_are_found_by_id() -> None:
     assert scene.vehicle(7) is not None
     assert scene.vehicle(9) is None  # walks
     assert scene.vehicle(12345) is None
+
+
+@pytest.mark.parametrize(("gear", "expected"), [(Gear.REVERSE, -5.0), (Gear.DRIVE, 5.0)])
+@pytest.mark.parametrize("speed", [5.0, -5.0])
+def test_ego_of_a_scenario_starts_in_the_direction_of_its_gear(gear: Gear, speed: float, expected: float) -> None:
+    ego = Spawn(Kind.EGO, model("2016_Hyundai_Ioniq"), "ego", 0, 0.0, 0.0, 0.0, 0.0, speed)
+    scene = Scene(World(0), MemoryLibrary(), Scenario("moving", None, (ego,)), ego_gear=gear)
+    assert scene.world.speed[scene.world.row(0)] == expected

@@ -370,6 +370,14 @@ def test_ego_is_teleported_shifted_lit_and_handed_over(harness: SimHarness, clie
     assert world.throttle[ego.row] == 0.0, "the command that waited is forgotten"
 
 
+def test_ego_that_is_put_into_reverse_has_a_speed_backwards(harness: SimHarness, client: Client) -> None:
+    place = {"set_place": True, "place": {"x": 10, "y": 500}, "set_gear": True, "gear": 2}
+    done(client, "/sim/set", objects=[change(0, **place, set_speed=True, speed=5.0)])
+    assert harness.world.speed[row_of(harness, 0)] == -5.0
+    done(client, "/sim/set", objects=[change(0, set_speed=True, speed=3.0)])
+    assert harness.world.speed[row_of(harness, 0)] == -3.0
+
+
 BAD_CHANGES: list[tuple[dict[str, object], str]] = [
     (change(99), "objects[1].unique_id: there is no object 99"),
     (change(1, set_speed=True, speed=None), "objects[1].speed: expected -1000..1000 m/s, got nan"),
@@ -379,6 +387,11 @@ BAD_CHANGES: list[tuple[dict[str, object], str]] = [
     (change(0, set_gear=True, gear=9), "objects[1].gear: expected 1 (P), 2 (R), 3 (N) or 4 (D), got 9"),
     (change(0, set_gear=True, gear=-1), "objects[1].gear: expected 1 (P)"),
     (change(0, set_speed=True, speed=9, set_gear=True, gear=1), "objects[1].gear: gear PARK refused: the ego moves"),
+    (change(0, set_speed=True, speed=-9), "objects[1]: speed: expected 0 or more in gear 4 (D), got -9 m/s"),
+    (
+        change(0, set_place=True, place={"x": 10, "y": 500}, set_speed=True, speed=-9),
+        "objects[1]: speed: expected 0 or",
+    ),
     (change(0, set_ctrl_mode=True, ctrl_mode=4), "objects[1].ctrl_mode: expected 1 (keyboard)"),
     (change(0, set_lamps=True, turn_signal=3), "objects[1].turn_signal: expected 0, 1 or 2, got 3"),
     (change(0, set_lamps=True, emergency_signal=2), "objects[1].emergency_signal: expected 0 or 1, got 2"),
