@@ -7,9 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from rosbridge_sim.world.geometry.planar import FloatArray, arc_lengths
+from rosbridge_sim.world.geometry.planar import BoolArray, FloatArray, arc_lengths
 
-__all__ = ["MAX_PIECE", "across", "cut_dashes", "sample_arcs", "strip", "take_at"]
+__all__ = ["MAX_PIECE", "across", "cut_dashes", "runs_of", "sample_arcs", "strip", "take_at"]
 
 MAX_PIECE: Final = 10.0
 """Longest piece of a strip [m]: what draws can leave out pieces that are not in view."""
@@ -91,3 +91,9 @@ def cut_dashes(length: float, dash: float, gap: float) -> FloatArray:
     period = length / num
     start = period * np.arange(num) + 0.5 * period * gap / (dash + gap)
     return np.column_stack([start, start + period * dash / (dash + gap)])
+
+
+def runs_of(which: BoolArray) -> list[tuple[int, int]]:
+    """Return start and end of each run of two or more true values."""
+    edge = np.flatnonzero(np.diff(np.concatenate([[0], which.view(np.int8), [0]])))
+    return [(start, end) for start, end in edge.reshape(-1, 2).tolist() if end - start > 1]

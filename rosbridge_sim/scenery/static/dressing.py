@@ -15,7 +15,10 @@ from rosbridge_sim.scenery.lines import across, take_at
 from rosbridge_sim.scenery.mesh import Colour, Label, Lit
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
 from rosbridge_sim.scenery.solids import box, column, join, prism
+from rosbridge_sim.scenery.static.loose_paint import LoosePaint
 from rosbridge_sim.scenery.static.road_cover import RoadCover
+from rosbridge_sim.scenery.static.road_edges import NARROW
+from rosbridge_sim.scenery.static.road_surface import SHOULDER
 from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
@@ -56,11 +59,21 @@ GLOW: Final[Colour] = (250, 244, 220)
 
 
 def add_dressing(
-    builder: MeshBuilder, roads: Roads, cover: RoadCover, terrain: Terrain, *, name: str, seed: int, is_town: bool
+    builder: MeshBuilder,
+    roads: Roads,
+    cover: RoadCover,
+    paint: LoosePaint,
+    terrain: Terrain,
+    *,
+    name: str,
+    seed: int,
+    is_town: bool,
 ) -> None:
     """Add what stands beside the roads.
 
     Args:
+        cover: of the lanes.
+        paint: beside the lanes.
         terrain: the ground.
         name: of the map.
         seed: of the world.
@@ -72,7 +85,7 @@ def add_dressing(
     houses = _add_buildings(builder, roads, cover, terrain, rng=rng, free=free, share=0.8 if is_town else 0.06)
     share = 0.34 if is_town else 0.5
     _add_trees(builder, roads, cover, terrain, rng=rng, free=free, houses=houses, share=share)
-    _add_roadside(builder, roads, cover, terrain, is_town=is_town)
+    _add_roadside(builder, roads, cover, paint, terrain, is_town=is_town)
 
 
 def _cells(roads: Roads, cell: float, rng: np.random.Generator) -> FloatArray:
@@ -207,8 +220,11 @@ def _fir(radius: float, low: float, high: float) -> tuple[FloatArray, np.ndarray
     )
 
 
-def _add_roadside(builder: MeshBuilder, roads: Roads, cover: RoadCover, terrain: Terrain, *, is_town: bool) -> None:
+def _add_roadside(
+    builder: MeshBuilder, roads: Roads, cover: RoadCover, paint: LoosePaint, terrain: Terrain, *, is_town: bool
+) -> None:
     """Add street lamps in towns, and posts elsewhere, where an edge of a lane has nothing beside it."""
+    out = 1.1 if is_town else CLEARANCE
     spots, ways = [], []
     for lane in range(len(roads)):
         length = float(roads.length[lane])
@@ -218,13 +234,14 @@ def _add_roadside(builder: MeshBuilder, roads: Roads, cover: RoadCover, terrain:
         arcs = np.arange(0.5 * LAMP_STEP, length, LAMP_STEP)
         points = take_at(np.column_stack([roads.points[rows], roads.border[rows], across(roads.points[rows])]), arcs)
         for i, sign in ((1, -1.0), (0, 1.0)):
-            offset = points[:, 3 + i] + (1.1 if is_town else CLEARANCE)
+            offset = points[:, 3 + i] + out
             spots.append(np.column_stack([points[:, :2] + (sign * offset)[:, None] * points[:, 5:7], points[:, 2]]))
             ways.append(-sign * points[:, 5:7])
     if not spots:
         return
     place, way = np.concatenate(spots), np.concatenate(ways)
-    is_free = ~cover.is_on(place, margin=0.9)
+    beyond = place - np.column_stack([(SHOULDER + NARROW - out) * way, np.zeros(len(way))])
+    is_free = ~(cover.is_on(place, margin=0.9) | cover.is_on(beyond) | paint.is_near(place))
     place, way = place[is_free], way[is_free]
     kept = _spread(place, 0.6 * LAMP_STEP)
     place, way = place[kept], way[kept]

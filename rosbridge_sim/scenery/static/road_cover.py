@@ -73,8 +73,8 @@ class RoadCover:
         """Return the height of the ground by the nearest lane, (n,) [m].
 
         Args:
-            points: (n, 2 or more) [m].
+            points: (n, 2 or 3); heights choose between a bridge and the road below it, which counts without them [m].
         """
         if self._roads.is_flat:
             return np.full(len(points), self._roads.points[0, 2] if len(self._roads.points) else 0.0)
-        return self._roads.derived(Surface).find(points[:, 0].copy(), points[:, 1].copy()).height
+        return self._roads.derived(Surface).find(*np.ascontiguousarray(points.T)).height

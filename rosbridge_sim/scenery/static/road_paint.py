@@ -16,7 +16,7 @@ from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.world.geometry.planar import FloatArray
 from rosbridge_sim.world.roads.roads import Roads
 
-__all__ = ["WHITE", "YELLOW", "add_paint"]
+__all__ = ["WHITE", "YELLOW", "add_paint", "four_corners", "is_painted"]
 
 WHITE: Final[Colour] = (236, 233, 229)
 """HSV 17, 8, 236 in OpenCV's units: within H 0..30, S <= 10, V >= 205, the ranges of all masks for white paint."""
@@ -69,8 +69,13 @@ def add_paint(builder: MeshBuilder, road_map: RoadMap, cover: RoadCover) -> None
     _add_stop_lines(builder, roads, [each for each in road_map.borders if each.type == STOP_LINE])
 
 
+def is_painted(border: Border) -> bool:
+    """Return whether a line is painted, and no kerb."""
+    return border.type not in KERB_TYPES
+
+
 def _add_border(builder: MeshBuilder, border: Border, dashes: tuple[float, float]) -> None:
-    if border.type in KERB_TYPES:
+    if not is_painted(border):
         return
     is_stop = border.type == STOP_LINE
     width = STOP_WIDTH if is_stop else LINE_WIDTH
@@ -125,7 +130,7 @@ def _add_line(
 def _add_crosswalk(builder: MeshBuilder, crosswalk: Crosswalk) -> None:
     """Add the bars of a crosswalk, which lie along the road, across the longer side of each part."""
     for outline in crosswalk.outlines:
-        corners = _four_corners(outline)
+        corners = four_corners(outline)
         if corners is None:
             continue
         lengths = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
@@ -142,7 +147,7 @@ def _add_crosswalk(builder: MeshBuilder, crosswalk: Crosswalk) -> None:
         builder.add_quads(quads, WHITE, Label.CROSSWALK)
 
 
-def _four_corners(outline: FloatArray) -> FloatArray | None:
+def four_corners(outline: FloatArray) -> FloatArray | None:
     """Return a quadrilateral for an outline: itself, or the box along its longest side; None if it has no area."""
     if np.array_equal(outline[0], outline[-1]):
         outline = outline[:-1]

@@ -9,10 +9,12 @@ from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.scenery.mesh import Mesh
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
 from rosbridge_sim.scenery.static.dressing import add_dressing
+from rosbridge_sim.scenery.static.loose_paint import LoosePaint
 from rosbridge_sim.scenery.static.road_cover import RoadCover
+from rosbridge_sim.scenery.static.road_edges import add_edges
 from rosbridge_sim.scenery.static.road_paint import add_paint
 from rosbridge_sim.scenery.static.road_signs import add_markings, add_signs
-from rosbridge_sim.scenery.static.road_surface import add_asphalt, add_edges
+from rosbridge_sim.scenery.static.road_surface import add_asphalt
 from rosbridge_sim.scenery.static.terrain import Terrain
 from rosbridge_sim.scenery.static.traffic_lights import add_lights
 from rosbridge_sim.world.geometry.planar import FloatArray
@@ -39,13 +41,15 @@ def static_mesh(road_map: RoadMap, name: str, seed: int, *, is_dressed: bool = T
     has_people = bool(road_map.crosswalks) or any(light.is_pedestrian for light in _lights(road_map))
     terrain.add_to(builder)
     add_asphalt(builder, roads)
-    add_edges(builder, roads, cover, terrain, has_pavement=has_people)
+    paint = LoosePaint(road_map, cover)
+    paint.add_asphalt(builder)
+    add_edges(builder, roads, cover, paint, terrain, has_pavement=has_people)
     add_paint(builder, road_map, cover)
     add_markings(builder, road_map.markings)
     add_lights(builder, _lights(road_map), cover, terrain)
     add_signs(builder, road_map.signs, cover, terrain)
     if is_dressed:
-        add_dressing(builder, roads, cover, terrain, name=name, seed=seed, is_town=has_people)
+        add_dressing(builder, roads, cover, paint, terrain, name=name, seed=seed, is_town=has_people)
     return builder.finish()
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from rosbridge_sim.maps.road_map import RoadMap
+from rosbridge_sim.maps.road_map import Border, Crosswalk, RoadMap
 from rosbridge_sim.scenery.mesh import Label, Mesh
 from rosbridge_sim.scenery.mesh_builder import MeshBuilder
+from rosbridge_sim.scenery.static.loose_paint import LoosePaint
 from rosbridge_sim.scenery.static.road_cover import RoadCover
 from rosbridge_sim.scenery.static.road_paint import add_paint
 from rosbridge_sim.scenery.static.static_mesh import static_mesh
@@ -151,6 +153,23 @@ def test_map_without_lines_gets_them_from_its_lanes() -> None:
     assert yellow.mean() == pytest.approx(3.5 + width / 2, abs=0.1)
     white = places_of(mesh, Label.PAINT_WHITE)[..., 1].mean(axis=1)
     assert {round(value) for value in white.tolist()} == {round(-width / 2), round(width / 2), round(7 + width / 2)}
+
+
+@pytest.mark.slow
+def test_crosswalk_of_any_size_has_few_triangles() -> None:
+    roads = make(a=(line((0, 0), (20, 0)), ""))
+    outline = line((-1e6, 0), (1e6, 0), (1e6, 2e6), (-1e6, 2e6))
+    crosswalk, lines = Crosswalk("", (outline,)), (Border("", line((0, 5), (1e6, 5)), 501, ("Solid",)),)
+    road_map = RoadMap("own", map_of("loop").projection, (0.0, 0.0, 0.0), roads)
+    paint = LoosePaint(replace(road_map, crosswalks=(crosswalk,), borders=lines), RoadCover(roads))
+    builder = MeshBuilder(np.zeros(3))
+    paint.add_asphalt(builder)
+    assert 80_000 < len(builder.finish()) < 300_000
+    assert paint.is_near(np.array([(30.0, 5.5, 0.0), (30.0, -2.0, 0.0), (30.0, 5.5, 9.0)])).tolist() == [
+        True,
+        False,
+        False,
+    ]
 
 
 def test_map_without_roads_has_no_triangles() -> None:
