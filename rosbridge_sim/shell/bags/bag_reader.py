@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from functools import partial
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -47,6 +48,12 @@ _USUAL: Final = {_EGO: "/Ego_topic", _OBJECTS: "/Object_topic", _INFO: "/ReplayI
 
 _CLOUD: Final = "sensor_msgs/PointCloud2"
 
+MAX_UNCLEAR: Final = 100
+"""Topics with states of egos that are looked at for the numbers of the egos."""
+
+MAX_EGO_TOPICS: Final = 100
+"""Topics with states of egos that are replayed: as many as a world may have egos, and more."""
+
 _BREATH: Final = 100
 """Messages after which the reading thread lets other threads run."""
 
@@ -64,13 +71,13 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
         DocumentError: the bag is broken, is not a bag, or is too large.
     """
     with _open(path) as bag:
-        is_ros1 = path.suffix == ".bag"
-        egos = _find_egos(bag, path, texts, is_ros1=is_ros1)
+        types = _BagTypes(texts, is_ros1=path.suffix == ".bag")
+        egos = _find_egos(bag, path, types, breathe)
         chosen = _choose(bag.connections, egos, reading)
         held = {one.msgtype for one in chosen}
         start_ns: int | None = None
         for connection in chosen:
-            take = _taker(connection, held, egos[connection.topic], reading, texts, is_ros1=is_ros1)
+            take = _taker(connection, held, egos[connection.topic], reading, types)
             for stamp_ns, raw in _messages(bag, connection, path, breathe):
                 start_ns = stamp_ns if start_ns is None else min(start_ns, stamp_ns)
                 try:
@@ -80,14 +87,14 @@ def read_recording(path: Path, reading: RecordingBuilder, texts: Texts, breathe:
                 except Exception as error:  # noqa: BLE001 - bytes from outside, by a definition from outside
                     what = f"{connection.topic}: {_first_line(error)}"
                     raise DocumentError(f"{path.name}: a message does not fit its type: {what}") from None
-        plans = _read_plans(bag, path, start_ns or 0, texts, breathe, reading=reading) if chosen else ()
+        plans = _read_plans(bag, path, start_ns or 0, types, breathe, reading=reading) if chosen else ()
     recording = replace(reading.finish(), plans=plans)
     _ = recording.digest  # kept with it: later it would keep the event loop waiting
     return recording
 
 
 def _taker(
-    connection: Connection, held: set[str], index: int, reading: RecordingBuilder, texts: Texts, *, is_ros1: bool
+    connection: Connection, held: set[str], index: int, reading: RecordingBuilder, types: _BagTypes
 ) -> Callable[[bytes, int], None]:
     """Return a function that takes the bytes of a topic's messages and their stamps in the bag [ns].
 
@@ -96,35 +103,33 @@ def _taker(
         held: types of all topics that are read.
         index: number of the topic's ego.
         reading: takes the contents of the messages.
-        texts: definitions for a bag without its own.
-        is_ros1: the bytes are ROS 1 bytes.
+        types: of the bag.
 
     Raises:
         DocumentError: the type is unknown.
     """
-    types = _types_of(connection, texts, is_ros1=is_ros1)
-    decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
+    decode = types.decoder(connection)
     if connection.msgtype == _EGO:
 
         def take_ego(raw: bytes, stamp_ns: int) -> None:
-            message: Any = decode(raw, _EGO)
+            message: Any = decode(raw)
             reading.take_ego(index, message, (_stamp_of(message), stamp_ns))
 
         return take_ego
 
     has_pedals = connection.msgtype == _INFO
     is_ego_here, are_objects_here = _EGO in held and has_pedals, _OBJECTS in held and has_pedals
-    is_known = _is_known(types, texts, is_ros1=is_ros1)
+    is_known = types.is_known(connection)
 
     def take_lists(raw: bytes, stamp_ns: int) -> None:
         pedals: Any  # both kinds of readers name the fields as in the message
         if is_known:
-            skimmed = decode_object_lists(raw, is_cdr=not is_ros1, has_pedals=has_pedals)
+            skimmed = decode_object_lists(raw, is_cdr=not types.is_ros1, has_pedals=has_pedals)
             stamps, pedals = (skimmed.stamp_ns, stamp_ns), skimmed.pedals
             if not are_objects_here:
                 reading.take_sample(skimmed.who, skimmed.figures, stamps)
         else:
-            pedals = decode(raw, connection.msgtype)
+            pedals = decode(raw)
             stamps = _stamp_of(pedals), stamp_ns
             if not are_objects_here:
                 reading.take_objects(pedals, stamps)
@@ -138,7 +143,7 @@ def _read_plans(
     bag: Reader1 | Reader2,
     path: Path,
     start_ns: int,
-    texts: Texts,
+    types: _BagTypes,
     breathe: Callable[[], None],
     *,
     reading: RecordingBuilder,
@@ -151,7 +156,7 @@ def _read_plans(
         bag: the open bag.
         path: of the bag.
         start_ns: time in the bag at which the recording begins [ns].
-        texts: definitions for a bag without its own.
+        types: of the bag.
         breathe: see `read_recording`.
         reading: takes the notes.
 
@@ -160,7 +165,6 @@ def _read_plans(
     """
     found: dict[tuple[str, str], list[tuple[int, bytes]]] = {}
     decoders: dict[tuple[str, str], Callable[[bytes], object]] = {}
-    known: dict[tuple[str, str], Typestore] = {}
     num_bytes = num_beyond = num_long = 0
     for connection in bag.connections:
         key = connection.topic, connection.msgtype.replace("/msg/", "/")
@@ -173,7 +177,7 @@ def _read_plans(
         breathe()
         try:
             resolve(connection.topic)
-            decoders[key] = _plain_decoder(connection, texts, known, is_ros1=path.suffix == ".bag")
+            decoders[key] = _plain_decoder(connection, types)
         except (DocumentError, PeerError) as error:
             reading.note(f"{error}: it is left out")
             continue
@@ -201,33 +205,17 @@ def _read_plans(
     )
 
 
-def _plain_decoder(
-    connection: Connection, texts: Texts, known: dict[tuple[str, str], Typestore], *, is_ros1: bool
-) -> Callable[[bytes], object]:
+def _plain_decoder(connection: Connection, types: _BagTypes) -> Callable[[bytes], object]:
     """Return a function from the bytes of a topic's messages to plain objects.
 
-    Args:
-        connection: of the topic.
-        texts: definitions for a bag without its own.
-        known: the types of this bag, by name and definition; a new one is added.
-
     Raises:
-        DocumentError: the type is unknown, or its definition cannot be used.
+        DocumentError: the type is unknown.
     """
-    key = connection.msgtype, connection.msgdef.data
-    types = known.get(key)
-    if types is None:
-        types = known[key] = _types_of(connection, texts, is_ros1=is_ros1)
-        try:
-            types.get_msgdef(connection.msgtype)  # compiles the readers of its bytes: 10 to 50 ms
-        except Exception as error:  # noqa: BLE001 - a definition from outside
-            raise DocumentError(f"{connection.topic}: its definition cannot be read: {_first_line(error)}") from None
-    read = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
-    fields = {name: found for name, (_, found) in types.fielddefs.items()}
+    read, fields = types.decoder(connection), types.fields_of(connection)
 
     def decode(raw: bytes) -> object:
         try:
-            message = read(raw, connection.msgtype)
+            message = read(raw)
             num_bytes = len(raw) - getattr(getattr(message, "data", None), "nbytes", 0)
             if num_bytes <= MAX_PLAN_MESSAGE:
                 return plain_message(message, fields)
@@ -253,6 +241,9 @@ def _choose(connections: list[Connection], egos: Mapping[str, int], reading: Rec
         index = egos[connection.topic]
         if connection.msgtype not in _USUAL or (index and connection.msgtype != _EGO):
             continue
+        if index and (connection.msgtype, index) not in chosen and len(chosen) >= MAX_EGO_TOPICS:
+            reading.note(f"{connection.topic} is left out: there are more than {MAX_EGO_TOPICS} egos")
+            continue
         first = chosen.setdefault((connection.msgtype, index), connection)
         if first.topic != connection.topic:
             reading.note(f"{connection.topic} is left out: {first.topic} is replayed")
@@ -264,7 +255,7 @@ def _choose(connections: list[Connection], egos: Mapping[str, int], reading: Rec
     return [one for one in held if one.topic in topics and one.msgtype in types]
 
 
-def _find_egos(bag: Reader1 | Reader2, path: Path, texts: Texts, *, is_ros1: bool) -> dict[str, int]:
+def _find_egos(bag: Reader1 | Reader2, path: Path, types: _BagTypes, breathe: Callable[[], None]) -> dict[str, int]:
     """Return topic -> number of its ego.
 
     The number comes from the topic's prefix, or from its messages if several topics have other names.
@@ -278,12 +269,11 @@ def _find_egos(bag: Reader1 | Reader2, path: Path, texts: Texts, *, is_ros1: boo
             unclear.append(connection)
     if len({one.topic for one in unclear}) < 2 or any(one.topic == _USUAL[_EGO] for one in unclear):  # noqa: PLR2004
         return egos
-    for connection in unclear:
+    for connection in unclear[:MAX_UNCLEAR]:
+        breathe()
         with suppress(Exception):  # errors in the bytes are reported when all messages are read
-            types = _types_of(connection, texts, is_ros1=is_ros1)
-            decode = types.deserialize_ros1 if is_ros1 else types.deserialize_cdr
             _, raw = next(_messages(bag, connection, path, _ignore))
-            message: Any = decode(raw, _EGO)
+            message: Any = types.decoder(connection)(raw)
             egos[connection.topic] = max(message.unique_id, 0)
     return egos
 
@@ -339,22 +329,83 @@ def _messages(
         yield message[1], message[2]
 
 
-def _types_of(connection: Connection, texts: Texts, *, is_ros1: bool) -> Typestore:
-    """Return a topic's type with the types in it, from the bag's own definition if it can be read.
+class _BagTypes:
+    """The types of a bag. Each is read and compiled once, which takes 10 to 50 ms: many topics may have one type.
 
-    Raises:
-        DocumentError: the type is unknown.
+    Attributes:
+        is_ros1: the bytes of its messages are ROS 1 bytes; otherwise CDR.
     """
-    from rosbags.interfaces import MessageDefinitionFormat  # noqa: PLC0415 - see above
 
-    definition = connection.msgdef
-    text = definition.data if definition.format == MessageDefinitionFormat.MSG else ""
-    try:
-        return _register(text or _own_text(connection.msgtype, texts, is_ros1=is_ros1), connection.msgtype)
-    except PeerError as error:
-        raise DocumentError(f"{connection.topic}: {error}") from None
-    except Exception as error:  # noqa: BLE001 - as above
-        raise DocumentError(f"{connection.topic}: its definition cannot be read: {_first_line(error)}") from None
+    def __init__(self, texts: Texts, *, is_ros1: bool) -> None:
+        """Know no type yet.
+
+        Args:
+            texts: definitions for a bag without its own.
+            is_ros1: see the class.
+        """
+        self.is_ros1 = is_ros1
+        self._texts = texts
+        self._stores: dict[tuple[str, str], Typestore] = {}
+        self._own_fields: dict[str, object] | None = None
+
+    def decoder(self, connection: Connection) -> Callable[[bytes], object]:
+        """Return a function that reads the bytes of a topic's messages; it compiles nothing.
+
+        Raises:
+            DocumentError: the type is unknown.
+        """
+        store = self._store_of(connection)
+        return partial(store.deserialize_ros1 if self.is_ros1 else store.deserialize_cdr, typename=connection.msgtype)
+
+    def fields_of(self, connection: Connection) -> dict[str, Any]:
+        """Return the fields of a topic's type and of those in it, by their names.
+
+        Raises:
+            DocumentError: the type is unknown.
+        """
+        return {name: found for name, (_, found) in self._store_of(connection).fielddefs.items()}
+
+    def is_known(self, connection: Connection) -> bool:
+        """Return True if object lists have the byte layout that `decode_object_lists` expects.
+
+        Raises:
+            DocumentError: the type is unknown.
+        """
+        if self._own_fields is None:
+            self._own_fields = {
+                name: fields
+                for msgtype in (_OBJECTS, _INFO)
+                for name, (_, fields) in _register(self._own_text(msgtype), msgtype).fielddefs.items()
+            }
+        own, fields = self._own_fields, self.fields_of(connection)
+        return all(fields[name] == own[name] for name in LAYOUT if name in fields)
+
+    def _store_of(self, connection: Connection) -> Typestore:
+        """Return a topic's type with the types in it, from the bag's own definition if it can be read.
+
+        Raises:
+            DocumentError: the type is unknown.
+        """
+        from rosbags.interfaces import MessageDefinitionFormat  # noqa: PLC0415 - see above
+
+        definition, name = connection.msgdef, connection.msgtype
+        text = definition.data if definition.format == MessageDefinitionFormat.MSG else ""
+        store = self._stores.get((name, text))
+        if store is not None:
+            return store
+        try:
+            store = _register(text or self._own_text(name), name)
+            store.get_msgdef(name)
+        except PeerError as error:
+            raise DocumentError(f"{connection.topic}: {error}") from None
+        except Exception as error:  # noqa: BLE001 - as above
+            raise DocumentError(f"{connection.topic}: its definition cannot be read: {_first_line(error)}") from None
+        self._stores[name, text] = store
+        return store
+
+    def _own_text(self, msgtype: str) -> str:
+        """Return our definition of a type of a bag."""
+        return Store(self._texts, ros=1 if self.is_ros1 else 2).full_text(msgtype.replace("/msg/", "/"))
 
 
 def _register(text: str, msgtype: str) -> Typestore:
@@ -363,21 +414,6 @@ def _register(text: str, msgtype: str) -> Typestore:
     types = get_typestore(Stores.EMPTY)
     types.register(get_types_from_msg(text, msgtype))
     return types
-
-
-def _own_text(msgtype: str, texts: Texts, *, is_ros1: bool) -> str:
-    """Return our definition of a type of a bag."""
-    return Store(texts, ros=1 if is_ros1 else 2).full_text(msgtype.replace("/msg/", "/"))
-
-
-def _is_known(types: Typestore, texts: Texts, *, is_ros1: bool) -> bool:
-    """Return True if object lists have the byte layout that `decode_object_lists` expects."""
-    own = {
-        name: fields
-        for msgtype in (_OBJECTS, _INFO)
-        for name, (_, fields) in _register(_own_text(msgtype, texts, is_ros1=is_ros1), msgtype).fielddefs.items()
-    }
-    return all(types.fielddefs[name][1] == own[name] for name in LAYOUT if name in types.fielddefs)
 
 
 def _first_line(error: Exception) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from rosbridge_sim.simulator.kernel.egos import EgoRegistry
 from rosbridge_sim.simulator.plain.plain_bytes import PlainData
 from rosbridge_sim.simulator.replays.playback_actors import ALL_TARGETS, EGO, PlaybackActors
@@ -10,6 +12,10 @@ from rosbridge_sim.simulator.scene.scene import Scene
 from rosbridge_sim.world.state.world import STEP_NS, World
 
 __all__ = ["Playback"]
+
+
+MAX_MISSING_TOLD: Final = 10
+"""Egos that the world does not have of which the caller is told, a line each."""
 
 
 class Playback:
@@ -165,11 +171,13 @@ class Playback:
             return []
         if not recording.egos:
             return ["it holds no ego: only the objects are replayed"]
+        missing = [index for index in recording.egos if self._egos.find(index) is None]
         notes = [
             f"it holds an ego {index}, but the world has none with this number: it is left out"
-            for index in recording.egos
-            if self._egos.find(index) is None
+            for index in missing[:MAX_MISSING_TOLD]
         ]
+        if len(missing) > MAX_MISSING_TOLD:
+            notes.append(f"so are {len(missing) - MAX_MISSING_TOLD} more egos")
         if any(not track.has_place for track in recording.egos.values()):
             notes.append("it holds no position of the ego: objects and pedals are replayed")
         return notes

@@ -19,7 +19,7 @@ from rosbridge_sim.morai.messages.convert import Converter
 from rosbridge_sim.morai.releases import LENIENCY
 from rosbridge_sim.schema.store import Store
 from rosbridge_sim.shell.bags.bag import open_bag
-from rosbridge_sim.shell.bags.bag_reader import read_recording
+from rosbridge_sim.shell.bags.bag_reader import MAX_EGO_TOPICS, read_recording
 from rosbridge_sim.shell.bags.message_writer import BagMessageWriter
 from rosbridge_sim.shell.files.definitions import read_definitions
 from rosbridge_sim.simulator.replays.recorded_drive import EGO_COLUMNS, Recording
@@ -153,6 +153,25 @@ def test_number_of_plan_topics_and_of_remarks_is_bounded(tmp_path: Path) -> None
     notes = read(write(tmp_path / "b.bag", {"/Ego_topic": (EGO, ways(1.0)), **egos})).notes
     assert len(notes) == MAX_NOTES + 1
     assert notes[-1] == f"and {50 - MAX_NOTES} more remarks like these"
+
+
+def test_number_of_egos_is_bounded_and_their_one_type_is_compiled_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    topics = {f"/Ego-{i}/Ego_topic": (EGO, ways(1.0)) for i in range(1, MAX_EGO_TOPICS + 10)}
+    path = write(tmp_path / "a.bag", topics)
+    compiled: list[str] = []
+    compile_type = Typestore.register
+
+    def count(store: Typestore, types: Any) -> None:  # noqa: ANN401 - the library's
+        compiled.extend(types)
+        compile_type(store, types)
+
+    monkeypatch.setattr(Typestore, "register", count)
+    recording = read(path)
+    assert len(recording.egos) == MAX_EGO_TOPICS
+    assert compiled.count(f"morai_msgs/msg/{EGO.rpartition('/')[2]}") == 1
+    assert recording.notes[0].endswith(f"is left out: there are more than {MAX_EGO_TOPICS} egos")
 
 
 @pytest.mark.parametrize("name", ["a.bag", "a.mcap"])

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 
 from rosbridge_sim.morai.releases import FIELD
 from rosbridge_sim.records import replace as changed
 from rosbridge_sim.scenarios.catalogue import Catalogue, Model, find_model
+from rosbridge_sim.simulator.replays.playback import Playback
+from rosbridge_sim.simulator.replays.recorded_drive import EGO_COLUMNS, EgoTrack, Recording
 from rosbridge_sim.world.state.world import Body, Kind
 from tests.simulator.memory_recordings import MemoryRecordings
 from tests.simulator.replays.replay_harness import (
@@ -254,6 +257,15 @@ def test_ego_left_to_its_driver_drives_on_through_later_commands(
     assert status["position"]["y"] > before["position"]["y"]
     assert replay(client, STOP)
     assert client.tick()["vehicle_status"]["velocity"]["x"] == 0.0, "as it was when the replay began"
+
+
+def test_many_missing_egos_are_told_in_few_lines(harness: SimHarness) -> None:
+    context = harness.node.context
+    track = EgoTrack(np.zeros(1, dtype=np.int64), np.zeros((len(EGO_COLUMNS), 1)))
+    playback = Playback(context.world, context.scene, context.egos)
+    notes = playback.notes_on(Recording("many", dict.fromkeys(range(100), track)), EGO)
+    assert notes[0] == "it holds an ego 1, but the world has none with this number: it is left out"
+    assert (len(notes), notes[-1]) == (11, "so are 89 more egos")
 
 
 def test_missing_ego_of_a_recording_is_reported_to_the_caller(
