@@ -35,7 +35,7 @@ from rosbridge_sim.records import replace
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from rosbridge_sim.scenarios.catalogue import DEFAULT_EGO
+from rosbridge_sim.scenarios.catalogue import CATALOGUE, DEFAULT_EGO
 from rosbridge_sim.world.state.commands import command
 from rosbridge_sim.world.state.entity_types import ROAD_FRICTION
 from rosbridge_sim.world.state.world import DT, Body, Dynamics, Kind, Mode, World
@@ -256,6 +256,8 @@ def main() -> int:
     is_good &= compare_braking()
     print()
     measure_ioniq(arguments.images)
+    print()
+    measure_stops()
     return 0 if is_good else 1
 
 
@@ -428,6 +430,30 @@ PUBLISHED = {
 """Of the Hyundai Ioniq of 2016."""
 
 
+STOPS = ("2016_Hyundai_Ioniq", "2021_VW_Golf_GTI", "2020_Kia_Stinger", "Van", "Truck", "Bus")
+"""Models whose stops the documentation has."""
+
+
+def stop(body: Body) -> World:
+    """Return a world whose ego has begun to brake with all its brakes at 100 km/h."""
+    world = World(0, Dynamics.SINGLE_TRACK)
+    world.spawn(Kind.EGO, body, name="ego", x=0.0, y=0.0, speed=100 / 3.6)
+    command(world, 0, mode=Mode.PEDALS, brake=1.0, steer=0.0)
+    return world
+
+
+def measure_stops() -> None:
+    """Print how far models with different tyres and brakes go from 100 km/h to a stand."""
+    print("| model | grip | `max_decel` | 100..0 km/h |")
+    print("|---|---|---|---|")
+    bodies = {model.name: model.body for model in CATALOGUE}
+    for name in STOPS:
+        world, body = stop(bodies[name]), bodies[name]
+        while world.speed.item(0) > 0.0:
+            step(world)
+        print(f"| {name} | {body.grip:g} | {body.max_decel:g} m/s² | {world.x.item(0):.1f} m |")
+
+
 def measure_ioniq(images: Path) -> None:
     """Measure what makers and magazines publish of an Ioniq, print it, and plot the pedals and the lean.
 
@@ -450,9 +476,7 @@ def measure_ioniq(images: Path) -> None:
     found = {"0..100 km/h": f"{world.frame * DT:.1f} s"}
     go_on(lambda: world.frame * DT >= 150.0)
     top = f"{world.speed.item(0) * 3.6:.0f} km/h"
-    world = World(0, Dynamics.SINGLE_TRACK)
-    world.spawn(Kind.EGO, body, name="ego", x=0.0, y=0.0, speed=100 / 3.6)
-    command(world, 0, mode=Mode.PEDALS, brake=1.0, steer=0.0)
+    world = stop(body)
     num = len(trace)
     go_on(lambda: world.speed.item(0) == 0.0)
     found["100..0 km/h"] = f"{world.x.item(0):.1f} m"

@@ -94,7 +94,8 @@ class Body:
         max_steer: greatest angle of the front wheels, to either side [rad].
         max_steer_rate: greatest rate of that angle [rad/s]. 0.6 rad/s takes a second from straight ahead to the stop.
         max_accel: acceleration of full throttle at rest, before drag [m/s^2].
-        max_decel: deceleration of the full brake, before drag [m/s^2].
+        max_decel: deceleration of the full brake, before drag; in the single track model that of tyres with a grip of 1
+            [m/s^2].
         rolling: deceleration by rolling resistance, at any speed [m/s^2].
         drag: deceleration by air, engine and gears for each (m/s)^2 [1/m]. With the default, full throttle reaches
             180 km/h at most, and 100 km/h in ten seconds.

@@ -144,7 +144,8 @@ class Car(NamedTuple, Generic[V]):
         steer_change: of the wheels in one step [rad].
         launch_accel, power, top_speed, air_drag, engine_drag: as in `Body`.
         reverse_speed: top speed in R [m/s].
-        max_decel, rolling: as in `Body`.
+        max_decel: that of `Body` times its grip: who fits better tyres fits brakes that use them.
+        rolling: as in `Body`.
         yaw_control: constants of the stability control; None without it.
     """
 
@@ -223,7 +224,7 @@ def make_car(do: Operators[V], body: Sequence[V], limits: Sequence[V], dt: float
         air_drag,
         engine_drag,
         steer_rate * dt,
-        max_decel,
+        max_decel * grip,
         rolling,
         control,
         -math.expm1(-dt / THROTTLE_LAG),

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
+from pathlib import Path
 from threading import Barrier
 from typing import Any
 
@@ -320,6 +322,35 @@ def test_models_accelerate_as_their_data_sheets_say(name: str, kmh: float, secon
     back = full_throttle(body, 3.0, Gear.REVERSE, speed=-0.97 * most / 3.6)
     assert back[-1] == pytest.approx(most, rel=0.03)
     assert max(back) < 1.001 * most
+
+
+def stop(body: Body) -> float:
+    """Return the way from 100 km/h to a stand with a full brake [m]."""
+    world = World(0, Dynamics.SINGLE_TRACK)
+    world.spawn(Kind.EGO, body, name="ego", x=0.0, y=0.0, speed=100 / 3.6)
+    command(world, 0, mode=Mode.PEDALS, steer=0.0, brake=1.0)
+    while world.speed.item(0) > 0.0:
+        step(world)
+    return world.x.item(0)
+
+
+def test_stops_of_the_documentation_are_those_of_the_models() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "modelling.md").read_text(encoding="utf-8")
+    told = re.findall(r"^\| (\S+) \| ([0-9.]+) \| ([0-9.]+) m/s² \| ([0-9.]+) m \|$", page, flags=re.MULTILINE)
+    bodies = {model.name: model.body for model in CATALOGUE}
+    assert len(told) == 6
+    found = [
+        (name, f"{bodies[name].grip:g}", f"{bodies[name].max_decel:g}", f"{stop(bodies[name]):.1f}")
+        for name, *_ in told
+    ]
+    assert found == told
+    assert f"| 100..0 km/h | {stop(bodies['2016_Hyundai_Ioniq']):.1f} m |" in page
+
+
+@pytest.mark.parametrize("name", ["2021_VW_Golf_GTI", "2020_Kia_Stinger"])
+def test_car_whose_tyres_grip_better_stops_within_less(name: str) -> None:
+    body = next(model.body for model in CATALOGUE if model.name == name)
+    assert stop(body) == pytest.approx(stop(replace(body, grip=1.0)) / body.grip, rel=0.03)  # the lag is the same
 
 
 # -- actuators
