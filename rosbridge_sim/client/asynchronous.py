@@ -16,7 +16,6 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, ClassVar, Literal, Self
 
-import orjson
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus, InvalidURI, WebSocketException
 
@@ -35,6 +34,7 @@ from rosbridge_sim.errors import (
     ServiceRefusedError,
 )
 from rosbridge_sim.link.client_connection import why_gone, why_not
+from rosbridge_sim.link.json_with_words import to_json
 from rosbridge_sim.link.library_log import quiet
 from rosbridge_sim.link.terminal_text import safe
 from rosbridge_sim.link.urls import DEFAULT_PORT, full_url, shown_url
@@ -248,7 +248,7 @@ class AsyncClient(SimulatorRequests):
         return op_id
 
     async def _send(self, op_id: str, op: str, fields: Mapping[str, object]) -> None:
-        text = orjson.dumps({"op": op, "id": op_id, **fields}, option=orjson.OPT_SERIALIZE_NUMPY)
+        text = to_json({"op": op, "id": op_id, **fields})
         connection = self._connection
         if connection is None:
             raise ConnectionLostError(f"{shown_url(self.url)}: not connected yet; use `with`, or call open() first")

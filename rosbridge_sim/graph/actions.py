@@ -260,7 +260,7 @@ class Actions:
             if isinstance(args, Message):
                 request = args.value
             else:
-                request = decode_body(action.type.goal, args, self._state.stamp_ns)
+                request = decode_body(action.type.goal, args, self._state.stamp_ns, caller)
             held = self._goals.setdefault(caller, {})
             if len(held) >= self.max_goals:
                 raise GraphError(f"Too many goals under way: at most {self.max_goals}", reason=Reason.TOO_MUCH)

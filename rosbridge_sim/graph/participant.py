@@ -300,11 +300,14 @@ _SHORT = 2_000
 """
 
 
-def decode_body(message_type: MessageType | OpaqueType, body: OpBody, stamp_ns: int) -> object:
+def decode_body(
+    message_type: MessageType | OpaqueType, body: OpBody, stamp_ns: int, giver: Participant | None = None
+) -> object:
     """Return the checked and completed value of a body, which has fields by name, by position, or none.
 
     Args:
         stamp_ns: time for stamps that the body leaves open [ns].
+        giver: is told about values by position for which there is no field; they are ignored, as in rosbridge_suite.
 
     Raises:
         FieldError: it does not fit the type.
@@ -321,23 +324,25 @@ def decode_body(message_type: MessageType | OpaqueType, body: OpBody, stamp_ns: 
                 raise
         body = parse_by_position(message_type.name, body)
     if isinstance(body, list):
-        return message_type.check(_by_name(message_type, body), stamp_ns)
+        return message_type.check(_by_name(message_type, body, giver), stamp_ns)
     return message_type.check({} if body is None else body, stamp_ns)
 
 
-def _by_name(message_type: MessageType | OpaqueType, values: list[object]) -> dict[str, object]:
-    """Return the fields by name for values given by position.
+def _by_name(
+    message_type: MessageType | OpaqueType, values: list[object], giver: Participant | None
+) -> dict[str, object]:
+    """Return the fields by name for values given by position; see `decode_body`.
 
     Raises:
         FieldError: the fields of the type are unknown.
-        GraphError: there are too many values.
     """
     if not values:
         return {}
     if isinstance(message_type, OpaqueType):
         raise FieldError(f"{message_type.name} is not known here, so its fields must be given by name, not in a list")
     names = [f.name for f in message_type.definition.fields]
-    if len(values) > len(names):
-        text = f"{message_type.name} takes {len(names)} arguments, but got {len(values)}; it has {listing(names)}"
-        raise GraphError(text, reason=Reason.WRONG_VALUE)
+    if len(values) > len(names) and giver is not None:
+        has = f"; it has {listing(names)}" if names else ""
+        text = f"{message_type.name} takes {len(names)} values, but got {len(values)}: the rest is ignored{has}"
+        explain(giver, "warning", text, Reason.WRONG_VALUE)
     return dict(zip(names, values, strict=False))

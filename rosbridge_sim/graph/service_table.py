@@ -128,7 +128,7 @@ class ServiceTable:
             service = self.by_name.get(name) or self.by_name.get(resolve(name))
             if service is None:
                 raise GraphError(f"Service {name} does not exist", reason=Reason.NO_SUCH_SERVICE)
-            request = decode_body(service.type.request, args, state.stamp_ns)
+            request = decode_body(service.type.request, args, state.stamp_ns, caller)
             held = state.held_by(caller).calls
             if len(held) >= self.max_calls:
                 raise GraphError(f"Too many calls in flight: at most {self.max_calls}", reason=Reason.TOO_MUCH)

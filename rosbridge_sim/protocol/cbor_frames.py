@@ -22,7 +22,7 @@ from rosbridge_sim.errors import FrameError
 from rosbridge_sim.loose_types import LibraryArgument
 from rosbridge_sim.weight import LIGHT
 
-__all__ = ["cbor_head", "cbor_raw_frame", "decode_cbor", "is_cbor"]
+__all__ = ["cbor_head", "cbor_raw_frame", "decode_cbor", "is_bson", "is_cbor"]
 
 MAX_CBOR_DEPTH = 100
 """Deepest nesting of a CBOR frame; the deepest ROS message of the standard packages has seven levels."""
@@ -53,6 +53,18 @@ def is_cbor(frame: bytes) -> bool:
         frame: a binary frame.
     """
     return 0xA0 <= frame[0] <= 0xBF if frame else False  # noqa: PLR2004 - RFC 8949: major type 5
+
+
+def is_bson(frame: bytes) -> bool:
+    """Return True if a frame is as long as its first four bytes say, and ends with a zero: a document of BSON.
+
+    No frame of JSON or CBOR is: those bytes of theirs stand for hundreds of megabytes.
+    """
+    return len(frame) >= _MIN_BSON and frame[-1] == 0 and int.from_bytes(frame[:4], "little") == len(frame)
+
+
+_MIN_BSON = 5
+"""Length of the empty document of BSON [bytes]."""
 
 
 def decode_cbor(frame: bytes) -> Generator[None, None, object]:

@@ -17,7 +17,7 @@ import orjson
 from rosbridge_sim.errors import EncodingError, FrameError
 from rosbridge_sim.long_text import LongText, find_long_text
 from rosbridge_sim.protocol.account import Account
-from rosbridge_sim.protocol.cbor_frames import decode_cbor, is_cbor
+from rosbridge_sim.protocol.cbor_frames import decode_cbor, is_bson, is_cbor
 from rosbridge_sim.protocol.fragments import Characters, Defragmenter, Pieces
 from rosbridge_sim.protocol.json_decoding import (
     HEAVY,
@@ -179,6 +179,12 @@ class Session:
                 yield op
 
     def _decode(self, frame: bytes) -> Iterator[Op | FrameError | None]:
+        if is_bson(frame):
+            yield FrameError(
+                "Received a frame in BSON, which this server does not read: set the client to JSON or CBOR"
+                " (no bson_only_mode)"
+            )
+            return
         if not is_cbor(frame):
             yield from decode_frame(frame)
             return

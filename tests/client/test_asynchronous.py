@@ -146,6 +146,12 @@ async def test_message_reaches_another_client(sim: Simulator, client: AsyncClien
         assert await chatter.wait_for(lambda msg: msg["data"] == "two", timeout=PATIENCE) == {"data": "two"}
 
 
+async def test_infinity_is_not_sent_as_null(client: AsyncClient) -> None:
+    await client.publish("/number", {"data": math.inf}, "std_msgs/Int32")  # null is 0 there
+    with pytest.raises(OpRefusedError, match="requires a int32 for field data, but got"):
+        await client.confirm()
+
+
 async def test_mistake_in_a_message_is_told_once(client: AsyncClient, caplog: pytest.LogCaptureFixture) -> None:
     await client.publish("/ctrl_cmd", {"acel": 1.0})
     with pytest.raises(OpRefusedError, match=r"does not have a field acel \(did you mean accel\?\)"):

@@ -92,9 +92,12 @@ def test_unknown_fields_are_named_when_a_field_is_missing() -> None:
     assert len(noted.text) < 1_000
 
 
-def test_surplus_positional_arguments_are_refused_with_the_field_names() -> None:
+def test_surplus_positional_arguments_are_ignored_and_noted_with_the_field_names() -> None:
     (noted,) = refused(OFFERED, CALL | {"args": [1, 2, 3]})
-    assert noted.text.endswith("takes 2 arguments, but got 3; it has a, b")
+    assert noted.text.endswith("takes 2 values, but got 3: the rest is ignored; it has a, b")
+    assert noted.subject == "/add"
+    (noted,) = refused(OFFERED | {"type": "std_srvs/Empty"}, CALL | {"args": [1]})
+    assert noted.text.endswith("takes 0 values, but got 1: the rest is ignored")
 
 
 def test_client_without_errors_has_no_refusals() -> None:

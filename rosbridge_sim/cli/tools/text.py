@@ -16,6 +16,7 @@ from typing import cast
 import orjson
 
 from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.link.json_with_words import to_json
 from rosbridge_sim.link.terminal_text import safe
 
 __all__ = ["note", "put", "put_json", "put_lines", "put_record", "put_table", "read_body", "render"]
@@ -134,11 +135,11 @@ def read_body(text: str, where: str) -> object:
         DocumentError: it is neither, or has a value that JSON does not have.
     """
     try:
-        return orjson.loads(text)
-    except orjson.JSONDecodeError:
+        value = json.loads(text)  # with the words NaN and Infinity
+    except (ValueError, RecursionError):
         value = _read_yaml(text, where)
     try:
-        return orjson.loads(orjson.dumps(value))  # NaN becomes null, and a date becomes its text
+        return json.loads(to_json(value))  # a date becomes its text
     except TypeError as error:
         raise DocumentError(f"{where}: expected what JSON can hold: {error}") from None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from rosbridge_sim.errors import FrameError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.actions import Goal, GoalOutcome, GoalStatus
 from rosbridge_sim.graph.participant import decode_body, resolve
-from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase
+from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase, needed_type
 from rosbridge_sim.graph.peers.pending_work import PendingWork, find_awaited
 from rosbridge_sim.protocol import ops
 from rosbridge_sim.schema.message import Message
@@ -64,7 +64,7 @@ class PeerActions:
             if goal_id is not None:
                 self._peer.session.say("cancel_action_goal", {}, id=goal_id, action=op.action)
 
-        action = self._actions.provide(self._peer, op.action, op.type, take, cancel)
+        action = self._actions.provide(self._peer, op.action, needed_type(op), take, cancel)
         self._provided[action.name] = provided
 
     def unadvertise(self, op: ops.UnadvertiseAction, _now: float) -> None:
@@ -93,7 +93,7 @@ class PeerActions:
 
         try:
             self._peer.policy.check_goal(op.action)
-            if op.action_type is not None:
+            if op.action_type:
                 known = self._actions.by_name.get(resolve(op.action))
                 if known is not None and self._peer.bus.store.canonical(op.action_type) != known.type.name:
                     text = f"Action {op.action} is of type {known.type.name}, not {op.action_type}"

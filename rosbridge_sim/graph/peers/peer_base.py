@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import NoReturn
 
-from rosbridge_sim.errors import Reason
+from rosbridge_sim.errors import GraphError, Reason
 from rosbridge_sim.graph.actions import GoalStatus
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Notify, resolve
@@ -23,7 +23,7 @@ from rosbridge_sim.protocol import ops
 from rosbridge_sim.protocol.session import Session
 from rosbridge_sim.suggestions import hint
 
-__all__ = ["WEBSOCKET_NODE_NAME", "CheckRoom", "PeerBase", "split_id"]
+__all__ = ["WEBSOCKET_NODE_NAME", "CheckRoom", "PeerBase", "needed_type", "split_id"]
 
 WEBSOCKET_NODE_NAME = "/rosbridge_websocket"
 """One ROS node name for all clients, as with rosbridge_suite; Lichtblick searches for it."""
@@ -163,7 +163,7 @@ class PeerBase:
 
     def explain(self, level: str, text: str, reason: Reason) -> None:
         """See `Explaining`."""
-        self.remark(level, text)
+        self.remark(level, text, None if self.op is None else self.op_id)
         self.note(reason, text, self.op)
 
     def _note_notice(self, level: str, text: str, op: ops.Op | None) -> None:
@@ -233,6 +233,18 @@ def _do_nothing() -> None:
 def _raise(error: Exception) -> NoReturn:
     """Raise a failure to the caller, because this client has no socket to close."""
     raise error
+
+
+def needed_type(op: ops.Advertise | ops.AdvertiseService | ops.AdvertiseAction) -> str:
+    """Return the type of an offer; an empty one means, as in other ops, that it was left out.
+
+    Raises:
+        GraphError: it was left out.
+    """
+    if not op.type:
+        text = f"{type(op).__struct_config__.tag}: Expected a type field but none was found."
+        raise GraphError(text, reason=Reason.BAD_OP)
+    return op.type
 
 
 def split_id(op: ops.CallService) -> tuple[str, ops.Id]:

@@ -15,7 +15,7 @@ import orjson
 
 from rosbridge_sim.errors import FrameError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import decode_body, resolve
-from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase, split_id
+from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase, needed_type, split_id
 from rosbridge_sim.graph.peers.pending_work import PendingWork, find_awaited
 from rosbridge_sim.graph.topics_services import Answer, Call
 from rosbridge_sim.protocol import ops
@@ -88,7 +88,7 @@ class PeerServices:
             args = Message(call.service.type.request, call.request)
             self._session.outbox.send(b"".join((head, orjson.dumps(call_id), b',"args":', args.json, b"}")))
 
-        service = self._bus.provide(self._peer, op.service, op.type, handle)
+        service = self._bus.provide(self._peer, op.service, needed_type(op), handle)
         self._provided[service.name] = provided
 
     def unadvertise(self, op: ops.UnadvertiseService, _now: float) -> None:

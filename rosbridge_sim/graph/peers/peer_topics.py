@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from rosbridge_sim.errors import EncodingError, GraphError
 from rosbridge_sim.graph.participant import Participant, decode_body, resolve
-from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase
+from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase, needed_type
 from rosbridge_sim.graph.peers.publish_reader import PublishReader
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.graph.unheard import find_meant
@@ -75,8 +75,9 @@ class PeerTopics:
 
     def advertise(self, op: ops.Advertise, now: float) -> None:
         """Make this client a publisher."""
-        self._peer.policy.check_publish(op.topic, op.type)
-        self._publications[op.topic] = self._begin_publishing(op, op.type, op.id, now)
+        type_name = needed_type(op)
+        self._peer.policy.check_publish(op.topic, type_name)
+        self._publications[op.topic] = self._begin_publishing(op, type_name, op.id, now)
 
     def _begin_publishing(self, op: ops.Advertise | ops.Publish, type_name: str, key: object, now: float) -> Topic:
         """Make this client a publisher of a topic, and return the topic."""
@@ -149,7 +150,7 @@ class PeerTopics:
 
     def subscribe(self, op: ops.Subscribe, now: float) -> None:
         """Subscribe to a topic, or change the options of a subscription."""
-        type_name = op.type
+        type_name = op.type or None  # roslib and others send "" for a type that they do not know
         if type_name is None and self._peer.policy.needs_type(op.topic):
             type_name = self._type_name(op.topic)
         self._peer.policy.check_subscribe(op.topic, type_name or "")
@@ -171,8 +172,8 @@ class PeerTopics:
             held = self._subscriptions[op.topic] = _TopicSubscription(feed, subscription)
             if len(self._subscriptions) <= MAX_WATCHED_TOPICS:
                 bus.unpublished.watch(subscription, self._note_unpublished, now)
-        elif op.type is not None:
-            was_mute = bus.retype(held.subscription, op.type)
+        elif type_name is not None:
+            was_mute = bus.retype(held.subscription, type_name)
         feed = held.feed
         feed.set_options(op.id, read_options(op))
         self.num_held += is_new
