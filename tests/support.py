@@ -260,10 +260,10 @@ class FarSideProcess(Process):
         self.port = int(self.url.rpartition(":")[2])
 
     @property
-    def report(self) -> dict[str, int]:
-        """Its counts: `handled`, `most_waiting`, `clients`."""
+    def report(self) -> dict[str, Any]:
+        """Its counts: `handled`, `most_waiting`, `clients`, and by topic `published`."""
         with urlopen(f"http://127.0.0.1:{self.port}/report", timeout=PATIENCE) as answer:
-            report: dict[str, int] = json.load(answer)
+            report: dict[str, Any] = json.load(answer)
         return report
 
 

@@ -6,6 +6,7 @@ the answer to a later call.
 
 from __future__ import annotations
 
+import asyncio
 import json
 import math
 from collections.abc import AsyncIterator
@@ -353,11 +354,31 @@ async def test_restarted_bridge_remembers_nothing(far_side: FarSide, connect: Co
 
 @pytest.mark.slow
 async def test_far_bridge_runs_as_a_process(connect: Connect, tmp_path: Path) -> None:
-    process = FarSideProcess(tmp_path / "log.txt", ["--provide", f"/switch={SET_BOOL}"])
+    options = ["--provide", f"/switch={SET_BOOL}", "--utf8-check", "0.1", "--rosapi-delay", "0.01"]
+    process = FarSideProcess(tmp_path / "log.txt", options)
     try:
         client = await connect(process.url)
         assert (await client.values("/switch", {"data": True}))["success"] is False
-        assert process.report == {"handled": 1, "most_waiting": 1, "clients": 1}
+        assert process.report == {"handled": 1, "most_waiting": 1, "clients": 1, "published": {}}
         await client.close()
     finally:
         process.stop_cleanly()
+
+
+async def test_check_of_a_long_text_takes_its_time(far_side: FarSide, connect: Connect) -> None:
+    client = await connect(far_side.url)
+    far_side.utf8_check = 0.5
+    loop = asyncio.get_running_loop()
+    began = loop.time()
+    await client.send("publish", topic="/nothing", msg={"data": "x" * 200_000})
+    await client.values("/rosapi/get_time")
+    assert loop.time() - began >= 0.1
+
+
+async def test_busy_rosapi_answers_later(connect: Connect) -> None:
+    async with FarSide(rosapi_delay=0.05) as far_side:
+        client = await connect(far_side.url)
+        loop = asyncio.get_running_loop()
+        began = loop.time()
+        await client.values("/rosapi/get_time")
+        assert loop.time() - began >= 0.05

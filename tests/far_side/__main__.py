@@ -18,6 +18,8 @@ def main() -> None:
     parser.add_argument("--no-rosapi", action="store_true")
     parser.add_argument("--max-message-size", type=int, default=10_000_000, help="longer messages go out in fragments")
     parser.add_argument("--work", type=float, default=0.0, help="how long a thread takes for a frame [s]")
+    parser.add_argument("--utf8-check", type=float, default=0.0, help="how long all sockets stand for a megabyte [s]")
+    parser.add_argument("--rosapi-delay", type=float, default=0.0, help="how long rosapi takes for an answer [s]")
     parser.add_argument("--provide", action="append", default=[], metavar="NAME=TYPE", help="served by a node there")
     asyncio.run(_run(parser.parse_args()))
 
@@ -32,6 +34,8 @@ async def _run(options: argparse.Namespace) -> None:
         has_rosapi=not options.no_rosapi,
         max_message_size=options.max_message_size,
         work=options.work,
+        utf8_check=options.utf8_check,
+        rosapi_delay=options.rosapi_delay,
     )
     await far_side.listen()
     for entry in options.provide:

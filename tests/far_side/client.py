@@ -211,6 +211,7 @@ class Client:
         if self not in topic.publishers:
             self._graph.advertise(topic, self, message.get("id"), is_latched=message.get("latch", False))
         topic.publish(message.get("msg", {}))
+        self._far_side.num_published[topic.name] += 1
 
     def _subscribe(self, message: Json) -> None:
         """Subscribe; a compression that it does not know is none. (png and the CBORs are left out here.)"""
@@ -265,6 +266,8 @@ class Client:
             raise RosError(f"Service {message['service']} does not exist")
         args = self._arguments(service, message.get("args", []))
         if service.handler is not None:
+            if service.name.startswith("/rosapi/"):
+                await asyncio.sleep(self._far_side.rosapi_delay)
             values = self._graph.types.fill(service.response, service.handler(args))
         else:
             values = await service.ask(args)

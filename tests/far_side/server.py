@@ -6,7 +6,8 @@
 A client must send it nothing that does not fit its type: the block then ends with an error, unless its log was cleared.
 It stands for a ROS machine: a master, rosbridge_websocket and, if wished, rosapi. Its manners are told where they are
 shown: `client.py` has those of the wire, `graph.py` those of topics and services, `messages.py` those of types. Beyond
-them it can be slow (`work`), stand still (`may_work`), die (`kill`) and come back on the same port.
+them it can be slow (`work`, `utf8_check`, `rosapi_delay`), stand still (`may_work`), die (`kill`) and come back on the
+same port.
 
 `python -m tests.far_side` runs it as a process; `GET /report` on its port says as JSON how long its longest queue was.
 """
@@ -17,7 +18,8 @@ import asyncio
 import http
 import json
 import logging
-from collections import deque
+import time
+from collections import Counter, deque
 from collections.abc import Callable, Collection, Coroutine
 from types import TracebackType
 from typing import Any, Self
@@ -38,6 +40,23 @@ _STANDING = {"/rosout": "rosgraph_msgs/Log", "/client_count": "std_msgs/Int32"}
 """Topics of rosbridge's own node."""
 
 
+CHUNK = 65_536
+"""What twisted reads of a socket at once [bytes]."""
+
+
+def _checked(far_side: FarSide) -> type[ServerConnection]:
+    """Return a connection whose bytes are checked as they come, while no other socket is read, as by autobahn."""
+
+    class CheckedConnection(ServerConnection):
+        def data_received(self, data: bytes) -> None:
+            if far_side.utf8_check:
+                self.transport.max_size = CHUNK  # type: ignore[attr-defined]  # of asyncio, for its next read
+                time.sleep(len(data) * far_side.utf8_check / 1e6)
+            super().data_received(data)
+
+    return CheckedConnection
+
+
 class FarSide:
     """A ROS machine with rosbridge on it.
 
@@ -48,6 +67,7 @@ class FarSide:
         work: how long a thread takes for a frame [s].
         num_handled: frames that were handled, and `most_waiting` the length of the longest queue ever.
         num_clients: connections there ever were.
+        num_published: messages of each topic that were handled.
     """
 
     def __init__(
@@ -59,6 +79,8 @@ class FarSide:
         has_rosapi: bool = True,
         max_message_size: int | None = 10_000_000,
         work: float = 0.0,
+        utf8_check: float = 0.0,
+        rosapi_delay: float = 0.0,
     ) -> None:
         """A far side that does not listen yet.
 
@@ -69,12 +91,18 @@ class FarSide:
             has_rosapi: whether that node runs.
             max_message_size: longer messages go out in fragments, unasked [characters].
             work: how long a thread takes for a frame [s].
+            utf8_check: how long the one thread that reads all sockets takes to check a megabyte [s]; autobahn 22.7
+                takes 0.12 with wsaccel 0.6.4 on a core of its own, and 0.0024 with wsaccel 0.6.6.
+            rosapi_delay: how long that node takes for an answer [s].
         """
         self.port = port
         self.log: deque[str] = deque(maxlen=10_000)
         self.may_work = asyncio.Event()
         self.may_work.set()
         self.work = work
+        self.utf8_check = utf8_check
+        self.rosapi_delay = rosapi_delay
+        self.num_published: Counter[str] = Counter()
         self.max_message_size = max_message_size
         self.pieces: dict[Any, dict[Any, str]] = {}
         self.num_handled = self.most_waiting = self.num_clients = 0
@@ -117,6 +145,7 @@ class FarSide:
             max_size=None,
             max_queue=None,
             process_request=self._look,
+            create_connection=_checked(self),
         )
         (socket,) = self._server.sockets
         self.port = socket.getsockname()[1]
@@ -173,7 +202,8 @@ class FarSide:
     def _look(self, connection: ServerConnection, request: Request) -> Response | None:
         if request.path != "/report":
             return None
-        report = {"handled": self.num_handled, "most_waiting": self.most_waiting, "clients": self.num_clients}
+        report: Json = {"handled": self.num_handled, "most_waiting": self.most_waiting, "clients": self.num_clients}
+        report["published"] = self.num_published
         return connection.respond(http.HTTPStatus.OK, json.dumps(report))
 
     async def _end(self) -> None:
