@@ -60,8 +60,13 @@ HELD_BY_TESTS = {
 DEFINED_FLAG = re.compile(r"""(?:add(?:_argument|option)\(\s*(?:"-\w", )?"|^    )(--[a-z-]+)(?:"|\)$)""", re.MULTILINE)
 """Definition of a flag in a script, also in one of bash as a case, or in the pytest plugin."""
 
-OTHER_FLAGS = frozenset(["--directory", "--bind", "--name", "--rm", "--build", "--bundle", "--format", "--outfile"])
-"""Flags of `http.server`, docker and esbuild."""
+OTHER_FLAGS = frozenset(
+    [
+        *("--directory", "--bind", "--name", "--rm", "--build", "--bundle", "--format", "--outfile"),
+        "--break-system-packages",
+    ]
+)
+"""Flags of `http.server`, docker, esbuild and pip."""
 
 of_each_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 

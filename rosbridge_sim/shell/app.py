@@ -413,7 +413,15 @@ class Simulator:
             outbox=outbox_limits(settings),
         )
         self.attachments = tuple(
-            Attachment(bus, node.participant, url, limits, scheduler.look, scene=node.scene_topics)
+            Attachment(
+                bus,
+                node.participant,
+                url,
+                limits,
+                scheduler.look,
+                scene=node.scene_topics,
+                second_names=node.second_names,
+            )
             for url in settings.attach
         )
         for attachment in self.attachments:

@@ -99,6 +99,7 @@ class Attachment:
         on_change: Callable[[], None],
         *,
         scene: Callable[[], Collection[str]] = tuple,
+        second_names: Callable[[], Collection[str]] = tuple,
     ) -> None:
         """Prepare the attachment; `start` connects.
 
@@ -108,6 +109,7 @@ class Attachment:
             limits: limits of each connection.
             on_change: called when the world or the mirror may have work earlier than planned.
             scene: returns the present names of the topics for viewers.
+            second_names: returns the present names of topics with the messages of another one.
         """
         self.url = shown_url(url)
         self.num_bugs = 0
@@ -121,6 +123,7 @@ class Attachment:
             max_frame_size=limits.max_frame_size,
             extras=scene,
             has_extras=limits.has_scene,
+            second_names=second_names,
         )
         self.lookup = HostLookup(urlsplit(url).hostname or "")
         self.connected_at = math.inf

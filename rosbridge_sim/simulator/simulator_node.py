@@ -268,6 +268,10 @@ class SimulatorNode:
         name_of = self.context.interfaces.name_of
         return tuple(name_of(InterfaceKind.PUBLISHER, topic) for topic in (SCENE_MAP, SCENE_OBJECTS))
 
+    def second_names(self) -> tuple[str, ...]:
+        """Return the present names of topics with the messages of another one; see `Publishers.second_names`."""
+        return self.context.publishers.second_names()
+
     def current_messages(self) -> list[tuple[Topic, Message]]:
         """Return the message that each topic would publish now, with or without subscribers.
 

@@ -86,10 +86,16 @@ class Announcer:
         else:
             assert item.topic is not None
             is_latched = depth_of(item.topic, self._far_side.source) > 0
-            connection.say("advertise", id=f"advertise:{item.name}", topic=item.name, type=item.type, latch=is_latched)
+            for each in self._carriers_of(item):
+                each.say("advertise", id=f"advertise:{item.name}", topic=item.name, type=item.type, latch=is_latched)
             item.is_confirmed = False
             if item.type in self._known_types:
                 self._confirm(item)  # at once: a topic that begins within a tick loses none of its messages
+
+    def _carriers_of(self, item: MirroredItem) -> list[BridgeConnection]:
+        """Return the open connections for the messages of a topic."""
+        bulk = self._registry.bulk if item.is_large and not item.connection.name else None
+        return [each for each in (item.connection, bulk) if each is not None and each.is_open]
 
     def _ask_for_topic(self, item: MirroredItem, now: float, on_missing: Callable[[float], None]) -> None:
         """Ask if the far side has one topic of ours."""
@@ -147,7 +153,8 @@ class Announcer:
 
     def _suppress(self, item: MirroredItem) -> None:
         item.is_confirmed = False
-        item.connection.forget(item.name)
+        for each in self._carriers_of(item):
+            each.forget(item.name)
 
     def withdraw(self, item: MirroredItem) -> None:
         """Tell the far side that an item ends; else rosbridge_suite keeps a service whose provider has gone."""
@@ -159,13 +166,17 @@ class Announcer:
             elif item.kind == "input":
                 connection.say("unsubscribe", id=f"subscribe:{item.name}", topic=item.name)
             else:
-                connection.forget(item.name)
-                connection.say("unadvertise", id=f"advertise:{item.name}", topic=item.name)
+                for each in self._carriers_of(item):
+                    each.forget(item.name)
+                    each.say("unadvertise", id=f"advertise:{item.name}", topic=item.name)
 
     # A connection
 
     def begin(self, connection: BridgeConnection, now: float) -> None:
         """Announce all items of a connection that has just got a socket."""
+        if connection is self._registry.bulk:
+            self._begin_bulk(connection, now)
+            return
         stamps = self._far_side.stamps
         if stamps is not None and stamps.is_open and self._far_side.bus.store.ros == 1:
             self.ask_time(connection, now, lambda now: self._announce_all(connection, now))
@@ -178,8 +189,21 @@ class Announcer:
         if not connection.name:
             self.ask_time(connection, now)
 
+    def _begin_bulk(self, bulk: BridgeConnection, now: float) -> None:
+        """Advertise the large topics that are announced already over the connection for their messages, too."""
+
+        def on_answer(_values: Values | None, _now: float) -> None:
+            bulk.is_ready = True
+
+        for item in self._registry.large_items:
+            if item.connection.is_open and not item.is_silent:
+                bulk.say("advertise", id=f"advertise:{item.name}", topic=item.name, type=item.type, latch=False)
+        bulk.ask(PROBE, on_answer, now)
+
     def end(self, connection: BridgeConnection) -> None:
         """Stop publishing over a connection that has lost its socket."""
+        if connection is self._registry.bulk:  # the first one carries its messages meanwhile
+            return
         self.is_attached = False
         self._known_types.clear()
         if not connection.name:
@@ -187,8 +211,7 @@ class Announcer:
             self._far_side.forget_reading()
         for item in self._registry.items_of(connection):
             item.is_silent = item.is_confirmed = False
-            if item.subscription is not None:
-                item.subscription.is_idle = True
+            self._registry.set_idle(item)
 
     def ask_time(
         self, connection: BridgeConnection, now: float, then: Callable[[float], None] = lambda _now: None
@@ -266,8 +289,7 @@ class Announcer:
                 if not item.is_known and item.name in there:
                     self._far_side.diagnostics.taken_services.append(item.name)
                 self._announce(item)
-            if item.subscription is not None:  # calls may come from now on, and their effects must be visible
-                item.subscription.is_idle = False
+            self._registry.set_idle(item)  # calls may come from now on, and their effects must be visible
         connection.ask(PROBE, lambda values, now: self._note_handled(connection, values, now), now)
 
     def _note_handled(self, connection: BridgeConnection, values: Values | None, now: float) -> None:
@@ -276,7 +298,8 @@ class Announcer:
         self.on_ready(now)
         if not connection.name and values is not None:
             self._far_side.diagnostics.check_generation(values)
-        if not self.is_attached and all(one.is_ready for one in self._registry.connections.values()):
+        bulk = self._registry.bulk
+        if not self.is_attached and all(one.is_ready or one is bulk for one in self._registry.connections.values()):
             self.is_attached = True
             self._far_side.diagnostics.report_attached(self._registry.items)
             self.on_attached(now)

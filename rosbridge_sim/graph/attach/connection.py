@@ -101,11 +101,18 @@ class BridgeConnection:
     """
 
     def __init__(
-        self, name: str, limits: OutboxLimits, max_frame_size: int, on_refused: Callable[[FrameError], None]
+        self,
+        name: str,
+        limits: OutboxLimits,
+        max_frame_size: int,
+        on_refused: Callable[[FrameError], None],
+        *,
+        beside: BridgeConnection | None = None,
     ) -> None:
         """Create a connection without a socket.
 
         Args:
+            beside: for a connection for large messages: the one for small messages to the same bridge.
             limits: limits on frames that wait for the socket.
             max_frame_size: longest frame that fragments may form [characters].
             on_refused: gets the error of each invalid part of an incoming frame.
@@ -120,6 +127,7 @@ class BridgeConnection:
         self._max_frame_size = max_frame_size
         self._on_refused = on_refused
         self._num_asked = 0
+        self._other_latency = None if beside is None else lambda: beside.flow_control.latency
         self._begin(_nothing, _nothing)
 
     def _begin(self, schedule_flush: Callable[[], None], flush: Callable[[], None]) -> None:
@@ -133,7 +141,7 @@ class BridgeConnection:
             on_refused=self._on_refused,
         )
         self.fresh = FreshMessages(self._limits.topic_bytes // 2)
-        self.flow_control = FlowControl()
+        self.flow_control: FlowControl = FlowControl(self._other_latency)
         self.patience = Patience()
         self._overdue: dict[str, _Question] = {}
         self.waiting: deque[ops.Op] = deque()
@@ -186,11 +194,6 @@ class BridgeConnection:
         """Topic messages that were left out since the socket was opened."""
         return self.outbox.dropped.total() + self.fresh.dropped.total()
 
-    @property
-    def is_behind(self) -> bool:
-        """True if the far side does not handle all that it could be sent."""
-        return self.fresh.is_behind or self.flow_control.is_late
-
     def take(self, max_bytes: int, now: float) -> list[bytes]:
         """Remove and return the next frames, ordered ones first; none while the far side is behind.
 
@@ -201,14 +204,14 @@ class BridgeConnection:
         frames: list[bytes] = []
         num_bytes = 0
         while num_bytes < max_bytes:
-            if flow_control.wants_probe:
+            if flow_control.wants_probe(now):
                 frames.append(self._make_probe(now))
             taken = self._take_some(now)
             if not taken:
                 break
             frames += taken
             num_bytes += sum(map(len, taken))
-        if flow_control.wants_probe:
+        if flow_control.wants_probe(now):
             frames.append(self._make_probe(now))
         return frames
 

@@ -40,10 +40,11 @@ class FreshMessages:
 
     Attributes:
         is_behind: only the newest message of each topic is kept.
+        num_offered: number of messages so far.
         dropped: topic -> number of messages that a newer one has replaced.
     """
 
-    __slots__ = ("_all", "_max_bytes", "_newest", "_num_bytes", "_round", "dropped", "is_behind")
+    __slots__ = ("_all", "_max_bytes", "_newest", "_num_bytes", "_round", "dropped", "is_behind", "num_offered")
 
     def __init__(self, max_bytes: int) -> None:
         """Begin without messages.
@@ -52,6 +53,7 @@ class FreshMessages:
             max_bytes: if more waits, it is behind [bytes]; the newest message of each topic always stays.
         """
         self.is_behind = False
+        self.num_offered = 0
         self.dropped: Counter[str] = Counter()
         self._max_bytes = max_bytes
         self._all: deque[WaitingMessage] = deque()  # while it keeps up, oldest first
@@ -68,6 +70,7 @@ class FreshMessages:
         Args:
             message: the newest of its topic.
         """
+        self.num_offered += 1
         if self.is_behind:
             self._replace(message)
             return

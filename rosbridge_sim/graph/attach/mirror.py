@@ -5,8 +5,8 @@ MORAI SIM is a client of a rosbridge: it advertises its topics and services ther
 side: their messages on input topics are published here in its name, and so are their calls. It stays on the bus while
 the connection is lost and opened again, because a restarted bridge is not a client that has left.
 This file handles the frames from the far side and connects the parts: the mirrored items (`mirror_registry.py`), their
-announcement (`announcing.py`), the check that they arrived (`survey.py`), and the state of its rosapi
-(`rosapi_watch.py`).
+announcement (`announcing.py`), the check that they arrived (`survey.py`), the readers of pictures and clouds
+(`reader_watch.py`), and the state of its rosapi (`rosapi_watch.py`).
 Many callers share a connection and cannot be told apart. If one of them must wait (`hold`), all later ops on the same
 connection wait, too, and nothing else.
 """
@@ -21,7 +21,9 @@ from rosbridge_sim.errors import FrameError, PeerError
 from rosbridge_sim.graph.attach.announcing import Announcer
 from rosbridge_sim.graph.attach.connection import PROBE, BridgeConnection
 from rosbridge_sim.graph.attach.far_side import FarSide
-from rosbridge_sim.graph.attach.mirror_registry import MirrorRegistry
+from rosbridge_sim.graph.attach.lag_report import REPORT_PERIOD, LagReport
+from rosbridge_sim.graph.attach.mirror_registry import BULK, MirrorRegistry
+from rosbridge_sim.graph.attach.reader_watch import ReaderWatch
 from rosbridge_sim.graph.attach.release_check import ReleaseCheck
 from rosbridge_sim.graph.attach.rosapi_watch import RosapiChange, RosapiWatch
 from rosbridge_sim.graph.attach.survey import Survey
@@ -37,6 +39,13 @@ __all__ = ["OPS_PER_TURN", "Mirror"]
 
 OPS_PER_TURN: Final = 64
 """Ops of one connection that are done in one turn: about 2 ms of work."""
+
+SMALL_HINT, BULK_HINT = (
+    "turn off topics that nobody needs, in [publishers] of the settings",
+    "with wsaccel older than 0.6.6 there, update it: pip install -U wsaccel",
+)
+"""Advice in the log lines about a bridge that is too slow. autobahn, the WebSocket library of rosbridge_suite, checks
+texts with wsaccel, 50 times as fast with 0.6.6 as with 0.6.4: see docs/guides/attach.md."""
 
 
 class Mirror(FarSide):
@@ -58,6 +67,7 @@ class Mirror(FarSide):
         max_frame_size: int = 16 * 2**20,
         extras: Callable[[], Collection[str]] = tuple,
         has_extras: bool = False,
+        second_names: Callable[[], Collection[str]] = tuple,
     ) -> None:
         """Create a mirror of everything that `source` has on `bus`, now and later. No connection is open yet.
 
@@ -65,19 +75,23 @@ class Mirror(FarSide):
             bus: the bus of `source`.
             source: the simulator.
             address: address of the far side.
-            has_connection_each: use one connection per topic and service, as MORAI SIM does, and not one for all. One
-                connection keeps the order of all messages and answers. With many, a slow topic does not delay an
-                answer.
+            has_connection_each: use one connection per topic and service, as MORAI SIM does, and not one for all (and
+                a second one for pictures and clouds). One connection keeps the order of all messages and answers. With
+                many, a slow topic does not delay an answer.
             limits: limits on frames that wait for one socket.
             max_frame_size: longest frame that fragments may form [characters].
             extras: returns the present names of topics that are mirrored on request alone.
             has_extras: mirror these, too.
+            second_names: returns the present names of topics with the messages of another one; they are published only
+                if the far side says that they are read.
         """
         super().__init__(bus, source, address)
         self._limits = limits or OutboxLimits()
         self._max_frame_size = max_frame_size
         self._connection_in_hand: BridgeConnection | None = None
-        self._is_behind = False
+        self._report_due: float | None = None
+        self._lag = LagReport("topic messages", SMALL_HINT)
+        self._bulk_lag = LagReport("pictures and clouds", BULK_HINT)
         self._rosapi = RosapiWatch()
         registry = self._registry = MirrorRegistry(
             self,
@@ -85,27 +99,31 @@ class Mirror(FarSide):
             has_connection_each=has_connection_each,
             extras=extras,
             has_extras=has_extras,
+            second_names=second_names,
         )
         self.connections = registry.connections
         self.release_check = ReleaseCheck(self.diagnostics, registry, bus.store)
         self._survey = Survey(self.diagnostics, registry)
+        self._readers = ReaderWatch(registry)
         self._announcer = Announcer(self, registry)
         self._survey.on_topics = self._announcer.note_topics
         self._announcer.on_topics_missing = self._begin_survey
         self._survey.on_topics_lost = self._announcer.take_back
-        self._announcer.on_ready = self._rosapi.start
+        self._announcer.on_ready = self._note_ready
         self._announcer.on_attached = self._note_attached
         bus.on_holdings.append(self._note_holdings)
         registry.refresh()
 
     def _make_connection(self, name: str) -> BridgeConnection:
-        connection = BridgeConnection(name, self._limits, self._max_frame_size, self._note_no_op)
+        beside = self._registry.first if name == BULK else None
+        connection = BridgeConnection(name, self._limits, self._max_frame_size, self._note_no_op, beside=beside)
         connection.on_probe = self._note_probe
         return connection
 
     def _note_holdings(self, owner: Participant) -> None:
         if owner is self.source:
             self._registry.refresh()
+            self._readers.note_items(self.now)
 
     def leave(self, now: float) -> None:
         """Tell the far side that everything ends, and remove it from the bus. Later input is ignored."""
@@ -133,6 +151,9 @@ class Mirror(FarSide):
         """
         self.now = now
         connection.open(schedule_flush, flush)
+        if not connection.name:  # a bridge that was started again may have other readers
+            for item in self._registry.large_items:
+                self._registry.forget_readers(item)
         self._announcer.begin(connection, now)
 
     def lost(self, connection: BridgeConnection, now: float) -> None:
@@ -146,19 +167,26 @@ class Mirror(FarSide):
         if self.connections.get(connection.name) is not connection:  # it was removed
             return
         self._announcer.end(connection)
-        self._is_behind = self._is_any_late()
-        self._survey.due = None
+        self._bulk_lag.restart()
+        if connection is not self._registry.bulk:
+            self._lag.restart()
+            self._report_due = self._survey.due = None
         if not connection.name:
             self._rosapi.stop()
+            self._readers.stop()
             self._survey.is_anew = False
+
+    def _note_ready(self, now: float) -> None:
+        """Begin to watch rosapi and the readers, because a connection has announced everything."""
+        self._rosapi.start(now)
+        if self._registry.first.is_ready:
+            self._readers.start(now)
 
     def _note_attached(self, now: float) -> None:
         self.on_attached()
+        self._report_due = now + REPORT_PERIOD
         self._survey.begin(now)
         self.release_check.ask(now)
-
-    def _is_any_late(self) -> bool:
-        return any(each.is_behind for each in self.connections.values())
 
     def age(self, now: float) -> float:
         """Return how old topic messages are when the slowest connection's far side handles them [s]."""
@@ -194,6 +222,7 @@ class Mirror(FarSide):
             if self.is_gone or connection.is_held or not connection.waiting:
                 return False
             op = connection.waiting.popleft()
+            self._readers.note_mode(now, is_synchronous=self.is_synchronous())
             self._connection_in_hand, self.op = connection, op
             try:
                 self._do(connection, op, now)
@@ -309,7 +338,7 @@ class Mirror(FarSide):
     def next_due(self, _now: float) -> float | None:
         """Return when `advance` has something to do next [s]."""
         dues = [each.due for each in self.connections.values()]
-        own = (self._survey.due, self._rosapi.due, self._announcer.return_at)
+        own = (self._survey.due, self._rosapi.due, self._readers.due, self._report_due, self._announcer.return_at)
         return min((due for due in (*dues, *own) if due is not None), default=None)
 
     def advance(self, now: float) -> None:
@@ -317,16 +346,11 @@ class Mirror(FarSide):
         self.now = now
         for each in list(self.connections.values()):
             each.expire(now)
-        is_behind = self._is_any_late()
-        if is_behind != self._is_behind:
-            self._is_behind = is_behind
-            age = f"data is up to {self.age(now):.2f} s old there"
-            if is_behind:
-                text = f"it is too slow: {age}, and only the newest message of each topic is sent"
-            else:
-                num_dropped = sum(each.num_dropped for each in self.connections.values())
-                text = f"it is fast enough again: {age}; {num_dropped:,} topic messages were dropped since it connected"
-            self.note(logging.WARNING, text, now)
+        if self._report_due is not None and now >= self._report_due:
+            self._report_lag(now)
+        if self._readers.due is not None and now >= self._readers.due:
+            self._readers.note_mode(now, is_synchronous=self.is_synchronous())
+            self._readers.ask(now)
         if self._rosapi.due is not None and now >= self._rosapi.due:
             self._check_rosapi(now)
         if self._announcer.return_at is not None and now >= self._announcer.return_at:
@@ -337,3 +361,17 @@ class Mirror(FarSide):
             if not self._announcer.is_reading_known:
                 self._announcer.ask_reading(self._registry.first, now)
             self._survey.ask(now)
+
+    def _report_lag(self, now: float) -> None:
+        """Log whether the bridge keeps up, if that has changed; and begin the next period."""
+        self._report_due = now + REPORT_PERIOD
+        bulk = self._registry.bulk
+        others = [each for each in self.connections.values() if each is not bulk]
+        for report, connections in ((self._lag, others), (self._bulk_lag, [] if bulk is None else [bulk])):
+            text = report.note_period(
+                sum(each.fresh.num_offered for each in connections),
+                sum(each.fresh.dropped.total() for each in connections),
+                max((each.flow_control.take_longest_age(now) for each in connections), default=0.0),
+            )
+            if text:
+                self.note(logging.WARNING, text, now)

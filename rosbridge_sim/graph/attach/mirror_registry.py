@@ -2,22 +2,35 @@
 
 A topic of the simulator is subscribed to here. An input is a topic to which the simulator subscribes; it is published
 here in the far side's name. Changes are found by comparing the registry with what the simulator holds.
+Pictures and clouds are *large* topics. They have a connection of their own, the *bulk* connection, because a bridge
+handles the messages of one connection in order, and a small message would wait for the picture before it. It only
+carries their messages: they are announced on the first connection like all others, and the first connection carries
+them while there is no bulk connection. Messages of a tick in synchronous mode stay on the first connection, so that
+they come before the tick's answer. Large topics that nobody reads there are not published (`reader_watch.py`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
+from typing import Final
 
 from rosbridge_sim.graph.attach.connection import BridgeConnection
-from rosbridge_sim.graph.attach.diagnostics import ItemKey
+from rosbridge_sim.graph.attach.diagnostics import ItemKey, plain_type
 from rosbridge_sim.graph.attach.far_side import FarSide
 from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.protocol.json_encoding import publish_head
 from rosbridge_sim.schema.message import Message
 
-__all__ = ["MirrorRegistry", "MirroredItem", "depth_of"]
+__all__ = ["BULK", "MirrorRegistry", "MirroredItem", "depth_of"]
+
+BULK: Final = "pictures and clouds"
+"""Name of the connection for the messages of large topics."""
+
+LARGE_TYPES: Final = frozenset(("sensor_msgs/CompressedImage", "sensor_msgs/Image", "sensor_msgs/PointCloud2"))
+"""Types whose messages have tens of kilobytes and more: a bridge takes 20 to 300 times as long for one as for others.
+"""
 
 
 @dataclass(slots=True)
@@ -32,6 +45,7 @@ class MirroredItem:
         is_known: for a service: it was announced there before.
         is_silent: for a topic: nothing is published there for now.
         is_confirmed: for a topic: the far side has it, or cannot tell; nothing is published there otherwise.
+        is_unread: for a large topic: nobody reads it there, so nothing is published.
     """
 
     connection: BridgeConnection
@@ -43,6 +57,12 @@ class MirroredItem:
     is_known: bool = False
     is_silent: bool = False
     is_confirmed: bool = False
+    is_unread: bool = False
+
+    @property
+    def is_large(self) -> bool:
+        """True for a topic of pictures or clouds."""
+        return self.kind == "topic" and plain_type(self.type) in LARGE_TYPES
 
 
 class MirrorRegistry:
@@ -63,6 +83,7 @@ class MirrorRegistry:
         has_connection_each: bool,
         extras: Callable[[], Collection[str]] = tuple,
         has_extras: bool = False,
+        second_names: Callable[[], Collection[str]] = tuple,
     ) -> None:
         """Create an empty registry; `refresh` fills it.
 
@@ -72,9 +93,11 @@ class MirrorRegistry:
             has_connection_each: use one connection per topic and service, and not one for all.
             extras: returns the present names of topics that are mirrored on request alone.
             has_extras: mirror these, too; the subscriptions to them count as made by name.
+            second_names: returns the present names of topics with the messages of another one.
         """
         self._extras = extras
         self._has_extras = has_extras
+        self._second_names = second_names
         self.items: dict[ItemKey, MirroredItem] = {}
         self.connections = {"": make_connection("")}
         self.on_added: Callable[[MirroredItem], None] = lambda _item: None
@@ -91,6 +114,16 @@ class MirrorRegistry:
     def first(self) -> BridgeConnection:
         """The connection for our own questions."""
         return self.connections[""]
+
+    @property
+    def bulk(self) -> BridgeConnection | None:
+        """The connection for the messages of large topics; None if there are no such topics, or one for each."""
+        return self.connections.get(BULK)
+
+    @property
+    def large_items(self) -> list[MirroredItem]:
+        """The topics of pictures and clouds."""
+        return [item for item in self.items.values() if item.is_large]
 
     def find_input(self, name: str) -> Topic | None:
         """Return an input; None if the simulator has no such subscription.
@@ -116,6 +149,35 @@ class MirrorRegistry:
             connection: one of `connections`.
         """
         return [item for item in self.items.values() if item.connection is connection]
+
+    # Readers
+
+    def note_readers(self, item: MirroredItem, *, is_read: bool | None) -> None:
+        """Note if a large topic has readers there.
+
+        Args:
+            item: a large topic.
+            is_read: None if the far side cannot tell. Then the topic is published, but not under a second name.
+        """
+        item.is_unread = item.name in self._second_names() if is_read is None else not is_read
+        if item.is_unread:
+            item.connection.forget(item.name)
+            if self.bulk is not None:
+                self.bulk.forget(item.name)
+        self.set_idle(item)
+
+    def forget_readers(self, item: MirroredItem) -> None:
+        """Publish nothing of a large topic until its readers are known, except in synchronous mode.
+
+        There the master may wait for the picture of its tick.
+        """
+        item.is_unread = item.is_large and not self._far_side.is_synchronous()
+        self.set_idle(item)
+
+    def set_idle(self, item: MirroredItem) -> None:
+        """Let the simulator make the messages of a topic only if they will be sent."""
+        if item.subscription is not None:
+            item.subscription.is_idle = item.is_unread or not item.connection.has_services
 
     # Calls in flight
 
@@ -187,25 +249,41 @@ class MirrorRegistry:
         item = self.items[key] = MirroredItem(connection, kind, name, type_name)
         if kind == "topic":
             item.topic = self._bus.find_topic(name)
+            self.forget_readers(item)
             item.subscription = self._listen(item)
         elif kind == "input":
             item.topic = self._inputs[name] = self._bus.advertise(self._far_side, name, type_name)
+        if item.is_large and not connection.name and self.bulk is None:
+            self.connections[BULK] = self._make_connection(BULK)
+            self._far_side.on_connections_changed()
         self.on_added(item)
 
     def _listen(self, item: MirroredItem) -> Subscription:
         far_side, connection, name, head = self._far_side, item.connection, item.name, publish_head(item.name)
-        source = far_side.source
+        source, is_large = far_side.source, item.is_large
 
         def deliver(topic: Topic, message: Message, sender: Participant, now: float) -> None:
             # A latched message may come just once, and perhaps between the announcements of topics and of services.
             is_open = connection.has_services or topic.is_latching
-            if sender is source and is_open and item.is_confirmed and not item.is_silent:
+            if sender is source and is_open and item.is_confirmed and not (item.is_silent or item.is_unread):
                 is_ordered = self.is_in_call or depth_of(topic, source) > 1
-                connection.offer(name, far_side.framed(message, head), now, is_ordered=is_ordered)
+                frame = far_side.framed(message, head)
+                bulk = self.bulk if is_large else None
+                if bulk is None or not bulk.is_ready:
+                    connection.offer(name, frame, now, is_ordered=is_ordered)
+                elif is_ordered:
+                    bulk.forget(name)  # older ones must not come after it
+                    connection.offer(name, frame, now, is_ordered=True)
+                else:
+                    bulk.offer(name, frame, now)
 
         is_general = name not in self._extras()
         return self._bus.subscribe(
-            self._far_side, name, deliver, is_idle=not connection.has_services, is_general=is_general
+            self._far_side,
+            name,
+            deliver,
+            is_idle=item.is_unread or not connection.has_services,
+            is_general=is_general,
         )
 
     def _drop(self, key: ItemKey) -> None:
@@ -218,6 +296,9 @@ class MirrorRegistry:
             self._bus.unadvertise(self._far_side, item.name, self._far_side.now)
         if item.connection.name:
             del self.connections[item.connection.name]
+            self._far_side.on_connections_changed()
+        elif self.bulk is not None and not self.large_items:
+            del self.connections[BULK]
             self._far_side.on_connections_changed()
 
     def _connection_for(self, kind: str, name: str) -> BridgeConnection:

@@ -114,8 +114,8 @@ class Settings:
         "one",
         _ATTACH,
         choice_of("one", "per-topic"),
-        "sockets to each bridge: one, so that the topics of a tick arrive before its answer, or one for each topic and"
-        " service",
+        "sockets to each bridge: one (and a second one for pictures and clouds), so that the topics of a tick arrive"
+        " before its answer, or one for each topic and service",
     )
     scene: bool = flag(
         default=False,

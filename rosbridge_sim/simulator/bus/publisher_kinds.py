@@ -105,6 +105,7 @@ class PeriodicPublisher(TopicPublisher):
         is_shown_in_pause: bool = False,
         version: Callable[[], object] | None = None,
         is_in_frames: bool = True,
+        is_second_name: bool = False,
         depth: int = 0,
     ) -> None:
         """Describe a topic; the arguments are those of `Publishers.add`."""
@@ -114,6 +115,7 @@ class PeriodicPublisher(TopicPublisher):
         self.shown_version: object = None  # of the last message
         self.is_in_frames = is_in_frames
         self.is_sampled = is_sampled
+        self.is_second_name = is_second_name
         self.is_shown_in_pause = is_shown_in_pause
         self.takers: list[Callable[[Message], object]] = []
         self.free_at = -math.inf  # where wall time limits the rate: when the next message may go out [s]

@@ -91,6 +91,7 @@ class Publishers:
         version: Callable[[], object] | None = None,
         is_in_frames: bool = True,
         is_everywhere: bool = True,
+        is_second_name: bool = False,
         depth: int = 0,
     ) -> PeriodicPublisher:
         """Publish a topic with every frame, or at a rate; a further ego's topic has the rate of the first ego's.
@@ -108,6 +109,7 @@ class Publishers:
                 module's text. None for any other topic.
             is_in_frames: it is published with the frames; if false, `version` alone decides when.
             is_everywhere: every release has the type. If false, nothing is published where a release lacks it.
+            is_second_name: another topic has the same messages; see `second_names`.
             depth: number of messages that are kept for late subscribers.
 
         Returns:
@@ -126,6 +128,7 @@ class Publishers:
             is_shown_in_pause=is_shown_in_pause,
             version=version,
             is_in_frames=is_in_frames,
+            is_second_name=is_second_name,
             depth=depth,
         )
         publisher.limit(_max_rate(self._factor))
@@ -310,6 +313,10 @@ class Publishers:
         else:
             value = publisher.make()
         return None if value is None else Message(topic.type, value)
+
+    def second_names(self) -> tuple[str, ...]:
+        """Return the present names of topics with the messages of another one, which a user has chosen by its name."""
+        return tuple([one.topic.name for one in self._periodic if one.is_second_name and one.topic is not None])
 
     def current(self) -> Iterator[tuple[Topic, Message]]:
         """Yield the message that each topic would publish now; nothing is published.

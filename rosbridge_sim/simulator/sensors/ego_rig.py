@@ -17,6 +17,7 @@ from rosbridge_sim.simulator.sensors.sensor_specs import (
     FRAME_RATE,
     CameraSpec,
     FrameSpec,
+    Lidar3dSpec,
     Rig,
     SensorSpec,
     topics_of,
@@ -143,7 +144,12 @@ class EgoRig:
     def _add_topic(self, name: str, type_name: str, spec: SensorSpec) -> PeriodicPublisher:
         full = self.prefix + name[1:]
         return self._context.publishers.add(
-            full, type_name, lambda: self._read_in_frame(spec), rate=spec.rate, is_sampled=True
+            full,
+            type_name,
+            lambda: self._read_in_frame(spec),
+            rate=spec.rate,
+            is_sampled=True,
+            is_second_name=isinstance(spec, Lidar3dSpec) and name != spec.topic,
         )
 
     def _read_in_frame(self, spec: SensorSpec) -> Struct | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from rosbridge_sim.errors import GraphError
@@ -25,7 +25,7 @@ Frame = dict[str, Any]
 
 
 class Car:
-    """A node as the simulator is one: a topic, a latched topic, an input and a service."""
+    """A node as the simulator is one: a topic, a latched topic, an input and a service; a camera with `add_camera`."""
 
     name = "/car"
 
@@ -43,6 +43,9 @@ class Car:
 
     def notify(self, level: str, text: str) -> None:
         """Nothing is said to it."""
+
+    def add_camera(self, name: str) -> Topic:
+        return self.bus.advertise(self, name, "sensor_msgs/CompressedImage", is_exclusive=True, is_on_demand=True)
 
     def show(self, name: str, **fields: object) -> None:
         topic = self.bus.topics[name]
@@ -69,7 +72,7 @@ class FarBridge:
 
     Attributes:
         bus: what there is on the far side.
-        frames: all that the mirror has sent, oldest first.
+        frames: all that the mirror has sent, oldest first; and `frames_of` those of each connection by its name.
         mute: services that are never answered.
     """
 
@@ -78,6 +81,7 @@ class FarBridge:
         if has_rosapi:
             Rosapi(self.bus)
         self.frames: list[Frame] = []
+        self.frames_of: dict[str, list[Frame]] = {}
         self.mute: set[str] = set()
         self._wires: dict[BridgeConnection, tuple[Peer, Outbox]] = {}
 
@@ -98,6 +102,7 @@ class FarBridge:
             for connection, (peer, outbox) in list(self._wires.items()):
                 for frame in connection.take(8_192, now):
                     is_moving = True
+                    self.frames_of.setdefault(connection.name, []).append(json.loads(frame))
                     self._receive(peer, frame, now)
                 for frame in outbox.take(2**30):
                     is_moving = True
@@ -132,16 +137,35 @@ class SimHarness:
 
     Attributes:
         noted: mistakes of programs there.
+        is_synchronous: with cameras: only calls move the world. The first camera's name is the chosen one, and the
+            others are second names.
     """
 
-    def __init__(self, *, has_connection_each: bool = False, has_rosapi: bool = True, is_ros_2: bool = False) -> None:
+    def __init__(
+        self,
+        *,
+        has_connection_each: bool = False,
+        has_rosapi: bool = True,
+        is_ros_2: bool = False,
+        cameras: Sequence[str] = (),
+    ) -> None:
         self.bus = Bus(make_store(2)) if is_ros_2 else make_bus()
         self.noted: list[RefusedRequest] = []
         self.bus.on_refusal = self.noted.append
         self.car = Car(self.bus)
         self.far = FarBridge(has_rosapi=has_rosapi)
         self.num_attached = 0
-        self.mirror = Mirror(self.bus, self.car, "ws://far:9090", has_connection_each=has_connection_each)
+        for name in cameras:
+            self.car.add_camera(name)
+        self.is_synchronous = False
+        self.mirror = Mirror(
+            self.bus,
+            self.car,
+            "ws://far:9090",
+            has_connection_each=has_connection_each,
+            second_names=lambda: cameras[1:],
+        )
+        self.mirror.is_synchronous = lambda: self.is_synchronous or not cameras
         self.mirror.on_attached = self._count
 
     def _count(self) -> None:

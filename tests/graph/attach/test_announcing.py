@@ -148,7 +148,7 @@ class StampsHarness(SimHarness):
         stamps: the choice.
     """
 
-    def __init__(self, choice: Literal["sim", "wall", "auto"], **options: bool) -> None:
+    def __init__(self, choice: Literal["sim", "wall", "auto"], **options: Any) -> None:  # noqa: ANN401 - of a SimHarness
         super().__init__(**options)
         self.wall = WallClockCounter()
         self.stamps = self.mirror.stamps = self.wall.stamps(choice)
@@ -160,7 +160,10 @@ def use_sim_time(harness: SimHarness, value: str) -> None:
 
 
 def time_stand(
-    value: object = None, *, choice: Literal["sim", "wall", "auto"] = "auto", **options: bool
+    value: object = None,
+    *,
+    choice: Literal["sim", "wall", "auto"] = "auto",
+    **options: Any,  # noqa: ANN401 - as there
 ) -> StampsHarness:
     """A stand whose far side has this `/use_sim_time`, not attached yet."""
     harness = StampsHarness(choice, **options)

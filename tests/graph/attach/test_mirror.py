@@ -41,6 +41,8 @@ def test_plain_and_latched_messages_reach_programs_at_the_far_bridge(harness: Si
 
 def test_encoded_bytes_are_shared_with_local_clients(harness: SimHarness) -> None:
     client, outbox = make_peer(harness.bus)
+    harness.car.show("/state", data=4)
+    harness.pump()  # the first answer of the bridge makes room
     client.receive(b'{"op":"subscribe","topic":"/state"}', 0.0)
     harness.car.show("/state", data=5)
     (ours,) = outbox.take(2**30)
@@ -156,19 +158,16 @@ def test_stalled_far_bridge_is_logged_once_and_once_when_it_resumes(
     harness.far.mute.add(PROBE)
     harness.flood()
     harness.run(until=10.0)
-    assert [line for line in lines() if "it is too slow" in line] == [
-        (
-            "ws://far:9090: it is too slow: data is up to 2.00 s old there,"
-            " and only the newest message of each topic is sent"
-        )
-    ]
+    (line,) = [line for line in lines() if "it is too slow" in line]
+    num_lost = harness.connection.num_dropped
+    assert f": it is too slow: {num_lost:,} of 5,000 topic messages of the last 5 s were left out" in line
+    assert "data was up to 5.00 s old there" in line
     harness.far.mute.clear()
-    harness.flood()
-    harness.run(until=60.0)
-    harness.mirror.advance(60.0)
-    (line,) = [line for line in lines() if "fast enough again" in line]
-    assert "it is fast enough again: data is up to " in line
-    assert f"s old there; {harness.connection.num_dropped:,} topic messages" in line
+    harness.run(until=70.0)
+    harness.flood(1)
+    harness.run(until=140.0)
+    (line,) = [line for line in lines() if "it is fast enough again" in line]
+    assert f": 0 of 1 topic messages of the last 5 s were left out, {num_lost:,} since it connected" in line
 
 
 def test_answer_at_a_stalled_bridge_follows_its_own_topics_and_no_older_ones(harness: SimHarness) -> None:

@@ -25,7 +25,7 @@ NO_NULL = "rosapi_msgs/GetParamRequest message requires a string for field defau
 """Answer of rosbridge_suite to it."""
 
 
-def make_scanner(**options: bool) -> SimHarness:
+def make_scanner(**options: Any) -> SimHarness:  # noqa: ANN401 - of a SimHarness
     """A car with a scan, a latched plan and a service of a map: numbers in arrays, nested, and in a response."""
     harness = SimHarness(**options)
     car, bus = harness.car, harness.bus
