@@ -11,7 +11,7 @@ is_old() { "$1" -c 'import sys; sys.exit(sys.version_info >= (3, 11))' 2>/dev/nu
 # find_python: the first Python that is new enough and can make an environment, in $python.
 find_python() {
     local candidate old="" bare=""
-    for candidate in ${PYTHON:-python3.13 python3.12 python3.11 python3 python}; do
+    for candidate in ${PYTHON:-python3.14 python3.13 python3.12 python3.11 python3 python}; do
         command -v "$candidate" >/dev/null || continue
         if ! "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
             old=$candidate
@@ -33,6 +33,19 @@ find_python() {
 # is_current STAMP: true if the last installation was made from this folder and this pyproject.toml.
 is_current() {
     [[ -x $root/.venv/bin/python && -f $1 && $(<"$1") == "$root"$'\n'"$(<"$root/pyproject.toml")" ]]
+}
+
+# install_packages ARGUMENT...: pip install into .venv, with a line for each package, since the first time takes minutes.
+install_packages() {
+    "$root/.venv/bin/python" -m pip install --disable-pip-version-check "$@" | while IFS= read -r line; do
+        case $line in
+            Collecting\ *)
+                line=${line#Collecting }
+                say "  ${line%%[ <>=;]*}"
+                ;;
+            'Installing collected packages'*) say "  unpacking all of them" ;;
+        esac
+    done
 }
 
 # ensure_environment [EXTRAS]: install the package, editable, with its dependencies into .venv; EXTRAS as in pyproject.toml.
@@ -58,8 +71,7 @@ ensure_environment() {
             "$python" -m venv "$root/.venv" >&2 || exit 1
         fi
         say "installing into .venv (once; later starts skip this)"
-        if ! "$root/.venv/bin/python" -m pip install --quiet --disable-pip-version-check \
-            --editable "$root${extras:+[$extras]}" >&2; then
+        if ! install_packages --editable "$root${extras:+[$extras]}"; then
             say "the installation failed; see the output of pip above"
             exit 1
         fi

@@ -12,7 +12,7 @@ function Say([string] $text) { [Console]::Error.WriteLine("serve: $text") }
 # Find-Python: the first Python that is new enough, as a command with its first arguments.
 function Find-Python {
     $old = ''
-    $candidates = @(@('py', '-3.13'), @('py', '-3.12'), @('py', '-3.11'), @('py', '-3'), @('python'), @('python3'))
+    $candidates = @(@('py', '-3.14'), @('py', '-3.13'), @('py', '-3.12'), @('py', '-3.11'), @('py', '-3'), @('python'), @('python3'))
     if ($env:PYTHON) { $candidates = , @($env:PYTHON) }
     foreach ($candidate in $candidates) {
         $words = @($candidate)
