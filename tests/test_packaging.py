@@ -14,15 +14,17 @@ import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from email import message_from_bytes
-from importlib.metadata import Distribution, distribution
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
 from zipfile import ZipFile
 
 import pytest
 from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from rosbridge_sim import __version__
 from rosbridge_sim.shell.config.settings import Settings
+from scripts.try_extras import FIRST_USES
 from tests.conftest import Connect
 from tests.support import ROOT, miss, read_line
 
@@ -119,6 +121,46 @@ def test_what_the_image_is_built_from_is_in_its_context() -> None:
     assert {f"!{word}" for word in copied} <= set(ignore)
     project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
     assert {project["readme"], *project["license-files"]} <= set(copied)
+
+
+# Licences
+
+
+def dependencies_of(requirements: Sequence[str], extra: str, found: set[str]) -> set[str]:
+    """Return the names of installed packages that requirements lead to; `found` grows."""
+    for text in requirements:
+        requirement = Requirement(text)
+        name = canonicalize_name(requirement.name)
+        if name in found or (requirement.marker and not requirement.marker.evaluate({"extra": extra})):
+            continue
+        try:
+            installed = distribution(requirement.name)
+        except PackageNotFoundError:
+            assert extra == "ray"  # 260 MB, which only the long run installs
+            continue
+        found.add(name)
+        dependencies_of(installed.requires or [], "", found)
+    return found
+
+
+def test_page_of_licences_has_every_dependency_of_users() -> None:
+    page = (ROOT / "docs" / "reference" / "licences.md").read_text("utf-8")
+    listed = {canonicalize_name(name) for name in re.findall(r"^\| [^|]+ \| \**([\w.-]+)\** \|", page, re.MULTILINE)}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    found = dependencies_of(project["dependencies"], "", set())
+    for extra in FIRST_USES.keys() - {"ray"}:
+        dependencies_of(project["optional-dependencies"][extra], extra, found)
+    assert found <= listed
+    copyleft = {name for name in found if re.search("LGPL|MPL|Mozilla|EPL", licence_of(name))}
+    assert copyleft == {canonicalize_name(name) for name in re.findall(r"\| \*\*(.*)\*\* \|", page)}
+
+
+def licence_of(name: str) -> str:
+    """What the metadata of an installed package say of its licence."""
+    data = distribution(name).metadata
+    classifiers = [text for text in data.get_all("Classifier") or [] if text.startswith("License")]
+    named = [(data.get_all(key) or [""])[0][:80] for key in ("License-Expression", "License")]
+    return " ".join([*named, *classifiers])
 
 
 # The wheel
