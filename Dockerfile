@@ -34,7 +34,7 @@ LABEL org.opencontainers.image.title="rosbridge-sim" \
     org.opencontainers.image.revision="${REVISION}"
 # EGL and Mesa draw the pictures of cameras on the processor.
 RUN apt-get update \
-    && apt-get install --yes --no-install-recommends libegl1 libgl1-mesa-dri \
+    && apt-get install --yes --no-install-recommends libegl1 libgl1 libgl1-mesa-dri \
     && rm -rf /var/lib/apt/lists/*
 RUN useradd --uid 10001 --user-group --no-create-home --shell /usr/sbin/nologin rosbridge-sim \
     && install --directory --owner=10001 --group=10001 /data

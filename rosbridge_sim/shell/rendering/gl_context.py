@@ -28,7 +28,7 @@ def open_context() -> moderngl.Context:
     except Exception as error:  # the library raises plain Exception
         raise RenderingUnavailableError(
             f"cameras need OpenGL 3.3 by EGL, and it cannot be opened: {error}. On Debian and Ubuntu:"
-            " apt-get install libegl1 libgl1-mesa-dri"
+            " apt-get install libegl1 libgl1 libgl1-mesa-dri"
         ) from error
     context.gc_mode = "auto"  # what Python drops is freed, also the parts of framebuffers
     return context

@@ -235,7 +235,7 @@ def test_missing_graphics_name_the_packages_to_install(monkeypatch: pytest.Monke
     with pytest.raises(RenderingUnavailableError) as caught:
         gl_context.open_context()
     _, _, packages = str(caught.value).partition("apt-get install ")
-    assert packages == "libegl1 libgl1-mesa-dri"
+    assert packages == "libegl1 libgl1 libgl1-mesa-dri"
     assert packages in (ROOT / "Dockerfile").read_text("utf-8")
 
 
