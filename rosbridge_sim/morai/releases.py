@@ -49,6 +49,29 @@ _SCENARIO_LOAD: Final = {
 
 _LISTS: Final = frozenset({"npc_list", "pedestrian_list", "obstacle_list"})
 
+_FIELDS_ONLY_IN: Final[Mapping[str, Mapping[str, tuple[str, ...]]]] = {
+    "22.R2": {"EgoVehicleStatus": ("wheel_angle",)},
+    "26.R1": {
+        "CollisionData": ("collision_objecta",),
+        "CtrlCmd": ("rear_steer",),
+        "EgoVehicleStatus": (
+            *("front_steer_angle", "rear_steer_angle", "lateral_offset", "cross_track_error"),
+            *(f"tire_lateral_force_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
+            *(f"side_slip_angle_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
+            *(f"tire_cornering_stiffness_{wheel}" for wheel in ("fl", "fr", "rl", "rr")),
+            *("distance_left_lane_boundary", "distance_right_lane_boundary"),
+        ),
+        "MultiEgoSetting": ("steering_angle", "vehicle_speed", "turn_signal", "brake_light"),
+        "NpcGhostInfo": ("steering_angle", "vehicle_speed", "turn_signal", "brake_light"),
+    },
+}
+"""Fields of types of `morai_msgs` in several releases that only one of them has, under any name."""
+
+
+def _only(release: str) -> str:
+    return f"; only release {release} has it (serve --release {release})"
+
+
 LENIENCY: Final = Leniency(
     types={
         # The manual's page on ROS writes the package name without its s.
@@ -80,6 +103,12 @@ LENIENCY: Final = Leniency(
     numerals={
         "morai_msgs/IntersectionControl": frozenset({"intersection_index"}),
         "morai_msgs/IntersectionStatus": frozenset({"intersection_index"}),
+    },
+    elsewhere={
+        f"morai_msgs/{kind}": {
+            name: _only(release) for release, kinds in _FIELDS_ONLY_IN.items() for name in kinds.get(kind, ())
+        }
+        for kind in sorted({kind for kinds in _FIELDS_ONLY_IN.values() for kind in kinds})
     },
 )
 """Names and shapes that are accepted in addition to the wire's own."""
@@ -129,11 +158,11 @@ def advise_release(name: str) -> str:
     """
     if name in _RENAMED:
         release, instead = _RENAMED[name]
-        return f"; only release {release} has it (serve --release {release}), here it is {instead}"
+        return f"{_only(release)}, here it is {instead}"
     package, _, kind = name.partition("/")
     kind = kind.removeprefix("msg/").removeprefix("srv/")
     release = next((each for each, kinds in _ONLY_IN.items() if package == "morai_msgs" and kind in kinds), "")
-    return f"; only release {release} has it (serve --release {release})" if release else ""
+    return _only(release) if release else ""
 
 
 # Units

@@ -95,7 +95,10 @@ def compile_message(
         aliases.setdefault(other, aliases.get(own, own))
     finalize = _make_finalize(name, fields, dialect, is_header=is_header, finalizers=finalizers)
     has_floats = any(each.has_floats for each in fields.values())
-    return MessageSpec(name, definition, dialect, struct_type, fields, aliases, is_header, has_floats, finalize)
+    elsewhere = leniency.elsewhere.get(name, {})
+    return MessageSpec(
+        name, definition, dialect, struct_type, fields, aliases, is_header, has_floats, finalize, elsewhere
+    )
 
 
 def _same(value: object) -> object:

@@ -84,6 +84,7 @@ class Store:
             fields=_joined(RENAMED_FIELDS, leniency.fields),
             scalars=leniency.scalars,
             numerals=leniency.numerals,
+            elsewhere=leniency.elsewhere,
         )
         self._packages = {package for package, _, _ in self._texts}
         self._definitions: dict[str, Definition] = {}

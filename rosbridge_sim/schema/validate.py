@@ -110,7 +110,7 @@ def _unknown(name: str, spec: MessageSpec, given: Mapping[object, object]) -> _M
 
 
 def _advise(name: str, spec: MessageSpec, given: Mapping[object, object], owner: str) -> str:
-    """Return advice: the nearest field and the list of all fields, or to wrap the message in the only field.
+    """Return advice: the release with the field, or the nearest field, and a list; or to wrap the message.
 
     Args:
         name: the unknown field.
@@ -127,7 +127,9 @@ def _advise(name: str, spec: MessageSpec, given: Mapping[object, object], owner:
         if any(key in known for key in islice(given, _LOOKED_AT)):  # the inner message, without the field around it
             return f'; wrap it in `{field_name}`: {{"{field_name}": {{...}}}}'
     # An alias is accepted, but the field's own name is what a program should have.
-    near = hint(name, spec.fields) or hint(name, spec.aliases)
+    near = spec.elsewhere.get(name) or hint(name, spec.fields) or hint(name, spec.aliases)
+    if not near and (near := hint(name, spec.elsewhere)):
+        near += next(text for field, text in spec.elsewhere.items() if f" {field}?" in near)
     return f"{near}; {owner} has {listing(spec.fields)}"
 
 

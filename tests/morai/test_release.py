@@ -215,3 +215,41 @@ def test_types_of_one_release_alone_are_listed() -> None:
     for name in older | newer:
         only = "22.R2" if name not in newer else "26.R1" if name not in older else ""
         assert advise_release(name) == (f"; only release {only} has it (serve --release {only})" if only else "")
+
+
+@pytest.mark.parametrize(
+    ("release", "kind", "field", "end"),
+    [
+        ("22.R2", "MultiEgoSetting", "steering_angle", "field steering_angle; only release 26.R1 has it"),
+        ("22.R2", "MultiEgoSetting", "steering_angel", "(did you mean steering_angle?); only release 26.R1 has it"),
+        ("22.R2", "MultiEgoSetting", "velocty", "(did you mean velocity?); it has"),
+        ("22.R2", "CtrlCmd", "rear_steer", "field rear_steer; only release 26.R1 has it"),
+        ("26.R1", "EgoVehicleStatus", "wheel_angle", "field wheel_angle; only release 22.R2 has it"),
+    ],
+)
+def test_field_of_another_release_is_refused_with_that_release(release: str, kind: str, field: str, end: str) -> None:
+    wire = Wire(SimHarness(release=release).bus)
+    (status,) = wire.says(op="publish", topic="/x", type=f"morai_msgs/{kind}", msg={field: 1})
+    assert end in status["msg"]
+
+
+def test_field_of_another_release_is_named_inside_other_messages() -> None:
+    wire = Wire(SimHarness(release="22.R2").bus)
+    msg = {"vehicle_status": {"lateral_offset": 1}}
+    (status,) = wire.says(op="publish", topic="/x", type="morai_msgs/WaitForTickResponse", msg=msg)
+    assert "lateral_offset; only release 26.R1 has it (serve --release 26.R1); " in status["msg"]
+
+
+def test_fields_of_one_release_alone_are_listed() -> None:
+    older, newer = (make_store(release) for release in RELEASES)
+    num_listed = 0
+    for name in {*older.names("msg")} & {*newer.names("msg")}:
+        if not name.startswith("morai_msgs/"):
+            continue
+        for store, other, release in ((older, newer, "26.R1"), (newer, older, "22.R2")):
+            spec = store.message(name).spec
+            only = other.message(name).spec.fields.keys() - spec.fields.keys() - spec.aliases.keys()
+            listed = {field for field, text in spec.elsewhere.items() if release in text}
+            assert listed == only
+            num_listed += len(listed)
+    assert num_listed > 20

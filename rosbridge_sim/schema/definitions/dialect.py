@@ -89,9 +89,11 @@ class Leniency(Record):
         scalars: type -> array fields that may come as a single element.
         numerals: type -> integer fields that may come as text, such as `"13"` or, with the digits at its end,
             `"IntTL13"`.
+        elsewhere: type -> {field that only another release has: where, as the end of an error}; not accepted.
     """
 
     types: Mapping[str, str] = field(default_factory=dict)
     fields: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     scalars: Mapping[str, frozenset[str]] = field(default_factory=dict)
     numerals: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    elsewhere: Mapping[str, Mapping[str, str]] = field(default_factory=dict)

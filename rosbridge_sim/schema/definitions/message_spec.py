@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import field
 from typing import Any
 
 import msgspec
@@ -55,6 +56,7 @@ class MessageSpec(Record):
         has_floats: a field may hold floating-point numbers, nested messages included.
         finalize: `(value, stamp_ns)`: completes in place a struct that was made with its defaults; None where nothing
             is left to do.
+        elsewhere: fields that other releases have -> where, for errors; see `Leniency`.
     """
 
     name: str
@@ -66,6 +68,7 @@ class MessageSpec(Record):
     is_header: bool
     has_floats: bool
     finalize: Callable[[Any, int], None] | None = None
+    elsewhere: Mapping[str, str] = field(default_factory=dict)
 
 
 def layout_of(spec: MessageSpec) -> list[object]:
