@@ -1,13 +1,14 @@
 """Georeference of maps: plane coordinates -> latitude and longitude, by the map's own projection.
 
-pyproj does the projection. It is imported and set up when the first position is needed, because that takes a tenth of a
-second. After that a position takes a microsecond.
+pyproj does the projection. It is imported when the first position is needed, because that takes a tenth of a second,
+and it is set up for each map. After that a position takes a microsecond.
 """
 
 from __future__ import annotations
 
 import logging
 import math
+from contextlib import suppress
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final
 
@@ -16,7 +17,7 @@ from rosbridge_sim.maps.road_map import Projection, RoadMap
 if TYPE_CHECKING:
     from pyproj import Transformer
 
-__all__ = ["Georeference", "proj_text"]
+__all__ = ["Georeference", "import_projection", "proj_text"]
 
 GEOGRAPHIC: Final = "+proj=longlat +datum=WGS84 +no_defs"
 """Coordinate system of satellite positions: WGS 84, whatever ellipsoid the map is drawn on."""
@@ -61,6 +62,12 @@ class Georeference:
         east, north, _ = road_map.origin
         longitude, latitude = self._transformer.transform(east + x, north + y)
         return (latitude, longitude) if math.isfinite(latitude) and math.isfinite(longitude) else None
+
+
+def import_projection() -> None:
+    """Import pyproj; this may be called in any thread. If that fails, each position that is needed tries it again."""
+    with suppress(OSError, ImportError):
+        import pyproj  # noqa: F401, PLC0415 - a tenth of a second
 
 
 def proj_text(projection: Projection) -> str:

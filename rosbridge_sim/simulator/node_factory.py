@@ -21,6 +21,7 @@ from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.hooks import Hooks
 from rosbridge_sim.simulator.kernel.late_work import LateWork
+from rosbridge_sim.simulator.kernel.projection_import import ProjectionImport
 from rosbridge_sim.simulator.kernel.real_time import set_real_time_factor
 from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
 from rosbridge_sim.simulator.kernel.scene_changes import SceneChanges
@@ -44,6 +45,7 @@ from rosbridge_sim.simulator.scene.scene_commands import SceneCommand
 from rosbridge_sim.simulator.sensor_services.sensor_commands import Sensors
 from rosbridge_sim.simulator.sensor_services.sensor_service import SensorService
 from rosbridge_sim.simulator.sensors.drawing import SensorWorker
+from rosbridge_sim.simulator.sensors.gps import Gps
 from rosbridge_sim.simulator.sensors.mounted_sensors import MountedSensors
 from rosbridge_sim.simulator.sensors.sensor_files import SensorDataStore
 from rosbridge_sim.simulator.sensors.sensor_table import SENSOR_FRAMES
@@ -106,14 +108,14 @@ def make_node(
         DocumentError: the scenario does not fit its map, or the network settings do not fit.
     """
     chosen = settings or NodeSettings()
-    context = _make_context(bus, world, library, scenario, chosen)
+    reader = reader or AtOnce()
+    context = _make_context(bus, world, library, scenario, chosen, reader)
     weather = WeatherControl(context, chosen.weather)
     mounted = MountedSensors(
         context, chosen.sensors, worker, weather, noise=chosen.sensor_noise, is_dressed=chosen.is_dressed
     )
     sensors = Sensors(context, archive, chosen.sensor_noise, mounted=mounted)
     CommandExecutor(context, sensors)
-    reader = reader or AtOnce()
     replay = Replay(context, recordings, reader, is_showing_drives=chosen.replay_info)
     road_services = RoadServices(context, reader)
     traffic = Traffic(context, chosen.traffic, wanders=chosen.traffic_wander)
@@ -153,8 +155,8 @@ def make_node(
     return SimulatorNode(context, components)
 
 
-def _make_context(
-    bus: Bus, world: World, library: Library, scenario: Scenario, settings: NodeSettings
+def _make_context(  # noqa: PLR0917 - the arguments of `make_node`
+    bus: Bus, world: World, library: Library, scenario: Scenario, settings: NodeSettings, reader: Reader
 ) -> SimulatorContext:
     """Return what the components share, with the opening scene in the world; nothing is on the bus yet.
 
@@ -256,6 +258,7 @@ def _make_context(
         sync_info=sync_info,
         static_tf=static_tf,
         gate=gate,
+        projection_import=ProjectionImport(bus, participant, gate, reader, Gps.prepare),
         command_wait=CommandWait(settings.command_deadline, bus=bus, egos=egos, hooks=hooks),
         stepper=stepper,
         sync_driver=sync_driver,

@@ -114,9 +114,11 @@ class StandardTopics(Component):
         header = self._context.convert.header(world.frame, MAP)
         return self._odometry(header, prefix + BASE, self._some_pose(pose), self._some_twist(twist))
 
-    def _make_fix(self, ego: Ego) -> Struct:
-        """Return the reading of the GPS as a message that all of ROS knows."""
-        gps = self._gps.read(ego)
+    def _make_fix(self, ego: Ego) -> Struct | None:
+        """Return the reading of the GPS as a message that all of ROS knows; None as for `/gps`."""
+        gps = self._gps.read_unless_lost(ego)
+        if gps is None:
+            return None
         status = self._status(_HAS_FIX if gps.status else _NO_FIX, _GPS)
         return self._fix(gps.header, status, gps.latitude, gps.longitude, gps.altitude)
 

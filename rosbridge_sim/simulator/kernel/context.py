@@ -22,6 +22,7 @@ from rosbridge_sim.simulator.kernel.frame_gate import FrameGate
 from rosbridge_sim.simulator.kernel.frame_stepper import FrameStepper
 from rosbridge_sim.simulator.kernel.hooks import Hooks
 from rosbridge_sim.simulator.kernel.late_work import LateWork
+from rosbridge_sim.simulator.kernel.projection_import import ProjectionImport
 from rosbridge_sim.simulator.kernel.real_time_pacer import RealTimePacer
 from rosbridge_sim.simulator.kernel.scene_changes import SceneChanges
 from rosbridge_sim.simulator.kernel.simulation_time import SimulationTime
@@ -61,6 +62,7 @@ class SimulatorContext(Record, eq=False):
         sync_info: publishes the mode.
         static_tf: publishes the frames that are fixed to the egos.
         gate: closed while something of the last frame is missing.
+        projection_import: imports what makes latitudes and longitudes.
         command_wait: has real time wait for commands, if that is chosen.
         stepper: computes one frame.
         sync_driver: carries out ticks and changes of the mode.
@@ -88,6 +90,7 @@ class SimulatorContext(Record, eq=False):
     sync_info: SyncInfo
     static_tf: StaticTf
     gate: FrameGate
+    projection_import: ProjectionImport
     command_wait: CommandWait
     stepper: FrameStepper
     sync_driver: SyncDriver

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 from rosbridge_sim.loose_types import Struct
-from rosbridge_sim.maps.georeference import Georeference
+from rosbridge_sim.maps.georeference import Georeference, import_projection
 from rosbridge_sim.morai.messages.convert import maker
 from rosbridge_sim.simulator.kernel.context import SimulatorContext
 from rosbridge_sim.simulator.kernel.ego import Ego
@@ -23,12 +23,17 @@ __all__ = ["Gps"]
 
 
 class Gps(Sensor):
-    """The GPS antenna."""
+    """The GPS antenna.
+
+    Attributes:
+        prepare: imports what `read` needs, for `ProjectionImport`.
+    """
 
     title: ClassVar[str] = "GPS"
     frame: ClassVar[str] = "gps_link"
     topic: ClassVar[str] = "gps"
     type_name: ClassVar[str] = "morai_msgs/GPSMessage"
+    prepare = staticmethod(import_projection)
 
     def __init__(self, context: SimulatorContext, noise: SensorNoise | None) -> None:
         """Read nothing yet; see `Sensor`."""
@@ -52,6 +57,11 @@ class Gps(Sensor):
         place = self._globe.locate(road_map, x, y) if has_fix else None
         latitude, longitude = place or (0.0, 0.0)
         return self._make_gps(self._header(ego), latitude, longitude, z + up, east, north, 0 if place is None else 1)
+
+    def read_unless_lost(self, ego: Ego) -> Struct | None:
+        """Return the message of the present frame; None in real time while `ProjectionImport` is running."""
+        context = self._context
+        return None if context.projection_import.is_running and context.sync.is_free else self.read(ego)
 
     def file(self, frame: int, message: Struct) -> bytes:
         """Return GPS_*.csv."""

@@ -215,6 +215,9 @@ class StepService(Component):
             explain(call.caller, "error", f"{call.service.name}: {error}", error.reason)
             self._respond(call, message=str(error))
             return
+        for sample in steps.plan.samples:
+            if sample.publisher.topic is not None:
+                context.projection_import.prepare(sample.publisher.topic)
         context.sync_driver.ask_steps(request.user_id, steps, call.caller, now)
 
     def answer(self, call: Call, steps: _StepCall, result: TickResult) -> None:
