@@ -117,9 +117,11 @@ class FrameError(PeerError):
     Attributes:
         op_id: the `id` that the sender gave, unchanged, or None.
         op: the `op` that the sender gave, if it could be read, or None.
+        service: of a call, the service's name as the sender gave it, or None.
     """
 
     reason = Reason.BAD_FRAME
+    service: str | None = None
 
     def __init__(self, text: str, op_id: object = None, op: str | None = None, *, reason: Reason | None = None) -> None:
         super().__init__(text, reason=reason)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Generator
+from io import BytesIO
 from typing import NoReturn
 
 import cbor2
@@ -34,6 +35,12 @@ one."""
 MAX_SCALAR_BYTES = 2**19
 """Largest number of bytes of plain numbers and truth values in a frame, one to nine bytes each. It takes 60 ms if all
 numbers are small. Larger arrays should be typed arrays or byte strings, which cost almost nothing."""
+
+_CALL, _SERVICE, _ID = b"\x62op\x6ccall_service", b"\x67service", b"\x62id"
+"""CBOR of `"op": "call_service"`, and of two keys."""
+
+_NAMED, _LONGEST_NAME = 2_000, 300
+"""Bytes at both ends of an unreadable frame that are searched for its op; and of a name in them."""
 
 _ARRAY_TYPES = {
     64: "u1", 65: ">u2", 66: ">u4", 67: ">u8", 68: "u1", 69: "<u2", 70: "<u4", 71: "<u8",
@@ -93,7 +100,32 @@ def decode_cbor(frame: bytes) -> Generator[None, None, object]:
         yield
         return _plain(value)
     except (cbor2.CBORError, ValueError, OverflowError, RecursionError) as error:
-        raise FrameError(f"Received a binary frame that is neither JSON nor plain CBOR: {error}") from None
+        refusal = FrameError(f"Received a binary frame that is neither JSON nor plain CBOR: {error}")
+        _name_call(refusal, frame[:_NAMED] + frame[-_NAMED:])
+        raise refusal from None
+
+
+def _name_call(error: FrameError, ends: bytes) -> None:
+    """Give an error the id and the service of an unreadable call, because its caller waits for an answer.
+
+    Args:
+        ends: both ends of the frame, where clients write them.
+    """
+    if ends.count(_CALL) == 1 == ends.count(_SERVICE):
+        service = _read_scalar(ends, _SERVICE)
+        if isinstance(service, str):
+            error.op, error.op_id, error.service = "call_service", _read_scalar(ends, _ID), service
+
+
+def _read_scalar(ends: bytes, key: bytes) -> object:
+    """Return the text or the natural number behind a key; None if there is none that can be read."""
+    _, _, rest = ends.partition(key)
+    if not rest or rest[0] >> 5 not in {0, 3}:
+        return None
+    try:
+        return cbor2.CBORDecoder(BytesIO(rest[:_LONGEST_NAME])).decode()
+    except (cbor2.CBORError, ValueError):
+        return None
 
 
 def _check_weight(frame: bytes) -> Generator[None, None, None]:

@@ -63,6 +63,10 @@ MAX_OPS = 10_000
 """Largest number of ops in one frame. Each op is done by itself, and clients that put ops together send only a few."""
 _ANSWER_OP = re.compile(r'"op"\s{0,8}:\s{0,8}"(service_response|action_result)"')
 _ANSWER_ID = re.compile(r'"id"\s{0,8}:\s{0,8}"((?:service_request|action_goal):[^"\\]{1,300})"')
+_OP, _SERVICE = (
+    re.compile(r'"op"\s{0,8}:\s{0,8}"([a-z_]{1,30})"'),
+    re.compile(r'"service"\s{0,8}:\s{0,8}"([\x20-\x21\x23-\x5b\x5d-\x7e]{1,256})"'),
+)
 _MAX_ANSWER_IDS = 100
 _NAMED = 2_000
 """Characters at both ends of an unreadable frame that are searched for its op and its id."""
@@ -81,7 +85,7 @@ _TRAILING = re.compile(r"trailing characters \(byte (\d+)\)")
 """Text of the `msgspec` error for a value with something behind it; a test checks that this text does not change."""
 
 _SPACE, _BYTE_SPACE = re.compile(r"[ \t\r\n]*"), re.compile(rb"[ \t\r\n]*")
-_ID = re.compile(r'"id"\s*:\s*"([\x20-\x21\x23-\x5b\x5d-\x7e]{1,200})"')
+_ID = re.compile(r'"id"\s*:\s*(?:"([\x20-\x21\x23-\x5b\x5d-\x7e]{1,200})"|(-?[0-9]{1,15})(?=\s*[,}]))')
 _BODIES = frozenset(name for op in OPS.values() for name in op.bodies)
 
 _CLASSES: dict[str, tuple[type, ...]] = {
@@ -387,7 +391,7 @@ def _scan_words(frame: bytes, start: int, num_ops: int) -> Iterator[Op | FrameEr
 
 
 def _name(error: FrameError, text: str) -> FrameError:
-    """Return the error with the op and the id of a provider's unreadable answer, because a caller waits for it.
+    """Return the error with the op and the id of an unreadable call or answer, because a caller waits for it.
 
     The server itself made the ids of calls and goals, so they can be recognised anywhere in the text. If two different
     ids are found, none is taken.
@@ -397,8 +401,12 @@ def _name(error: FrameError, text: str) -> FrameError:
     if op is not None:
         error.op = op[1]
         error.op_id = ids.pop() if len(ids) == 1 else None
-    elif error.op_id is None and (match := _ID.search(text)) is not None:
-        error.op_id = match[1]
+        return error
+    if error.op_id is None and (match := _ID.search(text)) is not None:
+        error.op_id = match[1] or int(match[2])
+    services = {found[1] for found in islice(_SERVICE.finditer(text), _MAX_ANSWER_IDS)}
+    if len(services) == 1 and {found[1] for found in islice(_OP.finditer(text), _MAX_ANSWER_IDS)} == {"call_service"}:
+        error.op, error.service = "call_service", services.pop()
     return error
 
 

@@ -229,7 +229,11 @@ class Session:
         if error.op in {"service_response", "action_result"}:
             self.on_lost_answer(error)
         if self._on_refused is None:
-            self.remark("error", str(error), error.op_id)
+            if error.service is None:
+                self.remark("error", str(error), error.op_id)
+            else:  # its caller waits
+                op_id = error.op_id if isinstance(error.op_id, (str, int)) else None
+                self.answer(error.service, op_id, str(error), is_ok=False)
             self.on_mistake(error)
         else:
             self._on_refused(error)

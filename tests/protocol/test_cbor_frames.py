@@ -140,3 +140,17 @@ def test_bytes_and_typed_arrays_count_as_one_item() -> None:
 def test_item_count_of_any_frame_ends(value: dict[str, Any], cut: int, extra: int) -> None:
     with contextlib.suppress(FrameError):
         read(cbor2.dumps(value)[: -cut or None] + b"\x5f" * extra)
+
+
+def test_unreadable_call_names_its_service_and_id() -> None:
+    heavy = cbor2.dumps({"op": "call_service", "id": 7, "service": "/s", "args": {"a": [[]] * 20_000}})
+    with pytest.raises(FrameError, match="at most 15,000 maps and lists") as caught:
+        finish(decode_cbor(heavy))
+    assert (caught.value.op, caught.value.op_id, caught.value.service) == ("call_service", 7, "/s")
+
+
+def test_unreadable_publish_names_no_service() -> None:
+    heavy = cbor2.dumps({"op": "publish", "topic": "/t", "msg": {"service": "/s", "a": [[]] * 20_000}})
+    with pytest.raises(FrameError) as caught:
+        finish(decode_cbor(heavy))
+    assert caught.value.service is None

@@ -185,3 +185,23 @@ def test_nearest_op_is_suggested_after_the_list(op: object, end: str) -> None:
     assert isinstance(error, FrameError)
     assert str(error).endswith(end)
     assert error.reason is Reason.UNKNOWN_OP
+
+
+HEAVY_LIST = b"[" + b'"",' * 800_001 + b'""]'
+
+
+@pytest.mark.parametrize(
+    ("head", "named"),
+    [
+        (b'{"op":"call_service","id":"c","service":"/s","args":', ("c", "/s")),
+        (b'{"id": -7, "service": "/s", "op": "call_service", "args":', (-7, "/s")),
+        (b'{"op":"call_service","service":"/s","args":', (None, "/s")),
+        (b'{"op":"publish","id":"p","topic":"/t","msg":', ("p", None)),
+        (b'{"op":"publish","id":"p","topic":"/t","note":{"op":"call_service","service":"/s"},"msg":', ("p", None)),
+        (b'{"op":"call_service","id":"c","service":"/s","note":{"service":"/other"},"args":', ("c", None)),
+    ],
+)
+def test_heavy_call_is_named_so_that_it_can_be_answered(head: bytes, named: tuple[object, str | None]) -> None:
+    *_, error = decode_frame(head + HEAVY_LIST + b"}")
+    assert isinstance(error, FrameError)
+    assert (error.op_id, error.service) == named
