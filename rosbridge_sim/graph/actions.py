@@ -24,6 +24,7 @@ from rosbridge_sim.graph.service_table import ServiceTable
 from rosbridge_sim.graph.topics_services import Call
 from rosbridge_sim.graph.type_resolution import TypeResolver
 from rosbridge_sim.protocol.ops import OpBody
+from rosbridge_sim.protocol.request_limits import RequestLimits
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import ActionType
 from rosbridge_sim.schema.opaque_types import OpaqueActionType
@@ -68,6 +69,10 @@ class GoalOutcome:
 
 OnFeedback = Callable[[Message], None]
 OnOutcome = Callable[[GoalOutcome], None]
+
+
+_LIMITS: Final = RequestLimits()
+"""Of a goal of an action of this server's own."""
 
 
 @dataclass(eq=False, slots=True)
@@ -260,6 +265,8 @@ class Actions:
             if isinstance(args, Message):
                 request = args.value
             else:
+                if action.is_exclusive:
+                    _LIMITS.check(action.name, args)
                 request = decode_body(action.type.goal, args, self._state.stamp_ns, caller)
             held = self._goals.setdefault(caller, {})
             if len(held) >= self.max_goals:

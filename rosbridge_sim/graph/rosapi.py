@@ -17,10 +17,11 @@ import orjson
 
 from rosbridge_sim.errors import GraphError, TypeNameError
 from rosbridge_sim.graph.bus import Bus
-from rosbridge_sim.graph.parameters import MAX_PARAMETERS
+from rosbridge_sim.graph.parameters import MAX_PARAMETERS, MAX_VALUE_PARTS
 from rosbridge_sim.graph.participant import Participant, resolve
 from rosbridge_sim.graph.policy import OPEN, Policy, Rule
 from rosbridge_sim.graph.topics_services import Call, Service, Topic
+from rosbridge_sim.protocol.request_limits import RequestLimits
 from rosbridge_sim.records import asdict
 from rosbridge_sim.schema.definitions.names import DefinitionKind
 from rosbridge_sim.schema.definitions.typedefs import full_text, typedefs
@@ -38,6 +39,11 @@ _BAD_VALUE = (
 MAX_RAW_CHARS = 8 * 2**20
 """Largest size of the definitions in one answer: enough for a thousand topics of the longest types. An answer is held
 as values, as text and as a frame, and a client may ask for several at once."""
+
+_SET_LIMITS = RequestLimits(
+    num_bytes=4 * 2**20, containers=MAX_VALUE_PARTS, texts=MAX_VALUE_PARTS, values=MAX_VALUE_PARTS
+)
+"""Of a request to set a parameter, whose value is JSON text. A value of 4 MB takes 20 ms."""
 
 _OMITTED = (
     f"# omitted: the definitions of all topics have more than {MAX_RAW_CHARS} characters; see rosapi/MessageDetails"
@@ -121,7 +127,9 @@ class Rosapi:
             _handler(self._definition),
             is_exclusive=True,
         )
-        bus.provide(self, "/rosapi/set_param", "rosapi/SetParam", self._set_param, is_exclusive=True)
+        bus.provide(
+            self, *("/rosapi/set_param", "rosapi/SetParam", self._set_param), is_exclusive=True, limits=_SET_LIMITS
+        )
         bus.on_leave.append(self._on_leave)
 
     def notify(self, level: str, text: str) -> None:

@@ -11,10 +11,11 @@ from itertools import count
 
 from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus_state import BusState
-from rosbridge_sim.graph.participant import Participant, decode_body, gives_way, resolve, size_of_body, take_over
+from rosbridge_sim.graph.participant import Participant, gives_way, resolve, size_of_body, take_over
 from rosbridge_sim.graph.topics_services import Answer, Call, Handle, OnAnswer, Service
 from rosbridge_sim.graph.type_resolution import TypeResolver
 from rosbridge_sim.protocol.ops import OpBody
+from rosbridge_sim.protocol.request_limits import RequestLimits
 
 __all__ = ["MAX_CALLS", "MAX_STALE", "ServiceTable"]
 
@@ -54,7 +55,14 @@ class ServiceTable:
         self._ticket = count()
 
     def provide(
-        self, owner: Participant, name: str, type_name: str, handle: Handle, *, is_exclusive: bool = False
+        self,
+        owner: Participant,
+        name: str,
+        type_name: str,
+        handle: Handle,
+        *,
+        is_exclusive: bool = False,
+        limits: RequestLimits | None = None,
     ) -> Service:
         """Offer a service. The last owner to offer a name gets it; callers of the previous one are told at once.
 
@@ -64,6 +72,7 @@ class ServiceTable:
             type_name: its type, in any accepted spelling.
             handle: gets each call; a PeerError that it raises refuses the call.
             is_exclusive: no client may take the name, neither now nor later.
+            limits: of a request; None for the usual ones if it is exclusive, otherwise for none.
 
         Raises:
             GraphError: the service belongs to the simulator.
@@ -79,7 +88,9 @@ class ServiceTable:
                 owner.notify("warning", f"Duplicate service advertised. Overwriting {name}.")
                 self._state.guard.attempt("the loss of a service", take_over, old.owner, "service", name, owner)
             self._drop_service(old, f"Service {name} was unadvertised")
-        service = Service(name, service_type, owner, handle, is_exclusive)
+        if limits is None and is_exclusive:
+            limits = RequestLimits()
+        service = Service(name, service_type, owner, handle, is_exclusive, limits)
         self.by_name[name] = service
         self._state.held_by(owner).services[service] = None
         self._state.report_holdings(owner)
@@ -128,7 +139,7 @@ class ServiceTable:
             service = self.by_name.get(name) or self.by_name.get(resolve(name))
             if service is None:
                 raise GraphError(f"Service {name} does not exist", reason=Reason.NO_SUCH_SERVICE)
-            request = decode_body(service.type.request, args, state.stamp_ns, caller)
+            request = service.decode_request(args, state.stamp_ns, caller)
             held = state.held_by(caller).calls
             if len(held) >= self.max_calls:
                 raise GraphError(f"Too many calls in flight: at most {self.max_calls}", reason=Reason.TOO_MUCH)

@@ -12,14 +12,16 @@ from typing import Protocol
 import msgspec
 
 from rosbridge_sim.errors import Reason
-from rosbridge_sim.graph.participant import Notify, Participant, is_guest
+from rosbridge_sim.graph.participant import Notify, Participant, decode_body, is_guest
 from rosbridge_sim.protocol.account import Account, HeldMessages
+from rosbridge_sim.protocol.ops import OpBody
+from rosbridge_sim.protocol.request_limits import RequestLimits
 from rosbridge_sim.protocol.smallest import Smallest
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType, ServiceType
 from rosbridge_sim.schema.opaque_types import OpaqueServiceType, OpaqueType
 
-__all__ = ["Answer", "Call", "Deliver", "Handle", "OnAnswer", "Service", "Subscription", "Topic"]
+__all__ = ["Answer", "Call", "Deliver", "Handle", "OnAnswer", "RequestLimits", "Service", "Subscription", "Topic"]
 
 Deliver = Callable[["Topic", Message, Participant, float], None]
 """`(topic, message, sender, now)`; a PeerError that it raises is sent back to the sender."""
@@ -281,14 +283,30 @@ def _size_of(message: Message) -> int:
 
 @dataclass(eq=False, slots=True)
 class Service:
-    """A named service and its provider."""
+    """A named service and its provider; `limits` are those of a request, None for a client's service."""
 
     name: str
     type: ServiceType | OpaqueServiceType
     owner: Participant
     handle: Handle
     is_exclusive: bool = False
+    limits: RequestLimits | None = None
     calls: dict[Call, None] = field(default_factory=dict)
+
+    def decode_request(self, args: OpBody, stamp_ns: int, caller: Participant) -> object:
+        """Return the checked and completed request of a call.
+
+        Args:
+            args: fields by name, by position, or none.
+            stamp_ns: time for stamps that they leave open [ns].
+            caller: the client that calls.
+
+        Raises:
+            PeerError: the request is too large, or does not fit the type.
+        """
+        if self.limits is not None:
+            self.limits.check(self.name, args)
+        return decode_body(self.type.request, args, stamp_ns, caller)
 
 
 class _CallTable(Protocol):

@@ -263,6 +263,14 @@ class WatchedServer:
         (longest_ns,) = self._ask(b"~")
         return longest_ns / 1e6
 
+    def forget_peak(self) -> None:
+        """Reset the kernel's count of its memory peak (proc(5): clear_refs)."""
+        Path(f"/proc/{self.pid}/clear_refs").write_text("5")
+
+    def peak(self) -> float:
+        """Return its largest memory since then [MB]."""
+        return int(self._status()["VmHWM"].split()[0]) / 1024
+
     def address_space(self) -> int:
         """Return the size that RLIMIT_AS limits.
 

@@ -684,14 +684,14 @@ async def play(row: Row, folder: Path, repeats: int, settling: float, *, idle: f
         await asyncio.sleep(idle)
         idle_ms = (await there.bystander.waits()).longest
         idle_mb = server.figures().memory
-        _forget_peak(server.pid)
+        server.forget_peak()
         server.longest_pass()
         begun = loop.time()
         await _attack(there, frames)
         seconds = loop.time() - begun
         await asyncio.sleep(0.5)  # for work that the attack causes later, for example at each step of the world
         longest_ms = (await there.bystander.waits()).longest
-        peak_mb = _peak(server.pid) - idle_mb
+        peak_mb = server.peak() - idle_mb
         await asyncio.sleep(settling)
         settled_mb = repeated_mb = server.figures().memory - idle_mb
         if repeats:
@@ -725,18 +725,6 @@ async def _attack(there: Scene, frames: Sequence[bytes]) -> None:
     await there.attacker.settle()
     for listener in there.listeners:
         await listener.settle()
-
-
-def _forget_peak(pid: int) -> None:
-    """Reset the kernel's count of the memory peak (proc(5): clear_refs)."""
-    Path(f"/proc/{pid}/clear_refs").write_text("5")
-
-
-def _peak(pid: int) -> float:
-    for line in Path(f"/proc/{pid}/status").read_text().splitlines():
-        if line.startswith("VmHWM:"):
-            return int(line.split()[1]) / 1024
-    raise AssertionError("Linux always names VmHWM")
 
 
 async def run(patterns: Sequence[str], runs: int, repeats: int, settling: float, out: Callable[[str], None]) -> int:

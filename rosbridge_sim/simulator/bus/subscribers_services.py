@@ -7,11 +7,11 @@ with it. Components use default names; the network settings give the names on th
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Final
 
 from rosbridge_sim.graph.bus import Bus
 from rosbridge_sim.graph.participant import Participant, gives_way
-from rosbridge_sim.graph.topics_services import Call, Handle, Subscription, Topic
+from rosbridge_sim.graph.topics_services import Call, Handle, RequestLimits, Subscription, Topic
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.simulator.bus.interface_registry import Interface, InterfaceRegistry, why_no_topic
@@ -21,6 +21,9 @@ __all__ = ["SubscribersServices", "Take"]
 
 Take = Callable[[Any, Participant, float], None]
 """`(message's struct, sender, now)`; if it raises a PeerError, the sender gets a status."""
+
+
+_USUAL: Final = RequestLimits()
 
 
 class SubscribersServices:
@@ -35,7 +38,15 @@ class SubscribersServices:
         self._items = items
         self._own: list[Interface] = []
 
-    def provide(self, name: str, type_name: str, handle: Handle, *, is_everywhere: bool = True) -> None:
+    def provide(
+        self,
+        name: str,
+        type_name: str,
+        handle: Handle,
+        *,
+        is_everywhere: bool = True,
+        limits: RequestLimits = _USUAL,
+    ) -> None:
         """Offer a service that no other participant may offer.
 
         Args:
@@ -43,6 +54,7 @@ class SubscribersServices:
             type_name: of `morai_msgs` if it names no package.
             handle: answers the calls.
             is_everywhere: every release has the type. If false, nothing is offered where a release lacks it.
+            limits: of a request.
 
         Raises:
             TypeNameError: there is no such type.
@@ -54,7 +66,7 @@ class SubscribersServices:
                 items.check_open()
             handle(call, now)
 
-        self._add(_Service(name, self.prefix, type_name, handle_while_open), is_everywhere=is_everywhere)
+        self._add(_Service(name, self.prefix, type_name, handle_while_open, limits), is_everywhere=is_everywhere)
 
     def listen(self, name: str, type_name: str, take: Take, *, is_everywhere: bool = True) -> None:
         """Subscribe to an input topic.
@@ -119,12 +131,13 @@ class _Service(Interface):
 
     kind = InterfaceKind.SERVICE
 
-    def __init__(self, name: str, prefix: str, type_name: str, handle: Handle) -> None:
+    def __init__(self, name: str, prefix: str, type_name: str, handle: Handle, limits: RequestLimits) -> None:
         super().__init__("/" + name, prefix, _full(type_name))
         self._handle = handle
+        self._limits = limits
 
     def bind(self, owner: Participant, bus: Bus, name: str, now: float) -> None:  # noqa: ARG002 - it does not matter when
-        bus.provide(owner, name, self.type_name, self._handle, is_exclusive=True)
+        bus.provide(owner, name, self.type_name, self._handle, is_exclusive=True, limits=self._limits)
 
     def release(self, owner: Participant, bus: Bus, now: float, *, is_gone: bool) -> None:  # noqa: ARG002 - as above
         assert self.name is not None

@@ -7,7 +7,7 @@ import logging
 import math
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 import msgspec
 
@@ -35,6 +35,9 @@ from rosbridge_sim.suggestions import hint
 from rosbridge_sim.world.vehicle.sensor_readings import Mounting
 
 __all__ = ["SensorService"]
+
+MAX_CHANGES: Final = 64
+"""Sensors in each list of one call: more than an ego has. Each that moves takes 0.1 ms."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -101,6 +104,10 @@ class SensorService(Component):
         request: Any = call.request
         ego = rig.ego
         specs = list(rig.specs)
+        for field in ("remove", "move"):
+            num = len(getattr(request, field))
+            if num > MAX_CHANGES:
+                raise FieldError(f"{field}: expected at most {MAX_CHANGES} in one call, got {num:,}")
         for name in request.remove:
             _check_removal(rig, name)
             specs = [spec for spec in specs if spec.frame_id != name]

@@ -64,6 +64,9 @@ _LANE_CAMERA: Final = CameraSpec(x=1.8, z=2.0, pitch=7.0, fov=math.degrees(2.0 *
 _CALIBRATION: Final = (CameraSpec(x=1.8, z=2.0), Lidar3dSpec(x=2.0, z=1.25))
 """Camera and lidar of MORAI-EDU's example of calibration (ex_calib_velodyne.py): both level, 90 deg horizontal."""
 
+MAX_PARTS: Final = 5_000
+"""Objects, lists and values in the JSON of sensors; 32 sensors with all their keys have 1,100. Each takes 1 to 5 us."""
+
 PRESETS: Final[Mapping[str, Rig]] = {
     "none": (),
     "camera": (_CAMERA,),
@@ -180,6 +183,9 @@ def parse_object(text: str, where: str) -> dict[str, Any]:
     Raises:
         DocumentError: it is none.
     """
+    num = sum(map(text.count, "[{,"))
+    if num > MAX_PARTS:
+        raise DocumentError(f"{where}: expected at most {MAX_PARTS:,} objects, lists and values, got {num:,}")
     try:
         values = json.loads(text)
     except (ValueError, RecursionError):

@@ -17,7 +17,7 @@ from typing import Any, Final, TypeVar
 
 from rosbridge_sim.errors import FieldError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import explain
-from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.graph.topics_services import Call, RequestLimits
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.morai.messages.command_parsing import EgoSetting, GhostPose
 from rosbridge_sim.morai.messages.convert import late_maker
@@ -58,6 +58,9 @@ MAX_REMOVED: Final = 500
 MAX_PATH_SEGMENTS: Final = 200_000
 """Segments of all paths in the world after a call: 18 MB, and a snapshot of them takes some 10 ms."""
 
+_LIMITS: Final = RequestLimits(num_bytes=512 * 1024, containers=5_000, texts=15_000, values=15_000)
+"""Of a request with as many objects, points and links as `object_parsing` permits: 0.3 MB, 3,000 objects and lists."""
+
 MAX_ROUTE_LINKS: Final = 200_000
 """Links of all routes in the world after a call: 1.6 MB, and putting them together some 1 ms."""
 
@@ -78,9 +81,9 @@ class Population(Component):
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""
-        bindings.provide("sim/spawn", "rosbridge_sim_msgs/Spawn", self._spawn)
+        bindings.provide("sim/spawn", "rosbridge_sim_msgs/Spawn", self._spawn, limits=_LIMITS)
         bindings.provide("sim/remove", "rosbridge_sim_msgs/Remove", self._remove)
-        bindings.provide("sim/set", "rosbridge_sim_msgs/Set", self._set)
+        bindings.provide("sim/set", "rosbridge_sim_msgs/Set", self._set, limits=_LIMITS)
         bindings.provide("sim/catalogue", "rosbridge_sim_msgs/Catalogue", self._list_models)
 
     def _answer(self, call: Call, act: Callable[[], Sequence[int]], *, has_ids: bool = False) -> None:

@@ -22,7 +22,7 @@ from typing import Any, Final, TypeVar
 
 from rosbridge_sim.errors import DocumentError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.participant import Participant, check_reading, explain
-from rosbridge_sim.graph.topics_services import Call
+from rosbridge_sim.graph.topics_services import Call, RequestLimits
 from rosbridge_sim.loose_types import Struct
 from rosbridge_sim.maps.road_map import RoadMap
 from rosbridge_sim.morai.messages.convert import late_maker
@@ -51,6 +51,9 @@ LARGE: Final = 2**20
 
 HASHED_TYPES: Final = ("CtrlCmd", "EgoVehicleStatus", "ObjectStatus", "EventInfo")
 """Messages that stand for a release: each release has changed one of them."""
+
+_LIMITS: Final = RequestLimits(num_bytes=2**30)
+"""Of a request with the bytes of a snapshot: one text, which may be as long as a frame."""
 
 _log = logging.getLogger("rosbridge_sim.morai")
 
@@ -115,7 +118,7 @@ class Snapshots(Component):
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the services that exist once, not for each ego."""
         bindings.provide("sim/snapshot", "rosbridge_sim_msgs/Snapshot", self._snapshot)
-        bindings.provide("sim/restore", "rosbridge_sim_msgs/Restore", self._restore)
+        bindings.provide("sim/restore", "rosbridge_sim_msgs/Restore", self._restore, limits=_LIMITS)
         bindings.provide("sim/snapshots", "rosbridge_sim_msgs/Snapshots", self._list)
         bindings.provide("sim/state_hash", "rosbridge_sim_msgs/StateHash", self._tell_hash)
 
