@@ -251,7 +251,12 @@ def is_name(text: str) -> bool:
 
 
 def parse_expression(
-    text: str, where: str, known: frozenset[str] | None = None, *, is_followed: bool = False
+    text: str,
+    where: str,
+    known: frozenset[str] | None = None,
+    *,
+    is_followed: bool = False,
+    numbers: frozenset[str] | None = None,
 ) -> Expression:
     """Parse an expression.
 
@@ -259,10 +264,11 @@ def parse_expression(
         where: place in the user's file, for errors.
         known: names that may be used; None for any.
         is_followed: it may read fields of topics, and has the functions over time; see `Following`.
+        numbers: of an expression that must be a condition, the known names that are none; None for any expression.
 
     Raises:
-        DocumentError: it is no expression, is too long or too deep, or uses a name that is not known. The text says
-        where.
+        DocumentError: it is no expression, is too long or too deep, uses a name that is not known, or is no condition.
+        The text says where.
     """
     if len(text) > MAX_EXPRESSION_LENGTH:
         raise DocumentError(f"{where}: expected at most {MAX_EXPRESSION_LENGTH} characters, got {len(text):,}")
@@ -276,7 +282,25 @@ def parse_expression(
         raise DocumentError(f"{where}: expected an expression such as 'speed < 20', got {shown!r}: {why}") from None
     builder = _Builder(where, shown, known, fields, is_followed=is_followed)
     work = builder.build(tree.body, 0)
+    if numbers is not None and not _is_condition(tree.body, numbers):
+        raise DocumentError(f"{where}: expected a condition such as '{printable(text.strip(), 40)} < 5', got {shown!r}")
     return Expression(text, where, frozenset(builder.names), work, frozenset(fields.values()), tuple(builder.running))
+
+
+def _is_condition(node: ast.expr, numbers: frozenset[str]) -> bool:
+    """Return whether an expression that was built is true or false, and no number that is true unless it is 0."""
+    match node:
+        case ast.BoolOp(values=parts) | ast.Call(func=ast.Name(id="first" | "last"), args=parts):
+            return all(_is_condition(part, numbers) for part in parts)
+        case ast.IfExp(body=yes, orelse=no):
+            return _is_condition(yes, numbers) and _is_condition(no, numbers)
+        case ast.Call(func=ast.Name(id=name)):
+            return name in {"ever", "always"}
+        case ast.Name(id=name):  # a parameter or a field of a topic may be a switch
+            return name not in numbers and name not in CONSTANTS
+        case ast.Constant(value=value):
+            return isinstance(value, bool)
+    return isinstance(node, ast.Compare) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not))
 
 
 _TOKEN: Final = re.compile(

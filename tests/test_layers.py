@@ -124,7 +124,8 @@ shell: * graph graph.attach graph.tf link maps morai protocol scenarios scenery 
 worlds: * client maps morai.messages scenarios shell.files simulator.kernel simulator.plain simulator.scene
     simulator.sim_services units world world.drivers world.followers world.geometry world.many_worlds world.roads
     world.state world.vehicle
-environments: records scenery scenery.static shell shell.rendering simulator.snapshots world.geometry world.state worlds
+environments: records scenery scenery.static shell shell.rendering simulator.snapshots suggestions world.geometry
+    world.state worlds
 campaign_runs: * campaigns environments expressions graph scenarios schema shell shell.config shell.files
     simulator version world.followers world.geometry world.many_worlds world.roads world.state worlds
 cli: * cli.campaigns cli.files cli.tools cli.watch link

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 from rosbridge_sim.campaign_runs.job import Job, LoadedJob, open_job
 from rosbridge_sim.campaign_runs.simulator_options import check_settings
-from rosbridge_sim.campaigns.campaign import Campaign, check_search, plan_runs
-from rosbridge_sim.errors import DocumentError
+from rosbridge_sim.campaigns.assignments import path_text
+from rosbridge_sim.campaigns.campaign import Campaign, check_search, is_skipped, plan_runs
+from rosbridge_sim.campaigns.parameter_sets import middle_of
+from rosbridge_sim.campaigns.run_results import Run
+from rosbridge_sim.errors import DocumentError, SettingError
+from rosbridge_sim.printable import printable
+from rosbridge_sim.scenarios.scenario_model import why_without_effect
+from rosbridge_sim.shell.config.loading import check_options
+from rosbridge_sim.world.state.world import Kind
 
 __all__ = ["check_job", "find_scenario_mistakes"]
 
@@ -19,15 +27,19 @@ def check_job(job: Job) -> Campaign:
     A scenario that cannot be read is no mistake here: its runs become rows with the reason, beside those of others.
 
     Raises:
-        DocumentError: parameters, functions, programs or settings cannot be used.
+        DocumentError: parameters, targets, functions, programs or settings cannot be used.
     """
     loaded = open_job(job)
     campaign = loaded.campaign
+    _check_targets(campaign)
     if campaign.document.search is not None:
         check_search(campaign)
+        middle = middle_of(campaign.document, campaign.source)
+        runs = [Run(1, group.scenario, group.driver, group.seed, middle) for group in campaign.groups()]
     else:
-        plan_runs(campaign)
+        runs = plan_runs(campaign)
     _check_drivers(loaded)
+    _check_values(loaded, runs)
     _ = loaded.checks
     return campaign
 
@@ -49,6 +61,51 @@ def find_scenario_mistakes(job: Job) -> list[str]:
         except DocumentError as error:
             mistakes.append(str(error))
     return mistakes
+
+
+def _check_targets(campaign: Campaign) -> None:
+    """Refuse places of the scenario that nothing reads: all runs would be the same.
+
+    Raises:
+        DocumentError: there is one.
+    """
+    for each in campaign.assignments:
+        if each.room == "scenario" and (why := why_without_effect(each.path)):
+            raise DocumentError(f"{campaign.source}: set.'scenario.{path_text(each.path)}': {why}")
+
+
+def _check_values(loaded: LoadedJob, runs: Sequence[Run]) -> None:
+    """Refuse values that no run takes. An expression without a value is no mistake here, as it may have one elsewhere.
+
+    Args:
+        runs: of the campaign; of a search that in the middle of its ranges.
+
+    Raises:
+        DocumentError: there is one.
+    """
+    campaign = loaded.campaign
+    checked: set[str] = set()
+    for run in runs:
+        try:
+            if is_skipped(campaign, run.parameters, run.seed):
+                continue
+            values = campaign.values_of(run)
+        except DocumentError:
+            continue
+        told = repr((values.settings, values.vehicle))
+        if told in checked:
+            continue
+        checked.add(told)
+        where = f"{campaign.source}: run {run.number}"
+        try:
+            check_options(values.settings)
+        except SettingError as error:
+            raise DocumentError(f"{where}: setting.{error}") from None
+        catalogue = loaded.library.catalogue
+        name = values.vehicle
+        if name is not None and "catalogue" not in values.settings and catalogue.find(name) is None:
+            near = catalogue.suggest(name, Kind.VEHICLE)
+            raise DocumentError(f"{where}: vehicle: the catalogue has no {printable(name, 80)!r}{near}")
 
 
 def _check_drivers(loaded: LoadedJob) -> None:

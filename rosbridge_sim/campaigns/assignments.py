@@ -17,7 +17,7 @@ from rosbridge_sim.expressions import Expression, Value, parse_expression
 from rosbridge_sim.printable import printable
 from rosbridge_sim.records import Record
 
-__all__ = ["Assignment", "Change", "change_document", "read_assignments"]
+__all__ = ["Assignment", "Change", "change_document", "path_text", "read_assignments"]
 
 _PART: Final = re.compile(r"([A-Za-z_]\w*)((?:\[\d{1,5}\])*)")
 _TARGET: Final = re.compile(r"(scenario|setting)\.(.+)|vehicle")
@@ -82,6 +82,8 @@ def _read(target: str, value: ParameterValue, known: frozenset[str], where: str)
         return Assignment("setting", (found[2].replace("-", "_"),), worth)
     if found[1] == "scenario":
         return Assignment("scenario", _path_of(found[2], where), worth)
+    if not isinstance(value, str):
+        raise DocumentError(f"{where}: expected the name of a model in quotes within the text, got {value!r}")
     return Assignment("vehicle", (), worth)
 
 
@@ -121,13 +123,14 @@ def _changed(node: Any, path: Sequence[str | int], at: int, value: Value, source
     if isinstance(key, int):
         if not isinstance(node, list) or key >= len(node):
             has = f"a list of {len(node)}" if isinstance(node, list) else "no list"
-            raise DocumentError(f"{source}: {_shown(path[: at + 1])}: expected an entry of a list; there is {has}")
+            raise DocumentError(f"{source}: {path_text(path[: at + 1])}: expected an entry of a list; there is {has}")
         return [*node[:key], _changed(node[key], path, at + 1, value, source), *node[key + 1 :]]
     if not isinstance(node, dict):
-        raise DocumentError(f"{source}: {_shown(path[: at + 1])}: expected a table around it; there is none")
+        raise DocumentError(f"{source}: {path_text(path[: at + 1])}: expected a table around it; there is none")
     inner = node.get(key, {} if at + 1 < len(path) and isinstance(path[at + 1], str) else None)
     return {**node, key: _changed(inner, path, at + 1, value, source)}
 
 
-def _shown(path: Sequence[str | int]) -> str:
+def path_text(path: Sequence[str | int]) -> str:
+    """Return a path as it is written in a campaign."""
     return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).removeprefix(".")

@@ -8,7 +8,7 @@ from typing import Any
 from rosbridge_sim.campaigns.assignments import Assignment, Change, read_assignments
 from rosbridge_sim.campaigns.campaign_model import MAX_RUNS, CampaignDocument, DriverItem, read_campaign_document
 from rosbridge_sim.campaigns.drive_limits import Limits, read_limits
-from rosbridge_sim.campaigns.parameter_sets import expand_parameters, ranges_of
+from rosbridge_sim.campaigns.parameter_sets import expand_parameters, has_switch, ranges_of
 from rosbridge_sim.campaigns.run_results import Point, Run
 from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
@@ -143,17 +143,21 @@ def read_campaign(values: Mapping[str, Any], source: str) -> Campaign:
         if not listed or len(set(listed)) < len(listed):
             raise DocumentError(f"{source}: {key}: expected at least one, and none twice")
     known = frozenset({*FIGURES, *names, "seed"})
-    given = document.end_when
-    end_when = None if given is None else parse_expression(given, f"{source}: end_when", known, is_followed=True)
-    given = document.skip_when
-    skip_when = None if given is None else parse_expression(given, f"{source}: skip_when", frozenset({*names, "seed"}))
+    numbers = known - {name for name, item in document.parameters.items() if has_switch(item)}
+    end_when = skip_when = None
+    if document.end_when is not None:
+        where = f"{source}: end_when"
+        end_when = parse_expression(document.end_when, where, known, is_followed=True, numbers=numbers)
+    if document.skip_when is not None:
+        where = f"{source}: skip_when"
+        skip_when = parse_expression(document.skip_when, where, frozenset({*names, "seed"}), numbers=numbers)
     return Campaign(
         source,
         document,
         scenarios,
         seeds,
         read_assignments(document.assign, names, source),
-        read_limits(document.limits, names, source),
+        read_limits(document.limits, known, numbers, source),
         end_when,
         skip_when,
     )

@@ -56,6 +56,11 @@ class Comparison:
                 yield f"    {before.verdict} -> {after.verdict}: {after.reason or before.reason}"
             if len(pairs) > MAX_LINES:
                 yield f"  ... and {len(pairs) - MAX_LINES:,} more"
+        if self.missing:
+            yield f"missing: {len(self.missing):,}"
+            yield from (f"  run {each.run.number} {each.run.title}" for each in self.missing[:MAX_LINES])
+            if len(self.missing) > MAX_LINES:
+                yield f"  ... and {len(self.missing) - MAX_LINES:,} more"
         yield f"the same: {self.num_same:,}; only before: {len(self.missing):,}; only after: {len(self.added):,}"
 
     def to_json(self) -> dict[str, Any]:

@@ -65,27 +65,31 @@ class Limits(Record):
         return frozenset(field for each in expressions for field in each.fields)
 
 
-def read_limits(item: LimitsItem, parameters: Sequence[str], source: str) -> Limits:
+def read_limits(item: LimitsItem, known: frozenset[str], numbers: frozenset[str], source: str) -> Limits:
     """Parse the limits of a campaign.
 
     Args:
         item: as in the file.
-        parameters: names of the parameters.
+        known: names that its expressions may use.
+        numbers: those of them that are numbers.
         source: name of the file, for errors.
 
     Raises:
-        DocumentError: an expression cannot be read.
+        DocumentError: an expression cannot be read, or is no condition.
     """
-    known = frozenset({*FIGURES, *parameters, "seed"})
+
+    def parse(text: str, where: str) -> Expression:
+        return parse_expression(text, where, known, is_followed=True, numbers=numbers)
+
     always: dict[str, tuple[Expression, float]] = {}
     end: dict[str, Expression] = {}
     python: dict[str, str] = {}
     for name, own in item.own.items():
         where = f"{source}: limits.own.{name}"
         if own.always is not None:
-            always[name] = (parse_expression(own.always, f"{where}.always", known, is_followed=True), own.after)
+            always[name] = (parse(own.always, f"{where}.always"), own.after)
         elif own.end is not None:
-            end[name] = parse_expression(own.end, f"{where}.end", known, is_followed=True)
+            end[name] = parse(own.end, f"{where}.end")
         elif own.python is not None:
             python[name] = own.python
     chosen = {name: getattr(item, name) for name in _MOST}

@@ -13,7 +13,7 @@ from rosbridge_sim.campaigns.campaign_model import MAX_RUNS, MAX_VALUES, Campaig
 from rosbridge_sim.campaigns.run_results import Point
 from rosbridge_sim.errors import DocumentError
 
-__all__ = ["expand_parameters", "place_in", "ranges_of", "tidy"]
+__all__ = ["expand_parameters", "has_switch", "middle_of", "place_in", "ranges_of", "tidy"]
 
 _DIGITS: Final = 12
 """Significant digits of computed values: 0.1 + 0.2 is 0.3, in the table and in the world."""
@@ -66,6 +66,16 @@ def ranges_of(document: CampaignDocument, source: str) -> dict[str, ParameterIte
     if not items:
         raise DocumentError(f"{source}: parameters: a search needs at least one with low and high")
     return items
+
+
+def middle_of(document: CampaignDocument, source: str) -> Point:
+    """Return the middle of the ranges of a search; arguments and errors as for `ranges_of`."""
+    return {name: place_in(item, 0.5) for name, item in ranges_of(document, source).items()}
+
+
+def has_switch(value: ParameterItem | Sequence[ParameterValue]) -> bool:
+    """Return whether `true` or `false` is among the values of a parameter."""
+    return any(isinstance(each, bool) for each in _item(value).values or ())
 
 
 def place_in(item: ParameterItem, share: float) -> ParameterValue:

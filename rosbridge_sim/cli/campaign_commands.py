@@ -56,6 +56,9 @@ def run_campaign(argv: Sequence[str]) -> int:
     parser = add("compare", _compare, "list what changed between two folders of results, regressions first")
     parser.add_argument("before", metavar="BEFORE", help="folder of results")
     parser.add_argument("after", metavar="AFTER", help="folder of results of the same campaign, or of one like it")
+    parser.add_argument(
+        "--allow-missing", action="store_true", help="runs of BEFORE that AFTER does not have are no failure"
+    )
     add_json(parser)
     return run_command(group, argv)
 
@@ -126,4 +129,4 @@ def _report(options: Options) -> int:
 def _compare(options: Options) -> int:
     from rosbridge_sim.cli.campaigns import campaign_results  # noqa: PLC0415
 
-    return campaign_results.compare(options.before, options.after, is_json=options.json)
+    return campaign_results.compare(options.before, options.after, may_lack=options.allow_missing, is_json=options.json)

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Final, Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from rosbridge_sim.environments.judgement import Judgement
+from rosbridge_sim.suggestions import hint
 from rosbridge_sim.worlds.stepped_worlds import SteppedWorlds
 
-__all__ = ["ACTIONS", "OBSERVATIONS", "PARTS", "WEIGHTS", "DrivingTask"]
+__all__ = ["ACTIONS", "OBSERVATIONS", "PARTS", "WEIGHTS", "DrivingTask", "read_task"]
 
 CLEAR: Final = 25.0
 """Nothing else is within this distance of an ego that begins on `start_lane` [m]."""
@@ -38,10 +39,9 @@ ACTIONS: Final = ("Continuous", "Pedals", "DiscreteMeta")
 
 _GOALS: Final = ("", "lane", "bay")
 
-_POSITIVE: Final = (
-    *("target_speed", "duration", "frame_skip", "num_starts", "num_others", "num_rays", "lidar_range"),
-    *("grid_size", "grid_step", "camera_width", "camera_height"),
-)
+_WHOLE: Final = ("frame_skip", "num_starts", "num_others", "num_rays", "camera_width", "camera_height")
+
+_POSITIVE: Final = ("target_speed", "duration", "lidar_range", "grid_size", "grid_step")
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,10 +141,29 @@ class DrivingTask:
         return self.target_speeds or tuple(share * self.target_speed for share in (0.5, 0.75, 1.0, 1.25))
 
 
+def read_task(options: Mapping[str, Any]) -> DrivingTask:
+    """Return the task of keyword arguments.
+
+    Args:
+        options: attributes of `DrivingTask` by name.
+
+    Raises:
+        TypeError: there is no such option.
+        ValueError: an option is out of range.
+    """
+    known = [each.name for each in fields(DrivingTask)]
+    for name in options:
+        if name not in known:
+            raise TypeError(f"{name}: there is no such option{hint(name, known)}")
+    return DrivingTask(**options)
+
+
 def _check_names(task: DrivingTask) -> None:
-    unknown = set(task.weights) - set(WEIGHTS)
-    if unknown:
-        raise ValueError(f"weights: expected names of {', '.join(WEIGHTS)}, got {', '.join(sorted(unknown))}")
+    for name, weight in task.weights.items():
+        if name not in WEIGHTS:
+            raise ValueError(f"weights: expected names of {', '.join(WEIGHTS)}, got {name}{hint(name, WEIGHTS)}")
+        if math.isnan(_finite(weight)):
+            raise ValueError(f"weights: expected finite numbers, got {weight!r} for {name}")
     for name, known in (("observation", OBSERVATIONS), ("action", ACTIONS), ("goal", _GOALS)):
         if getattr(task, name) not in known and not (name == "observation" and callable(task.observation)):
             names = ", ".join(each or "''" for each in known)
@@ -154,15 +173,27 @@ def _check_names(task: DrivingTask) -> None:
 
 
 def _check_numbers(task: DrivingTask) -> None:
+    for name in ("traffic", *_WHOLE):
+        value, least = getattr(task, name), int(name != "traffic")
+        if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
+            raise ValueError(f"{name}: expected a whole number from {least} on, got {value!r}")
     for name in _POSITIVE:
-        value = getattr(task, name)
-        if not isinstance(value, int | float) or not 0 < value < math.inf:
+        if not _finite(value := getattr(task, name)) > 0.0:
             raise ValueError(f"{name}: expected a positive number, got {value!r}")
     for name in ("start_speed", "goal_s"):
-        value = getattr(task, name)
-        if not isinstance(value, int | float) or not 0.0 <= value < math.inf:
+        if not _finite(value := getattr(task, name)) >= 0.0:
             raise ValueError(f"{name}: expected a number from 0 on, got {value!r}")
-    if task.start_s is not None and not (isinstance(task.start_s, int | float) and math.isfinite(task.start_s)):
+    if task.start_s is not None and math.isnan(_finite(task.start_s)):
         raise ValueError(f"start_s: expected a finite number or None, got {task.start_s!r}")
-    if list(task.target_speeds) != sorted(set(task.target_speeds)) or any(v <= 0.0 for v in task.target_speeds):
+    if task.max_offset != math.inf and not _finite(task.max_offset) > 0.0:
+        raise ValueError(f"max_offset: expected a positive number or inf, got {task.max_offset!r}")
+    speeds = [_finite(value) for value in task.target_speeds]
+    if speeds != sorted(set(speeds)) or not all(value > 0.0 for value in speeds):
         raise ValueError(f"target_speeds: expected rising positive numbers, got {task.target_speeds!r}")
+
+
+def _finite(value: object) -> float:
+    """Return a finite number; nan for anything else."""
+    if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
+        return math.nan
+    return float(value) if math.isfinite(value) else math.nan

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from rosbridge_sim.environments.driving_task import DrivingTask
+from rosbridge_sim.environments.driving_task import read_task
 from rosbridge_sim.environments.episodes import FPS, Episodes
 from rosbridge_sim.environments.judgement import Judgement
 from rosbridge_sim.environments.observations import Seen, pick, space_of
@@ -54,7 +54,7 @@ class DrivingVectorEnv(VectorEnv[Seen, Array, Array]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         **options: Any,  # noqa: ANN401 - those of DrivingTask
     ) -> None:
-        self.task = DrivingTask(**options)
+        self.task = read_task(options)
         self.num_envs, self.render_mode = num_envs, render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {"render_modes": RENDER_MODES, "render_fps": FPS, "autoreset_mode": self.autoreset_mode}

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gymnasium.spaces import Discrete, Space
 from pettingzoo import ParallelEnv
 
-from rosbridge_sim.environments.driving_task import DrivingTask
+from rosbridge_sim.environments.driving_task import read_task
 from rosbridge_sim.environments.episodes import FPS, Episodes
 from rosbridge_sim.environments.judgement import Index
 from rosbridge_sim.environments.observations import Seen, pick, space_of
@@ -48,7 +48,7 @@ class DrivingParallelEnv(ParallelEnv[str, Seen, Any]):
         defaults: dict[str, Any] = {"scenario": "town", "observation": "Kinematics", "lights": True}
         if "scenario" not in options:
             defaults |= {"start_lane": "R*L1", "start_s": None, "start_speed": 5.0, "target_speed": 10.0}
-        self.task = DrivingTask(**{**defaults, **options})
+        self.task = read_task({**defaults, **options})
         if num_egos > 1 and not self.task.start_lane:
             raise ValueError("start_lane: expected the lanes on which several egos begin, got ''")
         self.worlds = Worlds(self.task.scenario, seed=[0], traffic=self.task.traffic, egos=num_egos)

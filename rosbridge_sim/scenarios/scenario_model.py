@@ -12,6 +12,7 @@ a vehicle follows. The fourth is `yields`: the item stops for what is ahead on i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, ClassVar, Final, TypeVar
 
 from msgspec import Meta
@@ -30,8 +31,11 @@ from rosbridge_sim.documents import (
     Number,
     Ratio,
     Whole,
+    keys_beside,
+    sort_keys,
 )
 from rosbridge_sim.loose_types import JsonValue
+from rosbridge_sim.suggestions import hint
 
 __all__ = [
     "MAX_SCENARIO_BYTES",
@@ -52,6 +56,7 @@ __all__ = [
     "find_scenario_mistakes",
     "read_scenario_document",
     "scenario_schema",
+    "why_without_effect",
 ]
 
 MAX_SCENARIO_BYTES: Final = 1 << 25
@@ -389,6 +394,22 @@ def find_scenario_mistakes(text: bytes, source: str) -> list[Mistake]:
         The mistakes, in the document's order.
     """
     return find_mistakes(_DOCUMENT, text, source, MAX_SCENARIO_BYTES)
+
+
+def why_without_effect(path: Sequence[str | int]) -> str:
+    """Return why nothing reads a place of scenario documents; an empty text if it is read.
+
+    Args:
+        path: keys, and indices of lists.
+    """
+    value: Any = None
+    for part in reversed(path):
+        value = [value] if isinstance(part, int) else {part: value}
+    keys = sort_keys(ScenarioDocument, value)
+    for place in keys.passed_over:
+        known = keys_beside(ScenarioDocument, place)
+        return f"expected one of {', '.join(known)}{hint(place.rpartition('.')[2], known)}"
+    return "this key has no effect yet" if keys.idle else ""
 
 
 def scenario_schema() -> dict[str, Any]:

@@ -10,14 +10,17 @@ __all__ = ["broadcast", "check_number", "make_out"]
 FloatArray = npt.NDArray[np.float64]
 
 
-def check_number(name: str, value: object) -> None:
+def check_number(name: str, value: object, least: int = 1) -> None:
     """Check that an argument is a whole number from 1 on.
+
+    Args:
+        least: 1, or another least number.
 
     Raises:
         ValueError: it is not.
     """
-    if not isinstance(value, int | np.integer) or value < 1:
-        raise ValueError(f"{name}: expected a whole number from 1 on, got {value!r}")
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
+        raise ValueError(f"{name}: expected a whole number from {least} on, got {value!r}")
 
 
 def broadcast(name: str, values: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:

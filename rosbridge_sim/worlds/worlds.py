@@ -80,6 +80,7 @@ class Worlds(SteppedWorlds):
         library: DiskLibrary | None = None,
     ) -> None:
         check_number("num_worlds", num_worlds)
+        check_number("traffic", traffic, 0)
         names = [scenario] * num_worlds if isinstance(scenario, str | Path | Scenario) else list(scenario)
         if not names:
             raise ValueError("scenario: expected at least one, got none")

@@ -56,6 +56,9 @@ Numbers, texts in quotes, `True`, `False`, names, `+ - * / // % **`, `< <= > >= 
 - In `end_when`, `always` and `end`: the parameters, `seed`, and the figures of the ego in a frame: {figures}.
 - Besides, in these three: fields of topics, and functions over time.
 
+These three and `skip_when` must be conditions: comparisons, switches (`True` or `False`), `ever`, `always`, and what `and`, `or`, `not` make of
+them. A number such as `mean(abs(jerk))` is refused.
+
 Times are in s, lengths in m, speeds in m/s, accelerations in m/s², angles in rad. `off_road` is a time, `time_to_collision` is
 `inf` where there is none, `lane_offset` is positive to the left.
 
@@ -90,7 +93,7 @@ end = "ever(/planner/state.is_ready) and count(/planner/state.is_late) * 0.02 < 
 
 `setting.KEY` is a [setting](settings.md) of the server. A driver with a `command` takes all but those that belong to the campaign
 ({own}). A driver in Python and our own have no server, and take those of the groups *{groups}*, but for {needs}. A setting that a
-driver does not take is refused before anything is driven. Files are looked for beside the campaign's file first.
+driver does not take, or a value that it does not have, is refused before anything is driven. Files are looked for beside the campaign's file first.
 
 ## What a driver in Python sees
 

@@ -141,13 +141,13 @@ def test_state_of_our_own_driver_is_that_of_a_server(base: Path) -> None:
 
     text = 'scenario = "loop"\nseconds = 0.4\nseeds = [3]\n[drivers]\nstraight = "drivers.py:Counting"\n'
     (result,) = drive(base, text)
-    with Simulator(port=0, scenario="loop", seed=3, start="sync", score=True, page=False) as simulator:
-        with Client(simulator.url) as client:
-            client.start_sync(step_ms=20)
-            client.step(20, commands={0: {"longlCmdType": 1, "accel": 0.2}})
+    simulator = Simulator(port=0, scenario="loop", seed=3, start="sync", score=True, page=False)
+    with simulator, Client(simulator.url) as client:
+        client.start_sync(step_ms=20)
+        client.step(20, commands={0: {"longlCmdType": 1, "accel": 0.2}})
         assert simulator.node is not None
         node = simulator.node
-        speed = simulator.run_inside(lambda: node.world.speed.item(0))
+        speed = simulator.run_inside(lambda: node.world.speed.item(0))  # before the world runs without its master
     assert result.scores["max_speed"] == pytest.approx(speed, abs=1e-6)
 
 
@@ -167,7 +167,9 @@ def test_parameters_reach_scenario_settings_and_vehicle(base: Path) -> None:
     )
     assert slow.scores["max_speed"] == pytest.approx(5.0, abs=0.3)
     assert fast.scores["max_speed"] == pytest.approx(10.0, abs=0.3)
-    (shifted,) = drive(base, 'scenario = "loop"\nseconds = 0.1\n[set]\n"scenario.vehicleList[99].x" = 1\n')
+    (shifted,) = drive(
+        base, 'scenario = "loop"\nseconds = 0.1\n[set]\n"scenario.vehicleList[99].initPosition.pos.x" = 1\n'
+    )
     assert shifted.verdict == "error"
     assert "expected an entry of a list" in shifted.reason
 
@@ -201,10 +203,10 @@ def test_scenario_that_cannot_be_read_is_a_row(base: Path) -> None:
 
 
 def test_check_names_each_scenario_that_cannot_be_driven(base: Path) -> None:
-    job = job_of(base, 'scenario = ["loop", "/dev/zero", "nosuch"]\n[set]\n"scenario.nothing[9].x" = 1\n')
+    job = job_of(base, 'scenario = ["loop", "/dev/zero", "nosuch"]\n[set]\n"scenario.objectList[9].pos.x" = 1\n')
     check_job(job)
     loop, device, unknown = find_scenario_mistakes(job)
-    assert loop.startswith("loop.json: nothing[9]")
+    assert loop.startswith("loop.json: objectList[9]")
     assert device.startswith("/dev/zero: expected a file")
     assert unknown.startswith("no scenario 'nosuch'")
 
@@ -256,12 +258,33 @@ def test_run_whose_drives_differ_is_flaky(base: Path) -> None:
         ('[set]\n"setting.trafic" = 3', "there is no such setting (did you mean traffic?)"),
         ('[set]\n"setting.port" = 3', "this one belongs to the campaign"),
         ('[limits.own.a]\npython = "drivers.py:nobody"', "has no function"),
+        ('[set]\n"scenario.egoVehicle.initPosition.pos.xx" = 3', "initPosition.pos.xx': expected one of x, y, z"),
+        ('[set]\n"scenario.vehicleList[0].constantVelocty" = 3', "(did you mean constantVelocity?)"),
+        ('[set]\n"scenario.egoVehicel.initPosition.pos.x" = 3', "(did you mean egoVehicle?)"),
+        ('[set]\n"scenario.shadedAreaList" = 3', "set.'scenario.shadedAreaList': this key has no effect yet"),
+        ('[set]\n"setting.traffic" = -1', "c.toml: run 1: setting.traffic: expected a whole number from 0 to 10,000"),
+        (
+            '[parameters]\nn = [0, 2, 3]\n[set]\n"setting.traffic" = "n / 2"',
+            "c.toml: run 5: setting.traffic: expected a whole number from 0 to 10,000; got 1.5",
+        ),
+        ('[set]\n"setting.weather" = "\'hail\'"', "setting.weather: expected noon or dusk or night or rain or fog"),
+        ("[set]\nvehicle = \"'Vann'\"", "run 1: vehicle: the catalogue has no 'Vann' (did you mean Van?)"),
+        ("[set]\nvehicle = 3", "set.'vehicle': expected the name of a model"),
+        (
+            '[search]\n[parameters]\nn = { low = 2, high = 4 }\n[set]\n"setting.traffic" = "-n"',
+            "setting.traffic: expected a whole number from 0 to 10,000; got -3",
+        ),
     ],
 )
 def test_what_is_missing_is_told_before_anything_is_driven(base: Path, text: str, what: str) -> None:
     with pytest.raises(DocumentError) as caught:
         check_job(job_of(base, SHORT + text))
     assert what in str(caught.value)
+
+
+def test_value_that_only_skipped_runs_have_is_no_mistake(base: Path) -> None:
+    text = '[parameters]\nn = [-1, 2]\n[set]\n"setting.traffic" = "n"\n'
+    check_job(job_of(base, f'skip_when = "n < 0"\n{SHORT}{text}'))
 
 
 @pytest.mark.slow

@@ -104,12 +104,36 @@ def test_assignments_are_expressions_over_the_parameters() -> None:
         ),
         ('scenario = "town"\nseeds = 2000\n[parameters]\na = { low = 0, high = 1, num = 100 }', "at most 100,000 runs"),
         ('scenario = "town"\nseconds = "long"', "expected a number"),
+        *(
+            (f'scenario = "town"\n{place} = "{text}"', f"a condition such as '{text} < 5', got '{text}'")
+            for place in ("[limits.own.a]\nalways", "[limits.own.a]\nend", "end_when")
+            for text in ("mean(abs(jerk))", "time", "speed < 3 and jerk", "3", "jerk if time > 2 else speed", "last(x)")
+        ),
+        ('scenario = "town"\nskip_when = "a"\n[parameters]\na = [0, 1]', "skip_when: expected a condition"),
+        ('scenario = "town"\n[limits.own.a]\nend = "-/a.b"', "expected a condition"),
     ],
 )
 def test_mistake_is_told_with_its_place(text: str, what: str) -> None:
     with pytest.raises(DocumentError, match=r"^c\.toml: ") as caught:
         plan_runs(campaign_of(text))
     assert what in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "speed < 3 and not collisions",
+        "/planner/state.is_ready",
+        "ever(/a.b) or always(speed < 3)",
+        "last(/a.b)",
+        "first(speed > 1)",
+        "True if time < 2 else jerk < 3",
+        "wet",
+    ],
+)
+def test_switches_and_comparisons_are_conditions(text: str) -> None:
+    values = f'scenario = "town"\nend_when = "{text}"\n[parameters]\nwet = [true, false]\n'
+    assert campaign_of(f'{values}[limits.own.a]\nend = "{text}"').limits.end["a"].text == text
 
 
 def points(text: str) -> list[Any]:

@@ -131,6 +131,7 @@ def test_comparison_puts_regressions_first() -> None:
     lines = list(found.lines())
     assert lines[0] == "regressions: 1"
     assert lines[2] == "    pass -> fail: collisions at 1 s"
+    assert lines[-3:-1] == ["missing: 1", f"  run {found.missing[0].run.number} {found.missing[0].run.title}"]
     assert found.to_json()["regressions"][0]["reason"] == "collisions at 1 s"
 
 

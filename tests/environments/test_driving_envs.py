@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from typing import Any
@@ -319,8 +320,14 @@ def test_picture_shows_the_ego_in_the_middle() -> None:
         ({"observation": "Lanes"}, "observation: expected one of Lane, Others"),
         ({"parts": ("Lanes",)}, "parts: expected names of Lane"),
         ({"goal": "bay"}, "goal_lane: expected the lanes of the goal"),
-        ({"weights": {"speeed": 1.0}}, "weights: expected names of"),
-        ({"frame_skip": 0}, "frame_skip: expected a positive number"),
+        ({"weights": {"speeed": 1.0}}, r"weights: expected names of .* got speeed \(did you mean speed\?\)"),
+        ({"weights": {"speed": math.nan}}, "weights: expected finite numbers, got nan for speed"),
+        ({"frame_skip": 0}, "frame_skip: expected a whole number from 1 on, got 0"),
+        ({"frame_skip": 2.5}, "frame_skip: expected a whole number from 1 on, got 2.5"),
+        ({"num_rays": True}, "num_rays: expected a whole number from 1 on, got True"),
+        ({"traffic": -1}, "traffic: expected a whole number from 0 on, got -1"),
+        ({"max_offset": math.nan}, "max_offset: expected a positive number or inf, got nan"),
+        ({"target_speeds": (math.nan,)}, "target_speeds: expected rising positive numbers"),
         ({"reward": 1.0}, "reward: expected a function"),
         ({"start_lane": "none"}, "start_lane: expected a lane of the map of 'loop', or a pattern of lanes, got 'none'"),
         ({"start_speed": -1.0}, "start_speed: expected a number from 0 on"),
@@ -329,6 +336,11 @@ def test_picture_shows_the_ego_in_the_middle() -> None:
 def test_wrong_options_are_refused(options: dict[str, Any], text: str) -> None:
     with pytest.raises(ValueError, match=text):
         gymnasium.make(LANE, **options)
+
+
+def test_misspelt_option_is_told_with_the_nearest_name() -> None:
+    with pytest.raises(TypeError, match=r"frame_skp: there is no such option \(did you mean frame_skip\?\)"):
+        gymnasium.make(LANE, frame_skp=5)
 
 
 def test_wrong_meta_actions_are_refused() -> None:

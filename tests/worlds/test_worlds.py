@@ -242,6 +242,9 @@ def test_wrong_arguments_are_refused() -> None:
         worlds.step(n=0)
     with pytest.raises(ValueError, match="num_worlds: expected a whole number from 1 on, got '2'"):
         Worlds("loop", "2")  # type: ignore[arg-type]
+    for traffic in (-1, 2.5, float("nan"), True):
+        with pytest.raises(ValueError, match=f"traffic: expected a whole number from 0 on, got {traffic}"):
+            Worlds("loop", traffic=traffic)  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="saved: expected copies from `save`"):
         worlds.load(b"ab")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match=r"world: expected 0\.\.1, got 2"):

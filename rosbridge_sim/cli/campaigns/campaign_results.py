@@ -94,15 +94,16 @@ def report(folder: str) -> int:
     return 0
 
 
-def compare(before: str, after: str, *, is_json: bool) -> int:
+def compare(before: str, after: str, *, may_lack: bool, is_json: bool) -> int:
     """List what changed between two folders.
 
     Args:
         before: folder of results.
         after: another one.
+        may_lack: runs that are missing in `after` are no failure.
 
     Returns:
-        1 if runs that passed do so no longer, else 0.
+        1 if runs that passed do so no longer, or are missing, else 0.
 
     Raises:
         DocumentError: one is no such folder.
@@ -113,7 +114,7 @@ def compare(before: str, after: str, *, is_json: bool) -> int:
     else:
         for line in found.lines():
             put_lines(line)
-    return int(bool(found.regressions))
+    return int(bool(found.regressions) or (bool(found.missing) and not may_lack))
 
 
 def _results(path: Path) -> list[Result]:
