@@ -169,6 +169,7 @@ def make_simulator_node(
         sensor_noise=read_sensor_noise(settings.sensor_noise),
         sensors=read_sensors(settings.sensors),
         weather=Weather(settings.weather),
+        rain_friction=settings.rain_friction,
         is_dressed=settings.dressing,
         on_world_failure=settings.on_world_failure,
         standard_topics=settings.standard_topics or settings.ros2_domain is not None,

@@ -110,7 +110,7 @@ def make_node(
     chosen = settings or NodeSettings()
     reader = reader or AtOnce()
     context = _make_context(bus, world, library, scenario, chosen, reader)
-    weather = WeatherControl(context, chosen.weather)
+    weather = WeatherControl(context, chosen.weather, rain_friction=chosen.rain_friction)
     mounted = MountedSensors(
         context, chosen.sensors, worker, weather, noise=chosen.sensor_noise, is_dressed=chosen.is_dressed
     )

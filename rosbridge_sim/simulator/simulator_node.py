@@ -68,6 +68,7 @@ class NodeSettings(Record):
         sensor_noise: errors of GPS and IMU; None for exact readings.
         sensors: cameras, lidars and radars of each ego.
         weather: light and air of what cameras and lidars see, at the start.
+        rain_friction: friction of the ground in rain, relative to a dry one; 0 for rain that changes none.
         is_dressed: they see buildings, trees and posts beside the roads.
         standard_topics: publish and take standard messages of ROS beside MORAI's.
         command_deadline: in real time each frame waits so long for a command [s]; None for no wait.
@@ -93,6 +94,7 @@ class NodeSettings(Record):
     sensor_noise: SensorNoise | None = None
     sensors: Rig = ()
     weather: Weather = Weather.NOON
+    rain_friction: float = 0.0
     is_dressed: bool = True
     on_world_failure: Literal["exit", "serve"] = "exit"
     standard_topics: bool = False

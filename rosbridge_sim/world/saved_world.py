@@ -22,7 +22,7 @@ from rosbridge_sim.world.roads.signal_plan import SignalPlan
 from rosbridge_sim.world.roads.signals import FREE, SignalsSnapshot
 from rosbridge_sim.world.roads.turn_shares import TurnShares
 from rosbridge_sim.world.state.entity_arrays import BOOLS, FLOATS, INTS, LANE_CHANGE_COLUMNS, NO_BODY, NUM_CORE
-from rosbridge_sim.world.state.entity_types import MAX_COORDINATE, Body, Dynamics, Gear, Kind, Mode
+from rosbridge_sim.world.state.entity_types import MAX_COORDINATE, MIN_FRICTION_SHARE, Body, Dynamics, Gear, Kind, Mode
 from rosbridge_sim.world.state.labels import label_of
 from rosbridge_sim.world.state.world import MAX_UID, Snapshot
 
@@ -87,6 +87,7 @@ def to_plain(saved: Snapshot) -> Plain:
         "routes": dict(saved.routes),
         "is_scoring": int(saved.is_scoring),
         "score_digest": _digest_scores(saved.floats, saved.ints, saved.bools, is_scoring=saved.is_scoring),
+        "friction_share": saved.friction_share,
         "dynamics": int(saved.dynamics),
         "is_creeping": int(saved.is_creeping),
         "has_stability_control": int(saved.has_stability_control),
@@ -201,6 +202,7 @@ class _Reader:
             placed_uids=tuple(placed.tolist()),
             turn_shares=self._turn_shares(),
             is_scoring=is_scoring,
+            friction_share=self._friction_share(),
         )
 
     # Parts
@@ -351,6 +353,13 @@ class _Reader:
         _expect(bool((is_forced | (until == FREE)).all()), "until", f"a later frame, or {FREE}")
         _expect(bool((is_forced | (forced == 0)).all()), "forced", "0 for a light that is not forced")
         return SignalsSnapshot(plan, frame, origin, forced, until)
+
+    def _friction_share(self) -> float:
+        share = self._data.get("friction_share")
+        is_good = type(share) is float and MIN_FRICTION_SHARE <= share <= 1.0
+        _expect(is_good, "friction_share", f"{MIN_FRICTION_SHARE:g}..1")
+        assert isinstance(share, float)
+        return share
 
     def _turn_shares(self) -> TurnShares | None:
         shares = self._array("turn_shares", np.float64, (None,)).tolist()

@@ -72,6 +72,7 @@ class SimulatorOptions(TypedDict, total=False):
     sensor_noise: str
     sensors: str | Path
     weather: Literal["noon", "dusk", "night", "rain", "fog"]
+    rain_friction: float
     dressing: bool
     traffic: int
     traffic_wander: bool

@@ -360,6 +360,13 @@ class Settings:
         choice_of("noon", "dusk", "night", "rain", "fog"),
         "light and air of what cameras see; rain and fog take echoes of lidars, too",
     )
+    rain_friction: float = flag(
+        0.0,
+        _WORLD,
+        factor(0.1, 1.0),
+        "friction of the ground in the weather rain, relative to a dry one: 0.7 is wet asphalt; 0: rain changes none;"
+        " only with --dynamics single-track",
+    )
     dressing: bool = flag(
         default=True,
         group=_WORLD,

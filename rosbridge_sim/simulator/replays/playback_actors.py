@@ -139,6 +139,7 @@ class PlaybackActors:
         self._world.restore(replace(self._before, frame=now.frame, signals=now.signals, next_uid=next_uid))
         if now.is_scoring:  # begun meanwhile
             self._world.start_scoring()
+        self._world.set_friction_share(now.friction_share)  # the weather may have changed meanwhile
         for ego in self._egos.values():
             ego.is_replayed = False
         self._scene.is_replaying = False

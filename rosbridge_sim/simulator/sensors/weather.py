@@ -1,4 +1,7 @@
-"""The component of `/sim/weather`: light and air of what cameras and lidars see. The world drives as in any other."""
+"""The component of `/sim/weather`: light and air of what cameras and lidars see, and a friction of rain if one is set.
+
+The friction is that of the ground below egos of the single track model. It is part of the world, and so of snapshots.
+"""
 
 from __future__ import annotations
 
@@ -27,17 +30,27 @@ class WeatherControl(Component):
         weather: of the pictures from the next one on.
     """
 
-    def __init__(self, context: SimulatorContext, weather: Weather = Weather.NOON) -> None:
+    def __init__(
+        self, context: SimulatorContext, weather: Weather = Weather.NOON, *, rain_friction: float = 0.0
+    ) -> None:
         """Begin with a weather.
 
         Args:
             weather: at the start, and after a reset.
+            rain_friction: friction of the ground in rain, relative to a dry one; 0 for rain that changes none.
         """
-        self.weather = self._start = weather
+        self._context = context
+        self._rain_friction = rain_friction or 1.0
+        self._start = weather
+        self._reset()
         context.hooks.on_reset.append(self._reset)
 
     def _reset(self) -> None:
-        self.weather = self._start
+        self._set(self._start)
+
+    def _set(self, weather: Weather) -> None:
+        self.weather = weather
+        self._context.world.set_friction_share(self._rain_friction if weather is Weather.RAIN else 1.0)
 
     def bind(self, bindings: SubscribersServices) -> None:
         """Offer the service."""
@@ -48,14 +61,14 @@ class WeatherControl(Component):
         return None if self.weather is Weather.NOON else self.weather.value
 
     def load_state(self, data: PlainData, now: float) -> None:  # noqa: ARG002 - nothing is published
-        """Have the saved weather; see `Component.load_state`."""
+        """Have the saved weather; the world has its friction. See `Component.load_state`."""
         self.weather = Weather.NOON if data is None else Weather(data)
 
     def _serve(self, call: Call, _now: float) -> None:
         request: Any = call.request
         name, message = request.weather, ""
         if name in set(Weather):
-            self.weather = Weather(name)
+            self._set(Weather(name))
             _log.info("weather %s, set by %s", name, call.caller.name)
         elif name:
             known = [each.value for each in Weather]

@@ -246,6 +246,7 @@ class Batch(World):
         self.dynamics, self.is_creeping = like.dynamics, like.is_creeping
         self.has_stability_control, self.has_impacts = like.has_stability_control, like.has_impacts
         self.is_scoring, self.turn_shares = like.is_scoring, like.turn_shares
+        self.friction_share = like.friction_share
         self.map_roads, self.map_plan = like.roads, like.signals.plan
         self.num_touches = 0
         self.has_new_rows = True

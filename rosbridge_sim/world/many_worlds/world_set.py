@@ -102,12 +102,12 @@ def _key_of(world: OneOfMany) -> Hashable:
     """Return what must be equal for worlds of one batch."""
     return (
         *(world.roads.digest, world.plan.digest, world.frame % PHASES, world.dynamics, world.is_creeping),
-        *(world.has_stability_control, world.has_impacts, world.is_scoring, world.turn_shares),
+        *(world.has_stability_control, world.has_impacts, world.is_scoring, world.turn_shares, world.friction_share),
     )
 
 
 def _key_of_batch(batch: Batch) -> Hashable:
     return (
         *(batch.map_roads.digest, batch.map_plan.digest, batch.frame, batch.dynamics, batch.is_creeping),
-        *(batch.has_stability_control, batch.has_impacts, batch.is_scoring, batch.turn_shares),
+        *(batch.has_stability_control, batch.has_impacts, batch.is_scoring, batch.turn_shares, batch.friction_share),
     )

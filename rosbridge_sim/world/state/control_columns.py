@@ -12,7 +12,7 @@ import numpy as np
 
 from rosbridge_sim.world.geometry.planar import IntArray
 from rosbridge_sim.world.state.entity_arrays import EntityArrays
-from rosbridge_sim.world.state.entity_types import ROAD_FRICTION, Body, Gear, Mode
+from rosbridge_sim.world.state.entity_types import Body, Gear, Mode
 
 __all__ = ["fill_body_columns", "update_all_control_columns", "update_control_columns"]
 
@@ -54,7 +54,7 @@ _BODY_COLUMNS: Final = {
 
 
 def fill_body_columns(arrays: EntityArrays, row: int, body: Body) -> None:
-    """Write the limits of a body and the friction of a dry road into the columns of an EGO.
+    """Write the limits of a body into the columns of an EGO.
 
     Args:
         arrays: written in place.
@@ -62,7 +62,6 @@ def fill_body_columns(arrays: EntityArrays, row: int, body: Body) -> None:
     """
     for column, name in _BODY_COLUMNS.items():
         getattr(arrays, column)[row] = getattr(body, name)
-    arrays.friction[row] = ROAD_FRICTION
 
 
 def update_control_columns(arrays: EntityArrays, row: int, *, is_creeping: bool) -> None:

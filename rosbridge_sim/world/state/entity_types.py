@@ -33,6 +33,9 @@ MAX_SPEED: Final = 1e3
 GRAVITY: Final = 9.80665
 """The standard acceleration of free fall [m/s^2] (CGPM 1901); maps do not give their own."""
 
+MIN_FRICTION_SHARE: Final = 0.1
+"""Least friction of the ground relative to a dry one: wet ice (Wong, Theory of Ground Vehicles, table 1.3: 0.1)."""
+
 ROAD_FRICTION: Final = 0.9
 """Friction of dry asphalt: 0.8 to 0.9 at the peak (Wong, Theory of Ground Vehicles, table 1.3)."""
 

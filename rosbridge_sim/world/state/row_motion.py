@@ -41,6 +41,7 @@ class RowMotion(EntityArrays):
         paths: the paths of the entities that follow one, by id.
         routes: (k,) int64 rows of lanes for each lane follower that has a route, by id.
         is_scoring: steps keep the scores of all egos; see `World.start_scoring`.
+        friction_share: friction of the ground, relative to a dry one; see `World.set_friction_share`.
         has_impacts: collisions change motion; see `impacts`.
         placed_uids: ids of what was placed since the last step, while `has_impacts`.
     """
@@ -50,6 +51,7 @@ class RowMotion(EntityArrays):
         self.paths = Paths()
         self.routes: dict[int, IntArray] = {}
         self.is_scoring = self.has_impacts = False
+        self.friction_share = 1.0
         self.placed_uids: set[int] = set()
         self._derived: dict[object, Any] = {}
 
@@ -88,7 +90,7 @@ class RowMotion(EntityArrays):
         if self.kind[row] != Kind.EGO:
             self.touch()  # it may move now, or no longer
             return
-        self.friction[row] = ROAD_FRICTION  # until the next look at the ground
+        self.friction[row] = ROAD_FRICTION * self.friction_share  # until the next look at the ground
         if self.is_scoring:  # it has driven over no line on its way here
             self.near_lane[row] = self.open_line[row] = 0
 

@@ -31,6 +31,7 @@ class Snapshot(Record):
     signals: SignalsSnapshot
     routes: dict[int, IntArray]
     is_scoring: bool
+    friction_share: float
     dynamics: Dynamics
     is_creeping: bool
     has_stability_control: bool

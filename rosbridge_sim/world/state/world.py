@@ -41,6 +41,7 @@ from rosbridge_sim.world.state.entity_arrays import (
 from rosbridge_sim.world.state.entity_types import (
     MAX_COORDINATE,
     MAX_SPEED,
+    ROAD_FRICTION,
     Body,
     Dynamics,
     Gear,
@@ -396,6 +397,17 @@ class World(RowWorlds):
         elif not was_flat:
             keep_level(self)
 
+    def set_friction_share(self, share: float) -> None:
+        """Make the ground as slippery as in rain, or dry again; for SINGLE_TRACK only.
+
+        Args:
+            share: friction of the ground, relative to a dry one; `MIN_FRICTION_SHARE` to 1.
+        """
+        if share != self.friction_share:
+            self.friction_share = share
+            self.friction[self.rows(Kind.EGO)] = ROAD_FRICTION * share  # until the next look at the ground
+            self.touch()
+
     def start_scoring(self) -> None:
         """Keep the scores of all egos from this frame on, until the next `reset`; twice is no error. See `score`."""
         if not self.is_scoring:
@@ -450,6 +462,7 @@ class World(RowWorlds):
             signals=self.signals.snapshot(),
             routes=dict(self.routes),
             is_scoring=self.is_scoring,
+            friction_share=self.friction_share,
             dynamics=self.dynamics,
             is_creeping=self.is_creeping,
             has_stability_control=self.has_stability_control,
@@ -472,7 +485,7 @@ class World(RowWorlds):
         self.roads, self.signals = saved.roads, Signals.restored(saved.signals)
         self.routes = dict(saved.routes)
         self.frame, self.seed, self._next_uid = saved.frame, saved.seed, saved.next_uid
-        self.is_scoring = saved.is_scoring
+        self.is_scoring, self.friction_share = saved.is_scoring, saved.friction_share
         self.dynamics, self.is_creeping = saved.dynamics, saved.is_creeping
         self.has_stability_control = saved.has_stability_control
         self.has_impacts, self.passing = saved.has_impacts, saved.passing.copy()
@@ -509,6 +522,8 @@ class World(RowWorlds):
         num_floats, num_ints, num_bools = (None, None, None) if has_scores else NUM_CORE
         if self.has_impacts:
             state.update(b"impacts" + repr(sorted(self.placed_uids)).encode() + self.passing.tobytes())
+        if self.friction_share != 1.0:
+            state.update(b"friction share" + repr(self.friction_share).encode())
         if self.turn_shares is not None:
             state.update(b"turn shares" + np.array(astuple(self.turn_shares), dtype=np.float64).tobytes())
         changes = self.block(LANE_CHANGE_COLUMNS[0], LANE_CHANGE_COLUMNS[-1])
@@ -590,6 +605,7 @@ class World(RowWorlds):
     def _equip(self, row: int, body: Body) -> None:
         """Write what a new EGO has of its own: the limits of its body, its controls, and its score."""
         fill_body_columns(self, row, body)
+        self.friction[row] = ROAD_FRICTION * self.friction_share
         update_control_columns(self, row, is_creeping=self.is_creeping)
         if self.is_scoring:
             self._begin_score(row)

@@ -44,7 +44,7 @@ def find_friction(world: World, rows: IntArray) -> None:
     if len(near):
         those = rows[near]
         is_on = are_on_road(world.roads, world.x[those], world.y[those], world.z[those])
-        world.friction[those] = np.where(is_on, ROAD_FRICTION, OFF_ROAD_FRICTION)
+        world.friction[those] = np.where(is_on, ROAD_FRICTION, OFF_ROAD_FRICTION) * world.friction_share
 
 
 def are_on_road(roads: Roads, x: FloatArray, y: FloatArray, z: FloatArray) -> BoolArray:

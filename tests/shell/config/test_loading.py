@@ -54,6 +54,7 @@ OTHER: dict[str, object] = {
     "data_quota_files": None,
     "start": "sync",
     "weather": "fog",
+    "rain_friction": 0.7,
     "dressing": False,
     "seed": 3,
     "on_world_failure": "serve",

@@ -613,6 +613,17 @@ def test_sensors_that_move_and_change_in_each_frame_leave_nothing_behind() -> No
 # Weather and dressing
 
 
+def test_rain_takes_friction_only_if_it_is_set() -> None:
+    for share, expected in ((0.0, 1.0), (0.7, 0.7)):
+        harness, client = in_sync(weather=Weather.RAIN, rain_friction=share)
+        assert harness.world.friction_share == expected
+        client.call("/sim/weather", {"weather": "fog"})
+        assert harness.world.friction_share == 1.0
+        client.call("/sim/weather", {"weather": ""})
+        client.call("/sim/reset", {"seed": -1})
+        assert harness.world.friction_share == expected
+
+
 def test_weather_is_that_of_the_settings_until_the_service_changes_it() -> None:
     worker = ManualWorker()
     harness, client = in_sync(CAMERA, worker=worker, weather=Weather.RAIN, is_dressed=False)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from rosbridge_sim.world.roads.roads import Roads
+from rosbridge_sim.world.saved_world import from_plain, to_plain
 from rosbridge_sim.world.state.entity_types import ROAD_FRICTION
 from rosbridge_sim.world.state.placement import teleport
 from rosbridge_sim.world.state.world import Dynamics, Kind, World
@@ -116,3 +119,43 @@ def test_lane_above_or_below_is_no_road_unless_the_map_is_flat() -> None:
     x, z = np.full(4, 100.0), np.array([0.0, 7.9, 8.5, 20.0])
     assert are_on_road(hill, x, np.zeros(4), z).tolist() == [False, True, True, False]
     assert are_on_road(ROAD, x, np.zeros(4), z).all()
+
+
+def stop(share: float) -> World:
+    """A world whose ego has stopped from 20 m/s on ground with a share of the friction of a dry one."""
+    world = World(0, Dynamics.SINGLE_TRACK)
+    world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0, speed=20.0)
+    world.set_friction_share(share)
+    pedals(world, brake=1.0)
+    while world.speed.item(0) > 0.0:
+        step(world)
+    return world
+
+
+@pytest.mark.parametrize("share", [0.7, 0.5])
+def test_wet_ground_lengthens_the_way_of_a_stop(share: float) -> None:
+    ratio = stop(share).x.item(0) / stop(1.0).x.item(0)
+    assert 0.85 / share < ratio < 1.0 / share, "drag and the lag of the brake are as on dry ground"
+
+
+def test_wet_ground_is_part_of_the_state_and_holds_for_egos_that_come_and_are_placed() -> None:
+    dry, wet = World(0, Dynamics.SINGLE_TRACK), World(0, Dynamics.SINGLE_TRACK)
+    wet.set_friction_share(0.7)
+    assert dry.digest() != wet.digest()
+    for world in (dry, wet):
+        world.spawn(Kind.EGO, CAR, name="ego", x=0.0, y=0.0)
+        teleport(world, 0, x=5.0, y=0.0, z=0.0, yaw=0.0)
+    assert wet.friction.item(0) == pytest.approx(0.7 * dry.friction.item(0))
+    other = World(0, Dynamics.SINGLE_TRACK)
+    other.restore(from_plain(to_plain(wet.snapshot()), wet.roads, wet.plan))
+    assert (other.friction_share, other.digest()) == (0.7, wet.digest())
+    wet.set_friction_share(1.0)
+    assert wet.friction.item(0) == dry.friction.item(0)
+    assert wet.digest() == dry.digest()
+
+
+@pytest.mark.parametrize("share", [0.0, 1.5, math.nan, 1, "wet", None])
+def test_snapshot_with_another_friction_is_refused(share: object) -> None:
+    world = World(0, Dynamics.SINGLE_TRACK)
+    with pytest.raises(ValueError, match=r"world.friction_share: expected 0.1..1"):
+        from_plain(to_plain(world.snapshot()) | {"friction_share": share}, world.roads, world.plan)
