@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import multiprocessing
 import shutil
+import signal
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -17,7 +18,7 @@ from typing import Any, Final, Protocol
 from rosbridge_sim.campaign_runs.job import Job
 from rosbridge_sim.campaign_runs.outcome import told_error
 from rosbridge_sim.campaign_runs.program_groups import end_groups
-from rosbridge_sim.campaign_runs.worker import RETIRED, drive_in_worker, settle_worker
+from rosbridge_sim.campaign_runs.worker import KILLED, RETIRED, drive_in_worker, settle_worker
 from rosbridge_sim.campaigns.run_results import Result, Run
 from rosbridge_sim.errors import DocumentError
 
@@ -43,6 +44,9 @@ class Pool(Protocol):
 
         What its worker has left behind is removed.
         """
+
+    def was_killed(self, error: BaseException) -> bool:
+        """Return whether the error of a task means that its worker was killed from outside."""
 
     def close(self, *, is_done: bool) -> None:
         """End all workers; at once, if the runs are not done."""
@@ -107,6 +111,11 @@ class LocalPool:
         if isinstance(error, BrokenProcessPool):
             return ""
         return f"an internal error: {told_error(error)}"
+
+    def was_killed(self, error: BaseException) -> bool:
+        """See `Pool`. A driver that kills its own process in this way cannot be told from it."""
+        killed = {KILLED, -signal.SIGTERM, -getattr(signal, "SIGKILL", signal.SIGTERM)}
+        return isinstance(error, self._expired) and getattr(error, "exitcode", None) in killed
 
     def close(self, *, is_done: bool) -> None:
         """See `Pool`."""

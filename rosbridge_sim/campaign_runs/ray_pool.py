@@ -88,6 +88,11 @@ class RayPool:
             return f"an internal error: {str(error).strip().splitlines()[-1]}"
         return ""
 
+    def was_killed(self, error: BaseException) -> bool:
+        """See `Pool`. Ray itself has driven the run again."""
+        del error
+        return False
+
     def close(self, *, is_done: bool) -> None:
         """See `Pool`."""
         if not is_done:

@@ -1,6 +1,7 @@
 """The folder of a campaign's results, and what may be found in it after a crash.
 
 campaign.toml   the file as it was driven, and campaign.json where it came from
+.lock           held by the process that writes; see `folder_lock`
 results.jsonl   a line for each run, appended as it comes; the only file that a later start reads
 runs.csv        the table; times.csv has what depends on the machine; runs.parquet where pyarrow is installed
 junit.xml       for CI
@@ -19,6 +20,7 @@ from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+from rosbridge_sim.campaign_runs.folder_lock import FolderLock
 from rosbridge_sim.campaigns.run_results import Result
 from rosbridge_sim.campaigns.tables import Cell, columns_of, write_junit, write_table, write_times
 from rosbridge_sim.errors import DocumentError
@@ -33,6 +35,7 @@ __all__ = ["ResultsFolder", "check_folder", "read_text_of", "run_folder"]
 CAMPAIGN: Final = "campaign.toml"
 ABOUT: Final = "campaign.json"
 RESULTS: Final = "results.jsonl"
+LOCK: Final = ".lock"
 
 DIGITS: Final = 5
 """Digits of the number in the name of a run's folder: 100,000 runs sort well."""
@@ -43,6 +46,7 @@ class ResultsFolder:
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._lock: FolderLock | None = None
         self._file: FileIO | None = None
         self._size = 0
         self._waiting: list[bytes] = []
@@ -60,21 +64,13 @@ class ResultsFolder:
 
         Raises:
             DocumentError: there are results and they are not to be resumed, or they are those of another campaign; or
-            the
-                folder cannot be written.
+                another process writes there; or the folder cannot be written.
         """
         there = self.path / CAMPAIGN
-        if there.is_file():
-            if not is_resumed:
-                raise DocumentError(
-                    f"{self.path}: there are results already; --resume goes on with them, or choose --output"
-                )
-            if there.read_text("utf-8") != job.text:
-                raise DocumentError(
-                    f"{self.path}: the campaign has changed since these results were made; choose another --output"
-                )
         try:
             self.path.mkdir(parents=True, exist_ok=True)
+            self._lock = FolderLock(self.path / LOCK)
+            self._check_campaign(there, job, is_resumed=is_resumed)
             found = self.results() if is_resumed else []
             if not there.is_file():
                 (self.path / ABOUT).write_text(
@@ -85,6 +81,18 @@ class ResultsFolder:
         except OSError as error:
             raise DocumentError(f"{error.filename or self.path}: cannot be written: {error.strerror}") from None
         return found
+
+    def _check_campaign(self, there: Path, job: Job, *, is_resumed: bool) -> None:
+        if not there.is_file():
+            return
+        if not is_resumed:
+            raise DocumentError(
+                f"{self.path}: there are results already; --resume goes on with them, or choose --output"
+            )
+        if there.read_text("utf-8") != job.text:
+            raise DocumentError(
+                f"{self.path}: the campaign has changed since these results were made; choose another --output"
+            )
 
     def _open_results(self) -> FileIO:
         """Open the file for appending, behind its last whole line: a crash may have cut the line after it."""
@@ -155,11 +163,14 @@ class ResultsFolder:
         self._size += len(line)
 
     def close(self) -> None:
-        """End the file of results, and remove what drives left behind."""
+        """End the file of results, remove what drives left behind, and let others write here."""
         if self._file is not None:
             with contextlib.suppress(OSError):
                 self._file.close()
-        shutil.rmtree(self.path / ".work", ignore_errors=True)
+        if self._lock is not None:  # else the folder is that of another process
+            shutil.rmtree(self.path / ".work", ignore_errors=True)
+            self._lock.release()
+            self._lock = None
 
     # Tables
 

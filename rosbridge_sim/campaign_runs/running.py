@@ -58,6 +58,7 @@ class CampaignRunner:
         folder: takes the results.
         pool: drives.
         tell: called with each result, for the progress.
+        num_retries: so often a run is driven again whose worker was killed from outside.
         used: bytes of the files that are kept.
         trouble: why the disk does not take the results; empty if it does.
     """
@@ -66,9 +67,11 @@ class CampaignRunner:
     folder: ResultsFolder
     pool: Pool
     tell: Tell
+    num_retries: int = 0
     used: int = 0
     trouble: str = ""
     _losses: dict[int, int] = field(default_factory=dict)
+    _kills: dict[int, int] = field(default_factory=dict)
 
     def drive(self, runs: Sequence[Run]) -> list[Result]:
         """Drive runs; return their results in the order of their numbers.
@@ -103,13 +106,25 @@ class CampaignRunner:
                     again += [(run,) for run in task]
                     continue
                 else:
-                    why = self.pool.why(error, task)
-                    lost = self._losses[task[0].number] = self._losses.get(task[0].number, 0) + 1
-                    if not why and lost <= MAX_LOSSES:
+                    why_lost = self._why_lost(error, task[0])
+                    if not why_lost:
                         again.append(task)
                         continue
-                    found = [Result(task[0], "error", why or f"the worker was lost {lost} times")]
+                    found = [Result(task[0], "error", why_lost)]
                 results += [self._take(result, why_not) for result in found]
+
+    def _why_lost(self, error: BaseException, run: Run) -> str:
+        """Return why a run has no result; empty if it is driven again."""
+        why = self.pool.why(error, (run,))
+        if why and self.pool.was_killed(error):
+            kills = self._kills.get(run.number, 0)
+            if kills < self.num_retries:
+                self._kills[run.number] = kills + 1
+                return ""
+        if why:
+            return why
+        lost = self._losses[run.number] = self._losses.get(run.number, 0) + 1
+        return "" if lost <= MAX_LOSSES else f"the worker was lost {lost} times"
 
     def _why_not_keep(self) -> str:
         """Return why files of further runs are not kept; empty if they are."""
@@ -128,6 +143,8 @@ class CampaignRunner:
 
     def _take(self, result: Result, why_not: str) -> Result:
         output = self.campaign.document.output
+        if num_retries := self._kills.get(result.run.number, 0):
+            result = replace(result, retries=num_retries)
         if result.files:
             self.used += self.folder.size_of(result)
             if self.used > output.quota_mb * 2**20:

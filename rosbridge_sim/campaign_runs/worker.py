@@ -28,7 +28,7 @@ from rosbridge_sim.campaigns.trace import FIGURES
 from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.printable import printable
 
-__all__ = ["RETIRED", "drive_in_worker", "drive_runs", "settle_worker"]
+__all__ = ["KILLED", "RETIRED", "drive_in_worker", "drive_runs", "settle_worker"]
 
 
 def settle_worker() -> None:
@@ -38,7 +38,7 @@ def settle_worker() -> None:
     group, so that copies of it can be ended. What compiled code prints goes nowhere; the rest is kept in the log.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: os._exit(1))
+    signal.signal(signal.SIGTERM, lambda *_: os._exit(KILLED))
     adopt_orphans()
     if hasattr(os, "setsid"):
         with contextlib.suppress(OSError):
@@ -65,6 +65,9 @@ def drive_in_worker(job: Job, runs: Sequence[Run], *, may_keep: bool) -> list[Re
     with limited_memory(driver):
         return drive_runs(job, runs, may_keep=may_keep)
 
+
+KILLED: Final = 128 + signal.SIGTERM
+"""Exit code of a worker that was told to end, as shells have it."""
 
 RETIRED: Final = 75
 """Exit code of a worker that has retired; `EX_TEMPFAIL` of sysexits.h."""

@@ -23,6 +23,9 @@ MAX_DETAILS: Final = 50
 MAX_LOG: Final = 6_000
 """Characters of a driver's output in the page, its end."""
 
+MAX_AGAIN: Final = 20
+"""Most runs that are named as driven again."""
+
 MAX_PATHS: Final = 10_000
 """Most small pictures of paths; 0.3 kB each."""
 
@@ -107,7 +110,13 @@ def _limits(results: Sequence[Result]) -> str:
         f'<li class="error"><strong>{num:,}</strong> {html.escape(reason)}</li>'
         for reason, num in errors.most_common(20)
     ]
-    return f"<ul>{''.join(rows)}</ul>" if rows else "<p>Every limit was kept.</p>"
+    kept = f"<ul>{''.join(rows)}</ul>" if rows else "<p>Every limit was kept.</p>"
+    again = [f"run {each.run.number}" for each in results if each.retries]
+    if not again:
+        return kept
+    more = f" and {len(again) - MAX_AGAIN:,} more" if len(again) > MAX_AGAIN else ""
+    told = f"Driven again, because the worker was killed: {', '.join(again[:MAX_AGAIN])}{more}."
+    return f'{kept}<p id="again">{told}</p>'
 
 
 def _failures(details: Sequence[Details], bad: int) -> str:

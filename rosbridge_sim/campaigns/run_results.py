@@ -89,6 +89,7 @@ class Result:
         trouble: why other files are missing, such as a full disk; not part of the table.
         wall, cpu: time that it took [s]; not part of the table.
         worker: process and host that drove it; not part of the table.
+        retries: so often it was driven again, because its worker was killed; not part of the table.
     """
 
     run: Run
@@ -105,6 +106,7 @@ class Result:
     wall: float = 0.0
     cpu: float = 0.0
     worker: str = ""
+    retries: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """Return the values for a line of the file; null stands for an infinite score."""
@@ -127,6 +129,7 @@ class Result:
             "wall": round(self.wall, 4),
             "cpu": round(self.cpu, 4),
             "worker": self.worker,
+            "retries": self.retries,
         }
 
     @classmethod
@@ -162,6 +165,7 @@ class Result:
             _number(values["wall"]),
             _number(values["cpu"]),
             _text(values["worker"]),
+            _integer(values.get("retries", 0)),
         )
 
 

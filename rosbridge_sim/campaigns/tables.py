@@ -74,15 +74,16 @@ def write_table(results: Sequence[Result], parameters: Sequence[str]) -> str:
 
 
 def write_times(results: Iterable[Result]) -> str:
-    """Return `times.csv`: what each run took [s], and which process drove it.
+    """Return `times.csv`: what each run took [s], which process drove it, and how often it was driven again.
 
     Args:
         results: in the order of the table.
     """
     rows: list[list[Cell]] = [
-        [each.run.number, f"{each.wall:.4f}", f"{each.cpu:.4f}", each.worker, each.trouble] for each in results
+        [each.run.number, f"{each.wall:.4f}", f"{each.cpu:.4f}", each.worker, each.retries, each.trouble]
+        for each in results
     ]
-    header: list[Cell] = ["run", "wall", "cpu", "worker", "trouble"]
+    header: list[Cell] = ["run", "wall", "cpu", "worker", "retries", "trouble"]
     return _csv([header, *rows])
 
 

@@ -26,6 +26,13 @@ def run_campaign(argv: Sequence[str]) -> int:
         metavar="N",
         help="processes that drive [the number of cores]",
     )
+    parser.add_argument(
+        "--retry-killed",
+        type=make_number(0, 100, "a whole number from 0 to 100", int),
+        default=1,
+        metavar="N",
+        help="times that a run is driven again whose worker was killed from outside, as without memory [1]",
+    )
     parser.add_argument("--resume", action="store_true", help="go on with the results that are there")
     parser.add_argument("--dry-run", action="store_true", help="list the runs, and drive none")
     parser.add_argument(
@@ -89,6 +96,7 @@ def _run(options: Options) -> int:
         options.file,
         options.output,
         num_jobs=options.jobs,
+        num_retries=options.retry_killed,
         is_resumed=options.resume,
         is_dry=options.dry_run,
         ray=options.ray,

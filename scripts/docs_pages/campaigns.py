@@ -109,7 +109,7 @@ returns.
 |---|---|
 | `runs.csv` | a row for each run: parameters, verdict, first breach, scores, frames, state hash |
 | `runs.parquet` | the same, where pyarrow is installed |
-| `times.csv` | time on the wall clock and of the processor, the process that drove, and why files are missing |
+| `times.csv` | time on the wall clock and of the processor, the process that drove, how often the run was driven again, and why files are missing |
 | `junit.xml` | for CI |
 | `report.html` | for people; one file that loads nothing |
 | `results.jsonl` | a line for each run, appended as it comes; `--resume` reads it |

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import signal
 import subprocess
@@ -14,6 +15,8 @@ import pytest
 
 from rosbridge_sim.campaign_runs.program_groups import NOTE, end_groups, note_group
 from rosbridge_sim.campaign_runs.results_folder import ResultsFolder
+from rosbridge_sim.cli.campaign_commands import run_campaign
+from rosbridge_sim.errors import DocumentError
 from tests.campaign_runs.conftest import CampaignFolder
 
 PATIENCE = 60.0
@@ -109,7 +112,7 @@ def test_program_of_a_worker_that_was_killed_ends_and_the_campaign_goes_on(folde
     folder.write("stubborn.py", STUBBORN)
     folder.write("c.toml", CAMPAIGN.replace('function = "stubborn.py:drive"', ""))
     names = [folder.path / name for name in ("program", "child")]
-    with start(folder, "--jobs", "1") as process:
+    with start(folder, "--jobs", "1", "--retry-killed", "0") as process:
         wait_for(lambda: all(name.is_file() for name in names), process)
         pids = [int(name.read_text()) for name in names]
         worker = int(Path(f"/proc/{pids[0]}/stat").read_text().rpartition(")")[2].split()[1])
@@ -121,6 +124,65 @@ def test_program_of_a_worker_that_was_killed_ends_and_the_campaign_goes_on(folde
     assert found["program"].reason.startswith("the worker process died with signal 9")
     assert [pid for pid in pids if is_running(pid)] == []
     assert not (folder.path / "finished").exists()
+
+
+KILLED = """
+import os, pathlib, signal
+
+def drive(seen):
+    killed = pathlib.Path(__file__).with_name(f"killed-{seen.seed}")
+    if seen.seed < 2 and (seen.seed == 0 or not killed.exists()):
+        killed.touch()
+        os.kill(os.getpid(), signal.SIGTERM if seen.seed else signal.SIGKILL)
+    return {"steering": 0.0, "accel": 0.0}
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs signals")
+def test_run_whose_worker_was_killed_is_driven_again_and_that_is_told(folder: CampaignFolder) -> None:
+    """The worker of seed 0 is killed each time, that of seed 1 once, that of seed 2 never."""
+    folder.write("killed.py", KILLED)
+    folder.write("c.toml", 'scenario = "loop"\nseconds = 0.1\nseeds = 3\n[drivers]\nf = "killed.py:drive"\n')
+    done = folder.command("run", "c.toml", "--jobs", "2")
+    assert done.returncode == 1, done.stderr
+    assert "driven again, because the worker was killed: 2\n" in done.stdout
+    results = ResultsFolder(folder.path / "c_runs").results()
+    assert [(each.verdict, each.retries) for each in results] == [("error", 1), ("pass", 1), ("pass", 0)]
+    assert results[0].reason.startswith("the worker process died with signal 9")
+    table = list(csv.DictReader((folder.path / "c_runs" / "times.csv").read_text().splitlines()))
+    assert [row["retries"] for row in table] == ["1", "1", "0"]
+    page = (folder.path / "c_runs" / "report.html").read_text()
+    assert "Driven again, because the worker was killed: run 1, run 2." in page
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs flock")
+def test_second_campaign_in_a_folder_is_refused_until_the_first_has_ended_however_it_ends(
+    folder: CampaignFolder, capfd: pytest.CaptureFixture[str]
+) -> None:
+    folder.write("c.toml", 'scenario = "loop"\nseconds = 0.1\n')
+    holder = "from rosbridge_sim.campaign_runs.folder_lock import FolderLock; import time; from pathlib import Path\n"
+    holder += "lock = FolderLock(Path('out/.lock')); print('held', flush=True); time.sleep(600)"
+    (folder.path / "out").mkdir()
+    with subprocess.Popen([sys.executable, "-c", holder], cwd=folder.path, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"held\n"
+        words = ("run", str(folder.path / "c.toml"), "--output", str(folder.path / "out"), "--jobs", "1")
+        assert run_campaign(words) == 2
+        told = capfd.readouterr().err
+        assert f"out: process {process.pid} on " in told
+        assert told.count("\n") == 1
+        assert list((folder.path / "out").iterdir()) == [folder.path / "out" / ".lock"]
+        process.kill()
+    job = folder.job('scenario = "loop"\nseconds = 0.1\n')
+    first, second = ResultsFolder(folder.path / "out"), ResultsFolder(folder.path / "out")
+    first.begin(job, is_resumed=False)  # the lock of a dead process is none
+    with pytest.raises(DocumentError, match=f"process {os.getpid()} on .* writes its results here"):
+        second.begin(job, is_resumed=True)
+    second.close()
+    first.close()
+    second.begin(job, is_resumed=True)
+    second.close()
 
 
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")

@@ -56,6 +56,7 @@ WRONG: dict[str, list[Any]] = {
     "trouble": [None, [1]],
     "wall": [None, "1", math.inf],
     "worker": [None, 1],
+    "retries": [None, "1", -1],
 }
 
 
@@ -107,7 +108,7 @@ def test_line_with_a_wrong_value_is_one_error_with_its_place(tmp_path: Path, nam
     assert len(str(error.value)) < 400 + len(str(folder))
 
 
-@pytest.mark.parametrize("name", sorted(GOOD.keys() - {"trouble"}))
+@pytest.mark.parametrize("name", sorted(GOOD.keys() - {"trouble", "retries"}))
 def test_line_without_a_value_names_it(tmp_path: Path, name: str) -> None:
     folder = write_folder(tmp_path, json.dumps({key: value for key, value in GOOD.items() if key != name}).encode())
     with pytest.raises(DocumentError, match=f"a result of a run; '{name}' is missing"):

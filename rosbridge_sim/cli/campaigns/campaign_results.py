@@ -65,6 +65,8 @@ def show(folder: str, number: int, *, is_json: bool) -> int:
     place = run_folder(path, number)
     for name in result.files:
         put_lines(f"file: {place / name}")
+    if result.retries:
+        put_lines(f"driven again, because the worker was killed: {result.retries} times")
     if result.trouble:
         put_lines(result.trouble)
     put_lines(f"repeat: rosbridge-sim campaign repeat {path} {number}")

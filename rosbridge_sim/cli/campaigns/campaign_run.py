@@ -35,7 +35,15 @@ _REDRAWN_EVERY = 0.1
 
 
 def run(
-    file: str, output: str | None, *, num_jobs: int, is_resumed: bool, is_dry: bool, ray: str | None, is_json: bool
+    file: str,
+    output: str | None,
+    *,
+    num_jobs: int,
+    num_retries: int,
+    is_resumed: bool,
+    is_dry: bool,
+    ray: str | None,
+    is_json: bool,
 ) -> int:
     """Drive all runs of a campaign.
 
@@ -43,6 +51,7 @@ def run(
         file: of the campaign.
         output: folder of the results; None for one named after the file, here.
         num_jobs: processes.
+        num_retries: so often a run is driven again whose worker was killed.
         is_resumed: go on with what is there.
         is_dry: list the runs alone.
         ray: address of a Ray cluster, or `local`; None for processes.
@@ -66,12 +75,23 @@ def run(
         results = folder.begin(job, is_resumed=is_resumed)
     except DocumentError:
         pool.close(is_done=False)
+        folder.close()
         raise
-    return _drive(job, campaign, folder, pool, results, is_json=is_json)
+    try:
+        return _drive(job, campaign, folder, pool, results, num_retries=num_retries, is_json=is_json)
+    finally:
+        folder.close()
 
 
 def _drive(
-    job: Job, campaign: Campaign, folder: ResultsFolder, pool: Pool, results: list[Result], *, is_json: bool
+    job: Job,
+    campaign: Campaign,
+    folder: ResultsFolder,
+    pool: Pool,
+    results: list[Result],
+    *,
+    num_retries: int,
+    is_json: bool,
 ) -> int:
     search = campaign.document.search
     num = search.budget * sum(1 for _ in campaign.groups()) if search is not None else len(plan_runs(campaign))
@@ -86,7 +106,8 @@ def _drive(
         progress.bad += result.verdict in BAD
         shower.show()
 
-    runner = CampaignRunner(campaign, folder, pool, tell, used=sum(folder.size_of(each) for each in results))
+    used = sum(folder.size_of(each) for each in results)
+    runner = CampaignRunner(campaign, folder, pool, tell, num_retries, used)
     is_done = False
     before = {signal.SIGINT: signal.getsignal(signal.SIGINT), signal.SIGTERM: signal.signal(signal.SIGTERM, _interrupt)}
     try:
@@ -104,7 +125,6 @@ def _drive(
         for number, handler in before.items():
             signal.signal(number, handler)
         shower.end()
-        folder.close()
     if runner.trouble:
         raise DocumentError(f"{folder.path}: results could not be written: {runner.trouble}")
     ordered = [there[number] for number in sorted(there)]
@@ -150,14 +170,18 @@ class _Shower:
 
 def _put_counts(results: list[Result], folder: Path, *, is_json: bool) -> None:
     counts = Counter(result.verdict for result in results)
+    num_again = sum(result.retries > 0 for result in results)
     if is_json:
         told: dict[str, int] = {verdict: counts[verdict] for verdict in VERDICTS}
-        put_json({"runs": len(results), **told, "folder": str(folder), "report": str(folder / "report.html")})
+        more = {"again": num_again, "folder": str(folder), "report": str(folder / "report.html")}
+        put_json({"runs": len(results), **told, **more})
         return
     told_counts = ", ".join(f"{counts[verdict]:,} {verdict}" for verdict in VERDICTS if counts[verdict])
     put_lines(f"{len(results):,} runs: {told_counts or 'none'}")
     for result in [each for each in results if each.verdict in BAD][:_MOST_LISTED]:
         put_lines(f"  run {result.run.number} {result.verdict}: {result.reason}")
+    if num_again:
+        put_lines(f"driven again, because the worker was killed: {num_again:,}")
     put_lines(f"report: {folder / 'report.html'}")
 
 
