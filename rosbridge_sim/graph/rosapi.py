@@ -59,6 +59,9 @@ _ACTION_PARTS = ("goal", "result", "feedback")
 _DISTROS = {1: "noetic", 2: "jazzy"}
 """The distributions that the built-in standard definitions come from."""
 
+_ROSCORE = {"/rosdistro": f"{_DISTROS[1]}\n", "/rosversion": "1.16.0\n"}
+"""Parameters that the roscore of that distribution sets, with these line ends; clients read them."""
+
 _UNSET = {1: "null", 2: '""'}
 """Value of a parameter that is not set and has no default, as rosapi of each generation answers."""
 
@@ -74,12 +77,13 @@ class Rosapi:
 
     name = ROSAPI_NAME
 
-    def __init__(self, bus: Bus, policy: Policy = OPEN) -> None:
-        """Offer all services.
+    def __init__(self, bus: Bus, policy: Policy = OPEN, run_id: str = "") -> None:
+        """Offer all services, and set the parameters that a roscore sets.
 
         Args:
             bus: the bus to list.
             policy: the rights of clients; only what it allows is listed.
+            run_id: value of the parameter `/run_id`, another one in each run; empty to set no parameters.
         """
         self._bus = bus
         self._policy = policy
@@ -130,6 +134,9 @@ class Rosapi:
         bus.provide(
             self, *("/rosapi/set_param", "rosapi/SetParam", self._set_param), is_exclusive=True, limits=_SET_LIMITS
         )
+        if run_id and bus.store.ros == 1:
+            for name, text in {**_ROSCORE, "/run_id": run_id}.items():
+                self._params.put(name, _to_text(text), self)
         bus.on_leave.append(self._on_leave)
 
     def notify(self, level: str, text: str) -> None:

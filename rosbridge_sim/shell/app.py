@@ -12,6 +12,7 @@ import errno
 import logging
 import os
 import time
+import uuid
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -287,7 +288,7 @@ class Simulator:
             max_calls=settings.max_calls,
         )
         limits = limits_of(settings)
-        Rosapi(bus, limits.policy)
+        Rosapi(bus, limits.policy, str(uuid.uuid4()))
         loop = asyncio.get_running_loop()
         recordings = DiskRecordings(settings.data_dir, texts, loop)
         reader = ThreadReader(loop)

@@ -8,9 +8,10 @@ import pytest
 
 from rosbridge_sim.graph import rosapi
 from rosbridge_sim.graph.bus import Bus
+from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.rosapi import Rosapi
 from rosbridge_sim.loose_types import JsonValue
-from tests.graph.bus_fixture import make_bus, make_peer
+from tests.graph.bus_fixture import Wire, make_bus, make_peer, make_store
 from tests.schema.strategies import shared_store
 
 
@@ -103,6 +104,22 @@ def test_an_unset_parameter_is_an_empty_text_in_ros_2() -> None:
     Rosapi(bus)
     unset = {"value": '""', "successful": False, "reason": "Parameter /x is not set"}
     assert ask(bus, "get_param", name="/x") == unset
+
+
+def test_parameters_of_a_roscore_are_set_in_ros_1_alone() -> None:
+    bus = make_bus()
+    Rosapi(bus, run_id="7")
+    wire = Wire(bus)
+    assert wire.learns("get_param", name="/rosdistro") == {"value": '"noetic\\n"', "successful": True, "reason": ""}
+    assert wire.learns("get_param_names") == {"names": ["/rosdistro", "/rosversion", "/run_id"]}
+    assert wire.learns("has_param", name="run_id") == {"exists": True}
+    hidden = make_bus()
+    policy = Policy(parameter=Rule(deny=("/run_*",)))
+    Rosapi(hidden, policy, run_id="7")
+    assert Wire(hidden, policy).learns("get_param_names") == {"names": ["/rosdistro", "/rosversion"]}
+    newer = Bus(make_store(2))
+    Rosapi(newer, run_id="7")
+    assert Wire(newer).learns("get_param_names") == {"names": []}
 
 
 def test_rosapi_sets_gets_and_lists_parameters(bus: Bus) -> None:
