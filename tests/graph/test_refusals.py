@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from rosbridge_sim.errors import Reason
+from rosbridge_sim.graph.peers import peer as peer_module
 from rosbridge_sim.graph.peers.peer import Peer
 from rosbridge_sim.graph.policy import Policy, Rule
 from rosbridge_sim.graph.refusals import RefusedRequest
@@ -186,3 +187,45 @@ def test_status_during_an_op_is_recorded_with_that_op() -> None:
         (Reason.REFUSED, ""),
         (Reason.PAUSED, ""),
     ]
+
+
+def test_key_that_nobody_reads_is_recorded_once_and_the_op_is_done() -> None:
+    goal = {"op": "call_service", "service": "/add", "id": "1", "goal": {"a": 1}}
+    (noted,) = refused(OFFERED, goal, goal)
+    assert noted.reason is Reason.BAD_OP
+    assert (noted.op, noted.subject) == ("call_service", "/add")
+    assert noted.text == "call_service: nobody reads the field goal (did you mean args?)"
+
+
+def test_keys_of_known_clients_are_no_mistake() -> None:
+    extra = {"fragment_size": 5, "compression": "none", "queue_size": 3, "message_intervall": 1}
+    ops_ = (
+        ADVERTISED | extra,
+        {"op": "publish", "topic": "/c", "msg": {}, "latch": False, **extra},
+        OFFERED,
+        CALL | {"type": "rospy_tutorials/AddTwoInts", "fragment_size": None, "compression": None, "timeout": 1},
+        {"op": "unsubscribe", "topic": "/c", "type": "std_msgs/String", "id": "x"},
+    )
+    assert [each for each in refused(*ops_) if each.reason is Reason.BAD_OP] == []
+
+
+def test_any_number_of_keys_gives_a_few_short_lines() -> None:
+    strange = {f"{i}" + "x" * 90: i for i in range(100)}
+    noted = refused({"op": "subscribe", "topic": "/c", "type": "std_msgs/String", **strange})
+    assert 0 < len(noted) <= 3
+    assert max(len(each.text) for each in noted) < 300
+
+
+def test_key_that_is_no_text_does_no_harm() -> None:
+    bus = make_bus()
+    peer, _ = make_peer(bus)
+    peer.receive(b'{"op":"subscribe","topic":"/c","type":"std_msgs/String","\xff":1}', 0.0)
+    peer.receive(b'{"op":"subscribe","topic":"/d","type":"std_msgs/String"}', 0.0)
+    assert "/d" in bus.topics
+
+
+def test_messages_of_a_long_run_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(peer_module, "LOOKS", 3)
+    publish = {"op": "publish", "topic": "/c", "msg": {}}
+    assert [each.text for each in refused(ADVERTISED, publish, publish, publish, publish | {"mgs": 1})] == []
+    assert [each.op for each in refused(ADVERTISED, publish, publish | {"mgs": 1})] == ["publish"]

@@ -21,12 +21,21 @@ from rosbridge_sim.graph.peers.peer_services import PeerServices
 from rosbridge_sim.graph.peers.peer_topics import PeerTopics
 from rosbridge_sim.graph.policy import OPEN, Policy
 from rosbridge_sim.protocol import ops
+from rosbridge_sim.protocol.op_keys import describe_strange_keys
 from rosbridge_sim.protocol.session import LEVELS, Session
+from rosbridge_sim.suggestions import hint
 
 __all__ = ["MAX_OP_ID", "FrameWork", "Peer", "Work"]
 
 MAX_OP_ID = 1_024
 """Longest id of anything that is stored [characters]; other ids are only echoed."""
+
+LOOKS = 200
+"""So many first frames of each kind of op, and after each `set_level`, are searched for keys that nobody reads.
+Programs repeat their mistakes, and later frames should cost nothing."""
+
+MAX_STRANGE = 100
+"""Lines about such keys that are kept of one client, so that each is in the log once."""
 
 _log = logging.getLogger("rosbridge_sim.graph")
 
@@ -79,6 +88,8 @@ class Peer(PeerBase):
         session.on_lost_answer = self._lose_answer
         if not policy.is_open:
             policy.ways.on_change[self.topics.recheck] = None
+        self._looks: dict[type, int] = {}  # frames of each kind of op that were searched
+        self._strange: set[str] = set()  # lines about keys that nobody reads
         self._act: dict[type, _Act] = {}  # the acts of the kinds of ops that came so far: most clients send few kinds
 
     def receive(self, frame: bytes, now: float) -> None:
@@ -105,8 +116,27 @@ class Peer(PeerBase):
         op = self.session.receive_plain(frame)
         if op is None:
             return FrameWork(self.session.receive(frame, now), self.do)
-        self.do(op, now)
+        act = self._act.get(type(op))
+        self._carry_out(op, self._look(frame, op) if act is None else act, now)
         return None
+
+    def _look(self, frame: bytes, op: ops.Op) -> _Act:
+        """Tell a client that wants warnings about keys that nobody reads, and write each into the log once.
+
+        Returns:
+            Does the op. It is kept when enough frames of this kind were looked at; then this is not called for them.
+        """
+        kind = type(op)
+        self._looks[kind] = num = self._looks.get(kind, 0) + 1
+        act = _ACTS[kind](self)
+        if num >= LOOKS:
+            self._act[kind] = act
+        for text in describe_strange_keys(frame, op):
+            self.session.remark("warning", text, op.id)
+            if text not in self._strange and len(self._strange) < MAX_STRANGE:
+                self._strange.add(text)
+                self.note(Reason.BAD_OP, text, op)
+        return act
 
     def flush(self, now: float) -> None:
         """Send the messages whose time has come, as announced by the session's alarm."""
@@ -114,12 +144,11 @@ class Peer(PeerBase):
 
     def do(self, op: ops.Op, now: float) -> None:
         """Do one op; tell the client about a mistake in it."""
+        self._carry_out(op, self._act.get(type(op)) or _ACTS[type(op)](self), now)
+
+    def _carry_out(self, op: ops.Op, act: _Act, now: float) -> None:
         self.op_id = op.id
         self.op = op
-        try:
-            act = self._act[type(op)]
-        except KeyError:
-            act = self._act[type(op)] = _ACTS[type(op)](self)
         try:
             act(op, now)
         except PeerError as error:
@@ -163,10 +192,15 @@ class Peer(PeerBase):
 
     def set_level(self, op: ops.SetLevel, _now: float) -> None:
         """Send status frames up to another level from now on."""
-        if op.level not in LEVELS:  # the protocol has no answer to set_level, so the mistake goes only to the log
-            expected = ", ".join(LEVELS)
-            self.note(Reason.WRONG_VALUE, f"set_level: expected one of {expected}; got {op.level[:MAX_OP_ID]!r}", op)
+        if op.level not in LEVELS:
+            got = f"{op.level[:MAX_OP_ID]!r}{hint(op.level, LEVELS)}"
+            text = f"set_level: expected one of {', '.join(LEVELS)}; got {got}"
+            self.session.remark("warning", text, op.id)  # an error would be more than rosbridge_suite's silence
+            self.note(Reason.WRONG_VALUE, text, op)
         self.session.set_level(op.level)
+        self._looks.clear()
+        self._act.clear()
+        self.topics.is_searching = self.session.level >= LEVELS["warning"]
 
     def log_status(self, op: ops.Status, _now: float) -> None:
         """Write a status of the client to the log."""

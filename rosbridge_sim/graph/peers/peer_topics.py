@@ -10,17 +10,18 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass
 
-from rosbridge_sim.errors import EncodingError, GraphError
+from rosbridge_sim.errors import EncodingError, GraphError, Reason
 from rosbridge_sim.graph.participant import Participant, decode_body, resolve
 from rosbridge_sim.graph.peers.peer_base import CheckRoom, PeerBase, needed_type
 from rosbridge_sim.graph.peers.publish_reader import PublishReader
 from rosbridge_sim.graph.topics_services import Subscription, Topic
 from rosbridge_sim.graph.unheard import find_meant
-from rosbridge_sim.printable import printable
+from rosbridge_sim.printable import MAX_QUOTED, printable
 from rosbridge_sim.protocol import ops
-from rosbridge_sim.protocol.subscription import Feed, read_options, read_qos
+from rosbridge_sim.protocol.subscription import COMPRESSIONS, Feed, read_options, read_qos
 from rosbridge_sim.schema.message import Message
 from rosbridge_sim.schema.message_type import MessageType
+from rosbridge_sim.schema.missing_fields import find_missing
 from rosbridge_sim.schema.opaque_types import OpaqueType
 from rosbridge_sim.suggestions import hint, listing
 
@@ -51,6 +52,7 @@ class PeerTopics:
 
     Attributes:
         num_held: number of advertisements and subscriptions; each id counts.
+        is_searching: the client wants to know which fields its messages lack.
     """
 
     def __init__(self, peer: PeerBase, check_room: CheckRoom) -> None:
@@ -61,6 +63,7 @@ class PeerTopics:
             check_room: called before it holds another one.
         """
         self.num_held = 0
+        self.is_searching = False
         self._peer = peer
         self._bus = peer.bus
         self._deliver = peer.bus.publish
@@ -69,6 +72,7 @@ class PeerTopics:
         self._publications: dict[str, Topic] = {}
         self._subscriptions: dict[str, _TopicSubscription] = {}
         self._reader: PublishReader | None = None  # many clients publish nothing
+        self._searched: set[str] = set()  # topics, as it spells them, whose first message was searched
         self._judged: set[str] = set()  # names of topics without a subscriber that were judged
 
     # Publishing
@@ -112,7 +116,10 @@ class PeerTopics:
         """Remove one advertisement, or all of a topic if the op has no id."""
         num_keys = self._count_keys(op.topic)
         self._bus.unadvertise(self._peer, op.topic, now, key=op.id)
-        self.num_held += self._count_keys(op.topic) - num_keys
+        num_ended = num_keys - self._count_keys(op.topic)
+        self.num_held -= num_ended
+        if not num_ended:
+            self._warn_of_nothing(op, "advertisement")
         name = resolve(op.topic)
         for spelling in (name, name[1:]):
             topic = self._publications.get(spelling)
@@ -128,6 +135,8 @@ class PeerTopics:
         if not isinstance(message, Message):  # else the reader has read it
             value = decode_body(message_type, op.msg, bus.stamp_ns)
             message = Message(message_type, value, self._session.frame_length)
+            if self.is_searching and op.topic not in self._searched:
+                self._warn_of_missing(op, message_type)
             if topic is not None:
                 if self._reader is None:
                     self._reader = PublishReader(self._publications, bus, self._session)
@@ -137,6 +146,15 @@ class PeerTopics:
             key = _IMPLICIT if op.id is None else op.id
             topic = self._publications[op.topic] = self._begin_publishing(op, message_type.name, key, now)
         self._deliver(self._peer, topic, message, now)
+
+    def _warn_of_missing(self, op: ops.Publish, message_type: MessageType | OpaqueType) -> None:
+        """Tell the client which fields its first message of a topic lacks, as the protocol's text says of all."""
+        if len(self._searched) < MAX_WATCHED_TOPICS:
+            self._searched.add(op.topic)
+        missing = find_missing(message_type, {} if ops.is_absent(op.msg) else op.msg)
+        if missing:
+            text = f"publish: {message_type.name} without {listing(missing)}: these fields have their defaults"
+            self._session.remark("warning", text, op.id)
 
     def _type_to_publish(self, op: ops.Publish) -> MessageType | OpaqueType:
         """Return the type of a publish without an advertise, if it is known or given."""
@@ -176,6 +194,7 @@ class PeerTopics:
             was_mute = bus.retype(held.subscription, type_name)
         feed = held.feed
         feed.set_options(op.id, read_options(op))
+        self._check_compression(op)
         self.num_held += is_new
         if (is_new or was_mute) and qos.is_latching is not False:
             for message in held.subscription.topic.latched:
@@ -183,6 +202,15 @@ class PeerTopics:
                     feed.send(message, bus.stamp_ns)
                 except EncodingError as error:
                     bus.guard.note_encoding(op.topic, error)
+
+    def _check_compression(self, op: ops.Subscribe) -> None:
+        """Tell a client that its messages come as JSON, if the encoding that it names is not known."""
+        if op.compression is None or op.compression in COMPRESSIONS:
+            return
+        name = op.compression[:MAX_QUOTED]
+        text = f"subscribe: expected compression {', '.join(COMPRESSIONS)}; got {name!r}{hint(name, COMPRESSIONS)}"
+        self._session.remark("warning", f"{text}. Messages of {op.topic} come as JSON", op.id)
+        self._peer.note(Reason.WRONG_VALUE, text, op)
 
     def _note_unpublished(self, topic: Topic) -> None:
         """Tell the client that a topic has no publisher yet. This is not a mistake, but the name may be wrong."""
@@ -198,17 +226,23 @@ class PeerTopics:
     def unsubscribe(self, op: ops.Unsubscribe, now: float) -> None:
         """End one subscription, or all of a topic if the op has no id. Having none is not a mistake."""
         held = self._subscriptions.get(op.topic)
-        if held is None:
-            return
-        ids = held.feed.ids
-        if op.id is None or (op.id in ids and len(ids) == 1):
+        ids = () if held is None else held.feed.ids
+        if held is None or (op.id is not None and op.id not in ids):
+            self._warn_of_nothing(op, "subscription")
+        elif op.id is None or (op.id in ids and len(ids) == 1):
             del self._subscriptions[op.topic]
             self.num_held -= len(ids)
             self._session.drop_feed(held.feed)
             self._bus.unsubscribe(held.subscription, now)
-        elif op.id in ids:
+        else:
             self.num_held -= 1
             held.feed.set_options(op.id, None)
+
+    def _warn_of_nothing(self, op: ops.Unadvertise | ops.Unsubscribe, what: str) -> None:
+        """Tell a client that wants warnings that its op has ended nothing. In rosbridge_suite it is no mistake."""
+        with_id = "" if op.id is None else " with this id"
+        text = f"{type(op).__struct_config__.tag}: this client has no {what} of {op.topic}{with_id}"
+        self._session.remark("warning", text, op.id)
 
     # All topics
 
