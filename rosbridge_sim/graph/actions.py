@@ -4,18 +4,20 @@ Like a call, a goal ends exactly once: with the provider's result, or because th
 cancel goes to the provider at once and never waits behind the goal; it is only a request, and the provider still ends
 the goal. If the *caller* leaves, its goals are cancelled, and their results are discarded. If the *provider* leaves,
 its goals fail at once.
-Each action also has the service `<action>/_action/cancel_goal`, by which ROS 2 cancels goals; roslib's `cancelAllGoals`
-calls it. Goals on this bus have no UUID. So the service supports only the request for all goals, and it cancels those
-of the caller.
+Each action also has the service `<action>/_action/cancel_goal`, by which ROS 2 cancels goals of all callers; roslib's
+`cancelAllGoals` calls it. A goal has the UUID that its caller chose, or else its number.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Final
+
+import msgspec
 
 from rosbridge_sim.errors import EncodingError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.bus_state import BusState
@@ -34,8 +36,11 @@ __all__ = ["CANCEL", "Action", "Actions", "Goal", "GoalOutcome", "GoalStatus"]
 CANCEL: Final = "/_action/cancel_goal"
 """Suffix of the service that cancels goals of an action."""
 
-_NO_ERROR, _UNKNOWN_GOAL = 0, 2
+_NO_ERROR, _REJECTED, _UNKNOWN_GOAL, _TERMINATED = range(4)
 """`return_code` of action_msgs/CancelGoal."""
+
+MAX_ENDED = 100
+"""Ended goals of an action that a cancel tells from unknown ones, as many as in the status of actionlib."""
 
 
 class GoalStatus(IntEnum):
@@ -77,7 +82,11 @@ _LIMITS: Final = RequestLimits()
 
 @dataclass(eq=False, slots=True)
 class Action:
-    """A named action and its provider. If it is exclusive, no client may take its name."""
+    """A named action and its provider. If it is exclusive, no client may take its name.
+
+    Attributes:
+        ended: UUIDs of its last goals that have ended.
+    """
 
     name: str
     type: ActionType | OpaqueActionType
@@ -86,6 +95,7 @@ class Action:
     cancel: Callable[[Goal], None]
     is_exclusive: bool = False
     goals: dict[Goal, None] = field(default_factory=dict)
+    ended: deque[bytes] = field(default_factory=lambda: deque(maxlen=MAX_ENDED))
 
 
 @dataclass(eq=False, slots=True)
@@ -94,7 +104,10 @@ class Goal:
 
     Attributes:
         request: a struct of the action's goal type; None after the end, as for a `Call`.
+        uuid: 16 bytes, which no other goal of the action in progress has.
+        stamp_ns: time of its acceptance, as headers have it [ns].
         is_done: it has ended or was given up; later input is ignored.
+        is_canceling: its provider was asked to cancel it.
     """
 
     action: Action
@@ -103,7 +116,10 @@ class Goal:
     on_outcome: OnOutcome
     on_feedback: OnFeedback | None
     actions: Actions
+    uuid: bytes
+    stamp_ns: int
     is_done: bool = False
+    is_canceling: bool = False
     num_bytes: int = 0
 
     def report(self, values: object) -> None:
@@ -149,6 +165,7 @@ class Goal:
         self.is_done = True
         self.request = None
         self.action.goals.pop(self, None)
+        self.action.ended.append(self.uuid)
         self.actions.forget(self)
         if outcome is not None:
             self.actions.hand_over(self, outcome)
@@ -176,6 +193,7 @@ class Actions:
         self._services = services
         self.max_goals = max_goals
         self.by_name: dict[str, Action] = {}
+        self._num_goals = 0
         self._goals: dict[Participant, dict[Goal, None]] = {}
         self._provided: dict[Participant, dict[Action, None]] = {}
 
@@ -245,6 +263,8 @@ class Actions:
         args: OpBody | Message,
         on_outcome: OnOutcome,
         on_feedback: OnFeedback | None,
+        *,
+        uuid: bytes = b"",
     ) -> Goal | None:
         """Send a goal. `on_outcome` is called exactly once, unless the caller leaves first.
 
@@ -254,6 +274,7 @@ class Actions:
             args: fields by name, by position, or none; or a goal message that is already checked.
             on_outcome: gets the end.
             on_feedback: gets feedback; None if none is wanted.
+            uuid: 16 bytes by which the goal can be cancelled; others are made if there are none or a goal has them.
 
         Returns:
             The goal; None if it has already ended.
@@ -278,7 +299,9 @@ class Actions:
         except PeerError as error:
             on_outcome(GoalOutcome(is_ok=False, status=GoalStatus.UNKNOWN, values=str(error), reason=error.reason))
             return None
-        goal = Goal(action, caller, request, on_outcome, on_feedback, self, num_bytes=size)
+        uuid = self._free_uuid(action, uuid)
+        stamp_ns = self._state.stamp_ns
+        goal = Goal(action, caller, request, on_outcome, on_feedback, self, uuid, stamp_ns, num_bytes=size)
         action.goals[goal] = None
         held[goal] = None
         try:
@@ -291,6 +314,13 @@ class Actions:
             goal.fail("The provider failed; the server's log says why")
             self._state.guard.blame(action.owner, error)
         return None if goal.is_done else goal
+
+    def _free_uuid(self, action: Action, uuid: bytes) -> bytes:
+        """Return the bytes if no goal of the action in progress has them; else the next number that none has."""
+        while not any(uuid) or any(goal.uuid == uuid for goal in action.goals):
+            self._num_goals += 1
+            uuid = self._num_goals.to_bytes(16, "big")
+        return uuid
 
     def forget(self, goal: Goal) -> None:
         """Remove an ended goal from its caller's list (for `Goal` alone)."""
@@ -329,6 +359,7 @@ class Actions:
 
     def ask_to_cancel(self, goal: Goal) -> None:
         """Ask a goal's provider to cancel it (for `Goal` alone)."""
+        goal.is_canceling = True
         try:
             goal.action.cancel(goal)
         except Exception as error:  # noqa: BLE001 - an internal error in the provider's own state
@@ -350,15 +381,29 @@ class Actions:
         guard.attempt("a remark to a provider", action.owner.notify, "error", f"{action.name}: {error}")
 
     def _cancel(self, action: Action, call: Call) -> None:
-        """Answer a call of the service for cancelling: cancel the caller's goals."""
+        """Answer a call of the service for cancelling, by the rules of action_msgs/CancelGoal.
+
+        Without an id and a stamp all goals are meant; otherwise the one with the id, and those up to the stamp.
+        """
         request: Any = call.request
         info = request.goal_info
-        response = call.service.type.response.struct_type
-        if any(info.goal_id.uuid):
-            call.answer(response(_UNKNOWN_GOAL, []))
-            return
-        goals = [goal for goal in action.goals if goal.caller is call.caller]
-        call.answer(response(_NO_ERROR, [info for _ in goals]))
+        wanted = bytes(info.goal_id.uuid)
+        seconds, nanoseconds = msgspec.structs.astuple(info.stamp)
+        stamp_ns = seconds * 10**9 + nanoseconds
+        has_id = any(wanted)
+        is_all = not has_id and not stamp_ns
+        meant = [
+            goal
+            for goal in action.goals
+            if is_all or (has_id and goal.uuid == wanted) or (stamp_ns and goal.stamp_ns <= stamp_ns)
+        ]
+        goals = [goal for goal in meant if not goal.is_canceling]
+        code = _NO_ERROR if goals else _REJECTED
+        if has_id and not meant:
+            code = _TERMINATED if wanted in action.ended else _UNKNOWN_GOAL
+        time_value = self._state.store.time_value
+        infos = [type(info)(type(info.goal_id)(goal.uuid), time_value(goal.stamp_ns)) for goal in goals]
+        call.answer(call.service.type.response.struct_type(code, infos))
         for goal in goals:
             goal.cancel()
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from rosbridge_sim.errors import FrameError, GraphError, PeerError, Reason
 from rosbridge_sim.graph.actions import Goal, GoalOutcome, GoalStatus
 from rosbridge_sim.graph.participant import decode_body, resolve
@@ -101,7 +103,8 @@ class PeerActions:
         except PeerError as error:
             self._peer.refuse(op, str(error), error.reason)
             return
-        goal = self._actions.send(self._peer, op.action, op.args, on_outcome, on_feedback if op.feedback else None)
+        report = on_feedback if op.feedback else None
+        goal = self._actions.send(self._peer, op.action, op.args, on_outcome, report, uuid=_read_uuid(op.id))
         if goal is not None and op.id is not None:
             self._sent[key] = goal
 
@@ -173,6 +176,15 @@ class PeerActions:
         """Forget all actions; the bus removes its own entries itself."""
         self._provided.clear()
         self._sent.clear()
+
+
+def _read_uuid(op_id: ops.Id) -> bytes:
+    """Return the UUID that an id is or ends with; empty if there is none."""
+    match = _UUID.search(op_id) if isinstance(op_id, str) else None
+    return b"" if match is None else bytes.fromhex(match[0].replace("-", ""))
+
+
+_UUID = re.compile(r"[0-9a-fA-F]{8}(?:-[0-9a-fA-F]{4}){3}-[0-9a-fA-F]{12}\Z")
 
 
 def _read_status(number: int) -> GoalStatus:
