@@ -2,7 +2,7 @@
 
 The first line on stdout has the URL on which the server listens, or the bridge to which it is attached. All other
 output goes to stderr. An internal error gives a traceback and exit code 1, a mistake of the
-settings 2. A requested end gives 0.
+settings, or a recording without its end, 2. A requested end gives 0.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ async def _run(simulator: Simulator) -> int:
         if failed is not None:
             _log.critical("stopped: %s", failed)
             return 2 if isinstance(failed, DocumentError) else 1
-    return 0
+    return 2 if simulator.has_lost_recording else 0
 
 
 async def _serve_until(stopped: asyncio.Future[None], simulator: Simulator) -> BaseException | None:

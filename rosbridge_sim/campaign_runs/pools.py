@@ -8,6 +8,7 @@ from __future__ import annotations
 import multiprocessing
 import shutil
 import signal
+import tempfile
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
@@ -74,9 +75,9 @@ class LocalPool:
         CONSTS.term_timeout = TERM_TIMEOUT
         self._job, self._work = job, Path(job.folder) / ".work"
         self.num_tasks = 2 * num_jobs
-        methods = multiprocessing.get_all_start_methods()
-        context = multiprocessing.get_context("forkserver" if "forkserver" in methods else "spawn")
-        if "forkserver" in methods:
+        has_fork_server = "forkserver" in multiprocessing.get_all_start_methods() and _has_temporary_folder()
+        context = multiprocessing.get_context("forkserver" if has_fork_server else "spawn")
+        if has_fork_server:
             context.set_forkserver_preload(["rosbridge_sim.campaign_runs.worker"])
         self._make: Callable[[], Any] = lambda: pebble.ProcessPool(
             max_workers=num_jobs, initializer=settle_worker, context=context
@@ -155,3 +156,12 @@ def open_pool(job: Job, num_jobs: int, ray: str | None) -> Pool:
     from rosbridge_sim.campaign_runs.ray_pool import RayPool  # noqa: PLC0415 - an extra of 200 MB
 
     return RayPool(job, num_jobs, ray)
+
+
+def _has_temporary_folder() -> bool:
+    """Return whether this process can write temporary files: the socket of a fork server is one."""
+    try:
+        tempfile.gettempdir()
+    except FileNotFoundError:
+        return False
+    return True

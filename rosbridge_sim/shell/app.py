@@ -494,6 +494,11 @@ class Simulator:
         if self._recorder is not None:
             self._recorder.stop()
 
+    @property
+    def has_lost_recording(self) -> bool:
+        """True if the recording has ended early, or without its index; the log says why."""
+        return self._recorder is not None and self._recorder.has_failed
+
     def _remove_port_file(self) -> None:
         if self._port_file is not None:
             self._port_file.remove()

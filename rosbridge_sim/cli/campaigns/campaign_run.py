@@ -7,6 +7,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NoReturn
 
@@ -216,7 +218,7 @@ def check(file: str, *, is_json: bool) -> int:
         DocumentError: it has a mistake, or a scenario cannot be read.
     """
     path = Path(file)
-    job = read_job(path, Path(tempfile.gettempdir()))
+    job = read_job(path, path.parent)
     campaign = check_job(job)
     if mistakes := find_scenario_mistakes(job):
         raise DocumentError("\n".join(mistakes))
@@ -257,7 +259,7 @@ def repeat(folder: str, number: int, *, is_json: bool) -> int:
     before = next((each for each in ResultsFolder(path).results() if each.run.number == number), None)
     if before is None:
         raise DocumentError(f"{path}: there is no result of a run {number}")
-    with tempfile.TemporaryDirectory(prefix="campaign-") as work:
+    with _temporary_folder() as work:
         again = Job(job.text, job.source, job.base, work)
         campaign = open_job(again).campaign
         pool = open_pool(again, 1, None)
@@ -287,3 +289,18 @@ def repeat(folder: str, number: int, *, is_json: bool) -> int:
     if output.strip():
         put_lines(f"\nthe driver's output:\n{output.rstrip()}")
     return int(not is_same)
+
+
+@contextmanager
+def _temporary_folder() -> Iterator[str]:
+    """Make a folder for a run that is driven again.
+
+    Raises:
+        DocumentError: no folder for temporary files can be written.
+    """
+    try:
+        folder = tempfile.TemporaryDirectory(prefix="campaign-")
+    except OSError as error:
+        raise DocumentError(f"no temporary folder can be made ({error.strerror}): have TMPDIR name one") from None
+    with folder as work:
+        yield work

@@ -15,7 +15,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import BinaryIO, ClassVar
 
 from rosbags.interfaces import Connection
@@ -29,6 +28,7 @@ from rosbridge_sim.errors import DocumentError
 from rosbridge_sim.schema.definitions.names import Generation
 from rosbridge_sim.shell.bags.rosbags_internals import (
     connections_of,
+    drop_metadata2,
     end_chunk1,
     end_chunk2,
     file_of1,
@@ -37,7 +37,6 @@ from rosbridge_sim.shell.bags.rosbags_internals import (
     new_writer2,
     num_chunks1,
     open_file2,
-    redirect_metadata2,
     shorten_index1,
     zero_times2,
 )
@@ -302,8 +301,5 @@ class _Bag2(Bag):
         zero_times2(self._writer)
         with _readable(self._path):
             if self._path.suffix == ".mcap":
-                with TemporaryDirectory() as folder:  # the MCAP file has the contents of the folder's own file, too
-                    redirect_metadata2(self._writer, Path(folder) / "metadata.yaml")
-                    self._writer.close()
-            else:
-                self._writer.close()
+                drop_metadata2(self._writer)
+            self._writer.close()

@@ -40,6 +40,7 @@ class BagRecorder:
 
     Attributes:
         name: its name in rosapi's lists.
+        has_failed: the recording has ended early, or without its index; the log says why.
     """
 
     name = "/recorder"
@@ -65,6 +66,7 @@ class BagRecorder:
             loop: runs the timer for flushing.
         """
         self.writer = writer
+        self.has_failed = False
         self._bus = bus
         self._path = path
         self._simulator = simulator
@@ -88,6 +90,7 @@ class BagRecorder:
         """Finish the bag. A second call does nothing."""
         if self._is_on:
             self._leave()
+            self.has_failed = True
             try:
                 self.writer.close()
             except BagGoneError as error:
@@ -98,12 +101,14 @@ class BagRecorder:
                 self._bus.guard.note("the end of the recording", error)
                 self.writer.abort()
             else:
+                self.has_failed = False
                 _log.info("recorded %d messages into %s", self.writer.num_messages, self._path)
 
     def fail(self, error: Exception) -> None:
         """See `Guarded`: the recording ends, and the file stays as it is."""
         if not self._is_on:
             return
+        self.has_failed = True
         _log.error(
             "the recording ended by an internal error; `rosbridge-sim bag repair` makes it readable", exc_info=error
         )
@@ -169,6 +174,7 @@ class BagRecorder:
                 _log.warning("topic %s is recorded only in part, or not at all: %s", topic.name, error)
             return False
         except DocumentError as error:
+            self.has_failed = True
             self._leave()
             self.writer.abort()
             advice = "" if isinstance(error, BagGoneError) else "; `rosbridge-sim bag repair` makes it readable"

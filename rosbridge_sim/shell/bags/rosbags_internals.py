@@ -45,6 +45,7 @@ else:
 __all__ = [
     "FITTING",
     "connections_of",
+    "drop_metadata2",
     "end_chunk1",
     "end_chunk2",
     "file_of1",
@@ -53,7 +54,6 @@ __all__ = [
     "new_writer2",
     "num_chunks1",
     "open_file2",
-    "redirect_metadata2",
     "shorten_index1",
     "unpack_mcap",
     "zero_times2",
@@ -158,6 +158,19 @@ class _OneFile:
         return self._path
 
 
+class _NoFile:
+    """A replacement for the path of the folder's own file, which the library writes beside it and then moves there."""
+
+    def with_suffix(self, _suffix: str) -> _NoFile:
+        return self
+
+    def write_text(self, text: str, _encoding: str) -> int:
+        return len(text)
+
+    def replace(self, target: _NoFile) -> _NoFile:
+        return target
+
+
 def new_writer2(path: Path) -> Writer2:
     """Return a writer of MCAP that has not created its folder or file yet.
 
@@ -217,11 +230,10 @@ def zero_times2(writer: Writer2) -> None:
         storage.chunk.message_start_time = 0
 
 
-def redirect_metadata2(writer: Writer2, path: Path) -> None:
-    """Write the folder's own file to another place.
+def drop_metadata2(writer: Writer2) -> None:
+    """Write the folder's own file nowhere: a bag that is one MCAP file has its contents, too.
 
     Args:
         writer: an open writer.
-        path: the other place.
     """
-    writer.metapath = path
+    writer.metapath = cast("Path", _NoFile())

@@ -121,14 +121,16 @@ def test_ros_2_chunks_can_be_closed(tmp_path: Path, name: str) -> None:
         assert written.stat().st_size > size
         size = written.stat().st_size
     if name == "x.mcap":
-        internals.redirect_metadata2(writer, tmp_path / "aside.yaml")
+        internals.drop_metadata2(writer)
     writer.close()
     assert internals.file_of2(writer) is None
     assert [(topic, stamp, message.data) for topic, stamp, message in read_bag(path)] == [
         ("/t", 5, "x"),
         ("/t", 6, "x"),
     ]
-    assert (tmp_path / "aside.yaml").exists() is (name == "x.mcap")
+    assert sorted(each.name for each in tmp_path.rglob("*")) == (
+        ["x.mcap"] if name == "x.mcap" else ["metadata.yaml", "x", "x.mcap"]
+    )
 
 
 def test_empty_ros_2_bag_has_zero_times(tmp_path: Path) -> None:
